@@ -1,0 +1,1 @@
+"""Motion without a window: skeleton, features, networks, controller, terrain, prompts, clips and file formats."""

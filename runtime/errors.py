@@ -1,0 +1,40 @@
+"""The one exception family of the project: every message says what is wrong, where, and what to do."""
+
+from __future__ import annotations
+
+
+class SportError(Exception):
+    """Base of all errors a user can cause or mend.
+
+    `problem` names the file or field and what was expected; `remedy` says what to do about it.
+    The command line prints `str(error)` and exits with 2; the viewer shows it in the status line.
+    """
+
+    def __init__(self, problem: str, remedy: str = "") -> None:
+        self.problem = problem
+        self.remedy = remedy
+        super().__init__(f"{problem} {remedy}".strip())
+
+
+class FileError(SportError):
+    """A file is missing, damaged, too large or of the wrong format."""
+
+
+class ModelError(SportError):
+    """A network or its metadata is missing, damaged or of another version."""
+
+
+class TerrainError(SportError):
+    """A terrain name or height map cannot be used."""
+
+
+class PromptError(SportError):
+    """A prompt or body-part description cannot be used."""
+
+
+class DisplayError(SportError):
+    """No window or OpenGL context can be made."""
+
+
+class UsageError(SportError):
+    """A command line option or setting has a value that cannot be used."""

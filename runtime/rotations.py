@@ -1,0 +1,185 @@
+"""Quaternion, 6D and Euler rotation math on arrays of any leading shape.
+
+Quaternions are unit, ordered w, x, y, z. Angles are radians. Matrices act on column vectors.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.floating]
+
+_AXES = {
+    "X": np.array([1.0, 0.0, 0.0]),
+    "Y": np.array([0.0, 1.0, 0.0]),
+    "Z": np.array([0.0, 0.0, 1.0]),
+}
+_EPSILON = 1e-8
+
+
+def normalize(v: Array) -> Array:
+    """Scale vectors `(..., n)` to unit length; a zero vector stays zero."""
+    v = np.asarray(v)
+    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), _EPSILON)
+
+
+def identity(shape: tuple[int, ...] = ()) -> Array:
+    """Identity quaternions `(*shape, 4)`."""
+    q = np.zeros((*shape, 4), np.float32)
+    q[..., 0] = 1.0
+    return q
+
+
+def multiply(a: Array, b: Array) -> Array:
+    """Hamilton product `a b` of quaternions `(..., 4)`: rotate by b, then by a."""
+    aw, ax, ay, az = np.moveaxis(np.asarray(a), -1, 0)
+    bw, bx, by, bz = np.moveaxis(np.asarray(b), -1, 0)
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        axis=-1,
+    )
+
+
+def inverse(q: Array) -> Array:
+    """Inverse (conjugate) of unit quaternions `(..., 4)`."""
+    return np.asarray(q) * np.array([1, -1, -1, -1], np.asarray(q).dtype)
+
+
+def rotate(q: Array, v: Array) -> Array:
+    """Rotate vectors `(..., 3)` by quaternions `(..., 4)`; leading shapes broadcast."""
+    q, v = np.asarray(q), np.asarray(v)
+    u = q[..., 1:]
+    t = 2.0 * np.cross(u, v)
+    return v + q[..., :1] * t + np.cross(u, t)
+
+
+def from_axis_angle(axis: Array, angle: Array) -> Array:
+    """Quaternions `(..., 4)` from unit axes `(..., 3)` and angles `(...)`."""
+    half = 0.5 * np.asarray(angle)[..., None]
+    axis = np.asarray(axis)
+    sine = np.sin(half) * axis
+    return np.concatenate([np.broadcast_to(np.cos(half), (*sine.shape[:-1], 1)), sine], axis=-1)
+
+
+def from_euler(angles: Array, order: str) -> Array:
+    """Quaternions from intrinsic Euler angles `(..., n)` in the BVH sense: `order` "ZYX" is R = Rz Ry Rx."""
+    angles = np.asarray(angles)
+    result: Array | None = None
+    for i, axis in enumerate(order.upper()):
+        q = from_axis_angle(np.broadcast_to(_AXES[axis], (*angles.shape[:-1], 3)), angles[..., i])
+        result = q if result is None else multiply(result, q)
+    if result is None:
+        return identity(angles.shape[:-1])
+    return result
+
+
+def to_euler(q: Array, order: str = "ZYX") -> Array:
+    """Euler angles `(..., 3)` such that `from_euler(to_euler(q, order), order)` equals q; any Tait-Bryan order."""
+    i, j, k = ("XYZ".index(c) for c in order.upper())
+    parity = 1.0 if (j - i) % 3 == 1 else -1.0
+    m = to_matrix(q)
+    second = np.arcsin(np.clip(parity * m[..., i, k], -1.0, 1.0))
+    first = np.arctan2(-parity * m[..., j, k], m[..., k, k])
+    third = np.arctan2(-parity * m[..., i, j], m[..., i, i])
+    locked = np.abs(m[..., i, k]) > 1.0 - 1e-7  # gimbal lock: only first ± third is defined
+    first = np.where(locked, np.arctan2(parity * m[..., k, j], m[..., j, j]), first)
+    return np.stack([first, second, np.where(locked, 0.0, third)], axis=-1)
+
+
+def to_matrix(q: Array) -> Array:
+    """Rotation matrices `(..., 3, 3)` of unit quaternions `(..., 4)`."""
+    w, x, y, z = np.moveaxis(np.asarray(q), -1, 0)
+    rows = [
+        np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], axis=-1),
+        np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], axis=-1),
+        np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1),
+    ]
+    return np.stack(rows, axis=-2)
+
+
+def from_matrix(m: Array) -> Array:
+    """Unit quaternions `(..., 4)` with w >= 0 of rotation matrices `(..., 3, 3)`."""
+    m = np.asarray(m)
+    xx, yy, zz = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
+    # four times the outer product q qᵀ; its largest row is the best conditioned estimate of q
+    yz, zx, xy = m[..., 2, 1], m[..., 0, 2], m[..., 1, 0]
+    zy, xz, yx = m[..., 1, 2], m[..., 2, 0], m[..., 0, 1]
+    outer = np.stack(
+        [
+            np.stack([1 + xx + yy + zz, yz - zy, zx - xz, xy - yx], -1),
+            np.stack([yz - zy, 1 + xx - yy - zz, xy + yx, zx + xz], -1),
+            np.stack([zx - xz, xy + yx, 1 - xx + yy - zz, yz + zy], -1),
+            np.stack([xy - yx, zx + xz, yz + zy, 1 - xx - yy + zz], -1),
+        ],
+        -2,
+    )
+    best = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
+    q = normalize(np.take_along_axis(outer, best[..., None, None], axis=-2)[..., 0, :])
+    return np.where(q[..., :1] < 0, -q, q)
+
+
+def to_6d(q: Array) -> Array:
+    """First two columns of the rotation matrix, `(..., 6)` as (column 0, column 1)."""
+    m = to_matrix(q)
+    return np.concatenate([m[..., :, 0], m[..., :, 1]], axis=-1)
+
+
+def from_6d(d: Array) -> Array:
+    """Quaternions `(..., 4)` of 6D rotations `(..., 6)` by Gram-Schmidt; any two independent vectors are accepted."""
+    d = np.asarray(d)
+    x = normalize(d[..., :3])
+    y = normalize(d[..., 3:] - np.sum(x * d[..., 3:], axis=-1, keepdims=True) * x)
+    return from_matrix(np.stack([x, y, np.cross(x, y)], axis=-1))
+
+
+def between(a: Array, b: Array) -> Array:
+    """Shortest rotations `(..., 4)` that turn unit vectors a `(..., 3)` into unit vectors b."""
+    a, b = np.broadcast_arrays(np.asarray(a), np.asarray(b))
+    w = 1.0 + np.sum(a * b, axis=-1, keepdims=True)
+    axis = np.cross(a, b)
+    # opposite vectors: half a turn about any axis that is perpendicular to a
+    helper = np.where(np.abs(a[..., :1]) < 0.9, np.array([1.0, 0, 0]), np.array([0, 1.0, 0]))
+    opposite = np.concatenate([np.zeros_like(w), np.cross(a, helper)], axis=-1)
+    return normalize(np.where(w < 1e-6, opposite, np.concatenate([w, axis], axis=-1)))
+
+
+def slerp(a: Array, b: Array, t: Array | float) -> Array:
+    """Spherical interpolation from a to b `(..., 4)` by t in 0..1 along the shorter arc."""
+    a, b = np.broadcast_arrays(np.asarray(a), np.asarray(b))
+    t = np.asarray(t)[..., None]
+    dot = np.sum(a * b, axis=-1, keepdims=True)
+    b = np.where(dot < 0, -b, b)
+    angle = np.arccos(np.clip(np.abs(dot), 0.0, 1.0))
+    sine = np.sin(angle)
+    near = sine < 1e-5
+    safe = np.where(near, 1.0, sine)
+    wa = np.where(near, 1.0 - t, np.sin((1.0 - t) * angle) / safe)
+    wb = np.where(near, t, np.sin(t * angle) / safe)
+    return normalize(wa * a + wb * b)
+
+
+def angle_between(a: Array, b: Array) -> Array:
+    """Rotation angle in radians `(...)` between quaternions a and b `(..., 4)`."""
+    difference = multiply(inverse(a), b)
+    return 2.0 * np.arctan2(np.linalg.norm(difference[..., 1:], axis=-1), np.abs(difference[..., 0]))
+
+
+def from_yaw(yaw: Array | float) -> Array:
+    """Quaternions `(..., 4)` of a turn by `yaw` about +Y; yaw 0 faces +Z, a positive yaw turns towards +X."""
+    half = 0.5 * np.asarray(yaw)
+    zero = np.zeros_like(half)
+    return np.stack([np.cos(half), zero, np.sin(half), zero], axis=-1)
+
+
+def continuous(q: Array) -> Array:
+    """Flip signs along axis 0 of quaternions `(T, ..., 4)` so that neighbours lie in one hemisphere."""
+    q = np.asarray(q).copy()
+    sign = np.where(np.sum(q[1:] * q[:-1], axis=-1) < 0, -1.0, 1.0)
+    q[1:] *= np.cumprod(sign, axis=0)[..., None]
+    return q

@@ -1,0 +1,158 @@
+"""Joint hierarchies, forward kinematics, and the 31-joint PFNN / CMU skeleton that every network here uses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import rotations
+
+Array = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """A joint hierarchy in its rest pose, parents before children.
+
+    `offsets` `(J, 3)` are metres from each joint to its parent, with every local rotation the identity;
+    the root's own offset is ignored by `forward_kinematics`.
+    """
+
+    names: tuple[str, ...]
+    parents: tuple[int, ...]
+    offsets: Array
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def index(self, name: str) -> int:
+        """Index of the joint called `name`; ValueError when there is none."""
+        return self.names.index(name)
+
+    @cached_property
+    def children(self) -> tuple[tuple[int, ...], ...]:
+        """Direct children of each joint."""
+        return tuple(
+            tuple(c for c, p in enumerate(self.parents) if p == j) for j in range(len(self))
+        )
+
+    @cached_property
+    def rest_positions(self) -> Array:
+        """Joint positions `(J, 3)` of the rest pose with the root at the origin."""
+        return self.forward_kinematics(
+            np.zeros(3, np.float32), rotations.identity((len(self),))
+        )[0]
+
+    def forward_kinematics(self, root_position: Array, local: Array) -> tuple[Array, Array]:
+        """World positions `(..., J, 3)` and rotations `(..., J, 4)`.
+
+        `root_position` `(..., 3)` in metres, `local` `(..., J, 4)` rotations relative to the parent.
+        """
+        local = np.asarray(local)
+        positions = np.empty((*local.shape[:-1], 3), local.dtype)
+        world = np.empty_like(local)
+        for j, parent in enumerate(self.parents):
+            if parent < 0:
+                positions[..., j, :] = root_position
+                world[..., j, :] = local[..., j, :]
+            else:
+                world[..., j, :] = rotations.multiply(world[..., parent, :], local[..., j, :])
+                positions[..., j, :] = positions[..., parent, :] + rotations.rotate(
+                    world[..., parent, :], self.offsets[j]
+                )
+        return positions, world
+
+    def local_rotations(self, world: Array) -> Array:
+        """Rotations relative to the parent `(..., J, 4)` of world rotations `(..., J, 4)`."""
+        parents = np.array(self.parents)
+        local = rotations.multiply(
+            rotations.inverse(world[..., np.maximum(parents, 0), :]), world
+        )
+        root = parents < 0
+        local[..., root, :] = world[..., root, :]
+        return local
+
+
+# name, parent, offset in metres. Lengths are those of the PFNN character (Holden et al. 2017), made symmetric;
+# the rest pose is a T-pose with vertical legs and flat feet, facing +Z, the character's left on +X.
+_SPORT_JOINTS: tuple[tuple[str, str, tuple[float, float, float]], ...] = (
+    ("Hips", "", (0.0, 0.0, 0.0)),
+    ("LHipJoint", "Hips", (0.0, 0.0, 0.0)),
+    ("LeftUpLeg", "LHipJoint", (0.0753, -0.1013, 0.0474)),
+    ("LeftLeg", "LeftUpLeg", (0.0, -0.4118, 0.0)),
+    ("LeftFoot", "LeftLeg", (0.0, -0.4233, 0.0)),
+    ("LeftToeBase", "LeftFoot", (0.0, -0.0380, 0.1294)),
+    ("RHipJoint", "Hips", (0.0, 0.0, 0.0)),
+    ("RightUpLeg", "RHipJoint", (-0.0753, -0.1013, 0.0474)),
+    ("RightLeg", "RightUpLeg", (0.0, -0.4118, 0.0)),
+    ("RightFoot", "RightLeg", (0.0, -0.4233, 0.0)),
+    ("RightToeBase", "RightFoot", (0.0, -0.0380, 0.1294)),
+    ("LowerBack", "Hips", (0.0, 0.0, 0.0)),
+    ("Spine", "LowerBack", (0.0, 0.1149, -0.0109)),
+    ("Spine1", "Spine", (0.0, 0.1156, -0.0024)),
+    ("Neck", "Spine1", (0.0, 0.0, 0.0)),
+    ("Neck1", "Neck", (0.0, 0.0986, 0.0097)),
+    ("Head", "Neck1", (0.0, 0.0994, -0.0070)),
+    ("LeftShoulder", "Spine1", (0.0, 0.0, 0.0)),
+    ("LeftArm", "LeftShoulder", (0.1842, 0.0678, -0.0176)),
+    ("LeftForeArm", "LeftArm", (0.2813, 0.0, 0.0)),
+    ("LeftHand", "LeftForeArm", (0.1966, 0.0, 0.0)),
+    ("LeftFingerBase", "LeftHand", (0.0, 0.0, 0.0)),
+    ("LeftHandIndex1", "LeftFingerBase", (0.0404, 0.0, 0.0)),
+    ("LThumb", "LeftHand", (0.0, 0.0, 0.0)),
+    ("RightShoulder", "Spine1", (0.0, 0.0, 0.0)),
+    ("RightArm", "RightShoulder", (-0.1842, 0.0678, -0.0176)),
+    ("RightForeArm", "RightArm", (-0.2813, 0.0, 0.0)),
+    ("RightHand", "RightForeArm", (-0.1966, 0.0, 0.0)),
+    ("RightFingerBase", "RightHand", (0.0, 0.0, 0.0)),
+    ("RightHandIndex1", "RightFingerBase", (-0.0404, 0.0, 0.0)),
+    ("RThumb", "RightHand", (0.0, 0.0, 0.0)),
+)
+
+
+def _build_sport_skeleton() -> Skeleton:
+    names = tuple(name for name, _, _ in _SPORT_JOINTS)
+    parents = tuple(names.index(parent) if parent else -1 for _, parent, _ in _SPORT_JOINTS)
+    return Skeleton(names, parents, np.array([offset for *_, offset in _SPORT_JOINTS], np.float32))
+
+
+SPORT_SKELETON = _build_sport_skeleton()
+J = len(SPORT_SKELETON)
+
+# Body parts in the order of the paper's six descriptions (Sec. III-C); every joint belongs to exactly one.
+PART_NAMES = ("left_arm", "right_arm", "left_leg", "right_leg", "torso", "head")
+PART_JOINTS: dict[str, tuple[int, ...]] = {
+    "left_arm": tuple(range(17, 24)),
+    "right_arm": tuple(range(24, 31)),
+    "left_leg": tuple(range(1, 6)),
+    "right_leg": tuple(range(6, 11)),
+    "torso": (0, 11, 12, 13),
+    "head": (14, 15, 16),
+}
+
+
+def _mirror_of(name: str) -> str:
+    pairs = (("Left", "Right"), ("LHip", "RHip"), ("LThumb", "RThumb"))
+    for a, b in pairs:
+        if name.startswith(a):
+            return b + name[len(a) :]
+        if name.startswith(b):
+            return a + name[len(b) :]
+    return name
+
+
+MIRROR_JOINTS = np.array([SPORT_SKELETON.index(_mirror_of(n)) for n in SPORT_SKELETON.names])
+
+
+def mirror_motion(hips: Array, local: Array) -> tuple[Array, Array]:
+    """Reflect a motion of the SPORT skeleton through the plane X = 0: `hips` `(..., 3)`, `local` `(..., 31, 4)`."""
+    mirrored = local[..., MIRROR_JOINTS, :] * np.array([1, 1, -1, -1], np.float32)
+    return hips * np.array([-1, 1, 1], np.float32), mirrored
+
+# Heights of ankle and toe joint over the ground when the sole stands flat, metres (medians of captured stances).
+ANKLE_HEIGHT = 0.066
+TOE_HEIGHT = 0.028
+REST_HIPS_HEIGHT = 0.1013 + 0.4118 + 0.4233 + ANKLE_HEIGHT

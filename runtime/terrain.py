@@ -1,0 +1,56 @@
+"""Ground as a height map: the one object that answers heights and normals to model, IK, camera and renderer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class Terrain:
+    """A regular grid of heights in metres; outside the grid the nearest edge height goes on.
+
+    `heights[i, j]` lies at x = origin_x + i * cell, z = origin_z + j * cell.
+    """
+
+    name: str
+    heights: Array  # (nx, nz) float32
+    cell_m: float
+    origin: tuple[float, float]  # x, z of heights[0, 0], metres
+
+    @staticmethod
+    def flat(name: str = "flat", size_m: float = 40.0, cell_m: float = 1.0) -> Terrain:
+        """A level square, centred on the origin."""
+        n = round(size_m / cell_m) + 1
+        return Terrain(name, np.zeros((n, n), np.float32), cell_m, (-size_m / 2, -size_m / 2))
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """min x, min z, max x, max z in metres."""
+        nx, nz = self.heights.shape
+        x, z = self.origin
+        return x, z, x + (nx - 1) * self.cell_m, z + (nz - 1) * self.cell_m
+
+    def height(self, x: Array | float, z: Array | float) -> Array:
+        """Bilinear height in metres at x, z (any equal shapes)."""
+        nx, nz = self.heights.shape
+        u = np.clip((np.asarray(x) - self.origin[0]) / self.cell_m, 0.0, nx - 1.000001)
+        v = np.clip((np.asarray(z) - self.origin[1]) / self.cell_m, 0.0, nz - 1.000001)
+        i, j = u.astype(np.int64), v.astype(np.int64)
+        fu, fv = u - i, v - j
+        h = self.heights
+        low = h[i, j] * (1 - fu) + h[i + 1, j] * fu
+        high = h[i, j + 1] * (1 - fu) + h[i + 1, j + 1] * fu
+        return np.asarray(low * (1 - fv) + high * fv, np.float32)
+
+    def normal(self, x: Array | float, z: Array | float, reach_m: float = 0.05) -> Array:
+        """Unit upward normals `(..., 3)` from central differences over ± `reach_m`."""
+        x, z = np.asarray(x), np.asarray(z)
+        dx = (self.height(x + reach_m, z) - self.height(x - reach_m, z)) / (2 * reach_m)
+        dz = (self.height(x, z + reach_m) - self.height(x, z - reach_m)) / (2 * reach_m)
+        n = np.stack([-dx, np.ones_like(dx), -dz], axis=-1)
+        return n / np.linalg.norm(n, axis=-1, keepdims=True)

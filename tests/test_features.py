@@ -1,0 +1,75 @@
+"""Layout sizes are the paper's; root-relative features do not change when the world is turned and moved."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from runtime import features, rotations
+from runtime.skeleton import SPORT_SKELETON
+
+
+def test_sizes_are_the_papers():
+    assert features.INPUT_SIZE == 472
+    assert features.PAPER_OUTPUT_SIZE == 287
+    assert features.OUTPUT_SIZE == 473
+    assert features.MOTION_INPUT_SIZE == 342
+
+
+def test_rest_pose_faces_plus_z_and_left_is_plus_x():
+    rest = SPORT_SKELETON.rest_positions
+    assert abs(features.facing_yaw(rest)) < 1e-6
+    assert rest[SPORT_SKELETON.index("LeftArm"), 0] > 0
+
+
+@given(st.floats(-3.0, 3.0))
+def test_turning_the_rest_pose_turns_the_facing(yaw):
+    turned = rotations.rotate(rotations.from_yaw(yaw), SPORT_SKELETON.rest_positions)
+    assert np.isclose(features.facing_yaw(turned), yaw, atol=1e-5)
+    back = features.to_root(turned, np.full(31, yaw))
+    assert np.allclose(back, SPORT_SKELETON.rest_positions, atol=1e-5)
+
+
+def _parts(seed: int) -> features.InputParts:
+    rng = np.random.default_rng(seed)
+    yaw = rng.uniform(-3, 3)
+    angle = rng.uniform(-3, 3, 12)
+    return features.InputParts(
+        root_position=rng.normal(size=2),
+        root_yaw=np.array(yaw),
+        trajectory_positions=rng.normal(size=(12, 2)),
+        trajectory_directions=np.stack([np.sin(angle), np.cos(angle)], -1),
+        heights=rng.normal(size=(12, 3)),
+        gait=rng.random((12, 6)),
+        phase=rng.normal(size=(13, 5, 2)),
+        joint_positions=rng.normal(size=(31, 3)),
+        joint_velocities=rng.normal(size=(31, 3)),
+    )
+
+
+@given(st.integers(0, 1000), st.floats(-3.0, 3.0), st.floats(-5.0, 5.0))
+def test_input_is_invariant_to_turning_and_moving_the_world(seed, turn, shift):
+    parts = _parts(seed)
+    x = features.build_input(parts)
+    assert x.shape == (472,)
+    moved = features.InputParts(
+        root_position=features.to_world(parts.root_position, turn) + shift,
+        root_yaw=parts.root_yaw + turn,
+        trajectory_positions=features.to_world(parts.trajectory_positions, turn) + shift,
+        trajectory_directions=features.to_world(parts.trajectory_directions, turn),
+        heights=parts.heights + shift,
+        gait=parts.gait,
+        phase=parts.phase,
+        joint_positions=parts.joint_positions,
+        joint_velocities=parts.joint_velocities,
+    )
+    assert np.allclose(features.build_input(moved), x, atol=1e-3)
+
+
+def test_output_round_trip():
+    y = np.random.default_rng(0).normal(size=(4, 473)).astype(np.float32)
+    assert np.array_equal(features.build_output(features.split_output(y)), y)
+
+
+def test_height_points_lie_right_centre_left():
+    points = features.height_points(np.zeros((12, 2)), np.tile([0.0, 1.0], (12, 1)))
+    assert np.allclose(points[0, :, 0], [-0.25, 0.0, 0.25])  # facing +Z, left is +X

@@ -1,0 +1,1 @@
+"""The paper's training and evaluation: data sets, networks, stages, export and metrics (extra `[train]`)."""

@@ -1,0 +1,1 @@
+"""The paper's networks in torch, one file per box of its Fig. 2 to 5."""

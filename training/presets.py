@@ -1,0 +1,67 @@
+"""Sizes of the networks: one frozen dataclass, and the presets by name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from runtime.errors import UsageError
+from runtime.features import OUTPUT_SIZE, PAPER_OUTPUT_SIZE
+
+
+@dataclass(frozen=True)
+class ModelConfig:
+    """Layer sizes; the comments give the paper's value where a preset departs from it."""
+
+    name: str = "compact"
+    experts: int = 8  # outer experts k, of the motion encoder, the modulator and the decoder
+    content_experts: int = 8  # inner experts j of the recursive modulator
+    hidden: int = 512  # hidden width of the motion experts (paper 2048 in our reading)
+    embedding: int = 512  # size of W and E (paper 1024)
+    front: tuple[int, int] = (128, 32)  # modulator front (paper 512, 128)
+    gating_hidden: int = 64
+    style_size: int = 384  # Z^t, six parts of 64
+    output_size: int = OUTPUT_SIZE  # 287 in the paper, 473 with joint rotations
+    denoiser_width: int = 192  # paper 384
+    denoiser_blocks: int = 4  # paper 12
+    dropout: float = 0.1  # paper 0.3
+    diffusion_steps: int = 1000  # N
+    inference_steps: int = 5  # dim(tau)
+    phase_hidden: int = 31  # channels between the two convolutions of the periodic autoencoder
+    phase_kernel: int = 25  # frames (DeepPhase: the whole window, 121)
+    part_aware_phase: bool = True  # False: PAE instead of BP-PAE
+    content_layers: int = 2  # temporal transformer and sequence decoder (paper 6)
+    content_heads: int = 4
+    content_feedforward: int = 256  # paper 1024
+    diffusion: bool = True  # False: the one-layer MoE decoder alone (w/o-Diffusion)
+    content_encoder: bool = True  # False: raw text embeddings as Z^t
+
+
+_COMPACT = ModelConfig()
+_PAPER = ModelConfig(
+    name="paper",
+    hidden=2048,
+    embedding=1024,
+    front=(512, 128),
+    output_size=PAPER_OUTPUT_SIZE,
+    denoiser_width=384,
+    denoiser_blocks=12,
+    dropout=0.3,
+    phase_kernel=121,
+    content_layers=6,
+    content_feedforward=1024,
+)
+PRESETS: dict[str, ModelConfig] = {
+    "compact": _COMPACT,
+    "paper": _PAPER,
+    "paper-rotations": replace(_PAPER, name="paper-rotations", output_size=OUTPUT_SIZE),
+    "tiny": replace(
+        _COMPACT, name="tiny", hidden=16, embedding=16, front=(8, 4), denoiser_width=16, denoiser_blocks=1
+    ),
+}
+
+
+def preset(name: str) -> ModelConfig:
+    """The preset called `name`; UsageError lists the names."""
+    if name not in PRESETS:
+        raise UsageError(f"--preset {name}: unknown.", f"Use one of {', '.join(PRESETS)}.")
+    return PRESETS[name]

@@ -1,0 +1,136 @@
+"""Batches of training frames on one device: gathering of terrain patch, reference ground, phases and style."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from runtime import features
+from runtime.features import INPUT, OUTPUT
+from training.frames import FrameTable
+
+
+@dataclass
+class Frames:
+    """The frame table as tensors. `phase` `(N, 5, 2)` comes from the periodic autoencoder."""
+
+    x: Tensor
+    y: Tensor
+    heights: Tensor
+    ground: Tensor
+    previous_ground: Tensor
+    phase: Tensor
+    first: Tensor  # (N,) first frame of each frame's clip
+    last: Tensor  # (N,)
+    patches: Tensor  # (N,) number of terrain patches
+    style: Tensor  # (N,) style row: index into the table of Z^t
+
+    @staticmethod
+    def of(table: FrameTable, phase: np.ndarray, style_rows: np.ndarray, device: torch.device) -> Frames:
+        """Move a table to `device`; `style_rows` `(clips,)`."""
+        clip = table.clip
+
+        def tensor(array: np.ndarray) -> Tensor:
+            return torch.as_tensor(array).to(device)
+
+        return Frames(
+            x=tensor(table.x),
+            y=tensor(table.y),
+            heights=tensor(table.heights),
+            ground=tensor(table.ground),
+            previous_ground=tensor(table.previous_ground),
+            phase=tensor(phase.astype(np.float32)),
+            first=tensor(table.start[clip]),
+            last=tensor(table.start[clip + 1] - 1),
+            patches=tensor(table.patches[clip]),
+            style=tensor(style_rows[clip]),
+        )
+
+    def _window(self, rows: Tensor, offsets: np.ndarray) -> Tensor:
+        index = rows[:, None] + torch.as_tensor(offsets, device=rows.device)
+        index = torch.minimum(torch.maximum(index, self.first[rows, None]), self.last[rows, None])
+        return self.phase[index].flatten(1)
+
+    def inputs(self, rows: Tensor, patch: Tensor) -> Tensor:
+        """x `(B, 472)` of frames `rows` on terrain patch `patch` `(B,)`."""
+        x = self.x[rows].float()
+        x[:, INPUT["heights"]] = self.heights[rows, patch].float()
+        x[:, INPUT["joint_positions"]][:, 1::3] -= self.previous_ground[rows, patch][:, None]
+        return torch.cat([x, self._window(rows - 1, features.PHASE_OFFSETS)], dim=1)
+
+    def outputs(self, rows: Tensor, patch: Tensor) -> Tensor:
+        """y `(B, 473)`."""
+        y = self.y[rows].float()
+        y[:, OUTPUT["joint_positions"]][:, 1::3] -= self.ground[rows, patch][:, None]
+        y[:, OUTPUT["phase"]] = self._window(rows, features.FUTURE_PHASE_OFFSETS)
+        return y
+
+
+def random_rows(
+    weights: np.ndarray, batch: int, ahead: int, last: Tensor, generator: torch.Generator
+) -> Iterator[Tensor]:
+    """Endless batches of row indices drawn by weight that leave `ahead` frames to the end of their clip."""
+    cumulative = torch.as_tensor(np.cumsum(weights), dtype=torch.float64)
+    end = last.cpu()
+    while True:
+        draw = torch.rand(batch, generator=generator, dtype=torch.float64) * cumulative[-1]
+        rows = torch.searchsorted(cumulative, draw).clamp_max(len(cumulative) - 1)
+        yield torch.minimum(rows, end[rows] - ahead).to(last.device)
+
+
+@dataclass
+class Normalisation:
+    """Mean and deviation of x `(472,)` and y `(473,)`, and the loss weight of every entry of y."""
+
+    x_mean: Tensor
+    x_deviation: Tensor
+    y_mean: Tensor
+    y_deviation: Tensor
+
+    @staticmethod
+    def measure(x: Tensor, y: Tensor) -> Normalisation:
+        """From samples `(n, 472)`, `(n, 473)`: deviations are shared inside each field, as in PFNN."""
+        return Normalisation(
+            x.mean(0), _field_deviation(x, INPUT, _INPUT_SCALE), y.mean(0), _field_deviation(y, OUTPUT, {})
+        )
+
+    def to(self, device: torch.device) -> Normalisation:
+        return Normalisation(*(t.to(device) for t in self.tensors().values()))
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Field names to tensors."""
+        return dict(vars(self))
+
+
+# A field with a scale below one speaks more softly to the experts: the previous pose must not drown the controls.
+_INPUT_SCALE = {"joint_positions": 0.4, "joint_velocities": 0.4}
+_LOSS_WEIGHT = {
+    "trajectory_positions": 2.0,
+    "trajectory_directions": 2.0,
+    "root": 8.0,
+    "contacts": 2.0,
+    "joint_velocities": 0.5,
+}
+
+
+def _field_deviation(values: Tensor, layout: dict[str, slice], scale: dict[str, float]) -> Tensor:
+    deviation = values.std(0)
+    for name, field in layout.items():
+        own = deviation[field]
+        shared = own.mean().clamp_min(1e-3)
+        if name == "root":  # m/s and rad/s: kept apart
+            continue
+        deviation[field] = torch.maximum(own, 0.5 * shared) / scale.get(name, 1.0)
+    return deviation.clamp_min(1e-4)
+
+
+def loss_weights(device: torch.device) -> Tensor:
+    """Weight of each entry of y in Eq. 11."""
+    weights = torch.ones(features.OUTPUT_SIZE, device=device)
+    for name, value in _LOSS_WEIGHT.items():
+        weights[OUTPUT[name]] = value
+    return weights / weights.mean()

@@ -1,0 +1,161 @@
+"""Trained weights to what the runtime loads: three ONNX graphs and a metadata file with their hashes."""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from runtime.features import FPS, INPUT_SIZE, LAYOUT_VERSION
+from runtime.skeleton import SPORT_SKELETON
+from training.batches import Normalisation
+from training.networks.content import ContentEncoder
+from training.networks.decoder import blend_codes
+from training.networks.diffusion import ReverseStep
+from training.networks.generator import Generator
+from training.presets import ModelConfig
+
+OPSET = 18
+
+
+class PromptGraph(nn.Module):
+    """Six sentence embeddings `(N, 6, 384)` to standardised Z^t `(N, 6, 64)`."""
+
+    def __init__(self, content: ContentEncoder, centre: Tensor, deviation: Tensor) -> None:
+        super().__init__()
+        self.text = content.text
+        self.register_buffer("centre", centre.view(6, 64))
+        self.register_buffer("deviation", deviation.view(6, 64))
+
+    def forward(self, embeddings: Tensor) -> Tensor:
+        return (self.text(embeddings).mean - self.centre) / self.deviation
+
+
+class StyleGraph(nn.Module):
+    """Z^t `(6, 64)` to the folded modulator weights and the style's natural speeds (walk, jog) in m/s."""
+
+    def __init__(self, generator: Generator, speeds: Tensor) -> None:
+        super().__init__()
+        self.modulator = generator.modulator
+        self.register_buffer("speeds", speeds)  # (385, 2), the last row is the intercept
+
+    def forward(self, z: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        flat = z.reshape(1, -1)
+        speeds = (flat @ self.speeds[:-1] + self.speeds[-1])[0]
+        return (*self.modulator.fold(flat), speeds)
+
+
+class StepGraph(nn.Module):
+    """One frame: x `(B, 472)` and noise to y `(B, output)`, in real units; the five steps are unrolled."""
+
+    def __init__(self, generator: Generator, normal: Normalisation, steps: list[ReverseStep]) -> None:
+        super().__init__()
+        self.generator = generator
+        self.steps = steps
+        for name, value in normal.tensors().items():
+            self.register_buffer(name, value)
+
+    def forward(
+        self, x: Tensor, noise: Tensor, front_bias: Tensor, content_weight: Tensor, content_bias: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        w, alpha = self.generator.encoder((x - self.x_mean) / self.x_deviation)
+        folded = (front_bias, content_weight, content_bias)
+        e = self.generator.modulator.forward_folded(w, alpha, folded)
+        codes = self.generator.sample_codes(e, noise, self.steps)
+        return blend_codes(codes, alpha) * self.y_deviation + self.y_mean, alpha
+
+
+@dataclass
+class Trained:
+    """Everything the export needs."""
+
+    config: ModelConfig
+    content: ContentEncoder
+    generator: Generator
+    normal: Normalisation
+    style_centre: Tensor
+    style_deviation: Tensor
+    speeds: Tensor
+    steps: list[ReverseStep]
+    sigma_bar_squared: np.ndarray
+    credits: list[str]
+    notes: dict[str, object]
+
+
+def export_model(trained: Trained, folder: Path) -> None:
+    """Write prompt.onnx, style.onnx, step.onnx and metadata.json; each graph is checked against torch to 1e-4."""
+    folder.mkdir(parents=True, exist_ok=True)
+    config = trained.config
+    generator = trained.generator.cpu().eval()
+    prompt = PromptGraph(trained.content.cpu(), trained.style_centre.cpu(), trained.style_deviation.cpu())
+    style = StyleGraph(generator, trained.speeds)
+    step = StepGraph(generator, trained.normal.to(torch.device("cpu")), trained.steps)
+    torch.manual_seed(0)
+    z = torch.randn(6, 64)
+    with torch.no_grad():
+        folded = style(z)[:3]
+    noise = torch.randn(2, len(trained.steps), config.experts, config.output_size)
+    dynamic = torch.export.Dim("batch", min=1, max=4096)
+    batch, fixed = {0: dynamic}, None
+    graphs = {
+        "prompt": (prompt, (torch.randn(2, 6, 384),), ["embeddings"], ["z"], (batch,)),
+        "style": (
+            style, (z,), ["z"], ["front_bias", "content_weight", "content_bias", "speeds"], (fixed,),
+        ),
+        "step": (
+            step,
+            (torch.randn(2, INPUT_SIZE), noise, *folded),
+            ["x", "noise", "front_bias", "content_weight", "content_bias"],
+            ["y", "alpha"],
+            (batch, batch, fixed, fixed, fixed),
+        ),
+    }
+    errors = {}
+    for name, (module, example, inputs, outputs, shapes) in graphs.items():
+        errors[name] = _export(module.eval(), example, inputs, outputs, shapes, folder / f"{name}.onnx")
+    _write_metadata(trained, folder, errors)
+
+
+def _export(module: nn.Module, example: tuple, inputs: list[str], outputs: list[str], shapes: tuple, path: Path) -> float:
+    with torch.no_grad():
+        torch.onnx.export(
+            module, example, str(path), input_names=inputs, output_names=outputs, opset_version=OPSET,
+            dynamo=True, dynamic_shapes=shapes, external_data=False, verbose=False,
+        )
+        expected = module(*example)
+    import onnxruntime
+
+    session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+    got = session.run(None, dict(zip(inputs, [e.numpy() for e in example], strict=True)))
+    expected = expected if isinstance(expected, tuple) else (expected,)
+    error = max(float(np.abs(a.numpy() - b).max()) for a, b in zip(expected, got, strict=True))
+    scale = max(float(a.abs().max()) for a in expected)
+    if error > 1e-4 * max(1.0, scale):
+        raise RuntimeError(f"{path}: ONNX differs from torch by {error:.2e}")
+    return error
+
+
+def _write_metadata(trained: Trained, folder: Path, errors: dict[str, float]) -> None:
+    graphs = ("prompt", "style", "step")
+    metadata = {
+        "format": "sport-model",
+        "layout_version": LAYOUT_VERSION,
+        "name": trained.config.name,
+        "joints": list(SPORT_SKELETON.names),
+        "fps": FPS,
+        "config": asdict(trained.config),
+        "reverse_steps": [asdict(s) for s in trained.steps],
+        "sigma_bar_squared": trained.sigma_bar_squared.tolist(),
+        "sha256": {n: hashlib.sha256((folder / f"{n}.onnx").read_bytes()).hexdigest() for n in graphs},
+        "onnx_error": errors,
+        "exported": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
+        "credits": trained.credits,
+        "notes": trained.notes,
+    }
+    (folder / "metadata.json").write_text(json.dumps(metadata, indent=1) + "\n", encoding="utf-8")

@@ -1,0 +1,239 @@
+"""From retargeted clips to the table of training frames: every x and y but their phases, which stage 0 adds."""
+
+from __future__ import annotations
+
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import features
+from runtime.errors import FileError
+from runtime.features import FPS, InputParts, OutputParts
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain import Terrain
+
+Array = NDArray[np.floating]
+
+PAD = 61  # frames of extrapolated root path at each end of a clip
+FACING_SIGMA = 12.0  # frames; the root faces the forward direction smoothed by this Gaussian
+MAX_PATCHES = 3
+
+
+@dataclass
+class ClipFrames:
+    """All frames of one clip, root-relative; ground heights are kept apart because terrain patches vary."""
+
+    x: Array  # (T, 342) without heights' contribution of the reference ground; phases are added later
+    y: Array  # (T, 473) phases zero
+    heights: Array  # (T, K, 36) relative to `ground`
+    ground: Array  # (T, K) reference ground of frame i
+    previous_ground: Array  # (T, K)
+    velocities: Array  # (T, 31, 3) j^v, for the periodic autoencoder
+    positions: Array  # (T, 31, 3) j^p over y = 0 of the clip
+    style: str
+    content: str
+    source: str
+    mirrored: bool
+    held_out: bool
+    patches: int
+    name: str
+
+
+def smooth(values: Array, sigma: float) -> Array:
+    """Gaussian smoothing along axis 0 with repeated edges."""
+    reach = int(3 * sigma)
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    kernel /= kernel.sum()
+    padded = np.concatenate([np.repeat(values[:1], reach, 0), values, np.repeat(values[-1:], reach, 0)])
+    flat = padded.reshape(len(padded), -1)
+    out = np.stack([np.convolve(flat[:, k], kernel, "valid") for k in range(flat.shape[1])], axis=1)
+    return out.reshape(values.shape)
+
+
+def _extrapolate(path: Array, frames: int = 12) -> Array:
+    """Pad a path `(T, n)` at both ends with its mean end velocity."""
+    n = min(frames, len(path) - 1)
+    steps = np.arange(1, PAD + 1)[:, None]
+    before = path[0] - steps[::-1] * (path[n] - path[0]) / n
+    after = path[-1] + steps * (path[-1] - path[-1 - n]) / n
+    return np.concatenate([before, path, after])
+
+
+def _repeat(values: Array) -> Array:
+    return np.concatenate([np.repeat(values[:1], PAD, 0), values, np.repeat(values[-1:], PAD, 0)])
+
+
+def root_motion(positions: Array) -> tuple[Array, Array]:
+    """Root path `(T, 2)` and unwrapped yaw `(T,)` of world joints `(T, 31, 3)`."""
+    yaw = np.unwrap(features.facing_yaw(positions))
+    return positions[:, 0][:, [0, 2]], smooth(yaw[:, None], FACING_SIGMA)[:, 0]
+
+
+def clip_frames(path: Path) -> ClipFrames:
+    """Read one clip file of the importer and build its frames."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            clip = {key: file[key] for key in file.files}
+    except (OSError, ValueError) as error:
+        raise FileError(f"{path}: not a clip file.", "Run the importer again.") from error
+    hips, local = clip["hips_positions"].astype(np.float64), clip["local_rotations"]
+    positions, world = SPORT_SKELETON.forward_kinematics(hips, local.astype(np.float64))
+    root, yaw = root_motion(positions)
+    length = len(hips)
+    padded_root, padded_yaw = _extrapolate(root), _repeat(yaw[:, None])[:, 0]
+    directions = np.stack([np.sin(padded_yaw), np.cos(padded_yaw)], -1)
+    now = np.arange(length) + PAD
+    window = now[:, None] + features.TRAJECTORY_OFFSETS
+    points = features.height_points(padded_root[window], directions[window])
+
+    patches = clip["patch_heights"].astype(np.float32)[:MAX_PATCHES]
+    origin, cell = clip["patch_origin"], float(clip["patch_cell"])
+    heights, ground = [], []
+    for patch in patches:
+        terrain = Terrain("patch", patch, cell, (float(origin[0]), float(origin[1])))
+        sampled = terrain.height(points[..., 0], points[..., 1])
+        ground.append(features.ground_height(sampled))
+        heights.append((sampled - ground[-1][:, None, None]).reshape(length, -1))
+    ground_all = np.stack(ground, 1)
+
+    zero = np.zeros(length)
+    joints = features.relative_joints(positions, root, zero, yaw)
+    velocity = np.gradient(positions, axis=0) if length < 3 else np.diff(positions, axis=0, prepend=0)
+    velocity[0] = velocity[1]
+    velocity = features.to_root(velocity * FPS, yaw[:, None])
+    previous = np.maximum(np.arange(length) - 1, 0)
+    gait = _repeat(clip["gait"].astype(np.float32))
+    x = features.build_input(
+        InputParts(
+            root_position=root,
+            root_yaw=yaw,
+            trajectory_positions=padded_root[window],
+            trajectory_directions=directions[window],
+            heights=np.zeros((length, features.L, 3)),
+            gait=gait[window],
+            phase=np.zeros((length, features.L + 1, features.C, 2)),
+            joint_positions=joints[previous],
+            joint_velocities=velocity[previous],
+        )
+    )[:, : features.MOTION_INPUT_SIZE]
+
+    following = now[:, None] + 1 + features.FUTURE_OFFSETS
+    next_root, next_yaw = padded_root[now + 1], padded_yaw[now + 1]
+    displacement = features.to_root(next_root - root, yaw) * FPS
+    turn = (next_yaw - yaw) * FPS
+    y = features.build_output(
+        OutputParts(
+            trajectory_positions=features.to_root(
+                padded_root[following] - next_root[:, None], next_yaw[:, None]
+            ),
+            trajectory_directions=features.to_root(directions[following], next_yaw[:, None]),
+            joint_positions=joints,
+            joint_velocities=velocity,
+            root=np.concatenate([displacement, turn[:, None]], 1),
+            contacts=clip["contacts"].astype(np.float32),
+            phase=np.zeros((length, 7, features.C, 2)),
+            joint_rotations=features.relative_rotations(world, yaw),
+        )
+    )
+    return ClipFrames(
+        x=x.astype(np.float16),
+        y=y.astype(np.float16),
+        heights=np.stack(heights, 1).astype(np.float16),
+        ground=ground_all.astype(np.float32),
+        previous_ground=ground_all[previous].astype(np.float32),
+        velocities=velocity.astype(np.float16),
+        positions=joints.astype(np.float16),
+        style=str(clip["style"]),
+        content=str(clip["content"]),
+        source=str(clip["source"]),
+        mirrored=bool(clip["mirrored"]),
+        held_out=str(clip["split"]) == "held_out",
+        patches=len(patches),
+        name=path.stem,
+    )
+
+
+@dataclass
+class FrameTable:
+    """All clips one after the other. `clip` `(N,)` is each frame's clip, `start` `(clips + 1,)` their bounds."""
+
+    x: Array  # (N, 342) float16
+    y: Array  # (N, 473) float16
+    heights: Array  # (N, K, 36) float16
+    ground: Array  # (N, K) float32
+    previous_ground: Array  # (N, K) float32
+    clip: Array  # (N,) int32
+    start: Array  # (clips + 1,) int64
+    styles: list[str]  # per clip
+    sources: list[str]
+    contents: list[str]
+    names: list[str]
+    mirrored: Array  # (clips,) bool
+    held_out: Array  # (clips,) bool
+    patches: Array  # (clips,) int
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    @property
+    def velocities(self) -> Array:
+        """j^v `(N, 31, 3)`."""
+        return self.y[:, features.OUTPUT["joint_velocities"]].reshape(len(self), -1, 3)
+
+
+def load_frames(clips: Path, workers: int = 2, limit: int | None = None) -> FrameTable:
+    """Build the table from every `*.npz` under `clips`; FileError when there is none."""
+    paths = sorted(clips.glob("*.npz"))[:limit]
+    if not paths:
+        raise FileError(f"{clips}: no clips (*.npz).", "Run `sport train import --data DIR --out DIR` first.")
+    if workers > 1:
+        with ProcessPoolExecutor(workers) as pool:
+            parts = list(pool.map(clip_frames, paths, chunksize=16))
+    else:
+        parts = [clip_frames(p) for p in paths]
+    count = np.array([len(p.x) for p in parts])
+    k = max(p.patches for p in parts)
+
+    def stack(name: str) -> Array:
+        arrays = [getattr(p, name) for p in parts]
+        if name in ("heights", "ground", "previous_ground"):  # clips with fewer patches repeat their first
+            arrays = [a[:, np.minimum(np.arange(k), a.shape[1] - 1)] for a in arrays]
+        return np.concatenate(arrays)
+
+    return FrameTable(
+        **{n: stack(n) for n in ("x", "y", "heights", "ground", "previous_ground")},
+        clip=np.repeat(np.arange(len(parts), dtype=np.int32), count),
+        start=np.concatenate([[0], np.cumsum(count)]),
+        styles=[p.style for p in parts],
+        sources=[p.source for p in parts],
+        contents=[p.content for p in parts],
+        names=[p.name for p in parts],
+        mirrored=np.array([p.mirrored for p in parts]),
+        held_out=np.array([p.held_out for p in parts]),
+        patches=np.array([p.patches for p in parts]),
+    )
+
+
+def sampling_weights(table: FrameTable, terrain_share: float = 0.3) -> Array:
+    """Per-frame weight `(N,)`: `terrain_share` for the terrain rollouts, the rest equal over styles by square root.
+
+    Held-out frames and each clip's first frame (it has no previous pose) weigh nothing.
+    """
+    weights = np.zeros(len(table))
+    styles = np.array(table.styles)[table.clip]
+    rollouts = np.array([s == "pfnn_rollouts" for s in table.sources])[table.clip]
+    usable = ~table.held_out[table.clip]
+    usable[table.start[:-1]] = False
+    for style in np.unique(styles):
+        chosen = usable & ~rollouts & (styles == style)
+        if chosen.any():
+            weights[chosen] = 1.0 / np.sqrt(chosen.sum())
+    if weights.sum() > 0:
+        weights *= (1.0 - terrain_share) / weights.sum()
+    chosen = usable & rollouts
+    if chosen.any():
+        weights[chosen] = terrain_share / chosen.sum()
+    return weights / weights.sum()

@@ -1,0 +1,74 @@
+"""The paper's losses, Eq. 2, 3, 8, 9 (stage 1), 10 to 13 (stage 2) and 14 (stage 3)."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+from torch.nn.functional import mse_loss, smooth_l1_loss
+
+from training.networks.content import Gaussian
+
+CONTACT_SPEED = 0.02  # Eq. 13: threshold on the squared foot velocity
+
+
+def contrastive(motion: Tensor, text: Tensor, same: Tensor, temperature: float = 0.1) -> Tensor:
+    """InfoNCE in both directions, Eq. 2; `motion`, `text` `(B, n)` are VAE parameters mu + Sigma.
+
+    `same` `(B, B)` marks pairs with the same description: they are no negatives of each other.
+    """
+    m = torch.nn.functional.normalize(motion, dim=-1)
+    t = torch.nn.functional.normalize(text, dim=-1)
+    similarity = m @ t.T / temperature
+    diagonal = torch.eye(len(similarity), dtype=torch.bool, device=similarity.device)
+    similarity = similarity.masked_fill(same & ~diagonal, float("-inf"))
+    target = torch.arange(len(similarity), device=similarity.device)
+    cross_entropy = torch.nn.functional.cross_entropy
+    return 0.5 * (cross_entropy(similarity, target) + cross_entropy(similarity.T, target))
+
+
+def reconstruction(target: Tensor, from_motion: Tensor, from_text: Tensor) -> Tensor:
+    """Eq. 3: smooth L1 of both reconstructions."""
+    return smooth_l1_loss(from_motion, target) + smooth_l1_loss(from_text, target)
+
+
+def divergence(a: Gaussian, b: Gaussian | None) -> Tensor:
+    """KL(a, b) of diagonal normals, mean over the batch; b None is the standard normal."""
+    mean = torch.zeros_like(a.mean) if b is None else b.mean
+    log_variance = torch.zeros_like(a.mean) if b is None else b.log_variance
+    term = (
+        log_variance
+        - a.log_variance
+        + (a.log_variance.exp() + (a.mean - mean).square()) / log_variance.exp()
+        - 1.0
+    )
+    return 0.5 * term.flatten(1).sum(-1).mean()
+
+
+def kullback_leibler(text: Gaussian, motion: Gaussian) -> Tensor:
+    """Eq. 8: both directions between text and motion, and both against the standard normal."""
+    return (
+        divergence(text, motion)
+        + divergence(motion, text)
+        + divergence(text, None)
+        + divergence(motion, None)
+    )
+
+
+def embedding_similarity(z_motion: Tensor, z_text: Tensor) -> Tensor:
+    """Eq. 9: smooth L1 between the sampled embeddings."""
+    return smooth_l1_loss(z_text, z_motion)
+
+
+def contact(labels: Tensor, squared_foot_velocity: Tensor) -> Tensor:
+    """Eq. 12, 13 with a differentiable step.
+
+    delta is 1 at or under the threshold and 0 above, so its gradient vanishes everywhere; a steep sigmoid of the
+    same threshold stands in for it, so that the term can train.
+    """
+    soft = torch.sigmoid((CONTACT_SPEED - squared_foot_velocity) / (0.5 * CONTACT_SPEED))
+    return mse_loss(soft, labels)
+
+
+def hard_contact(squared_foot_velocity: Tensor) -> Tensor:
+    """delta of Eq. 13, for evaluation."""
+    return (squared_foot_velocity <= CONTACT_SPEED).float()

@@ -1,0 +1,204 @@
+"""`sport train`: every stage from raw capture to shipped ONNX as one resumable command, or alone."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from runtime.assets import asset_path
+from runtime.controls import Gait
+from runtime.errors import FileError
+from runtime.features import INPUT, OUTPUT, L
+from runtime.prompts.text_encoder import TextEncoder
+from training import stage_content, stage_motion, stage_phase
+from training.batches import Frames
+from training.export import Trained, export_model
+from training.frames import FrameTable, load_frames, sampling_weights
+from training.networks.content import ContentEncoder
+from training.networks.diffusion import Schedule, reverse_steps
+from training.networks.generator import Generator
+from training.presets import PRESETS, ModelConfig, preset
+from training.session import Session, load_checkpoint, save_checkpoint
+from training.styles import StyleTexts, load_style_texts
+
+log = logging.getLogger("sport.train")
+
+STAGES = ("import", "phase", "content", "stage2", "stage3", "export")
+CREDITS = {
+    "100style": "The 100STYLE Dataset - Ian Mason (CC BY 4.0)",
+    "bandai_namco": "Bandai Namco Research Motiondataset (CC BY-NC 4.0)",
+    "cmu": "Data from mocap.cs.cmu.edu, created with funding from NSF EIA-0196217",
+    "jlpm": "José Luis Pontón, locomotion take (MIT)",
+    "pfnn": "Holden et al. 2017, Phase-Functioned Neural Networks (academic, non-commercial)",
+    "pfnn_rollouts": "Rollouts of the published PFNN, Holden et al. 2017 (academic, non-commercial)",
+}
+
+
+@dataclass
+class Steps:
+    """Optimiser steps (0: skip by loading what exists) and time limits in minutes of each stage."""
+
+    phase: int = 1500
+    content: int = 2500
+    stage2: int = 8000
+    stage3: int = 6000
+    batch: int = 1024
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Arguments of `sport train`."""
+    parser = argparse.ArgumentParser(
+        prog="sport train", description="Train the networks from motion capture; every stage can be resumed."
+    )
+    parser.add_argument("stage", choices=("all", *STAGES))
+    parser.add_argument("--preset", default="compact", help=f"one of {', '.join(PRESETS)}")
+    parser.add_argument("--data", type=Path, help="folder with the motion data archives (for import)")
+    parser.add_argument("--clips", type=Path, help="folder of imported clips (default: OUT/clips)")
+    parser.add_argument("--out", type=Path, required=True, help="folder for checkpoints and the exported model")
+    parser.add_argument("--styles", type=Path, help="style descriptions (default: the shipped ones)")
+    parser.add_argument("--device", default="", help="cpu or cuda (default: cuda where there is one)")
+    parser.add_argument("--no-half", action="store_true", help="no bf16 mixed precision")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--limit", type=int, help="use at most this many clips (for a trial)")
+    for name, value in vars(Steps()).items():
+        parser.add_argument(f"--{name}-steps" if name != "batch" else "--batch", dest=name, type=int, default=value)
+    parser.add_argument("--max-minutes", type=float, help="time limit of each stage")
+    return parser
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one stage or all of them."""
+    args = build_parser().parse_args(argv)
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    args.out.mkdir(parents=True, exist_ok=True)
+    wanted = STAGES if args.stage == "all" else (args.stage,)
+    if "import" in wanted:
+        _import(args)
+    if set(wanted) - {"import"}:
+        _train(args, set(wanted))
+    return 0
+
+
+def _import(args: argparse.Namespace) -> None:
+    from training.data.importer import import_all
+
+    if args.data is None:
+        raise FileError("--data: missing.", "Name the folder that holds the motion data archives.")
+    if not (args.out / "clips").exists():
+        import_all(args.data, args.out)
+
+
+def _train(args: argparse.Namespace, wanted: set[str]) -> None:
+    config = preset(args.preset)
+    session = Session(args.out, half=not args.no_half, seed=args.seed)
+    if args.device:
+        session.device = torch.device(args.device)
+    table = load_frames(args.clips or args.out / "clips", limit=args.limit)
+    weights = sampling_weights(table)
+    log.info("%d clips, %d frames, %d styles", len(table.styles), len(table), len(set(table.styles)))
+    texts = load_style_texts(table, args.styles or asset_path("prompts/styles.json"), TextEncoder())
+
+    phase = _phase(args, session, config, table, weights, "phase" in wanted)
+    content = _content(args, session, config, table, weights, texts, "content" in wanted)
+    if not wanted & {"stage2", "stage3", "export"}:
+        return
+    z, centre, deviation = stage_content.style_table(content.to(session.device), texts, session.device)
+    frames = Frames.of(table, phase, texts.clip_rows, session.device)
+    data = stage_motion.MotionData(frames, stage_motion.measure(frames, weights, session), z, weights)
+    if "stage2" in wanted:
+        stage_motion.run_stage2(session, config, data, args.stage2, args.batch, args.max_minutes)
+    if "stage3" in wanted:
+        generator = _generator(args.out / "stage2_final.pt", config).to(session.device)
+        stage_motion.run_stage3(session, config, data, generator, args.stage3, args.batch, args.max_minutes)
+        save_checkpoint(args.out / "stage3_final.pt", {"module": generator.state_dict()})
+    if "export" in wanted:
+        generator = _generator(args.out / "stage3_final.pt", config).to(session.device)
+        sigma = stage_motion.estimate_variance(session, config, data, generator)
+        schedule = Schedule.linear(config.diffusion_steps)
+        steps = reverse_steps(schedule, schedule.subsequence(config.inference_steps), sigma)
+        speeds = style_speeds(table, texts, z.cpu().numpy())
+        trained = Trained(
+            config, content, generator, data.normal, centre, deviation, torch.as_tensor(speeds), steps, sigma,
+            [CREDITS[s] for s in sorted(set(table.sources))], _notes(args, table),
+        )
+        export_model(trained, args.out / "model")
+        log.info("exported to %s", args.out / "model")
+
+
+def _phase(
+    args: argparse.Namespace, session: Session, config: ModelConfig, table: FrameTable, weights: np.ndarray, wanted: bool
+) -> np.ndarray:
+    stored = args.out / "phase.npy"
+    if stored.exists():
+        phase = np.load(stored, allow_pickle=False)
+        if len(phase) == len(table):
+            return phase
+        raise FileError(f"{stored}: belongs to another set of clips.", "Delete it and train stage 'phase' again.")
+    if not wanted:
+        raise FileError(f"{stored}: missing.", "Train stage 'phase' first.")
+    return stage_phase.run(session, config, table, weights, args.phase, max_minutes=args.max_minutes)
+
+
+def _content(
+    args: argparse.Namespace, session: Session, config: ModelConfig, table: FrameTable, weights: np.ndarray,
+    texts: StyleTexts, wanted: bool,
+) -> ContentEncoder:
+    path = args.out / "content_final.pt"
+    if wanted and not path.exists():
+        return stage_content.run(
+            session, config, table, weights, texts, args.content, max_minutes=args.max_minutes
+        )
+    module = ContentEncoder(config)
+    module.load_state_dict(load_checkpoint(path)["module"])
+    return module.eval()
+
+
+def _generator(path: Path, config: ModelConfig) -> Generator:
+    module = Generator(config)
+    module.load_state_dict(load_checkpoint(path)["module"])
+    return module
+
+
+def style_speeds(table: FrameTable, texts: StyleTexts, z: np.ndarray, ridge: float = 3.0) -> np.ndarray:
+    """Ridge regression `(385, 2)` from Z^t to the styles' natural walking and jogging speeds in m/s."""
+    present = INPUT["gait"].start + 6 * (L // 2)
+    gait = table.x[:, present : present + 6].astype(np.float32)
+    speed = np.linalg.norm(table.y[:, OUTPUT["root"]][:, :2].astype(np.float32), axis=1)
+    columns = []
+    for label, fallback in ((Gait.WALK, 1.3), (Gait.JOG, 2.6)):
+        chosen = (gait[:, label] > 0.9) & (speed > 0.3)
+        row = texts.clip_rows[table.clip]
+        targets = np.array(
+            [np.median(speed[m]) if (m := chosen & (row == r)).sum() > 120 else np.nan for r in range(len(z))]
+        )
+        known = ~np.isnan(targets)
+        columns.append(_ridge(z[known], targets[known], ridge, fallback))
+    return np.stack(columns, 1).astype(np.float32)
+
+
+def _ridge(z: np.ndarray, target: np.ndarray, ridge: float, fallback: float) -> np.ndarray:
+    if len(target) < 2:
+        return np.concatenate([np.zeros(z.shape[-1]), [fallback]])
+    inputs = z.reshape(-1, z.shape[-1])
+    values = np.repeat(target, z.shape[1])
+    mean = values.mean()
+    matrix = inputs.T @ inputs + ridge * len(inputs) / 100 * np.eye(inputs.shape[1])
+    return np.concatenate([np.linalg.solve(matrix, inputs.T @ (values - mean)), [mean]])
+
+
+def _notes(args: argparse.Namespace, table: FrameTable) -> dict[str, object]:
+    return {
+        "frames": len(table),
+        "clips": len(table.styles),
+        "styles": sorted(set(table.styles)),
+        "steps": {k: getattr(args, k) for k in vars(Steps())},
+        "seed": args.seed,
+        "licence": "non-commercial: trained also on CC BY-NC and academic data"
+        if set(table.sources) & {"bandai_namco", "pfnn", "pfnn_rollouts"}
+        else "CC BY 4.0",
+    }

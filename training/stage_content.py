@@ -1,0 +1,129 @@
+"""Stage 1: train the content encoder by body-part contrast (Sec. III-C, Eq. 2, 3, 7 to 9)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from runtime.features import OUTPUT
+from training import losses as terms
+from training.frames import FrameTable
+from training.networks.content import SEQUENCE_LENGTH, ContentEncoder
+from training.presets import ModelConfig
+from training.session import MovingAverage, Session, StageState, save_checkpoint, train
+from training.styles import StyleTexts
+
+STRIDE = 2  # frames between two samples: 40 samples are 1.3 s, more than one step
+# Eq. 7. The paper's lambda_con is 1e-2 for 100 styles over a long training; the shorter one here needs more of it.
+LAMBDA_CONTRAST, LAMBDA_KL, LAMBDA_EMBEDDING = 0.1, 1e-5, 1e-5
+
+
+class Sequences:
+    """Windows of 40 samples: joints `(B, 40, 31, 9)` and root displacement `(B, 40, 3)`, normalised."""
+
+    def __init__(self, table: FrameTable, device: torch.device) -> None:
+        self.y = torch.as_tensor(table.y).to(device)
+        self.ground = torch.as_tensor(table.ground[:, 0]).to(device)
+        probe = self.y[:: max(1, len(table) // 20000)].float()
+        joints, root = self._split(probe, torch.zeros(len(probe), device=device))
+        self.joint_mean, self.joint_deviation = joints.mean(0), joints.std(0).clamp_min(0.05)
+        self.root_deviation = root.std(0).clamp_min(0.05)
+
+    @staticmethod
+    def _split(y: Tensor, ground: Tensor) -> tuple[Tensor, Tensor]:
+        positions = y[..., OUTPUT["joint_positions"]].unflatten(-1, (-1, 3)).clone()
+        positions[..., 1] -= ground[..., None]
+        rotations = y[..., OUTPUT["joint_rotations"]].unflatten(-1, (-1, 6))
+        return torch.cat([positions, rotations], -1), y[..., OUTPUT["root"]]
+
+    def __call__(self, start: Tensor) -> tuple[Tensor, Tensor]:
+        index = start[:, None] + STRIDE * torch.arange(SEQUENCE_LENGTH, device=start.device)
+        joints, root = self._split(self.y[index].float(), self.ground[index])
+        return (joints - self.joint_mean) / self.joint_deviation, root / self.root_deviation
+
+
+def run(
+    session: Session,
+    config: ModelConfig,
+    table: FrameTable,
+    weights: np.ndarray,
+    texts: StyleTexts,
+    steps: int = 3000,
+    batch: int = 128,
+    max_minutes: float | None = None,
+) -> ContentEncoder:
+    """Train and return the content encoder (EMA weights); also written to `content_final.pt`."""
+    device = session.device
+    torch.manual_seed(session.seed + 1)
+    sequences = Sequences(table, device)
+    embeddings = torch.as_tensor(texts.embeddings).to(device)
+    rows_of_frame = torch.as_tensor(texts.clip_rows[table.clip])
+    last = torch.as_tensor(table.start[table.clip + 1] - 1)
+    first = torch.as_tensor(table.start[table.clip])
+    span = STRIDE * (SEQUENCE_LENGTH - 1)
+    usable = weights * ((last - first).numpy() >= span)
+    cumulative = torch.as_tensor(np.cumsum(usable / usable.sum()))
+    generator = session.generator(2)
+
+    def batches() -> Iterator[tuple[Tensor, Tensor]]:
+        while True:
+            draw = torch.rand(batch, generator=generator, dtype=torch.float64)
+            rows = torch.searchsorted(cumulative, draw).clamp_max(len(table) - 1)
+            start = torch.maximum(torch.minimum(rows, last[rows] - span), first[rows])
+            yield start.to(device), rows_of_frame[rows].to(device)
+
+    module = ContentEncoder(config).to(device)
+    optimizer = torch.optim.AdamW(module.parameters(), lr=5e-4, weight_decay=1e-4)
+    state = StageState(module, optimizer, MovingAverage(module, 0.995))
+
+    def losses(item: object, step: int) -> dict[str, Tensor]:
+        start, style = item  # type: ignore[misc]
+        joints, root = sequences(start)
+        target = torch.cat([joints.flatten(-2), root], -1)
+        paraphrase = torch.randint(embeddings.shape[1], (len(style),), device=device)
+        motion = module.motion(joints, root)
+        text = module.text(embeddings[style, paraphrase])
+        z_motion, z_text = motion.sample(), text.sample()
+        same = style[:, None] == style[None, :]
+        m, t = motion.parameters_flat().float(), text.parameters_flat().float()
+        whole = terms.contrastive(m.flatten(1), t.flatten(1), same)
+        parts = torch.stack([terms.contrastive(m[:, k], t[:, k], same) for k in range(m.shape[1])]).mean()
+        result = {
+            "recon": terms.reconstruction(target, module.decoder(z_motion), module.decoder(z_text)),
+            "contrast": whole,
+            "part_contrast": parts,
+            "kl": terms.kullback_leibler(text, motion),
+            "embedding": terms.embedding_similarity(z_motion, z_text),
+        }
+        result["total"] = (
+            result["recon"]
+            + LAMBDA_CONTRAST * (whole + 0.5 * parts)
+            + LAMBDA_KL * result["kl"]
+            + LAMBDA_EMBEDDING * result["embedding"]
+        )
+        return result
+
+    train(
+        session, "content", state, batches(), losses, steps,
+        lambda s: 5e-4 * min(1.0, (s + 1) / 100, (steps - s) / (0.3 * steps) + 0.02), batch, max_minutes,
+    )
+    module.load_state_dict(state.average.values)
+    save_checkpoint(
+        session.out / "content_final.pt", {"module": module.state_dict(), "config": asdict(config)}
+    )
+    return module.eval()
+
+
+@torch.no_grad()
+def style_table(module: ContentEncoder, texts: StyleTexts, device: torch.device) -> tuple[Tensor, Tensor, Tensor]:
+    """Z^t of every description, standardised: `(rows, P, 384)`, and the mean and deviation `(384,)` used."""
+    rows, paraphrases = texts.embeddings.shape[:2]
+    flat = torch.as_tensor(texts.embeddings).to(device).flatten(0, 1)
+    mean = module.text(flat).mean.flatten(1)
+    centre = mean.mean(0)
+    deviation = mean.std(0).clamp_min(0.2 * mean.std(0).mean().item() + 1e-4)
+    return ((mean - centre) / deviation).unflatten(0, (rows, paraphrases)), centre, deviation

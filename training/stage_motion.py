@@ -1,0 +1,252 @@
+"""Stages 2 and 3: the motion generator, first with the MoE decoder, then with the diffusion decoder (Sec. III-F)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn.functional import mse_loss
+
+from runtime.features import INPUT, OUTPUT
+from runtime.skeleton import SPORT_SKELETON
+from training import losses as terms
+from training.batches import Frames, Normalisation, loss_weights, random_rows
+from training.networks.decoder import blend_codes
+from training.networks.diffusion import Schedule, add_noise, analytic_variance, noise_estimate
+from training.networks.generator import Generator
+from training.presets import ModelConfig
+from training.session import MovingAverage, Session, StageState, save_checkpoint, train
+
+_FEET = [SPORT_SKELETON.index(n) for n in ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")]
+
+
+@dataclass
+class MotionData:
+    """Frames, their normalisation and the style table Z^t `(rows, P, 384)` on one device."""
+
+    frames: Frames
+    normal: Normalisation
+    style: Tensor
+    weights: np.ndarray
+
+    def styles(self, rows: Tensor) -> Tensor:
+        """Z^t `(B, 384)` of frames: a random paraphrase, and now and then a blend towards another one of it."""
+        table = self.style[self.frames.style[rows]]
+        pick = torch.randint(table.shape[1], (2, len(rows)), device=rows.device)
+        lane = torch.arange(len(rows), device=rows.device)
+        t = torch.rand(len(rows), 1, device=rows.device) * (torch.rand(len(rows), 1, device=rows.device) < 0.5)
+        z = (1 - t) * table[lane, pick[0]] + t * table[lane, pick[1]]
+        return z + 0.05 * torch.randn_like(z)
+
+    def patch(self, rows: Tensor) -> Tensor:
+        """A random terrain patch per frame; half of the time the clip's own ground."""
+        random = (torch.rand(len(rows), device=rows.device) * self.frames.patches[rows]).long()
+        return torch.where(torch.rand(len(rows), device=rows.device) < 0.5, random, torch.zeros_like(random))
+
+    def input(self, rows: Tensor, patch: Tensor) -> Tensor:
+        """Normalised x."""
+        return (self.frames.inputs(rows, patch) - self.normal.x_mean) / self.normal.x_deviation
+
+    def output(self, rows: Tensor, patch: Tensor) -> Tensor:
+        """Normalised y."""
+        return (self.frames.outputs(rows, patch) - self.normal.y_mean) / self.normal.y_deviation
+
+
+def measure(frames: Frames, weights: np.ndarray, session: Session, count: int = 40000) -> Normalisation:
+    """Normalisation from `count` weighted frames."""
+    rows = next(random_rows(weights, count, 0, frames.last, session.generator(3)))
+    patch = torch.zeros_like(rows)
+    return Normalisation.measure(frames.inputs(rows, patch), frames.outputs(rows, patch))
+
+
+def _corrupt(x: Tensor, level: float) -> Tensor:
+    """Noise on what the network will feed back to itself, of a random strength per sample."""
+    strength = level * torch.rand(len(x), 1, device=x.device)
+    noise = torch.randn_like(x) * strength
+    noise[:, INPUT["gait"]] = 0.0
+    noise[:, INPUT["heights"]] *= 0.3
+    noise[:, INPUT["trajectory_positions"]] *= 0.3
+    noise[:, INPUT["trajectory_directions"]] *= 0.3
+    noise[:, INPUT["joint_positions"]] *= 0.4  # the softened input scale of these fields
+    noise[:, INPUT["joint_velocities"]] *= 0.4
+    return x + noise
+
+
+def feed_back(data: MotionData, x: Tensor, y: Tensor) -> Tensor:
+    """x of the next frame with the pose and future phases replaced by the prediction y (both normalised)."""
+    normal = data.normal
+    real = y * normal.y_deviation + normal.y_mean
+    x = x * normal.x_deviation + normal.x_mean
+    for name in ("joint_positions", "joint_velocities"):
+        x[:, INPUT[name]] = real[:, OUTPUT[name]]
+    phase = OUTPUT["phase"]
+    x[:, INPUT["phase"].stop - (phase.stop - phase.start) : INPUT["phase"].stop] = real[:, phase]
+    return (x - normal.x_mean) / normal.x_deviation
+
+
+@torch.no_grad()
+def rolled_input(
+    data: MotionData, predict: Callable[[Tensor, Tensor], Tensor], rows: Tensor, patch: Tensor, z: Tensor, ahead: int
+) -> Tensor:
+    """x of frames `rows + ahead` as an autoregressive rollout of `ahead` frames would make it."""
+    x = data.input(rows, patch)
+    for k in range(1, ahead + 1):
+        x = feed_back(data, data.input(rows + k, patch), predict(x, z))
+    return x
+
+
+def stage2_loss(data: MotionData, target: Tensor, predicted: Tensor) -> dict[str, Tensor]:
+    """Eq. 10 to 13: weighted MSE of M and the contact term; the squared foot velocity is that of the predicted j^v."""
+    weights = loss_weights(target.device)
+    reconstruction = (weights * (predicted - target).square()).mean()
+    normal = data.normal
+    field = OUTPUT["joint_velocities"]
+    velocity = predicted[:, field] * normal.y_deviation[field] + normal.y_mean[field]
+    feet = velocity.unflatten(-1, (-1, 3))[:, _FEET]
+    field = OUTPUT["contacts"]
+    labels = target[:, field] * normal.y_deviation[field] + normal.y_mean[field]
+    return {"rec": reconstruction, "contact": terms.contact(labels, feet.square().sum(-1))}
+
+
+CONTACT_WEIGHT = 0.1
+ROLL_AHEAD = 4  # frames of rollout that stay free at each clip's end
+
+
+def _rollout_length(step: int, steps: int) -> int:
+    """No rollouts at first, then one to three frames for half of the batches."""
+    return 0 if step < 0.4 * steps or step % 2 else 1 + (step // 2) % 3
+
+
+def run_stage2(
+    session: Session, config: ModelConfig, data: MotionData, steps: int, batch: int = 1024,
+    max_minutes: float | None = None,
+) -> Generator:
+    """Train everything but the diffusion decoder; AdamWR: cosine annealing with warm restarts (Sec. III-G)."""
+    torch.manual_seed(session.seed + 2)
+    module = Generator(config).to(session.device)
+    parameters = [p for n, p in module.named_parameters() if not n.startswith("denoiser")]
+    optimizer = torch.optim.AdamW(parameters, lr=1e-3, weight_decay=1e-4)
+    state = StageState(module, optimizer, MovingAverage(module, 0.9995))
+    rows = random_rows(data.weights, batch, ROLL_AHEAD, data.frames.last, session.generator(4))
+
+    def predict(x: Tensor, z: Tensor) -> Tensor:
+        module.eval()
+        y = module.decode_mixture(x, z)[0].float()
+        module.train()
+        return y
+
+    def losses(item: object, step: int) -> dict[str, Tensor]:
+        assert isinstance(item, Tensor)
+        ahead = _rollout_length(step, steps)
+        patch, z = data.patch(item), data.styles(item)
+        x = rolled_input(data, predict, item, patch, z, ahead)
+        y, _, _ = module.decode_mixture(_corrupt(x, 0.05 if ahead else 0.25), z)
+        result = stage2_loss(data, data.output(item + ahead, patch), y.float())
+        return result | {"total": result["rec"] + CONTACT_WEIGHT * result["contact"]}
+
+    train(session, "stage2", state, rows, losses, steps, _warm_restarts(steps, 1e-3), batch, max_minutes)
+    module.load_state_dict(state.average.values)
+    save_checkpoint(session.out / "stage2_final.pt", {"module": module.state_dict(), "config": asdict(config)})
+    return module
+
+
+def _warm_restarts(steps: int, peak: float, cycles: int = 3) -> Callable[[int], float]:
+    """Cosine annealing whose cycles double in length (factor 2.0), the last one ending at `steps`."""
+    shortest = steps / (2**cycles - 1)
+
+    def rate(step: int) -> float:
+        start, length = 0.0, shortest
+        while step >= start + length and length < steps:
+            start, length = start + length, 2 * length
+        warmup = min(1.0, (step + 1) / 200)
+        return peak * warmup * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * min(1.0, (step - start) / length))))
+
+    return rate
+
+
+@torch.no_grad()
+def measure_codes(module: Generator, data: MotionData, session: Session, batches: int = 8) -> None:
+    """Standardisation of Z^c from E_d's codes; fills the module's buffers."""
+    module.eval()
+    rows = random_rows(data.weights, 2048, 0, data.frames.last, session.generator(5))
+    codes = []
+    for _ in range(batches):
+        item = next(rows)
+        e, _ = module.embed(data.input(item, data.patch(item)), data.styles(item))
+        codes.append(module.mixture_decoder.codes(e))
+    stacked = torch.cat(codes)
+    module.code_mean.copy_(stacked.mean(0))
+    module.code_deviation.copy_(stacked.std(0).clamp_min(1e-2))
+
+
+def run_stage3(
+    session: Session, config: ModelConfig, data: MotionData, module: Generator, steps: int, batch: int = 1024,
+    max_minutes: float | None = None,
+) -> Generator:
+    """Train the denoiser on E_d's codes (Eq. 14), then also with stage-2 supervision of the blended output."""
+    torch.manual_seed(session.seed + 3)
+    measure_codes(module, data, session)
+    module.requires_grad_(False)
+    module.denoiser.requires_grad_(True)
+    optimizer = torch.optim.AdamW(module.denoiser.parameters(), lr=1e-3, weight_decay=1e-4)
+    state = StageState(module, optimizer, MovingAverage(module, 0.9995))
+    schedule = Schedule.linear(config.diffusion_steps)
+    tau = torch.as_tensor(schedule.subsequence(config.inference_steps), device=session.device)
+    rows = random_rows(data.weights, batch, ROLL_AHEAD, data.frames.last, session.generator(6))
+
+    def losses(item: object, step: int) -> dict[str, Tensor]:
+        assert isinstance(item, Tensor)
+        module.eval()  # dropout stays off in the frozen part; the denoiser has none
+        ahead = step % (ROLL_AHEAD - 1)
+        with torch.no_grad():
+            patch, z = data.patch(item), data.styles(item)
+            x = rolled_input(data, lambda x, z: module.decode_mixture(x, z)[0].float(), item, patch, z, ahead)
+            e, alpha = module.embed(_corrupt(x, 0.05 if ahead else 0.2), z)
+            codes = (module.mixture_decoder.codes(e) - module.code_mean) / module.code_deviation
+            n = tau[torch.randint(len(tau), (batch,), device=item.device)]
+            anywhere = torch.randint(1, config.diffusion_steps + 1, (batch,), device=item.device)
+            n = torch.where(torch.rand(batch, device=item.device) < 0.3, anywhere, n)
+            noisy = add_noise(schedule, codes.float(), n, torch.randn(codes.shape, device=item.device))
+        predicted = module.denoiser(noisy, e, n).float()
+        result = {"codes": mse_loss(predicted, codes.float())}
+        total = result["codes"]
+        if step > 0.25 * steps:
+            y = blend_codes(module.clean_codes(predicted), alpha.float())
+            result |= stage2_loss(data, data.output(item + ahead, patch), y)
+            total = 0.1 * total + result["rec"] + CONTACT_WEIGHT * result["contact"]
+        return result | {"total": total}
+
+    def rate(step: int) -> float:  # Sec. III-G: 4e-4 down to 1e-5
+        return min(1.0, (step + 1) / 200) * (1e-5 + 0.5 * (1e-3 - 1e-5) * (1 + math.cos(math.pi * step / steps)))
+
+    train(session, "stage3", state, rows, losses, steps, rate, batch, max_minutes)
+    module.load_state_dict(state.average.values)
+    return module.eval()
+
+
+@torch.no_grad()
+def estimate_variance(
+    session: Session, config: ModelConfig, data: MotionData, module: Generator, batches: int = 8
+) -> np.ndarray:
+    """sigma_bar^2 `(5,)` per step of tau by Monte Carlo over the training set (Analytic-DPM)."""
+    schedule = Schedule.linear(config.diffusion_steps)
+    tau = schedule.subsequence(config.inference_steps)
+    rows = random_rows(data.weights, 512, 0, data.frames.last, session.generator(7))
+    norms: list[list[Tensor]] = [[] for _ in tau]
+    module.eval()
+    for _ in range(batches):
+        item = next(rows)
+        e, _ = module.embed(data.input(item, data.patch(item)), data.styles(item))
+        codes = (module.mixture_decoder.codes(e) - module.code_mean) / module.code_deviation
+        for k, step in enumerate(tau):
+            n = torch.full((len(item),), int(step), device=item.device)
+            noisy = add_noise(schedule, codes, n, torch.randn_like(codes))
+            epsilon = noise_estimate(schedule, noisy, module.denoiser(noisy, e, n), n)
+            norms[k].append(epsilon.square().flatten(1).mean(1))
+    return np.array([analytic_variance(schedule, int(s), torch.cat(v)) for s, v in zip(tau, norms, strict=True)])
+
+

@@ -1,0 +1,13 @@
+#version 330
+#include "common.glsl"
+#include "height_map.glsl"
+in vec2 in_slope;
+out vec3 position;
+out vec3 normal;
+invariant gl_Position;
+
+void main() {
+    position = grid_position();
+    normal = normalize(vec3(-in_slope.x, 1.0, -in_slope.y));
+    gl_Position = view_projection * vec4(position, 1.0);
+}

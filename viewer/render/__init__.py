@@ -1,0 +1,1 @@
+"""Drawing of terrain, characters and overlays with OpenGL 3.3."""

@@ -1,0 +1,157 @@
+"""Skinned characters: the mesh on the GPU, joint matrices in a uniform block, solid and translucent drawing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import FileError
+from runtime.pose import Pose
+from viewer.render.frame import Frame, bind_frame
+from viewer.render.quality import Quality
+from viewer.render.shaders import load_program
+from viewer.render.terrain_pass import set_uniforms
+
+Array = NDArray[np.floating]
+
+MAX_JOINTS = 128  # the block in skinning.glsl
+JOINTS_BINDING = 1
+SLOT_BYTES = MAX_JOINTS * 64
+GHOST_TINT = (0.20, 0.45, 0.80, 0.75)  # linear colour, share
+GHOST_OPACITY = 0.38
+
+
+class SkinnedMesh(Protocol):
+    """What is drawn: `runtime.gltf.Character`, or a stand-in with the same arrays."""
+
+    @property
+    def positions(self) -> Array: ...  # (V, 3) rest pose, metres
+    @property
+    def normals(self) -> Array: ...  # (V, 3)
+    @property
+    def colors(self) -> Array: ...  # (V, 3) linear, 0..1
+    @property
+    def joint_indices(self) -> NDArray[np.integer]: ...  # (V, 4)
+    @property
+    def joint_weights(self) -> Array: ...  # (V, 4)
+    @property
+    def triangles(self) -> NDArray[np.integer]: ...  # (F, 3)
+    def skin_matrices(self, pose: Pose) -> Array: ...  # (K, 4, 4) rest mesh to world
+
+
+@dataclass(frozen=True)
+class CharacterDraw:
+    """One character in one frame."""
+
+    pose: Pose
+    ghost: bool = False
+
+
+class CharacterPass:
+    """Draws any number of poses of one mesh."""
+
+    def __init__(self, ctx: moderngl.Context, quality: Quality) -> None:
+        self._ctx = ctx
+        defines = {"SELF_SHADOW": int(quality.terrain_casts_shadow), "SHADOW_TAPS": quality.shadow_taps}
+        self._programs = {
+            "surface": bind_frame(load_program(ctx, "character.vert", "character.frag", defines)),
+            "depth": bind_frame(load_program(ctx, "shadow_character.vert", "depth_only.frag")),
+        }
+        for program in self._programs.values():
+            program["Joints"].binding = JOINTS_BINDING
+        self._joints = ctx.buffer(reserve=SLOT_BYTES, dynamic=True)
+        self._mesh: SkinnedMesh | None = None
+        self._buffers: list[moderngl.Buffer] = []
+        self._arrays: dict[str, moderngl.VertexArray] = {}
+        self._draws: list[CharacterDraw] = []
+
+    def set_character(self, mesh: SkinnedMesh) -> None:
+        """Show another mesh; FileError when it has more joints than the shaders hold."""
+        joints = int(mesh.joint_indices.max()) + 1
+        if joints > MAX_JOINTS:
+            raise FileError(
+                f"The character's skin has {joints} joints, expected at most {MAX_JOINTS}.",
+                "Remove helper joints from the skin and export it again.",
+            )
+        self._free_mesh()
+        self._mesh = mesh
+        columns = [mesh.positions, mesh.normals, mesh.colors, mesh.joint_weights]
+        floats = np.concatenate([np.asarray(c, np.float32) for c in columns], axis=1)
+        names = ("in_position", "in_normal", "in_color", "in_weights")
+        self._buffers = [
+            self._ctx.buffer(np.ascontiguousarray(floats).tobytes()),
+            self._ctx.buffer(np.ascontiguousarray(mesh.joint_indices, np.uint8).tobytes()),
+            self._ctx.buffer(np.ascontiguousarray(mesh.triangles, np.uint32).tobytes()),
+        ]
+        surface, depth = (self._buffers[0], "3f4 3f4 3f4 4f4", *names), (
+            self._buffers[0], "3f4 24x 4f4", "in_position", "in_weights",
+        )
+        joints_content = (self._buffers[1], "4u1", "in_joints")
+        for name, content in (("surface", surface), ("depth", depth)):
+            self._arrays[name] = self._ctx.vertex_array(
+                self._programs[name], [content, joints_content], self._buffers[2], index_element_size=4
+            )
+
+    def prepare(self, draws: list[CharacterDraw]) -> None:
+        """Upload the joint matrices of all characters of the frame."""
+        self._draws = draws if self._mesh is not None else []
+        if self._mesh is None or not draws:
+            return
+        slots = np.zeros((len(draws), MAX_JOINTS, 4, 4), np.float32)
+        for slot, draw in zip(slots, draws, strict=True):
+            matrices = self._mesh.skin_matrices(draw.pose)
+            slot[: len(matrices)] = matrices
+        self._joints.orphan(slots.nbytes)
+        self._joints.write(slots.tobytes())
+
+    def _render(self, name: str, slot: int) -> None:
+        self._joints.bind_to_uniform_block(JOINTS_BINDING, offset=slot * SLOT_BYTES, size=SLOT_BYTES)
+        self._arrays[name].render(moderngl.TRIANGLES)
+
+    def draw_depth(self) -> None:
+        """Draw the solid characters into the shadow map that is bound."""
+        for slot, draw in enumerate(self._draws):
+            if not draw.ghost:
+                self._render("depth", slot)
+
+    def draw(self, frame: Frame, shadow_map: moderngl.Texture) -> None:
+        """Draw the solid characters."""
+        self._ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        self._ctx.depth_func = "<"
+        shadow_map.use(0)
+        values = {"tint": (0.0, 0.0, 0.0, 0.0), "opacity": 1.0, "shadow_map": 0}
+        set_uniforms(self._programs["surface"], values)
+        for slot, draw in enumerate(self._draws):
+            if not draw.ghost:
+                self._render("surface", slot)
+
+    def draw_ghosts(self, frame: Frame, target: moderngl.Framebuffer) -> None:
+        """Draw the translucent characters: first their depth, then only their nearest surface."""
+        set_uniforms(self._programs["surface"], {"tint": GHOST_TINT, "opacity": GHOST_OPACITY})
+        self._ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+        for slot, draw in enumerate(self._draws):
+            if draw.ghost:
+                self._ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+                self._ctx.depth_func = "<"
+                target.color_mask = False, False, False, False
+                self._render("surface", slot)
+                target.color_mask = True, True, True, True
+                self._ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE | moderngl.BLEND)
+                self._ctx.depth_func = "<="
+                self._render("surface", slot)
+
+    def _free_mesh(self) -> None:
+        for item in (*self._arrays.values(), *self._buffers):
+            item.release()
+        self._arrays, self._buffers = {}, []
+
+    def release(self) -> None:
+        """Free the GPU objects."""
+        self._free_mesh()
+        self._joints.release()
+        for program in self._programs.values():
+            program.release()

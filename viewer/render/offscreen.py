@@ -1,0 +1,60 @@
+"""Rendering without a window: a standalone EGL context, a framebuffer to draw into, and PNG files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import DisplayError, FileError
+
+REMEDY = "Install the OpenGL libraries: apt-get install libegl1 libgl1 (or your system's Mesa packages)."
+
+
+def create_offscreen_context() -> moderngl.Context:
+    """A standalone OpenGL 3.3 context through EGL; DisplayError names the library that is missing."""
+    try:
+        return moderngl.create_context(standalone=True, backend="egl", require=330)
+    except Exception as error:  # glcontext and moderngl raise bare Exception here
+        raise DisplayError(f"{_missing_library(str(error))} ({error}).", REMEDY) from error
+
+
+def _missing_library(message: str) -> str:
+    for library in ("libEGL", "libGL"):
+        if library in message:
+            return f"{library}: this library was not found, no OpenGL context can be made"
+    return "libEGL and libGL are there, but gave no OpenGL 3.3 context"
+
+
+class OffscreenTarget:
+    """A picture in memory: `ctx` to make a `Renderer` with, `framebuffer` to render into, `read()` to look at."""
+
+    def __init__(self, width: int, height: int) -> None:
+        self.ctx = create_offscreen_context()
+        self.size = (width, height)
+        self._color = self.ctx.renderbuffer(self.size, 4)
+        self.framebuffer = self.ctx.framebuffer([self._color])
+
+    def read(self) -> NDArray[np.uint8]:
+        """The picture `(H, W, 3)`, sRGB, first row on top."""
+        width, height = self.size
+        data = self.framebuffer.read(components=3, alignment=1)
+        return np.frombuffer(data, np.uint8).reshape(height, width, 3)[::-1].copy()
+
+    def release(self) -> None:
+        """Free the framebuffer and the context."""
+        self.framebuffer.release()
+        self._color.release()
+        self.ctx.release()
+
+
+def save_png(path: Path | str, image: NDArray[np.uint8]) -> None:
+    """Write a picture `(H, W, 3)` as PNG; FileError when the file cannot be written."""
+    from PIL import Image
+
+    try:
+        Image.fromarray(image).save(path, "PNG")
+    except OSError as error:
+        raise FileError(f"{path}: the picture cannot be written ({error}).", "Choose another folder.") from error

@@ -1,0 +1,34 @@
+"""What is drawn over the scene, as plain data that the application fills each frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.pose import Pose
+
+Array = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class TrajectoryOverlay:
+    """The controller's trajectory in world space."""
+
+    positions: Array  # (12, 3) metres
+    directions: Array  # (12, 2) facing on the XZ plane
+    past: NDArray[np.bool_]  # (12,) True for samples that lie behind in time
+
+
+@dataclass(frozen=True)
+class Overlays:
+    """Toggles and extra figures of one frame; `Overlays()` shows the grid and nothing else."""
+
+    trajectory: TrajectoryOverlay | None = None
+    show_trajectory: bool = False
+    show_skeleton: bool = False
+    show_contacts: bool = False
+    show_grid: bool = True
+    ghosts: list[Pose] = field(default_factory=list)  # translucent, for comparison
+    extra_poses: list[Pose] = field(default_factory=list)  # drawn like the main character

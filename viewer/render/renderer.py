@@ -1,0 +1,84 @@
+"""The renderer: `Renderer.render` is the list of passes, each pass is a module of its own."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.pose import Pose
+from runtime.terrain import Terrain
+from viewer.camera import Camera
+from viewer.render.character_pass import CharacterDraw, CharacterPass, SkinnedMesh
+from viewer.render.frame import SHADOW_REACH_M, Frame, FrameUniforms, make_frame
+from viewer.render.marks import feet_of
+from viewer.render.overlays import Overlays
+from viewer.render.quality import Quality, choose_quality
+from viewer.render.sky_pass import SkyPass
+from viewer.render.targets import SceneTarget, ShadowMap
+from viewer.render.terrain_pass import TerrainPass
+
+Array = NDArray[np.floating]
+
+
+class Renderer:
+    """Draws terrain, characters and overlays into a framebuffer.
+
+    Between frames it leaves the target bound, and depth test, blending and face culling off.
+    """
+
+    def __init__(self, ctx: moderngl.Context, quality: Quality | None = None) -> None:
+        self.ctx = ctx
+        self.quality = quality or choose_quality(ctx)
+        self._frame = FrameUniforms(ctx)
+        self._scene = SceneTarget(ctx, self.quality)
+        self._shadow_map = ShadowMap(ctx, self.quality.shadow_map_size)
+        self._sky = SkyPass(ctx)
+        self._terrain = TerrainPass(ctx, self.quality)
+        self._characters = CharacterPass(ctx, self.quality)
+
+    def set_terrain(self, terrain: Terrain) -> None:
+        """Show another height map from the next frame on."""
+        self._terrain.set_terrain(terrain)
+
+    def set_character(self, character: SkinnedMesh) -> None:
+        """Show another skinned mesh; FileError when it has too many joints."""
+        self._characters.set_character(character)
+
+    def render(
+        self, target: moderngl.Framebuffer, camera: Camera, pose: Pose | None, overlays: Overlays
+    ) -> None:
+        """Draw one picture into `target`; without a pose only the ground."""
+        solid = [*([] if pose is None else [pose]), *overlays.extra_poses]
+        scene = self._scene.begin(target.size)
+        reach = SHADOW_REACH_M if self.quality.terrain_casts_shadow else 0.0
+        frame = make_frame(camera, scene.size, solid, reach, self.quality.shadow_map_size)
+        self._frame.write(frame)
+        self._terrain.prepare(frame, np.array([camera.target[0], camera.target[2]]))
+        draws = [CharacterDraw(p) for p in solid] + [CharacterDraw(p, ghost=True) for p in overlays.ghosts]
+        self._characters.prepare(draws)
+
+        self._draw_shadow_map(frame)
+        scene.use()
+        scene.clear(depth=1.0)
+        self._characters.draw(frame, self._shadow_map.texture)
+        self._terrain.draw(frame, overlays.show_grid)
+        self._terrain.draw_shadows(frame, self._shadow_map.texture, feet_of(solid))
+        self._sky.draw()
+        self._characters.draw_ghosts(frame, scene)
+        self._scene.present(target)
+        self.ctx.enable_only(moderngl.NOTHING)
+
+    def _draw_shadow_map(self, frame: Frame) -> None:
+        self._shadow_map.framebuffer.use()
+        self._shadow_map.framebuffer.clear(depth=1.0)
+        self.ctx.enable_only(moderngl.DEPTH_TEST)
+        self.ctx.depth_func = "<"
+        self._characters.draw_depth()
+        if self.quality.terrain_casts_shadow:
+            self._terrain.draw_depth(frame)
+
+    def release(self) -> None:
+        """Free all GPU objects."""
+        for part in (self._frame, self._scene, self._shadow_map, self._sky, self._terrain, self._characters):
+            part.release()

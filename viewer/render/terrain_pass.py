@@ -1,0 +1,136 @@
+"""The ground: keeps the window of the height map on the GPU and draws the triangles that the view needs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.terrain import Terrain
+from viewer.render.frame import Frame, bind_frame
+from viewer.render.quality import Quality
+from viewer.render.shaders import load_program
+from viewer.render.terrain_mesh import APRON_M, TerrainMesh, cut_window
+
+Array = NDArray[np.floating]
+RECENTRE_SHARE = 0.12  # of the window's size
+
+
+class TerrainPass:
+    """Draws ground, its part of the shadow map, and the shadows that lie on it."""
+
+    def __init__(self, ctx: moderngl.Context, quality: Quality) -> None:
+        self._ctx = ctx
+        self._max_triangles = 2 * quality.grid_resolution**2
+        taps = {"SHADOW_TAPS": quality.shadow_taps}
+        self._programs = {
+            "surface": bind_frame(load_program(ctx, "terrain.vert", "terrain.frag")),
+            "depth": bind_frame(load_program(ctx, "shadow_terrain.vert", "depth_only.frag")),
+            "shadow": bind_frame(load_program(ctx, "terrain.vert", "ground_shadow.frag", taps)),
+        }
+        self._indices = ctx.buffer(reserve=4, dynamic=True)
+        self._vertices: moderngl.Buffer | None = None
+        self._arrays: dict[str, moderngl.VertexArray] = {}
+        self._terrain: Terrain | None = None
+        self._mesh: TerrainMesh | None = None
+        self._levels: NDArray[np.int64] = np.zeros((0, 0), np.int64)
+
+    def set_terrain(self, terrain: Terrain) -> None:
+        """Show another height map from the next frame on."""
+        self._terrain = terrain
+        self._mesh = None
+
+    def prepare(self, frame: Frame, focus: Array) -> None:
+        """Re-centre the window on `focus` (x, z) where the terrain is larger, and choose levels of detail."""
+        if self._terrain is None:
+            return
+        mesh = self._mesh
+        if mesh is None or self._far_off(mesh, focus):
+            mesh = self._mesh = TerrainMesh(cut_window(self._terrain, focus))
+            self._upload(mesh)
+        self._levels = mesh.levels(frame.eye, frame.radians_per_pixel, self._max_triangles)
+
+    @staticmethod
+    def _far_off(mesh: TerrainMesh, focus: Array) -> bool:
+        window = mesh.window
+        span = window.cell_m * min(window.heights.shape)
+        return not window.whole and float(np.max(np.abs(focus - window.centre))) > RECENTRE_SHARE * span
+
+    def _upload(self, mesh: TerrainMesh) -> None:
+        window = mesh.window
+        packed = np.zeros(window.heights.size, np.dtype([("height", "<f4"), ("slope", "<f2", 2)]))
+        packed["height"] = window.heights.ravel()
+        packed["slope"] = window.slopes.reshape(-1, 2)
+        for array in self._arrays.values():
+            array.release()
+        if self._vertices is not None:
+            self._vertices.release()
+        self._vertices = self._ctx.buffer(packed.tobytes())
+        for name, program in self._programs.items():
+            uniforms = {
+                "grid_origin": window.origin,
+                "grid_cell": window.cell_m,
+                "grid_size": window.heights.shape,
+                "apron": APRON_M,
+            }
+            set_uniforms(program, uniforms)
+            content = (self._vertices, "1f4 2f2", "in_height", "in_slope")
+            if "in_slope" not in program:
+                content = (self._vertices, "1f4 4x", "in_height")
+            self._arrays[name] = self._ctx.vertex_array(program, [content], self._indices, index_element_size=4)
+
+    def _draw(self, name: str, indices: NDArray[np.uint32]) -> None:
+        if len(indices):
+            self._indices.orphan(indices.nbytes)
+            self._indices.write(indices.tobytes())
+            self._arrays[name].render(moderngl.TRIANGLES, vertices=len(indices))
+
+    def draw(self, frame: Frame, show_grid: bool) -> None:
+        """Draw the visible ground."""
+        mesh = self._mesh
+        if mesh is None:
+            return
+        self._ctx.enable_only(moderngl.DEPTH_TEST)
+        self._ctx.depth_func = "<"
+        set_uniforms(self._programs["surface"], {"grid_strength": 1.0 if show_grid else 0.0})
+        tiles = mesh.indices(self._levels, mesh.visible(frame.view_projection))
+        self._draw("surface", np.concatenate([tiles, mesh.apron_indices(self._levels)]))
+
+    def draw_depth(self, frame: Frame) -> None:
+        """Draw the ground near the characters into the shadow map that is bound."""
+        if self._mesh is not None:
+            near = self._mesh.touching(frame.shadow_low, frame.shadow_high)
+            self._draw("depth", self._mesh.indices(self._levels, near))
+
+    def draw_shadows(self, frame: Frame, shadow_map: moderngl.Texture, feet: Array) -> None:
+        """Darken the ground: the sun's shadow, and under `feet` `(n, 2, 4)` (heel, radius; toe, strength)."""
+        mesh = self._mesh
+        if mesh is None:
+            return
+        shadow_map.use(0)
+        heels, toes = np.zeros((2, 32, 4), np.float32)
+        heels[: len(feet)], toes[: len(feet)] = feet[:32, 0], feet[:32, 1]
+        program = self._programs["shadow"]
+        set_uniforms(program, {"foot_count": min(len(feet), 32), "shadow_map": 0})
+        program["foot_heel"].write(heels.tobytes())
+        program["foot_toe"].write(toes.tobytes())
+        self._ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
+        self._ctx.depth_func = "<="
+        self._ctx.blend_func = moderngl.ZERO, moderngl.SRC_COLOR
+        chosen = mesh.touching(frame.shadow_low, frame.shadow_high) & mesh.visible(frame.view_projection)
+        self._draw("shadow", mesh.indices(self._levels, chosen))
+
+    def release(self) -> None:
+        """Free the GPU objects."""
+        for item in (*self._arrays.values(), *self._programs.values(), self._indices, self._vertices):
+            if item is not None:
+                item.release()
+
+
+def set_uniforms(program: moderngl.Program, values: Mapping[str, object]) -> None:
+    """Set the uniforms that the program has; the compiler removes those it does not need."""
+    for name, value in values.items():
+        if name in program:
+            program[name].value = value

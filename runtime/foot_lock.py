@@ -1,0 +1,357 @@
+"""Feet that stand: holds toes and heels on the terrain while they are in contact, and lifts them over it in swing.
+
+Per foot: contact with hysteresis → the held point (toe in preference to heel) → rotation → position → clearance;
+then the hips sink as far as a held foot needs, and closed-form IK brings the legs there. The difference between
+incoming and outgoing foot is one offset, held constant by nothing and damped to zero when the foot is free, so
+that nothing jumps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import atan2, cos, pi, sin, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.leg_scalar import (
+    LegBones,
+    LegPose,
+    Quaternion,
+    Vector,
+    add,
+    between,
+    damp,
+    leg_bones,
+    leg_forward,
+    leg_inverse,
+    length,
+    mix,
+    multiply,
+    rotate,
+    scale,
+    subtract,
+    unit,
+)
+from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, Skeleton
+from runtime.terrain import Terrain
+
+Array = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class FootLockSettings:
+    """Thresholds and half-lives; metres, seconds, radians, contact probabilities."""
+
+    contact_on: float = 0.5
+    contact_off: float = 0.3
+    lock_speed: float = 1.2  # m/s: a faster point is not held, whatever the network says
+    lock_height: float = 0.25  # m: nor one that is higher over its resting height
+    still_speed: float = 0.3  # m/s: a point slower than this and near the ground is in contact
+    still_height: float = 0.025  # m over its resting height
+    release_rise: float = 0.05  # m that the incoming point may rise over its lowest while held
+    release_offset: float = 0.2  # m between the held and the incoming point
+    release_stretch: float = 0.04  # m that the leg would have to grow
+    refractory: float = 0.15  # s without a new hold after a forced release
+    refractory_lift: float = 0.04  # m: a forced release becomes a small step
+    release_halflife: float = 0.07
+    rise_halflife: float = 0.05  # of the swing's clearance
+    settle_halflife: float = 0.025  # of a held point's height
+    flat_halflife: float = 0.05  # of the sole's alignment to the ground
+    yaw_halflife: float = 0.10
+    hips_halflife: float = 0.06
+    max_yaw: float = 0.6
+    max_drop: float = 0.35  # m that the hips may sink
+    sink: float = 0.006  # m that a sole may press into the ground
+    look_ahead: float = 0.12  # s of swing in which edges are seen
+    clearance: float = 0.02  # m between the sole and an edge
+    edge_slope: float = 0.7  # rise over run from which the ground is an edge, not a slope
+
+
+@dataclass(frozen=True)
+class FootLockResult:
+    """The pose with planted feet: `hips_position` (3,), `local_rotations` (31, 4)."""
+
+    hips_position: Array
+    local_rotations: Array
+
+
+class FootLock:
+    """Plants the feet of one character; keeps its state from frame to frame.
+
+    One instance per character, `apply` once per simulated frame in order, `reset` after a teleport.
+    """
+
+    def __init__(self, skeleton: Skeleton = SPORT_SKELETON, settings: FootLockSettings | None = None) -> None:
+        self._settings = settings or FootLockSettings()
+        self._bones = (leg_bones(0, skeleton), leg_bones(1, skeleton))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all holds and offsets."""
+        self._feet = tuple(_Foot(bones, self._settings) for bones in self._bones)
+        self._drop, self._drop_velocity = 0.0, 0.0
+
+    @property
+    def held(self) -> tuple[str, str]:
+        """What holds the left and the right foot: "", "heel" or "toe"."""
+        return self._feet[0].anchor, self._feet[1].anchor
+
+    def apply(
+        self,
+        hips_position: Array,
+        local_rotations: Array,
+        contacts: Array,
+        terrain: Terrain,
+        dt: float,
+    ) -> FootLockResult:
+        """Planted pose of an incoming one.
+
+        `hips_position` `(3,)`, `local_rotations` `(31, 4)`, `contacts` `(4,)` in 0..1 (left heel, left toe, right
+        heel, right toe), `dt` seconds since the previous call.
+        """
+        x, y, z = (float(v) for v in hips_position)
+        local = np.asarray(local_rotations, np.float64).tolist()
+        chances = np.asarray(contacts, np.float64).tolist()
+        ground = _Ground(terrain)
+        legs = [leg_forward(foot.bones, (x, y, z), local) for foot in self._feet]
+        for side, (foot, leg) in enumerate(zip(self._feet, legs, strict=True)):
+            foot.observe(leg, chances[2 * side], chances[2 * side + 1], ground, dt)
+            foot.choose_anchor(leg, self._drop, self._feet[1 - side].refractory > 0.0)
+            foot.plant(leg, ground, dt)
+        self._lower_hips(legs, dt)
+        result = np.array(local_rotations, copy=True)
+        for foot, leg in zip(self._feet, legs, strict=True):
+            first = foot.bones.joints[1]
+            result[first : first + 3] = leg_inverse(leg, foot.ankle, foot.rotation, self._drop)
+        hips = np.array([x, y - self._drop, z], np.asarray(hips_position).dtype)
+        return FootLockResult(hips, result)
+
+    def _lower_hips(self, legs: list[LegPose], dt: float) -> None:
+        """Let the hips sink until every held foot is in reach, as an incoming straight leg is."""
+        needed = 0.0
+        for foot, leg in zip(self._feet, legs, strict=True):
+            if foot.anchor:
+                reach = foot.bones.length
+                natural = length(subtract(leg.ankle, leg.hip)) / reach
+                needed = max(needed, _drop_for(leg.hip, foot.ankle, reach * max(0.985, natural)))
+        goal = min(needed, self._settings.max_drop)
+        self._drop, self._drop_velocity = damp(
+            self._drop, self._drop_velocity, goal, self._settings.hips_halflife, dt
+        )
+
+
+class _Ground:
+    """Terrain heights for single points, without array overhead."""
+
+    def __init__(self, terrain: Terrain) -> None:
+        self._item = terrain.heights.item
+        self._nx, self._nz = terrain.heights.shape
+        self._x, self._z = terrain.origin
+        self._cells = 1.0 / terrain.cell_m
+
+    def height(self, x: float, z: float) -> float:
+        """Bilinear height in metres, as `Terrain.height`."""
+        u = min(max((x - self._x) * self._cells, 0.0), self._nx - 1.000001)
+        v = min(max((z - self._z) * self._cells, 0.0), self._nz - 1.000001)
+        i, j = int(u), int(v)
+        u, v, item = u - i, v - j, self._item
+        low = item(i, j) * (1.0 - u) + item(i + 1, j) * u
+        high = item(i, j + 1) * (1.0 - u) + item(i + 1, j + 1) * u
+        return low * (1.0 - v) + high * v
+
+
+class _Foot:
+    """State of one foot. The offset is outgoing minus incoming toe joint."""
+
+    def __init__(self, bones: LegBones, settings: FootLockSettings) -> None:
+        self.bones = bones
+        self.settings = settings
+        self.anchor = ""  # "", "heel" or "toe": the point that is held
+        self.point = (0.0, 0.0)  # x, z of the held point
+        self.lowest = 0.0  # lowest height of the incoming point since it is held
+        self.refractory = 0.0  # s until it may be held again
+        self.offset: Vector = (0.0, 0.0, 0.0)
+        self.offset_velocity: Vector = (0.0, 0.0, 0.0)
+        self.yaw, self.yaw_velocity = 0.0, 0.0
+        self.held_yaw: float | None = None
+        self.flat = 0.0  # 0..1: the sole lies on the ground
+        self.incoming: tuple[Vector, Vector] | None = None  # toe and ankle of the previous frame
+        self.toe: Vector = (0.0, 0.0, 0.0)  # outgoing
+        self.ankle: Vector = (0.0, 0.0, 0.0)
+        self.rotation: Quaternion = (1.0, 0.0, 0.0, 0.0)
+        self.velocity: Vector = (0.0, 0.0, 0.0)  # of the incoming toe
+        self.toe_down = self.heel_down = False
+        self.heights = (0.0, 0.0)  # incoming toe and ankle over their resting heights
+
+    def observe(self, leg: LegPose, heel: float, toe: float, ground: _Ground, dt: float) -> None:
+        """Read the incoming foot: velocities, heights over rest, and which points are in contact."""
+        if self.incoming is None:
+            self.incoming = (leg.toe, leg.ankle)
+            self.toe, self.ankle = leg.toe, leg.ankle
+        self.velocity = scale(subtract(leg.toe, self.incoming[0]), 1.0 / dt)
+        ankle_velocity = scale(subtract(leg.ankle, self.incoming[1]), 1.0 / dt)
+        self.incoming = (leg.toe, leg.ankle)
+        self.refractory = max(0.0, self.refractory - dt)
+        self.heights = (
+            leg.toe[1] - ground.height(leg.toe[0], leg.toe[2]) - TOE_HEIGHT,
+            leg.ankle[1] - ground.height(leg.ankle[0], leg.ankle[2]) - ANKLE_HEIGHT,
+        )
+        self.toe_down = self._in_contact(self.toe_down, toe, self.heights[0], self.velocity)
+        self.heel_down = self._in_contact(self.heel_down, heel, self.heights[1], ankle_velocity)
+
+    def _in_contact(self, was: bool, chance: float, height: float, velocity: Vector) -> bool:
+        s = self.settings
+        speed = sqrt(velocity[0] * velocity[0] + velocity[2] * velocity[2])
+        if was:
+            still = speed < 1.5 * s.still_speed and height < 2.0 * s.still_height
+            return still or (chance > s.contact_off and speed < 1.5 * s.lock_speed)
+        if speed < s.still_speed and height < s.still_height:
+            return True
+        return chance > s.contact_on and speed < s.lock_speed and height < s.lock_height
+
+    def choose_anchor(self, leg: LegPose, drop: float, other_steps: bool) -> None:
+        """Take, keep or give up the held point; the toe goes before the heel, so that the foot rolls over it."""
+        s = self.settings
+        anchor = "toe" if self.toe_down else "heel" if self.heel_down else ""
+        if self.refractory > 0.0:
+            anchor = ""
+        rise = self.heights[0] if anchor == "toe" else self.heights[1]
+        if anchor and anchor != self.anchor:
+            joint = self.toe if anchor == "toe" else self.ankle
+            self.point, self.lowest = (joint[0], joint[2]), rise
+        self.anchor = anchor
+        if not anchor:
+            return
+        self.lowest = min(self.lowest, rise)
+        joint = leg.toe if anchor == "toe" else leg.ankle
+        away = sqrt((joint[0] - self.point[0]) ** 2 + (joint[2] - self.point[1]) ** 2)
+        hip = (leg.hip[0], leg.hip[1] - drop, leg.hip[2])
+        stretch = length(subtract(self.ankle, hip)) - self.bones.length
+        if rise > self.lowest + s.release_rise:
+            self.anchor, self.toe_down, self.heel_down = "", False, False
+        elif max(away / s.release_offset, stretch / s.release_stretch) > (1.5 if other_steps else 1.0):
+            self.anchor, self.refractory = "", s.refractory
+
+    def plant(self, leg: LegPose, ground: _Ground, dt: float) -> None:
+        """Set the outgoing toe, ankle and foot rotation."""
+        s = self.settings
+        keep = 2.0 ** (-dt / s.settle_halflife)
+        self._turn(leg, ground, dt)
+        sole = rotate(self.rotation, self.bones.offsets[4])
+        if self.anchor == "toe":
+            rest = self._support(ground) + TOE_HEIGHT
+            y = rest + (self.toe[1] - rest) * keep
+            self.toe = (self.point[0], y, self.point[1])
+            self.ankle = subtract(self.toe, sole)
+        elif self.anchor == "heel":
+            rest = ground.height(*self.point) + ANKLE_HEIGHT
+            y = rest + (self.ankle[1] - rest) * keep
+            self.ankle = (self.point[0], y, self.point[1])
+            self.toe = add(self.ankle, sole)
+        else:
+            goal = (0.0, self._lift(leg, ground), 0.0)
+            self._fade_offset(goal, dt)
+            self.toe = add(leg.toe, self.offset)
+            self.ankle = subtract(self.toe, sole)
+        self._clear(ground)
+        offset = subtract(self.toe, leg.toe)
+        if self.anchor:
+            self.offset_velocity = scale(subtract(offset, self.offset), 1.0 / dt)
+        self.offset = offset
+
+    def _turn(self, leg: LegPose, ground: _Ground, dt: float) -> None:
+        """Rotation of the foot: incoming, with its heading held and its sole laid flat while all of it is down."""
+        s = self.settings
+        ahead = rotate(leg.foot, self.bones.offsets[4])
+        level = sqrt(ahead[0] * ahead[0] + ahead[2] * ahead[2]) > 0.04
+        whole = bool(self.anchor) and self.toe_down and self.heel_down and level
+        heading = atan2(ahead[0], ahead[2])
+        if whole:
+            if self.held_yaw is None:
+                self.held_yaw = heading + self.yaw
+            turn = (self.held_yaw - heading + pi) % (2.0 * pi) - pi
+            turn = min(max(turn, -s.max_yaw), s.max_yaw)
+            self.yaw, self.yaw_velocity = turn, (turn - self.yaw) / dt
+        else:
+            self.held_yaw = None
+            self.yaw, self.yaw_velocity = damp(self.yaw, self.yaw_velocity, 0.0, s.yaw_halflife, dt)
+        keep = 2.0 ** (-dt / s.flat_halflife)
+        self.flat = self.flat * keep + (1.0 - keep if whole else 0.0)
+        self.rotation = multiply(_from_yaw(self.yaw), leg.foot)
+        if self.flat > 1e-3 and level:
+            slope = between((0.0, 1.0, 0.0), self._normal(ground))
+            lying = multiply(slope, _from_yaw(heading + self.yaw))
+            self.rotation = mix(self.rotation, lying, self.flat)
+
+    def _normal(self, ground: _Ground) -> Vector:
+        """Upward normal of the ground under the sole; straight up where the sole lies over an edge."""
+        x, z, reach = 0.5 * (self.toe[0] + self.ankle[0]), 0.5 * (self.toe[2] + self.ankle[2]), 0.07
+        dx = (ground.height(x + reach, z) - ground.height(x - reach, z)) / (2.0 * reach)
+        dz = (ground.height(x, z + reach) - ground.height(x, z - reach)) / (2.0 * reach)
+        steep = sqrt(dx * dx + dz * dz) > self.settings.edge_slope
+        return (0.0, 1.0, 0.0) if steep else unit((-dx, 1.0, -dz))
+
+    def _support(self, ground: _Ground) -> float:
+        """Height of the ground that carries a held toe: under the heel when the toe hangs over an edge."""
+        under = ground.height(*self.point)
+        if not self.heel_down:
+            return under
+        heel = ground.height(self.ankle[0], self.ankle[2])
+        over_edge = heel - under > self.settings.edge_slope * self.bones.foot_length
+        return heel if over_edge else under
+
+    def _lift(self, leg: LegPose, ground: _Ground) -> float:
+        """Metres by which the swinging foot has to rise over its incoming height: ground below, edges ahead."""
+        s = self.settings
+        lift = s.refractory_lift if self.refractory > 0.0 else 0.0
+        for joint, rest in ((self.toe, leg.toe[1] - TOE_HEIGHT), (self.ankle, leg.ankle[1] - ANKLE_HEIGHT)):
+            below = ground.height(joint[0], joint[2])
+            lift = max(lift, below - s.sink - rest)
+            for share in (0.25, 0.5, 0.75, 1.0):
+                dx = self.velocity[0] * share * s.look_ahead
+                dz = self.velocity[2] * share * s.look_ahead
+                there = ground.height(joint[0] + dx, joint[2] + dz)
+                if there - below > 0.03 + s.edge_slope * sqrt(dx * dx + dz * dz):
+                    lift = max(lift, there + s.clearance - rest)
+        return lift
+
+    def _fade_offset(self, goal: Vector, dt: float) -> None:
+        s = self.settings
+        rising = s.rise_halflife if goal[1] > self.offset[1] else s.release_halflife
+        halflives = (s.release_halflife, rising, s.release_halflife)
+        pairs = [
+            damp(o, v, g, h, dt)
+            for o, v, g, h in zip(self.offset, self.offset_velocity, goal, halflives, strict=True)
+        ]
+        self.offset = (pairs[0][0], pairs[1][0], pairs[2][0])
+        self.offset_velocity = (pairs[0][1], pairs[1][1], pairs[2][1])
+
+    def _clear(self, ground: _Ground) -> None:
+        """Raise toe and ankle out of the ground, turning the foot so that it keeps its length."""
+        s = self.settings
+        toe_floor = ground.height(self.toe[0], self.toe[2]) + TOE_HEIGHT - s.sink
+        ankle_floor = ground.height(self.ankle[0], self.ankle[2]) + ANKLE_HEIGHT - s.sink
+        if self.toe[1] >= toe_floor and self.ankle[1] >= ankle_floor:
+            return
+        toe = (self.toe[0], max(self.toe[1], toe_floor), self.toe[2])
+        ankle = (self.ankle[0], max(self.ankle[1], ankle_floor), self.ankle[2])
+        before = unit(subtract(self.toe, self.ankle))
+        after = unit(subtract(toe, ankle))
+        self.rotation = multiply(between(before, after), self.rotation)
+        sole = scale(after, self.bones.foot_length)
+        if self.anchor == "heel":
+            self.ankle, self.toe = ankle, add(ankle, sole)
+        else:
+            self.toe, self.ankle = toe, subtract(toe, sole)
+
+
+def _from_yaw(yaw: float) -> Quaternion:
+    return cos(0.5 * yaw), 0.0, sin(0.5 * yaw), 0.0
+
+
+def _drop_for(hip: Vector, ankle: Vector, reach: float) -> float:
+    """Metres that `hip` must sink for `ankle` to be within `reach`; as far as useful when it never is."""
+    across = (ankle[0] - hip[0]) ** 2 + (ankle[2] - hip[2]) ** 2
+    height = sqrt(max(reach * reach - across, 0.0))
+    return max(hip[1] - ankle[1] - height, 0.0)

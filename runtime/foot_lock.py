@@ -49,7 +49,7 @@ class FootLockSettings:
     lock_height: float = 0.25  # m: nor one that is higher over its resting height
     still_speed: float = 0.3  # m/s: a point slower than this and near the ground is in contact
     still_height: float = 0.025  # m over its resting height
-    release_rise: float = 0.05  # m that the incoming point may rise over its lowest while held
+    release_rise: float = 0.035  # m that the incoming point may rise over its lowest while held
     release_offset: float = 0.2  # m between the held and the incoming point
     release_stretch: float = 0.04  # m that the leg would have to grow
     refractory: float = 0.15  # s without a new hold after a forced release
@@ -57,13 +57,14 @@ class FootLockSettings:
     release_halflife: float = 0.07
     rise_halflife: float = 0.05  # of the swing's clearance
     settle_halflife: float = 0.025  # of a held point's height
-    flat_halflife: float = 0.05  # of the sole's alignment to the ground
+    flat_halflife: float = 0.07  # of the sole's alignment to the ground
     yaw_halflife: float = 0.10
     hips_halflife: float = 0.06
     max_yaw: float = 0.6
     max_drop: float = 0.35  # m that the hips may sink
     sink: float = 0.006  # m that a sole may press into the ground
     look_ahead: float = 0.12  # s of swing in which edges are seen
+    soft_floor: float = 0.015  # m over the ground in which a landing foot slows down
     clearance: float = 0.02  # m between the sole and an edge
     edge_slope: float = 0.7  # rise over run from which the ground is an edge, not a slope
 
@@ -175,12 +176,13 @@ class _Foot:
         self.offset_velocity: Vector = (0.0, 0.0, 0.0)
         self.yaw, self.yaw_velocity = 0.0, 0.0
         self.held_yaw: float | None = None
-        self.flat = 0.0  # 0..1: the sole lies on the ground
+        self.flat, self.flat_velocity = 0.0, 0.0  # 0..1: the sole lies on the ground
         self.incoming: tuple[Vector, Vector] | None = None  # toe and ankle of the previous frame
         self.toe: Vector = (0.0, 0.0, 0.0)  # outgoing
         self.ankle: Vector = (0.0, 0.0, 0.0)
         self.rotation: Quaternion = (1.0, 0.0, 0.0, 0.0)
         self.velocity: Vector = (0.0, 0.0, 0.0)  # of the incoming toe
+        self.rise = (0.0, 0.0)  # m/s of the outgoing toe and ankle
         self.toe_down = self.heel_down = False
         self.heights = (0.0, 0.0)  # incoming toe and ankle over their resting heights
 
@@ -203,11 +205,11 @@ class _Foot:
     def _in_contact(self, was: bool, chance: float, height: float, velocity: Vector) -> bool:
         s = self.settings
         speed = sqrt(velocity[0] * velocity[0] + velocity[2] * velocity[2])
-        if was:
-            still = speed < 1.5 * s.still_speed and height < 2.0 * s.still_height
-            return still or (chance > s.contact_off and speed < 1.5 * s.lock_speed)
-        if speed < s.still_speed and height < s.still_height:
+        slack = 1.5 if was else 1.0  # hysteresis
+        if length(velocity) < slack * s.still_speed and height < slack * s.still_height:
             return True
+        if was:
+            return chance > s.contact_off and speed < slack * s.lock_speed
         return chance > s.contact_on and speed < s.lock_speed and height < s.lock_height
 
     def choose_anchor(self, leg: LegPose, drop: float, other_steps: bool) -> None:
@@ -235,18 +237,17 @@ class _Foot:
 
     def plant(self, leg: LegPose, ground: _Ground, dt: float) -> None:
         """Set the outgoing toe, ankle and foot rotation."""
-        s = self.settings
-        keep = 2.0 ** (-dt / s.settle_halflife)
+        before = (self.toe[1], self.ankle[1])
         self._turn(leg, ground, dt)
         sole = rotate(self.rotation, self.bones.offsets[4])
         if self.anchor == "toe":
             rest = self._support(ground) + TOE_HEIGHT
-            y = rest + (self.toe[1] - rest) * keep
+            y = self._settle(self.toe[1], self.rise[0], rest, dt)
             self.toe = (self.point[0], y, self.point[1])
             self.ankle = subtract(self.toe, sole)
         elif self.anchor == "heel":
             rest = ground.height(*self.point) + ANKLE_HEIGHT
-            y = rest + (self.ankle[1] - rest) * keep
+            y = self._settle(self.ankle[1], self.rise[1], rest, dt)
             self.ankle = (self.point[0], y, self.point[1])
             self.toe = add(self.ankle, sole)
         else:
@@ -255,17 +256,22 @@ class _Foot:
             self.toe = add(leg.toe, self.offset)
             self.ankle = subtract(self.toe, sole)
         self._clear(ground)
+        self.rise = ((self.toe[1] - before[0]) / dt, (self.ankle[1] - before[1]) / dt)
         offset = subtract(self.toe, leg.toe)
         if self.anchor:
             self.offset_velocity = scale(subtract(offset, self.offset), 1.0 / dt)
         self.offset = offset
+
+    def _settle(self, y: float, velocity: float, rest: float, dt: float) -> float:
+        return damp(y, velocity, rest, self.settings.settle_halflife, dt)[0]
 
     def _turn(self, leg: LegPose, ground: _Ground, dt: float) -> None:
         """Rotation of the foot: incoming, with its heading held and its sole laid flat while all of it is down."""
         s = self.settings
         ahead = rotate(leg.foot, self.bones.offsets[4])
         level = sqrt(ahead[0] * ahead[0] + ahead[2] * ahead[2]) > 0.04
-        whole = bool(self.anchor) and self.toe_down and self.heel_down and level
+        tiptoe = self.heights[1] - self.heights[0] > s.still_height
+        whole = bool(self.anchor) and self.toe_down and self.heel_down and level and not tiptoe
         heading = atan2(ahead[0], ahead[2])
         if whole:
             if self.held_yaw is None:
@@ -276,8 +282,7 @@ class _Foot:
         else:
             self.held_yaw = None
             self.yaw, self.yaw_velocity = damp(self.yaw, self.yaw_velocity, 0.0, s.yaw_halflife, dt)
-        keep = 2.0 ** (-dt / s.flat_halflife)
-        self.flat = self.flat * keep + (1.0 - keep if whole else 0.0)
+        self.flat, self.flat_velocity = damp(self.flat, self.flat_velocity, float(whole), s.flat_halflife, dt)
         self.rotation = multiply(_from_yaw(self.yaw), leg.foot)
         if self.flat > 1e-3 and level:
             slope = between((0.0, 1.0, 0.0), self._normal(ground))
@@ -307,7 +312,8 @@ class _Foot:
         lift = s.refractory_lift if self.refractory > 0.0 else 0.0
         for joint, rest in ((self.toe, leg.toe[1] - TOE_HEIGHT), (self.ankle, leg.ankle[1] - ANKLE_HEIGHT)):
             below = ground.height(joint[0], joint[2])
-            lift = max(lift, below - s.sink - rest)
+            depth = below - s.sink - rest
+            lift = max(lift, 0.5 * (depth + sqrt(depth * depth + s.soft_floor * s.soft_floor)))
             for share in (0.25, 0.5, 0.75, 1.0):
                 dx = self.velocity[0] * share * s.look_ahead
                 dz = self.velocity[2] * share * s.look_ahead

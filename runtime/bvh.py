@@ -216,7 +216,7 @@ def format_bvh(
     rows = np.concatenate(
         [np.asarray(hips_positions) * units_per_metre, angles.reshape(len(angles), -1)], axis=1
     )
-    lines += ["MOTION", f"Frames: {len(rows)}", f"Frame Time: {1.0 / fps:.8f}"]
+    lines += ["MOTION", f"Frames: {len(rows)}", f"Frame Time: {1.0 / fps:.10f}"]
     lines += [" ".join(f"{v:.5f}" for v in row) for row in rows]
     return "\n".join(lines) + "\n"
 

@@ -1,0 +1,46 @@
+"""Files appear whole or not at all: write beside the target, then rename over it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from runtime.errors import FileError
+
+_REMEDY = "Choose a folder that can be written, with space left."
+
+
+@contextlib.contextmanager
+def atomic_path(target: str | Path) -> Iterator[Path]:
+    """Path of a temporary file beside `target` that replaces it when the block ends without an error.
+
+    Missing folders are made. FileError names the target when it cannot be written; the old file then stays as it was.
+    """
+    target = Path(target)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent)
+        os.close(handle)
+    except OSError as error:
+        raise FileError(f"{target}: {error.strerror or error}.", _REMEDY) from error
+    temporary = Path(name)
+    try:
+        yield temporary
+        with temporary.open("rb") as file:
+            os.fsync(file.fileno())
+        temporary.chmod(0o644)  # mkstemp makes files that nobody else can read
+        temporary.replace(target)
+    except OSError as error:
+        raise FileError(f"{target}: {error.strerror or error}.", _REMEDY) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_atomic(target: str | Path, content: str | bytes) -> None:
+    """Write a whole text (UTF-8) or binary file; see `atomic_path`."""
+    data = content.encode("utf-8") if isinstance(content, str) else content
+    with atomic_path(target) as temporary:
+        temporary.write_bytes(data)

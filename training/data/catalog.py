@@ -1,0 +1,179 @@
+"""Which files of the data sets are locomotion, and what style and content each shows."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from runtime.errors import FileError
+
+SOURCES = ("100style", "bandai_namco", "cmu", "jlpm", "pfnn", "pfnn_rollouts")
+
+_STYLE100_CONTENT = {
+    "FW": "walk forward", "BW": "walk backward", "SW": "walk sideways", "FR": "run forward", "BR": "run backward",
+    "SR": "run sideways", "ID": "idle", "TR1": "mixed transitions",
+}  # fmt: skip
+_BANDAI_1_STYLES = {
+    "normal": "neutral_bn", "happy": "happy", "sad": "sad", "angry": "angry_bn", "proud": "proud",
+    "not-confident": "not_confident", "masculinity": "masculine", "feminine": "feminine", "childish": "childish",
+    "old": "old", "tired": "tired", "active": "active", "musical": "musical",
+}  # fmt: skip
+_BANDAI_2_STYLES = {
+    "active": "active2", "elderly": "elderly", "exhausted": "exhausted", "feminine": "feminine2",
+    "masculine": "masculine2", "normal": "neutral_bn2", "youthful": "youthful",
+}  # fmt: skip
+_BANDAI_CONTENT = {
+    "walk": "walk forward", "run": "run forward", "dash": "dash forward", "walk-back": "walk backward",
+    "walk-left": "walk left", "walk-right": "walk right", "walk-turn-left": "walk turn left",
+    "walk-turn-right": "walk turn right",
+}  # fmt: skip
+_GESTURES = {
+    f"{verb}-{hand}": f"{short}_{hand.replace('-', '_')}"
+    for verb, short in (("wave", "wave"), ("raise-up", "raise"))
+    for hand in ("left-hand", "right-hand", "both-hands")
+}
+_GESTURE_PERFORMERS = ("normal", "active", "youthful")
+GESTURE_CLIPS = 12  # per gesture: standing still needs few examples
+_CMU_STYLES = {"exaggerated stride": "cmu_exaggerated_stride", "hop": "cmu_hop"}
+_CMU_REFUSED = ("playground", "dance", "basketball", "soccer", "ladder", "grab", "jumping jacks", "balance")
+
+
+@dataclass(frozen=True)
+class ClipSource:
+    """One file to import."""
+
+    path: Path
+    name: str  # unique among all sources
+    source: str
+    style: str
+    content: str
+    tier: str = "exact"
+    terrain: str = "flat"  # "flat", "rollout" (known height map) or "contacts" (to be fitted)
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A file, or a part of it, that does not enter the data set."""
+
+    name: str
+    source: str
+    reason: str
+
+
+def list_clips(data: Path) -> tuple[list[ClipSource], list[Refusal]]:
+    """All clips below `data` (one folder per archive) and the files that are left out, in a stable order."""
+    clips: list[ClipSource] = []
+    refused: list[Refusal] = []
+    for source in SOURCES:
+        folder = source_folder(data, source)
+        if folder is None:
+            refused.append(Refusal(source, source, "archive not present"))
+            continue
+        found, left_out = _LISTERS[source](folder)
+        clips += found
+        refused += left_out
+    if not clips:
+        raise FileError(f"{data}: none of {', '.join(SOURCES)} found.", "Give the folder of the archives with --data.")
+    return clips, refused
+
+
+def source_folder(data: Path, source: str) -> Path | None:
+    """Folder with the unpacked files of `source`: DATA/NAME/NAME or DATA/NAME."""
+    for folder in (data / source / source, data / source):
+        if folder.is_dir():
+            return folder
+    return None
+
+
+def _list_100style(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
+    clips = []
+    for path in sorted(folder.rglob("*.bvh")):
+        style, _, code = path.stem.partition("_")
+        tier = "estimated_root" if "estimated" in path.parent.name else "exact"
+        key = re.sub(r"(?<!^)(?=[A-Z])", "_", style).lower()
+        clips.append(
+            ClipSource(path, f"100style_{path.stem}", "100style", key, _STYLE100_CONTENT.get(code, code), tier)
+        )
+    return clips, []
+
+
+def _list_bandai(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
+    clips: list[ClipSource] = []
+    refused: list[Refusal] = []
+    gestures: Counter[tuple[str, str]] = Counter()
+    for path in sorted(folder.rglob("*.bvh")):
+        dataset, content, performer, _ = path.stem.split("_")
+        styles = _BANDAI_1_STYLES if dataset == "dataset-1" else _BANDAI_2_STYLES
+        name = f"bandai{dataset[-1]}_{content}_{path.stem.split('_', 2)[2]}"
+        if content in _GESTURES:
+            key = (content, performer)
+            gestures[key] += 1
+            if performer not in _GESTURE_PERFORMERS:
+                refused.append(Refusal(name, "bandai_namco", "gesture of another performer"))
+            elif gestures[key] > GESTURE_CLIPS // len(_GESTURE_PERFORMERS):
+                refused.append(Refusal(name, "bandai_namco", f"more than {GESTURE_CLIPS} clips of this gesture"))
+            else:
+                style = _GESTURES[content]
+                clips.append(ClipSource(path, name, "bandai_namco", style, style.replace("_", " ")))
+        elif content in _BANDAI_CONTENT:
+            clips.append(ClipSource(path, name, "bandai_namco", styles[performer], _BANDAI_CONTENT[content]))
+        else:
+            refused.append(Refusal(name, "bandai_namco", f"not locomotion: {content}"))
+    return clips, refused
+
+
+def _list_cmu(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
+    index = folder / "index.json"
+    try:
+        descriptions = json.loads(index.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise FileError(f"{index}: {error}.", "Unpack the archive again.") from error
+    clips: list[ClipSource] = []
+    refused: list[Refusal] = []
+    for path in sorted(folder.glob("*.bvh")):
+        text = str(descriptions.get(path.stem, "")).lower()
+        name = f"cmu_{path.stem}"
+        words = re.findall(r"[a-z]+", text)
+        wanted = {"walk", "run", "jog", "jump", "hop", "march", "navigate", "steps"} & set(words)
+        if not wanted or any(word in text for word in _CMU_REFUSED):
+            refused.append(Refusal(name, "cmu", f"not locomotion: {text or 'no description'}"))
+            continue
+        style = next((key for word, key in _CMU_STYLES.items() if word in text), "neutral")
+        terrain = "contacts" if "uneven" in text or "steps" in text else "flat"
+        clips.append(ClipSource(path, name, "cmu", style, text, terrain=terrain))
+    return clips, refused
+
+
+def _list_jlpm(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
+    clips = [
+        ClipSource(p, f"jlpm_{p.stem}", "jlpm", "neutral", "mixed walk jog") for p in sorted(folder.glob("*.bvh"))
+    ]
+    return clips, []
+
+
+def _list_pfnn(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
+    clips = [
+        ClipSource(p, f"pfnn_{p.stem}", "pfnn", "neutral", "mixed locomotion") for p in sorted(folder.glob("*.bvh"))
+    ]
+    return clips, []
+
+
+def _list_rollouts(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
+    clips = [
+        ClipSource(p, f"rollout_{p.stem}", "pfnn_rollouts", "neutral", "mixed locomotion on terrain", terrain="rollout")
+        for p in sorted(folder.glob("*.bvh"))
+    ]
+    return clips, []
+
+
+_LISTERS = {
+    "100style": _list_100style,
+    "bandai_namco": _list_bandai,
+    "cmu": _list_cmu,
+    "jlpm": _list_jlpm,
+    "pfnn": _list_pfnn,
+    "pfnn_rollouts": _list_rollouts,
+}

@@ -1,0 +1,104 @@
+"""Contact sheets: frames of imported clips as bone figures, to see errors that numbers hide.
+
+`python -m training.data.contact_sheet --dataset DIR --out docs/contact_sheets`
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import rotations
+from runtime.skeleton import PART_JOINTS, SPORT_SKELETON
+
+Array = NDArray[np.floating]
+
+CLIPS, FRAMES = 8, 8
+_VIEW_YAW, _VIEW_PITCH = np.deg2rad(35.0), np.deg2rad(12.0)
+_COLOURS = {
+    "left_arm": "#e8590c", "left_leg": "#d9480f", "right_arm": "#1971c2", "right_leg": "#1864ab",
+    "torso": "#495057", "head": "#212529",
+}  # fmt: skip
+
+
+def draw_sheet(paths: list[Path], out: Path) -> None:
+    """Draw up to `FRAMES` frames of every clip, one clip in a row: left limbs orange, right limbs blue."""
+    from matplotlib import pyplot
+
+    figure, grid = pyplot.subplots(
+        len(paths), FRAMES, figsize=(2.0 * FRAMES, 2.3 * len(paths)), squeeze=False
+    )
+    for row, path in zip(grid, paths, strict=True):
+        with np.load(path, allow_pickle=False) as clip:
+            _draw_row(row, clip)
+        row[0].set_title(path.stem, fontsize=8, loc="left")
+    figure.subplots_adjust(0, 0, 1, 0.98, 0, 0.08)
+    figure.savefig(out, dpi=70)
+    pyplot.close(figure)
+
+
+def _draw_row(row: Array, clip: np.lib.npyio.NpzFile) -> None:
+    hips, local = clip["hips_positions"], clip["local_rotations"]
+    positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
+    middle = len(hips) // 3
+    step = max(1, min(12, (len(hips) - middle - 1) // FRAMES))
+    for axis, t in zip(row, range(middle, middle + FRAMES * step, step), strict=False):
+        t = min(t, len(hips) - 1)
+        ahead = world[t, 0].astype(np.float64)
+        forward = rotations.rotate(ahead, np.array([0.0, 0, 1.0]))
+        turn = rotations.from_yaw(-np.arctan2(forward[0], forward[2]))
+        centre = np.array([hips[t, 0], 0.0, hips[t, 2]])
+        _draw_figure(axis, rotations.rotate(turn, positions[t] - centre), clip["contacts"][t])
+
+
+def _project(p: Array) -> tuple[Array, Array]:
+    q = rotations.multiply(
+        rotations.from_axis_angle(np.array([1.0, 0, 0]), _VIEW_PITCH), rotations.from_yaw(-_VIEW_YAW)
+    )
+    v = rotations.rotate(np.broadcast_to(q, (*p.shape[:-1], 4)), p)
+    return v[..., 0], v[..., 1]
+
+
+def _draw_figure(axis: object, p: Array, contacts: Array) -> None:
+    ground = np.stack([np.linspace(-0.5, 0.5, 3), np.zeros(3), np.zeros(3)], -1)
+    for shift in (-0.4, -0.2, 0.0, 0.2, 0.4):
+        for line in (ground + [0, 0, shift], ground[:, [2, 1, 0]] + [shift, 0, 0]):
+            axis.plot(*_project(line), color="#ced4da", lw=0.6)  # type: ignore[attr-defined]
+    for part, joints in PART_JOINTS.items():
+        for j in joints:
+            parent = SPORT_SKELETON.parents[j]
+            if parent >= 0:
+                x, y = _project(p[[parent, j]])
+                axis.plot(x, y, color=_COLOURS[part], lw=4, solid_capstyle="round")  # type: ignore[attr-defined]
+    for contact, j in zip(contacts, (4, 5, 9, 10), strict=True):
+        if contact:
+            axis.plot(*_project(p[j]), "o", color="#2b8a3e", ms=4)  # type: ignore[attr-defined]
+    axis.set(xlim=(-0.75, 0.75), ylim=(-0.35, 1.75), aspect="equal")  # type: ignore[attr-defined]
+    axis.axis("off")  # type: ignore[attr-defined]
+
+
+def main() -> None:
+    """Command line: one sheet per source."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--dataset", type=Path, required=True, help="folder that the importer wrote")
+    parser.add_argument("--out", type=Path, required=True)
+    options = parser.parse_args()
+    import matplotlib
+
+    matplotlib.use("Agg")
+    options.out.mkdir(parents=True, exist_ok=True)
+    groups: dict[str, list[Path]] = {}
+    for path in sorted((options.dataset / "clips").glob("*.npz")):
+        prefix = path.stem.split("_")[0]
+        if not path.stem.endswith("_m"):
+            groups.setdefault(prefix, []).append(path)
+    for prefix, paths in groups.items():
+        chosen = [paths[i] for i in np.unique(np.linspace(0, len(paths) - 1, CLIPS).astype(int))]
+        draw_sheet(chosen, options.out / f"{prefix}.png")
+
+
+if __name__ == "__main__":
+    main()

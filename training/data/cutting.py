@@ -1,0 +1,100 @@
+"""Which frames of a clip are worth keeping: lead-ins and spikes are cut, clips are split for evaluation."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import rotations
+from training.data.labels import smooth
+from training.data.retarget import FPS, speed
+
+Array = NDArray[np.floating]
+
+MIN_SECONDS = 1.5
+MAX_ROOT_SPEED = 8.0  # m/s
+MAX_ESTIMATED_ACCELERATION = 45.0  # m/s², of a root that was estimated from contacts
+MAX_JOINT_TURN = np.deg2rad(35.0)  # between two frames at 60 Hz
+HELD_OUT_SHARE = 0.08
+TAIL_SECONDS = 20.0  # longer takes give their tail to evaluation
+GAP_SECONDS = 2.0  # between training part and tail: no training window sees a held-out frame
+
+_LEFT_ARM, _RIGHT_ARM = 18, 25
+
+
+def lead_in(positions: Array, content: str) -> tuple[int, int]:
+    """First and last-plus-one frame without T-poses and long waits at both ends of `positions` `(T, 31, 3)`."""
+    frames = len(positions)
+    pace = speed(smooth(positions[:, 0] * np.array([1.0, 0, 1.0]), 0.3))
+    tpose = _is_tpose(positions) & (pace < 0.3)
+    third = frames // 3
+    head = np.flatnonzero(tpose[:third])
+    tail = np.flatnonzero(tpose[-third:])
+    start = head[-1] + round(0.7 * FPS) if len(head) else 0
+    end = frames - third + tail[0] - round(0.7 * FPS) if len(tail) else frames
+    if "idle" not in content and "wave" not in content and "raise" not in content:
+        moving = np.flatnonzero(smooth(pace, 0.5)[start:end] > 0.4)
+        if len(moving):
+            end = min(end, start + int(moving[-1]) + round(FPS))
+            start = max(start, start + int(moving[0]) - round(FPS))
+    return int(max(start, 0)), int(max(end, start))
+
+
+def _is_tpose(positions: Array) -> NDArray[np.bool_]:
+    """Frames where both arms are level and stretched out to the sides."""
+    result = np.ones(len(positions), bool)
+    across = rotations.normalize(positions[:, _LEFT_ARM] - positions[:, _RIGHT_ARM])
+    for arm, sign in ((_LEFT_ARM, 1.0), (_RIGHT_ARM, -1.0)):
+        reach = rotations.normalize(positions[:, arm + 2] - positions[:, arm])
+        result &= (np.sum(reach * across, axis=-1) * sign > 0.88) & (np.abs(reach[:, 1]) < 0.35)
+    return result
+
+
+def spikes(hips: Array, local: Array, tier: str) -> NDArray[np.bool_]:
+    """Frames `(T,)` whose root or joints move as no body can."""
+    from scipy.ndimage import binary_dilation
+
+    pace = speed(hips)
+    bad = pace > MAX_ROOT_SPEED
+    turn = rotations.angle_between(local[:-1], local[1:]).max(axis=1)
+    bad[1:] |= turn > MAX_JOINT_TURN
+    if tier == "estimated_root":
+        acceleration = np.linalg.norm(np.gradient(np.gradient(smooth(hips, 0.05), axis=0), axis=0), axis=-1)
+        bad |= acceleration * FPS**2 > MAX_ESTIMATED_ACCELERATION
+    return binary_dilation(bad, iterations=4) if bad.any() else bad
+
+
+def segments(start: int, end: int, bad: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Stretches of good frames in [start, end) that are long enough to train on."""
+    good = ~bad
+    good[:start] = False
+    good[end:] = False
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
+    pairs = zip(edges[::2], edges[1::2], strict=True)
+    return [(int(a), int(b)) for a, b in pairs if b - a >= MIN_SECONDS * FPS]
+
+
+def hash_fraction(name: str) -> float:
+    """A number in [0, 1) that depends on the name alone."""
+    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:6], "big") / 2**48
+
+
+def held_out_names(clips: list[tuple[str, str]]) -> set[str]:
+    """Names held out whole, of (name, style) pairs: about 8 %, and one at least of every style with four clips or more."""
+    held = {name for name, _ in clips if hash_fraction(name) < HELD_OUT_SHARE}
+    styles: dict[str, list[str]] = {}
+    for name, style in clips:
+        styles.setdefault(style, []).append(name)
+    for names in styles.values():
+        if len(names) >= 4 and not held & set(names):
+            held.add(min(names, key=hash_fraction))
+    return held
+
+
+def tail_split(start: int, end: int) -> list[tuple[int, int, str]]:
+    """Training part and held-out tail of a long take that is the only one of its style and content."""
+    tail = max(round(HELD_OUT_SHARE * (end - start)), round(4.0 * FPS))
+    cut = end - tail
+    return [(start, cut - round(GAP_SECONDS * FPS), "train"), (cut, end, "held_out")]

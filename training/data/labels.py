@@ -1,0 +1,78 @@
+"""Per-frame labels of a retargeted motion: foot contacts and gait."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.controls import Gait
+from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
+from training.data.retarget import FPS, speed
+
+Array = NDArray[np.floating]
+
+FOOT_JOINTS = (4, 5, 9, 10)  # left heel (ankle joint), left toe, right heel, right toe
+_REST = np.array([ANKLE_HEIGHT, TOE_HEIGHT, ANKLE_HEIGHT, TOE_HEIGHT])
+_NEAR = np.array([0.05, 0.03, 0.05, 0.03])  # m over the rest height that still counts as contact
+_SPEED_ON, _SPEED_OFF = 0.25, 0.45  # m/s, hysteresis
+JOG_SPEED = 2.2
+STAND_SPEED = 0.15
+CROUCH_HEIGHT = 0.72  # m of the hips over the ground; upright is 1.0
+
+
+def smooth(x: Array, seconds: float) -> Array:
+    """Box average over time (axis 0) of about `seconds`, edges repeated."""
+    from scipy.ndimage import uniform_filter1d
+
+    return uniform_filter1d(np.asarray(x, np.float64), max(1, round(seconds * FPS)), axis=0, mode="nearest")
+
+
+def foot_contacts(positions: Array, ground: Array) -> NDArray[np.uint8]:
+    """Contacts `(T, 4)` from joint positions `(T, 31, 3)` and the ground height under the feet `(T, 4)`."""
+    from scipy.ndimage import median_filter
+
+    feet = np.asarray(positions[:, FOOT_JOINTS], np.float64)
+    height = feet[..., 1] - ground - _REST
+    pace = speed(feet)
+    on = (pace < _SPEED_ON) & (height < _NEAR)
+    keep = (pace < _SPEED_OFF) & (height < 1.3 * _NEAR)
+    state = np.zeros(on.shape, bool)
+    current = on[0]
+    for t in range(len(on)):
+        current = on[t] | (current & keep[t])
+        state[t] = current
+    return median_filter(state.astype(np.uint8), size=(5, 1), mode="nearest")
+
+
+def label_gait(hips: Array, contacts: Array, ground: Array, content: str) -> Array:
+    """Soft one-hot gait `(T, 6)` from root speed, hips height over `ground` `(T,)`, contacts and what the clip shows."""
+    pace = np.linalg.norm(np.gradient(smooth(hips[:, [0, 2]], 0.35), axis=0), axis=-1) * FPS
+    flight = smooth(contacts.sum(1) == 0, 0.8)
+    run = ("run" in content or "dash" in content) or ("mixed" in content)
+    jog = (pace > JOG_SPEED) | ((flight > 0.12) & (pace > 1.2)) | (("run" in content) & (pace > 0.8) & run)
+    gait = np.full(len(hips), Gait.WALK)
+    gait[jog] = Gait.JOG
+    gait[pace < STAND_SPEED] = Gait.STAND
+    gait[smooth(hips[:, 1] - ground, 0.5) < CROUCH_HEIGHT] = Gait.CROUCH
+    if "jump" in content or "hop" in content:
+        gait[_airborne(hips, contacts)] = Gait.JUMP
+    if "wave" in content or "raise" in content:
+        gait[:] = Gait.STAND
+    return soften(np.eye(len(Gait))[gait])
+
+
+def _airborne(hips: Array, contacts: Array) -> NDArray[np.bool_]:
+    """Frames from the crouch before a take-off to the recovery after the landing."""
+    from scipy.ndimage import binary_dilation, binary_opening
+
+    air = binary_opening(contacts.sum(1) == 0, iterations=4)
+    return binary_dilation(air, iterations=round(0.35 * FPS))
+
+
+def soften(gait: Array) -> Array:
+    """Gait weights `(T, 6)` blended over 0.2 s at changes, short flickers removed, rows summing to one."""
+    from scipy.ndimage import median_filter
+
+    hard = np.eye(gait.shape[1])[median_filter(np.argmax(gait, axis=1), size=21, mode="nearest")]
+    soft = smooth(hard, 0.2)
+    return (soft / soft.sum(1, keepdims=True)).astype(np.float32)

@@ -1,0 +1,232 @@
+"""From a source BVH to the SPORT skeleton at 60 Hz: rotations by calibrated rest poses, feet by two-bone IK."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import rotations
+from runtime.bvh import BvhMotion
+from runtime.ik import solve_legs
+from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
+from training.data.source_skeletons import SourceJoint, SourceSkeleton
+
+Array = NDArray[np.floating]
+
+FPS = 60.0
+LEG_LENGTH = float(-(SPORT_SKELETON.offsets[3][1] + SPORT_SKELETON.offsets[4][1]))
+FOOT_OFFSET = SPORT_SKELETON.offsets[5].astype(np.float64)  # ankle to toe in the rest pose
+HIP_CENTRE = np.array([0.0, *SPORT_SKELETON.offsets[2][1:]], np.float64)  # hips joint to middle of the hip joints
+STANCE_SPEED = 0.25  # m/s
+TOE_FLEX_LIMIT = np.deg2rad(50.0)
+_SIDES = ("Left", "Right")
+
+
+@dataclass(frozen=True)
+class SourceMotion:
+    """World-space motion of a source at 60 Hz, scaled to our leg length, with rest-pose corrections applied.
+
+    `rotations` holds our world rotation `(T, 4)` per driven joint. `hip_centre` `(T, 3)`, `ankles` and `toes` `(T, 2, 3)`
+    are metres in the source's own height over the ground.
+    """
+
+    rotations: dict[str, Array]
+    hip_centre: Array
+    ankles: Array
+    toes: Array
+
+
+@dataclass(frozen=True)
+class FootCalibration:
+    """Constants of one source skeleton, measured where its feet stand flat.
+
+    `foot_pitch`, `toe_pitch` `(2,)`: radians by which the toes point up there; `toe_offset` `(2, 3)`: how much farther than
+    ours its toe lies from the ankle, in the frame of the flat foot; `ankle_height`: of its ankles, scaled metres.
+    """
+
+    foot_pitch: Array
+    toe_pitch: Array
+    toe_offset: Array
+    ankle_height: float
+
+
+@dataclass(frozen=True)
+class Retargeted:
+    """A motion of the SPORT skeleton at 60 Hz: `hips` `(T, 3)` and `local` `(T, 31, 4)`."""
+
+    hips: Array
+    local: Array
+
+
+def load_source(motion: BvhMotion, skeleton: SourceSkeleton, first_frame: int = 0) -> SourceMotion:
+    """World motion of `motion` from `first_frame` on, resampled to 60 Hz and scaled to our legs."""
+    positions, world = motion.world()
+    positions, world = positions[first_frame:].astype(np.float64), world[first_frame:].astype(np.float64)
+    corrections = skeleton.corrections(motion)
+    index = motion.skeleton.index
+    thighs, shins, feet = (
+        [index(skeleton.joints[side + part].name) for side in _SIDES] for part in ("UpLeg", "Leg", "Foot")
+    )
+    leg = np.mean(np.linalg.norm(motion.skeleton.offsets[shins + feet], axis=-1)) * 2.0
+    scale = skeleton.fixed_scale or LEG_LENGTH / leg
+    if skeleton.toe_is_end_site:
+        ends = np.stack([motion.end_offsets[j] for j in feet])
+        toes = positions[:, feet] + rotations.rotate(world[:, feet], ends)
+    else:
+        toes = positions[:, [index(skeleton.joints[side + "ToeBase"].name) for side in _SIDES]]
+    times = sample_times(len(positions), motion.fps)
+
+    def driven(joint: SourceJoint, correction: Array) -> Array:
+        q = world[:, index(joint.name)]
+        if joint.towards:
+            q = rotations.slerp(q, world[:, index(joint.towards)], joint.blend)
+        return resample_rotations(rotations.multiply(q, np.broadcast_to(correction, q.shape)), times)
+
+    return SourceMotion(
+        {target: driven(joint, corrections[target]) for target, joint in skeleton.joints.items()},
+        resample_positions(positions[:, thighs].mean(1) * scale, times),
+        resample_positions(positions[:, feet] * scale, times),
+        resample_positions(toes * scale, times),
+    )
+
+
+def sample_times(frames: int, fps: float) -> Array:
+    """Fractional source frames at 60 Hz; whole frames when the source already runs at 60."""
+    if abs(fps - FPS) < 0.6:
+        return np.arange(frames, dtype=np.float64)
+    return np.arange(int((frames - 1) * FPS / fps + 1e-6) + 1) * (fps / FPS)
+
+
+def resample_rotations(q: Array, times: Array) -> Array:
+    """Quaternions `(T, ..., 4)` at fractional frames by slerp, continuous in sign."""
+    low = np.clip(times.astype(np.int64), 0, max(len(q) - 2, 0))
+    high = np.minimum(low + 1, len(q) - 1)
+    fraction = (times - low).reshape(-1, *([1] * (q.ndim - 2)))
+    if not np.any(fraction):
+        return rotations.continuous(q[low])
+    return rotations.continuous(rotations.slerp(q[low], q[high], fraction))
+
+
+def resample_positions(p: Array, times: Array) -> Array:
+    """Positions `(T, ..., 3)` at fractional frames by cubic splines."""
+    from scipy.interpolate import CubicSpline
+
+    if len(times) == len(p) or len(p) < 4:
+        return p[np.clip(np.round(times).astype(np.int64), 0, len(p) - 1)]
+    return CubicSpline(np.arange(len(p)), p, axis=0)(times)
+
+
+def speed(p: Array) -> Array:
+    """Speed in m/s `(T, ...)` of positions `(T, ..., 3)` at 60 Hz, by central differences."""
+    if len(p) < 3:
+        return np.zeros(p.shape[:-1])
+    return np.linalg.norm(np.gradient(p, axis=0), axis=-1) * FPS
+
+
+def _elevation(q: Array) -> Array:
+    """Radians by which local +Z points above the horizon."""
+    forward = rotations.rotate(q, np.broadcast_to([0.0, 0.0, 1.0], (*q.shape[:-1], 3)))
+    return np.arcsin(np.clip(forward[..., 1], -1.0, 1.0))
+
+
+def _yaw(q: Array) -> Array:
+    forward = rotations.rotate(q, np.broadcast_to([0.0, 0.0, 1.0], (*q.shape[:-1], 3)))
+    return rotations.from_yaw(np.arctan2(forward[..., 0], forward[..., 2]))
+
+
+def _pitched(q: Array, angle: Array) -> Array:
+    """q turned about its own lateral axis so that the toes sink by `angle`."""
+    return rotations.multiply(q, rotations.from_axis_angle(np.array([1.0, 0, 0]), np.asarray(angle)))
+
+
+def calibrate_feet(clips: list[SourceMotion]) -> FootCalibration:
+    """Measure where feet stand flat: slow, and as low as the feet of that clip usually stand."""
+    rows: list[list[Array]] = [[], []]
+    for clip in clips:
+        moving = np.maximum(speed(clip.ankles), speed(clip.toes))
+        for side in range(2):
+            height = clip.ankles[:, side, 1]
+            still = moving[:, side] < 0.5 * STANCE_SPEED
+            if still.sum() < 10:
+                continue
+            stance = still & (np.abs(height - np.percentile(height[still], 30)) < 0.012)
+            foot = clip.rotations[_SIDES[side] + "Foot"][stance]
+            toe = clip.rotations.get(_SIDES[side] + "ToeBase", clip.rotations[_SIDES[side] + "Foot"])[stance]
+            reach = rotations.rotate(
+                rotations.inverse(_yaw(foot)), clip.toes[stance, side] - clip.ankles[stance, side]
+            )
+            row = np.concatenate(
+                [_elevation(foot)[:, None], _elevation(toe)[:, None], reach, height[stance, None]], axis=1
+            )
+            rows[side].append(np.median(row, axis=0))  # one vote per clip: long idles must not decide
+    sides = [np.median(np.stack(r), axis=0) for r in rows]
+    both = np.stack(sides)
+    # a capture's left and right differ by noise rather than by anatomy
+    return FootCalibration(
+        both[:, 0], both[:, 1], both[:, 2:5] - FOOT_OFFSET, float(both[:, 5].mean())
+    )
+
+
+def retarget(
+    source: SourceMotion, feet: FootCalibration, height_offset: float | None, flex_toes: bool
+) -> Retargeted:
+    """Motion of the SPORT skeleton. `height_offset` lifts it, in metres; None measures it so that the feet stand on y = 0.
+
+    `flex_toes` bends the toes over the ground where the source's toes are rigid.
+    """
+    world = _world_rotations(source, feet)
+    foot = np.stack([world[:, 4], world[:, 9]], axis=1)
+    ankles = _ankle_targets(source, feet, foot)
+    toes = ankles + rotations.rotate(foot, np.broadcast_to(FOOT_OFFSET, ankles.shape))
+    if height_offset is None:
+        height_offset = _ground_offset(ankles, toes)
+    lift = np.array([0.0, height_offset, 0.0])
+    hips = source.hip_centre + lift - rotations.rotate(world[:, 0], np.broadcast_to(HIP_CENTRE, (len(world), 3)))
+    local = SPORT_SKELETON.local_rotations(world)
+    local = solve_legs(hips, local, ankles + lift, foot)
+    if flex_toes:
+        flex = np.clip(-_elevation(foot), 0.0, TOE_FLEX_LIMIT)
+        near = np.clip((0.09 - (toes[..., 1] + height_offset)) / 0.05, 0.0, 1.0)
+        local[:, [5, 10]] = _pitched(np.broadcast_to([1.0, 0, 0, 0], foot.shape), -flex * near)
+    local = rotations.continuous(rotations.normalize(local))
+    return Retargeted(hips.astype(np.float32), local.astype(np.float32))
+
+
+def _world_rotations(source: SourceMotion, feet: FootCalibration) -> Array:
+    """Our world rotations `(T, 31, 4)`; joints without a source follow their parent."""
+    names, parents = SPORT_SKELETON.names, SPORT_SKELETON.parents
+    given = dict(source.rotations)
+    if "LowerBack" not in given:
+        given["LowerBack"] = rotations.slerp(given["Hips"], given["Spine"], 0.5)
+    for side, name in enumerate(_SIDES):
+        given[name + "Foot"] = _pitched(given[name + "Foot"], feet.foot_pitch[side])
+        if name + "ToeBase" in given:
+            given[name + "ToeBase"] = _pitched(given[name + "ToeBase"], feet.toe_pitch[side])
+    world = np.empty((len(source.hip_centre), len(names), 4))
+    for j, name in enumerate(names):
+        world[:, j] = given[name] if name in given else world[:, parents[j]]
+    return world
+
+
+def _ankle_targets(source: SourceMotion, feet: FootCalibration, foot: Array) -> Array:
+    """Ankle positions `(T, 2, 3)`: the source's while the toes are up, pivoting over its toes while the heel is up.
+
+    Our feet are shorter than most sources'. Both rules give the same ankle on a flat foot, so the change between
+    them is continuous, heels strike where the source's do and toes stay planted in the push-off.
+    """
+    pivot = source.toes - rotations.rotate(_yaw(foot), np.broadcast_to(feet.toe_offset, source.toes.shape))
+    by_toe = pivot - rotations.rotate(foot, np.broadcast_to(FOOT_OFFSET, source.toes.shape))
+    weight = np.clip(0.5 - _elevation(foot) / np.deg2rad(6.0), 0.0, 1.0)[..., None]
+    return source.ankles + weight * (by_toe - source.ankles)
+
+
+def _ground_offset(ankles: Array, toes: Array) -> float:
+    """Metres to add to heights so that standing feet touch y = 0."""
+    clearance = np.minimum(ankles[..., 1] - ANKLE_HEIGHT, toes[..., 1] - TOE_HEIGHT)
+    low = clearance < np.percentile(clearance, 60)
+    stance = (np.minimum(speed(ankles), speed(toes)) < STANCE_SPEED) & low
+    if stance.sum() < 15:  # a dash touches the ground too briefly for a speed threshold
+        return float(-np.percentile(clearance, 8))
+    return float(-np.median(clearance[stance]))

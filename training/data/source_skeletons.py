@@ -1,0 +1,197 @@
+"""Joint maps and rest-pose corrections of the skeletons that the known motion data sets use."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import rotations
+from runtime.bvh import BvhMotion
+from runtime.errors import FileError
+from runtime.skeleton import SPORT_SKELETON
+
+Array = NDArray[np.floating]
+
+_SIDES = ("Left", "Right")
+# what each bone points along in the rest pose of the SPORT skeleton
+_ARM_DIRECTION = {"Left": np.array([1.0, 0, 0]), "Right": np.array([-1.0, 0, 0])}
+_LEG_DIRECTION = np.array([0.0, -1.0, 0.0])
+
+
+@dataclass(frozen=True)
+class SourceJoint:
+    """Where a SPORT joint takes its world rotation from.
+
+    The rotation is that of source joint `name`, or `blend` of the way from `name` to `towards`. `axes`, when given, says
+    where the source joint's local X, Y and Z point while the character stands in our rest pose; `along`, when given, is
+    the source's child joint whose offset is aligned with our bone (and the twist kept); with neither, the
+    two rest frames agree.
+    """
+
+    name: str
+    towards: str | None = None
+    blend: float = 0.0
+    axes: str | None = None  # such as "+Y -X +Z"
+    along: str | None = None
+
+
+@dataclass(frozen=True)
+class SourceSkeleton:
+    """A known hierarchy: how its joints drive ours, and how its toes behave."""
+
+    name: str
+    signature: frozenset[str]  # joint names that only this hierarchy has together
+    joints: Mapping[str, SourceJoint]
+    has_toe_rotation: bool = True
+    toe_is_end_site: bool = False  # no toe joint: the foot's End Site marks the ball
+    fixed_scale: float | None = None  # metres per file unit; None: by the ratio of leg lengths
+    notes: str = field(default="")
+
+    def corrections(self, motion: BvhMotion) -> dict[str, Array]:
+        """Constant rotations C `(4,)` by SPORT joint: our world rotation is the source's times C."""
+        result = {}
+        for target, joint in self.joints.items():
+            if joint.axes:
+                result[target] = rotations.inverse(rotations.from_matrix(_axes_matrix(joint.axes)))
+            elif joint.along:
+                offset = motion.skeleton.offsets[motion.skeleton.index(joint.along)]
+                ours = _rest_direction(target)
+                result[target] = rotations.between(ours, rotations.normalize(offset.astype(np.float64)))
+            else:
+                result[target] = rotations.identity().astype(np.float64)
+        return result
+
+
+def _axes_matrix(axes: str) -> Array:
+    """Matrix whose columns are the directions of local X, Y, Z, from "+Y -X +Z"."""
+    columns = [
+        np.eye(3)["XYZ".index(word[1])] * (1.0 if word[0] == "+" else -1.0) for word in axes.split()
+    ]
+    return np.stack(columns, axis=1)
+
+
+def _rest_direction(joint: str) -> Array:
+    if "Arm" in joint or "Hand" in joint:
+        return _ARM_DIRECTION["Left" if joint.startswith("Left") else "Right"]
+    return _LEG_DIRECTION
+
+
+def _plain(**names: str) -> dict[str, SourceJoint]:
+    return {target: SourceJoint(source) for target, source in names.items()}
+
+
+def _style100() -> SourceSkeleton:
+    joints = _plain(Hips="Hips", LowerBack="Chest", Spine="Chest3", Spine1="Chest4", Neck1="Neck", Head="Head")
+    pairs = {
+        "UpLeg": "Hip", "Leg": "Knee", "Foot": "Ankle", "ToeBase": "Toe",
+        "Shoulder": "Collar", "Arm": "Shoulder", "ForeArm": "Elbow", "Hand": "Wrist",
+    }  # fmt: skip
+    for side in _SIDES:
+        joints |= {side + ours: SourceJoint(side + theirs) for ours, theirs in pairs.items()}
+    return SourceSkeleton("100style", frozenset({"Chest4", "LeftAnkle"}), joints, has_toe_rotation=False)
+
+
+def _bandai() -> SourceSkeleton:
+    trunk = "+Y +Z +X"
+    joints = {
+        "Hips": SourceJoint("Hips", axes="+Y -X +Z"),
+        "Spine": SourceJoint("Spine", axes=trunk),
+        "Spine1": SourceJoint("Chest", axes=trunk),
+        "Neck1": SourceJoint("Neck", axes=trunk),
+        "Head": SourceJoint("Head", axes=trunk),
+    }
+    arm = {"Left": "+X +Y +Z", "Right": "+X -Y -Z"}
+    leg = {"Left": "-Y +X +Z", "Right": "+Y +X -Z"}
+    foot = {"Left": "+Z +X +Y", "Right": "-Z +X -Y"}
+    for side in _SIDES:
+        end = "_" + side[0]
+        names = {"Shoulder": "Shoulder", "Arm": "UpperArm", "ForeArm": "LowerArm", "Hand": "Hand"}
+        joints |= {side + o: SourceJoint(t + end, axes=arm[side]) for o, t in names.items()}
+        names = {"UpLeg": "UpperLeg", "Leg": "LowerLeg"}
+        joints |= {side + o: SourceJoint(t + end, axes=leg[side]) for o, t in names.items()}
+        names = {"Foot": "Foot", "ToeBase": "Toes"}
+        joints |= {side + o: SourceJoint(t + end, axes=foot[side]) for o, t in names.items()}
+    return SourceSkeleton("bandai_namco", frozenset({"joint_Root", "UpperArm_L"}), joints)
+
+
+def _daz() -> SourceSkeleton:
+    joints = _plain(Hips="hip", Spine="abdomen", Spine1="chest", Neck1="neck", Head="head")
+    joints["LowerBack"] = SourceJoint("hip", "abdomen", 0.5)
+    for side in _SIDES:
+        s = side[0].lower()
+        joints[side + "UpLeg"] = SourceJoint(s + "Thigh", along=s + "Shin")
+        joints[side + "Leg"] = SourceJoint(s + "Shin", along=s + "Foot")
+        joints[side + "Foot"] = SourceJoint(s + "Foot")
+        joints[side + "Shoulder"] = SourceJoint(s + "Collar")
+        joints[side + "Arm"] = SourceJoint(s + "Shldr", along=s + "ForeArm")
+        joints[side + "ForeArm"] = SourceJoint(s + "ForeArm", along=s + "Hand")
+        joints[side + "Hand"] = SourceJoint(s + "Hand", along=s + "Mid1")
+    return SourceSkeleton(
+        "cmu_daz", frozenset({"abdomen", "lShldr"}), joints, has_toe_rotation=False, toe_is_end_site=True
+    )
+
+
+def _cmu_plain() -> SourceSkeleton:
+    joints = _plain(
+        Hips="Hips", LowerBack="lowerback", Spine="Chest", Spine1="Chest2", Neck="lowerneck", Neck1="Neck", Head="Head"
+    )
+    for side in _SIDES:
+        joints[side + "UpLeg"] = SourceJoint(side + "Hip", along=side + "Knee")
+        joints[side + "Leg"] = SourceJoint(side + "Knee", along=side + "Ankle")
+        # foot and toe frames hang in line with the shin
+        joints[side + "Foot"] = SourceJoint(side + "Ankle", along=side + "Ankle")
+        joints[side + "ToeBase"] = SourceJoint(side + "Toe", along=side + "Ankle")
+        joints[side + "Shoulder"] = SourceJoint(side + "Collar")
+        joints[side + "Arm"] = SourceJoint(side + "Shoulder", along=side + "Elbow")
+        joints[side + "ForeArm"] = SourceJoint(side + "Elbow", along=side + "Wrist")
+        joints[side + "Hand"] = SourceJoint(side + "Wrist", along=side[0] + "Fingers")
+    return SourceSkeleton("cmu_plain", frozenset({"lowerback", "LHipJoint"}), joints)
+
+
+def _jlpm() -> SourceSkeleton:
+    trunk = "-X +Y -Z"
+    names = {
+        "Hips": "Hips", "LowerBack": "Spine", "Spine": "Chest", "Spine1": "UpperChest", "Neck1": "Neck", "Head": "Head",
+    }  # fmt: skip
+    joints = {ours: SourceJoint(theirs, axes=trunk) for ours, theirs in names.items()}
+    arm = {"Left": "+Z +X +Y", "Right": "-Z -X +Y"}
+    for side in _SIDES:
+        names = {"Shoulder": "Shoulder", "Arm": "UpperArm", "ForeArm": "LowerArm", "Hand": "Hand"}
+        joints |= {side + o: SourceJoint(side + t, axes=arm[side]) for o, t in names.items()}
+        names = {"UpLeg": "UpperLeg", "Leg": "LowerLeg"}
+        joints |= {side + o: SourceJoint(side + t, axes="+X -Y -Z") for o, t in names.items()}
+        names = {"Foot": "Foot", "ToeBase": "Toes"}
+        joints |= {side + o: SourceJoint(side + t, axes="+X +Z -Y") for o, t in names.items()}
+    return SourceSkeleton("jlpm", frozenset({"UpperChest", "LeftUpperLeg"}), joints)
+
+
+def _pfnn() -> SourceSkeleton:
+    same = [n for n in SPORT_SKELETON.names if not n.startswith(("LeftUpLeg", "RightUpLeg"))]
+    joints = {name: SourceJoint(name) for name in same}
+    for side in _SIDES:
+        joints[side + "UpLeg"] = SourceJoint(side + "UpLeg", along=side + "Leg")
+        joints[side + "Leg"] = SourceJoint(side + "Leg", along=side + "Foot")
+        # the rest pose spreads the legs by 20 degrees and the feet lean with them
+        joints[side + "Foot"] = SourceJoint(side + "Foot", along=side + "Foot")
+        joints[side + "ToeBase"] = SourceJoint(side + "ToeBase", along=side + "Foot")
+    return SourceSkeleton("pfnn", frozenset({"LHipJoint", "LowerBack"}), joints)
+
+
+def known_skeletons() -> tuple[SourceSkeleton, ...]:
+    """Every hierarchy the importer can retarget without a map from the user."""
+    return (_style100(), _bandai(), _daz(), _cmu_plain(), _jlpm(), _pfnn())
+
+
+def recognise(motion: BvhMotion, file_name: str) -> SourceSkeleton:
+    """The known skeleton of a BVH; FileError names the file when there is none."""
+    names = set(motion.skeleton.names)
+    for skeleton in known_skeletons():
+        if skeleton.signature <= names:
+            missing = {j.name for j in skeleton.joints.values()} - names
+            if missing:
+                raise FileError(f"{file_name}: joints {sorted(missing)} are missing.", "Export the clip again.")
+            return skeleton
+    raise FileError(f"{file_name}: none of the known skeletons.", "Give a joint map (SourceSkeleton) for this file.")

@@ -84,6 +84,7 @@ class Trained:
     speeds: Tensor
     steps: list[ReverseStep]
     sigma_bar_squared: np.ndarray
+    start: dict[str, list[float]]  # y and phase of a standing frame
     credits: list[str]
     notes: dict[str, object]
 
@@ -154,6 +155,7 @@ def _write_metadata(trained: Trained, folder: Path, errors: dict[str, float]) ->
         "sigma_bar_squared": trained.sigma_bar_squared.tolist(),
         "sha256": {n: hashlib.sha256((folder / f"{n}.onnx").read_bytes()).hexdigest() for n in graphs},
         "onnx_error": errors,
+        "start": trained.start,
         "exported": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
         "credits": trained.credits,
         "notes": trained.notes,

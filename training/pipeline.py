@@ -13,7 +13,7 @@ import torch
 from runtime.assets import asset_path
 from runtime.controls import Gait
 from runtime.errors import FileError
-from runtime.features import INPUT, OUTPUT, L
+from runtime.features import INPUT, OUTPUT, PHASE_OFFSETS, L
 from runtime.prompts.text_encoder import TextEncoder
 from training import stage_content, stage_motion, stage_phase
 from training.batches import Frames
@@ -75,6 +75,8 @@ def main(argv: list[str] | None = None) -> int:
     """Run one stage or all of them."""
     args = build_parser().parse_args(argv)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    for chatty in ("onnx_ir", "onnxscript", "torch.onnx"):
+        logging.getLogger(chatty).setLevel(logging.WARNING)
     args.out.mkdir(parents=True, exist_ok=True)
     wanted = STAGES if args.stage == "all" else (args.stage,)
     if "import" in wanted:
@@ -104,6 +106,8 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
     texts = load_style_texts(table, args.styles or asset_path("prompts/styles.json"), TextEncoder())
 
     phase = _phase(args, session, config, table, weights, "phase" in wanted)
+    if wanted == {"phase"}:
+        return
     content = _content(args, session, config, table, weights, texts, "content" in wanted)
     if not wanted & {"stage2", "stage3", "export"}:
         return
@@ -124,7 +128,7 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
         speeds = style_speeds(table, texts, z.cpu().numpy())
         trained = Trained(
             config, content, generator, data.normal, centre, deviation, torch.as_tensor(speeds), steps, sigma,
-            [CREDITS[s] for s in sorted(set(table.sources))], _notes(args, table),
+            start_state(table, phase), [CREDITS[s] for s in sorted(set(table.sources))], _notes(args, table),
         )
         export_model(trained, args.out / "model")
         log.info("exported to %s", args.out / "model")
@@ -189,6 +193,25 @@ def _ridge(z: np.ndarray, target: np.ndarray, ridge: float, fallback: float) -> 
     mean = values.mean()
     matrix = inputs.T @ inputs + ridge * len(inputs) / 100 * np.eye(inputs.shape[1])
     return np.concatenate([np.linalg.solve(matrix, inputs.T @ (values - mean)), [mean]])
+
+
+def start_state(table: FrameTable, phase: np.ndarray) -> dict[str, list[float]]:
+    """The quietest standing frame of a neutral clip: where a character begins."""
+    styles = np.array(table.styles)[table.clip]
+    gait = table.x[:, INPUT["gait"]].reshape(len(table), L, -1)[:, :, Gait.STAND].min(1)
+    contacts = table.y[:, OUTPUT["contacts"]].min(1)
+    speed = np.abs(table.y[:, OUTPUT["joint_velocities"]].astype(np.float32)).mean(1)
+    neutral = np.char.startswith(styles, "neutral") & ~table.mirrored[table.clip]
+    penalty = 10.0 * (gait < 0.9) + 5.0 * (contacts < 0.5) + 20.0 * ~neutral
+    row = int(np.argmin(speed + penalty))
+    first, last = table.start[table.clip[row]], table.start[table.clip[row] + 1] - 1
+    window = np.clip(row + PHASE_OFFSETS, first, last)
+    output = table.y[row].astype(np.float32)
+    output[OUTPUT["joint_positions"]][1::3] -= table.ground[row, 0]
+    return {
+        "output": [round(float(v), 4) for v in output],
+        "phase": [round(float(v), 4) for v in phase[window].reshape(-1)],
+    }
 
 
 def _notes(args: argparse.Namespace, table: FrameTable) -> dict[str, object]:

@@ -7,7 +7,7 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,12 @@ if TYPE_CHECKING:
     from tokenizers import Tokenizer
 
 CACHE_TEXTS = 2048  # 3 MB of vectors
+
+
+class _Metadata(NamedTuple):
+    name: str
+    dimensions: int
+    max_tokens: int
 
 
 class TextEncoderLike(Protocol):
@@ -68,12 +74,12 @@ class TextEncoder:
     @property
     def name(self) -> str:
         """Name of the network, from its metadata."""
-        return str(self._metadata["name"])
+        return self._metadata.name
 
     @property
     def dimensions(self) -> int:
         """Length of the vectors, 384."""
-        return int(self._metadata["dimensions"])
+        return self._metadata.dimensions
 
     def _run(self, text: str) -> NDArray[np.float32]:
         ids = np.array([self._tokenizer.encode(text).ids], np.int64)
@@ -88,15 +94,11 @@ class TextEncoder:
         return vector[0]
 
     @cached_property
-    def _metadata(self) -> dict[str, object]:
+    def _metadata(self) -> _Metadata:
         path = self._path("text_encoder.json")
         try:
             values = json.loads(path.read_text("utf-8"))
-            return {
-                "name": str(values["name"]),
-                "dimensions": int(values["dimensions"]),
-                "max_tokens": int(values["max_tokens"]),
-            }
+            return _Metadata(str(values["name"]), int(values["dimensions"]), int(values["max_tokens"]))
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise _damaged(path, "the text encoder's metadata", error) from error
 
@@ -109,7 +111,7 @@ class TextEncoder:
             tokenizer = Tokenizer.from_str(path.read_text("utf-8"))
         except Exception as error:  # tokenizers raises bare Exception for every malformed file
             raise _damaged(path, "a tokenizer", error) from error
-        tokenizer.enable_truncation(int(str(self._metadata["max_tokens"])))
+        tokenizer.enable_truncation(self._metadata.max_tokens)
         tokenizer.no_padding()
         return tokenizer
 

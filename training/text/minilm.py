@@ -36,7 +36,9 @@ class BertConfig:
             values = json.loads(path.read_text("utf-8"))
             return cls(**{name: values[name] for name in cls.__dataclass_fields__})
         except (OSError, json.JSONDecodeError, KeyError) as error:
-            raise FileError(f"{path}: not a BERT config.json ({error}).", "Unpack the wheel again.") from error
+            raise FileError(
+                f"{path}: not a BERT config.json ({error}).", "Unpack the wheel again."
+            ) from error
 
 
 class BertLayer(nn.Module):
@@ -137,4 +139,6 @@ def read_safetensors(path: Path) -> dict[str, np.ndarray]:
             if name != "__metadata__"
         }
     except (OSError, struct.error, ValueError, KeyError) as error:
-        raise FileError(f"{path}: not a readable safetensors file ({error}).", "Unpack the wheel again.") from error
+        raise FileError(
+            f"{path}: not a readable safetensors file ({error}).", "Unpack the wheel again."
+        ) from error

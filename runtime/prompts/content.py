@@ -1,0 +1,57 @@
+"""Six descriptions to the content code Z^t: text embeddings through the body-part text network (Sec. III-C)."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import ModelError
+from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.text_encoder import TextEncoderLike, open_session
+from runtime.skeleton import PART_NAMES
+
+if TYPE_CHECKING:
+    import onnxruntime
+
+PARTS = len(PART_NAMES)
+CODE_SIZE = 64  # numbers a part has in Z^t (Sec. III-C)
+
+
+class PromptEncoder:
+    """Text encoder and body-part network in one: descriptions in, Z^t out.
+
+    `onnx_path` is a network with input `embeddings` (N, 6, D) and output `z` (N, 6, 64), loaded at the first
+    `encode`; its D must be that of `text_encoder`.
+    """
+
+    def __init__(self, text_encoder: TextEncoderLike, onnx_path: Path) -> None:
+        self._text_encoder = text_encoder
+        self._path = onnx_path
+
+    def encode(self, descriptions: PartDescriptions) -> NDArray[np.float32]:
+        """Z^t `(6, 64)` of six descriptions; ModelError when the network is damaged or gives no finite numbers."""
+        embeddings = self._text_encoder.encode(descriptions.as_tuple())[None]
+        z = np.asarray(self._session.run(["z"], {"embeddings": embeddings})[0], np.float32)
+        if z.shape != (1, PARTS, CODE_SIZE) or not np.isfinite(z).all():
+            raise ModelError(
+                f"{self._path}: gave z of shape {z.shape}, expected {(1, PARTS, CODE_SIZE)} finite numbers.",
+                "Choose another model, or export this one again.",
+            )
+        return z[0]
+
+    @cached_property
+    def _session(self) -> onnxruntime.InferenceSession:
+        session = open_session(self._path)
+        shapes = {i.name: list(i.shape) for i in session.get_inputs()}
+        expected = [PARTS, self._text_encoder.dimensions]
+        if shapes.get("embeddings", [])[1:] != expected or "z" not in {o.name for o in session.get_outputs()}:
+            raise ModelError(
+                f"{self._path}: inputs {shapes}, expected embeddings (N, {expected[0]}, {expected[1]}) "
+                f"of {self._text_encoder.name} and an output z.",
+                "Choose a model that was trained with this text encoder.",
+            )
+        return session

@@ -1,0 +1,1 @@
+"""The desktop application: window, input, camera, renderer, panels, capture."""

@@ -1,0 +1,123 @@
+"""What keys, buttons, dropped files and options do: each action named in one table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from runtime.errors import SportError
+from viewer.camera_control import CameraControl
+from viewer.capture import screenshot_path
+from viewer.input.bindings import Action
+from viewer.jobs import Jobs
+from viewer.options import ViewOptions
+from viewer.prompting import Prompting
+from viewer.scene import Scene
+from viewer.state import AppState
+from viewer.takes import Takes
+from viewer.window import Window
+
+DEFAULT_PROMPT = "a person walking normally"
+_GROUNDS = (".png", ".npy", ".obj", ".ply", ".stl")
+
+
+@dataclass
+class Actions:
+    """Everything the person can ask for, from wherever."""
+
+    state: AppState
+    jobs: Jobs
+    scene: Scene
+    takes: Takes
+    prompting: Prompting
+    camera: CameraControl
+    window: Window
+    screenshot_wanted: Path | None = None
+
+    def start(self, options: ViewOptions) -> None:
+        """Load what the options and the settings ask for."""
+        state, scene = self.state, self.state.scene
+        services = self.scene.services
+        scene.terrain_names, scene.quality_names = services.terrain_names(), services.quality_names()
+        scene.quality = self.scene.renderer.quality.name
+        try:
+            state.prompt.ready = services.ready_prompts()
+        except SportError as error:
+            state.messages.error(error)
+        state.panels_open = options.panels
+        self.camera.use(options.camera or state.settings.camera)
+        self.scene.renderer.set_terrain(state.terrain)
+        self.scene.load_character(options.character)
+        self.scene.load_terrain(options.terrain or state.settings.terrain)
+        self.scene.load_model(options.model, options.seed)
+        self.prompting.submit_prompt(options.prompt if options.prompt is not None else DEFAULT_PROMPT)
+        if options.clip is not None:
+            self.takes.open(options.clip)
+
+    def open_files(self, paths: list[Path]) -> None:
+        """Open dropped files by what their names say they are."""
+        for path in paths:
+            suffix = path.suffix.lower()
+            if suffix == ".bvh":
+                self.takes.open(path)
+            elif suffix == ".glb":
+                self.scene.load_character(path)
+            elif suffix in _GROUNDS:
+                self.scene.load_terrain(str(path))
+            else:
+                self.state.messages.error(
+                    f"{path.name}: nothing here opens {suffix or 'a file without an ending'}."
+                    " Drop a BVH clip, a GLB character, or a PNG, NPY or mesh ground."
+                )
+
+    def perform(self, pressed: tuple[Action, ...]) -> None:
+        """Do what was pressed in this frame; held actions and gaits are no business of this table."""
+        table = {
+            Action.RECORD: self.takes.toggle_recording,
+            Action.SAVE_LAST: self.takes.save_last,
+            Action.PLAY: self.takes.play_or_pause,
+            Action.RESET: self.scene.reset_character,
+            Action.CAMERA: self.switch_camera,
+            Action.HELP: self.toggle_help,
+            Action.TRAJECTORY: lambda: self._toggle("show_trajectory"),
+            Action.SKELETON: lambda: self._toggle("show_skeleton"),
+            Action.CONTACTS: lambda: self._toggle("show_contacts"),
+            Action.GRID: lambda: self._toggle("show_grid"),
+            Action.PANELS: self._toggle_panels,
+            Action.FULLSCREEN: self.window.toggle_full_screen,
+            Action.SCREENSHOT: self.take_screenshot,
+            Action.PROMPT: self._focus_prompt,
+            Action.CANCEL: self._cancel,
+        }
+        for action in pressed:
+            if action in table:
+                table[action]()
+
+    def switch_camera(self) -> None:
+        """Follow or orbit."""
+        self.camera.use("orbit" if self.camera.mode == "follow" else "follow")
+        self.state.settings.camera = self.camera.mode
+
+    def toggle_help(self) -> None:
+        """Open or close the help overlay."""
+        self.state.help_open = not self.state.help_open
+
+    def take_screenshot(self) -> None:
+        """Save the next picture beside the clips."""
+        self.screenshot_wanted = screenshot_path(self.state.settings.export_folder)
+
+    def _toggle(self, name: str) -> None:
+        setattr(self.state.settings, name, not getattr(self.state.settings, name))
+
+    def _toggle_panels(self) -> None:
+        self.state.panels_open = not self.state.panels_open
+
+    def _focus_prompt(self) -> None:
+        self.state.panels_open = self.state.prompt.focus_requested = True
+
+    def _cancel(self) -> None:
+        """Leave the innermost thing that is open."""
+        if self.state.help_open:
+            self.state.help_open = False
+        else:
+            self.takes.close_playback()

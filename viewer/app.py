@@ -1,0 +1,255 @@
+"""The application: one window, one loop. Poll, control, step at 60 Hz, interpolate, draw, panels, swap."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from runtime.clip import ClipRecorder
+from runtime.errors import SportError
+from runtime.pose import Pose
+from runtime.terrain import Terrain
+from viewer.actions import Actions
+from viewer.camera_control import CameraControl
+from viewer.capture import save_png
+from viewer.gl_bindings import glfw, imgui
+from viewer.input.bindings import InputMapper, Intent, to_controls
+from viewer.input.gamepad import GamepadSource, GlfwGamepads
+from viewer.input.keyboard import Keyboard
+from viewer.input.script import ControlScript
+from viewer.jobs import Jobs
+from viewer.options import ViewOptions
+from viewer.overlays import make_overlays
+from viewer.panels.shell import Shell
+from viewer.prompting import Prompting
+from viewer.scene import Scene
+from viewer.services import Services, default_services
+from viewer.settings import MAPPINGS_NAME, config_directory, load_settings, save_settings
+from viewer.simulation import STEP_SECONDS, Simulation
+from viewer.state import AppState
+from viewer.takes import Takes
+from viewer.window import KEY_CODES, Window, WindowEvents
+
+__all__ = ["App", "ViewOptions", "run"]
+
+TITLE = "SPORT viewer"
+LONGEST_FRAME_S = 0.25  # a longer pause (a dragged window, a suspended laptop) is not simulated
+MINIMISED_WAIT_S = 0.1
+
+
+def run(options: ViewOptions) -> int:
+    """Open the viewer and stay until it is closed, or for the frames asked for; the exit code.
+
+    SportError when an option cannot be used or no window can be opened.
+    """
+    app = App(options)
+    try:
+        while not app.finished:
+            app.frame()
+        return app.end()
+    finally:
+        app.close()
+
+
+class App:
+    """Owns the window and the state, and runs frames."""
+
+    def __init__(
+        self,
+        options: ViewOptions,
+        services: Services | None = None,
+        gamepads: GamepadSource | None = None,
+        config: Path | None = None,
+    ) -> None:
+        options.check()
+        self.options = options
+        self.script = ControlScript.parse(options.controls, frozenset(KEY_CODES))
+        self.config = config or config_directory()
+        settings, complaints = load_settings(self.config)
+        ground = Terrain.flat()
+        self.state = AppState(settings, ground, Simulation.standing(ground))
+        self.keyboard, self.mapper = Keyboard(), InputMapper()
+        self.frames_shown = 0
+        self._scripted: frozenset[str] = frozenset()
+        self._last_s = time.perf_counter()
+        self._services = services or default_services()
+        self.window = self._open_window()
+        try:
+            self._assemble(gamepads)
+            for complaint in complaints:
+                self.state.messages.warn(complaint)
+            self.actions.start(options)
+        except BaseException:
+            self.window.destroy()
+            raise
+
+    def _open_window(self) -> Window:
+        options, settings = self.options, self.state.settings
+        default = (1280, 720) if options.offscreen else (settings.width, settings.height)
+        events = WindowEvents(self._on_key, self._on_focus, lambda paths: self.actions.open_files(paths))
+        scale = options.ui_scale or (0.0 if options.offscreen else settings.ui_scale)
+        width, height = options.width or default[0], options.height or default[1]
+        return Window(TITLE, width, height, events, options.offscreen, settings.vsync, scale)
+
+    def _assemble(self, gamepads: GamepadSource | None) -> None:
+        """Everything that needs the window's context."""
+        state, options = self.state, self.options
+        recorder = ClipRecorder()
+        self.jobs = Jobs(state.messages, blocking=options.offscreen)
+        self.prompting = Prompting(state, recorder.mark_prompt, options.offscreen)
+        renderer = self._services.make_renderer(self.window.ctx, options.quality or state.settings.quality)
+        self.scene = Scene(state, self.jobs, self._services, self.prompting, self.window.ctx, renderer)
+        self.takes = Takes(state, self.jobs, recorder)
+        self.camera = CameraControl()
+        self.actions = Actions(state, self.jobs, self.scene, self.takes, self.prompting, self.camera, self.window)
+        self.shell = Shell(state, self.actions)
+        self.pads = gamepads or GlfwGamepads(glfw)
+        if isinstance(self.pads, GlfwGamepads) and (complaint := self.pads.add_mappings(self.config / MAPPINGS_NAME)):
+            state.messages.warn(complaint)
+
+    # --- one frame
+
+    def frame(self) -> None:
+        """Poll, control, step, interpolate, draw, panels, swap."""
+        window, state = self.window, self.state
+        dt = self._tick()
+        window.poll(MINIMISED_WAIT_S if window.minimised and not self.options.offscreen else 0.0)
+        if window.minimised:
+            self.jobs.deliver()
+            return
+        window.begin_frame(dt if self.options.offscreen else None)
+        intent = self._read_devices(dt)
+        self.actions.perform(intent.pressed)
+        self.jobs.deliver()
+        self.prompting.poll()
+        self._simulate(dt, intent)
+        pose = self._shown_pose()
+        self._move_camera(pose, intent, dt)
+
+        self.shell.draw(window.ui_scale)
+        imgui.render()
+        self.scene.renderer.render(window.framebuffer, self.camera.current, pose, make_overlays(state))
+        window.draw_interface()
+        self._capture()
+        window.present()
+        self.frames_shown += 1
+        self._finish_frame(dt)
+
+    def _tick(self) -> float:
+        """Seconds since the last frame; offscreen every frame is one simulation step."""
+        now = time.perf_counter()
+        elapsed, self._last_s = now - self._last_s, now
+        return STEP_SECONDS if self.options.offscreen else min(elapsed, LONGEST_FRAME_S)
+
+    def _read_devices(self, dt: float) -> Intent:
+        self._play_script(dt)
+        if imgui.get_io().want_text_input:
+            self.keyboard.release_all()
+        pad = self.pads.poll()
+        device = pad.name if pad is not None else "keyboard"
+        if device != self.state.device:
+            self.state.messages.note(f"{device} connected." if pad is not None else "Gamepad gone: keyboard and mouse drive.")
+            self.state.device = device
+        settings = self.state.settings
+        return self.mapper.read(self.keyboard, pad, dt, settings.dead_zone, settings.invert_look)
+
+    def _play_script(self, dt: float) -> None:
+        if not self.script.steps:
+            return
+        keys = self.script.keys_at(self.frames_shown * dt)
+        for name in sorted(self._scripted - keys):
+            self.window.inject_key(name, False)
+        for name in sorted(keys - self._scripted):
+            self.window.inject_key(name, True)
+        self._scripted = keys
+
+    def _simulate(self, dt: float, intent: Intent) -> None:
+        playback = self.state.clips.playback
+        if playback is not None and intent.move != (0.0, 0.0):
+            self.takes.close_playback()  # moving means: back to the live character
+        elif playback is not None:
+            playback.advance(dt)
+            return
+        simulation = self.state.simulation
+        poses = simulation.advance(dt, to_controls(intent, self.camera.current.heading))
+        self.takes.add_poses(poses)
+        if simulation.problem:
+            self.state.messages.error(simulation.problem)
+
+    def _shown_pose(self) -> Pose:
+        playback = self.state.clips.playback
+        if playback is not None:
+            return playback.pose()
+        simulation = self.state.simulation
+        return simulation.current if self.options.offscreen else simulation.shown()
+
+    def _move_camera(self, pose: Pose, intent: Intent, dt: float) -> None:
+        io = imgui.get_io()
+        zoom, dragging = intent.zoom * dt, False
+        if not io.want_capture_mouse:
+            zoom += io.mouse_wheel
+            buttons = [imgui.is_mouse_down(button) for button in range(3)]  # left, right, middle
+            dragging = any(buttons)
+            if dragging:
+                pan = buttons[2] or (buttons[1] and io.key_shift)
+                self.camera.drag(io.mouse_delta.x, io.mouse_delta.y, pan, io.display_size.y)
+        moving = intent.move != (0.0, 0.0) and not intent.strafe and not dragging
+        self.camera.update(pose, dt, intent.look, zoom, self.state.terrain, moving)
+
+    def _capture(self) -> None:
+        """Read the finished picture for whoever asked for it."""
+        folder = self.options.frames_directory
+        if folder is not None:
+            save_png(self.window.read_pixels(), folder / f"frame_{self.frames_shown:05d}.png")
+        if self.actions.screenshot_wanted is not None:
+            path, self.actions.screenshot_wanted = self.actions.screenshot_wanted, None
+            pixels = self.window.read_pixels()
+            self.jobs.submit("screenshot", lambda: save_png(pixels, path), lambda p: self.state.messages.note(f"Saved {p}"))
+
+    def _finish_frame(self, dt: float) -> None:
+        """Note the times, and sleep where vsync does not hold the loop back."""
+        now = time.perf_counter()
+        self.state.stats.add(now - self._last_s, dt)
+        if not self.options.offscreen:
+            spare = 1.0 / self.state.settings.max_fps - (now - self._last_s)
+            if spare > 0.0:
+                time.sleep(spare)
+
+    # --- events
+
+    def _on_key(self, name: str, down: bool) -> None:
+        self.keyboard.key(name, down, typing=bool(imgui.get_io().want_text_input))
+
+    def _on_focus(self, focused: bool) -> None:
+        if not focused:
+            self.keyboard.release_all()
+
+    # --- the end
+
+    @property
+    def finished(self) -> bool:
+        """Whether the main loop should end."""
+        wanted = self.options.frames if self.options.frames is not None else (1 if self.options.offscreen else None)
+        return self.window.close_requested or (wanted is not None and self.frames_shown >= wanted)
+
+    def end(self) -> int:
+        """After the last frame: write the screenshot, keep unsaved takes, remember the settings; the exit code."""
+        if self.options.screenshot is not None:
+            save_png(self.window.read_pixels(), self.options.screenshot)
+        if self.options.offscreen:
+            return 0
+        for path in self.takes.rescue():
+            self.state.messages.note(f"Kept an unsaved take: {path}")
+        self.state.settings.width, self.state.settings.height = self.window.size
+        try:
+            save_settings(self.state.settings, self.config)
+        except SportError as error:
+            self.state.messages.error(error)  # it is in the log; the person is leaving
+        return 0
+
+    def close(self) -> None:
+        """Stop workers and close the window."""
+        self.prompting.close()
+        self.jobs.close()
+        self.scene.renderer.release()
+        self.window.destroy()

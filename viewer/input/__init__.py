@@ -1,0 +1,1 @@
+"""Devices to wishes: keyboard, gamepad and scripts become one `Intent` per frame."""

@@ -1,0 +1,233 @@
+"""What keys and buttons do: one table that the input mapper obeys and the help overlay prints."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import Enum, auto
+
+from runtime.controls import Controls, Gait
+from viewer.input.gamepad import GamepadState, radial_dead_zone
+from viewer.input.keyboard import Keyboard
+
+ZOOM_RATE = 9.0  # wheel steps per second of a held key
+JUMP_SECONDS = 0.5  # a short press still asks for a whole jump
+TRIGGER_ON = 0.3
+
+
+class Action(Enum):
+    """Everything a key or button can do; HELD actions act while down, the others once per press."""
+
+    FORWARD = auto()
+    BACK = auto()
+    LEFT = auto()
+    RIGHT = auto()
+    JOG = auto()
+    CROUCH_HOLD = auto()
+    STRAFE = auto()
+    LOOK_LEFT = auto()
+    LOOK_RIGHT = auto()
+    LOOK_UP = auto()
+    LOOK_DOWN = auto()
+    ZOOM_IN = auto()
+    ZOOM_OUT = auto()
+    JUMP = auto()
+    CROUCH = auto()
+    RECORD = auto()
+    SAVE_LAST = auto()
+    PLAY = auto()
+    RESET = auto()
+    CAMERA = auto()
+    HELP = auto()
+    TRAJECTORY = auto()
+    SKELETON = auto()
+    CONTACTS = auto()
+    GRID = auto()
+    PANELS = auto()
+    FULLSCREEN = auto()
+    SCREENSHOT = auto()
+    PROMPT = auto()
+    CANCEL = auto()
+
+
+@dataclass(frozen=True)
+class Binding:
+    """One action and what triggers it: any of `keys`, or the pad's `button`."""
+
+    action: Action
+    keys: tuple[str, ...] = ()
+    button: str = ""
+
+
+BINDINGS = (
+    Binding(Action.FORWARD, ("w",)),
+    Binding(Action.LEFT, ("a",)),
+    Binding(Action.BACK, ("s",)),
+    Binding(Action.RIGHT, ("d",)),
+    Binding(Action.JOG, ("shift",)),
+    Binding(Action.CROUCH_HOLD, ("ctrl",)),
+    Binding(Action.STRAFE, ("x", "alt"), "left_bumper"),
+    Binding(Action.LOOK_LEFT, ("q", "left")),
+    Binding(Action.LOOK_RIGHT, ("e", "right")),
+    Binding(Action.LOOK_UP, ("up",)),
+    Binding(Action.LOOK_DOWN, ("down",)),
+    Binding(Action.ZOOM_IN, ("page_up", "equal"), "dpad_up"),
+    Binding(Action.ZOOM_OUT, ("page_down", "minus"), "dpad_down"),
+    Binding(Action.JUMP, ("space",), "a"),
+    Binding(Action.CROUCH, ("c",), "b"),
+    Binding(Action.RECORD, ("r",), "y"),
+    Binding(Action.SAVE_LAST, ("t",), "x"),
+    Binding(Action.PLAY, ("p",)),
+    Binding(Action.RESET, ("home",), "left_thumb"),
+    Binding(Action.CAMERA, ("f",), "right_thumb"),
+    Binding(Action.HELP, ("f1",), "start"),
+    Binding(Action.TRAJECTORY, ("f2",)),
+    Binding(Action.SKELETON, ("f3",)),
+    Binding(Action.CONTACTS, ("f4",)),
+    Binding(Action.GRID, ("f5",)),
+    Binding(Action.PANELS, ("f10",), "back"),
+    Binding(Action.FULLSCREEN, ("f11",)),
+    Binding(Action.SCREENSHOT, ("f12",)),
+    Binding(Action.PROMPT, ("enter",)),
+    Binding(Action.CANCEL, ("escape",)),
+)
+
+# What the help overlay prints: heading, then rows of (what, keyboard and mouse, gamepad).
+HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
+    (
+        "Move",
+        (
+            ("Walk", "W  A  S  D", "Left stick"),
+            ("Jog", "Shift (hold)", "Right trigger"),
+            ("Crouch", "C, or Ctrl (hold)", "B"),
+            ("Jump", "Space", "A"),
+            ("Strafe, face the camera", "X or Alt (hold)", "Left shoulder (hold)"),
+            ("Back to the start", "Home", "Left stick press"),
+        ),
+    ),
+    (
+        "Camera",
+        (
+            ("Turn", "Q  E, arrows, right drag", "Right stick"),
+            ("Zoom", "Wheel, Page Up / Down", "D-pad up / down"),
+            ("Follow or orbit", "F", "Right stick press"),
+        ),
+    ),
+    (
+        "Record",
+        (
+            ("Start or stop", "R", "Y"),
+            ("Keep the last seconds", "T", "X"),
+            ("Play or pause the clip", "P", ""),
+            ("Screenshot", "F12", ""),
+        ),
+    ),
+    (
+        "Show",
+        (
+            ("This help", "F1", "Start"),
+            ("Trajectory, skeleton, contacts", "F2, F3, F4", ""),
+            ("Grid, panels", "F5, F10", "Back (panels)"),
+            ("Full screen", "F11", ""),
+            ("Write a prompt, leave the field", "Enter, Esc", ""),
+        ),
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Intent:
+    """What the person asks for in one frame, relative to the camera.
+
+    `move` is (right, forward) and `look` the camera stick (right, up), both with a length of 0..1; `zoom` is in wheel
+    steps per second (positive comes nearer); `pressed` are the actions that began in this frame.
+    """
+
+    move: tuple[float, float] = (0.0, 0.0)
+    look: tuple[float, float] = (0.0, 0.0)
+    zoom: float = 0.0
+    gait: Gait = Gait.WALK
+    strafe: bool = False
+    pressed: tuple[Action, ...] = ()
+
+
+@dataclass
+class InputMapper:
+    """Turns devices into an `Intent`; remembers the crouch toggle, the running jump and the pad's last buttons."""
+
+    crouching: bool = False
+    _jump_left_s: float = 0.0
+    _last_buttons: frozenset[str] = field(default_factory=frozenset)
+
+    def read(
+        self, keyboard: Keyboard, pad: GamepadState | None, dt: float, dead_zone: float = 0.15, invert: bool = False
+    ) -> Intent:
+        """The wishes of this frame of `dt` seconds."""
+        held = _held_actions(keyboard, pad)
+        pressed = self._pressed(keyboard, pad)
+        move, look = _key_axes(held)
+        if pad is not None:
+            stick = radial_dead_zone(pad.left, dead_zone)
+            move = stick if stick != (0.0, 0.0) else move
+            turn = radial_dead_zone(pad.right, dead_zone)
+            look = turn if turn != (0.0, 0.0) else look
+        return Intent(
+            move=move,
+            look=(look[0], -look[1] if invert else look[1]),
+            zoom=ZOOM_RATE * ((Action.ZOOM_IN in held) - (Action.ZOOM_OUT in held)),
+            gait=self._gait(held, pressed, pad, dt),
+            strafe=Action.STRAFE in held,
+            pressed=pressed,
+        )
+
+    def _pressed(self, keyboard: Keyboard, pad: GamepadState | None) -> tuple[Action, ...]:
+        keys = keyboard.take_pressed()
+        buttons = pad.buttons if pad is not None else frozenset()
+        fresh = buttons - self._last_buttons
+        self._last_buttons = buttons
+        from_keys = [b.action for key in keys for b in BINDINGS if key in b.keys]
+        from_pad = [b.action for b in BINDINGS if b.button in fresh]
+        return tuple(from_keys + from_pad)
+
+    def _gait(
+        self, held: frozenset[Action], pressed: tuple[Action, ...], pad: GamepadState | None, dt: float
+    ) -> Gait:
+        for action in pressed:
+            if action is Action.CROUCH:
+                self.crouching = not self.crouching
+            elif action is Action.JUMP:
+                self._jump_left_s = JUMP_SECONDS
+        jumping = self._jump_left_s > 0.0
+        self._jump_left_s = max(self._jump_left_s - dt, 0.0)
+        if jumping:
+            return Gait.JUMP
+        if self.crouching or Action.CROUCH_HOLD in held:
+            return Gait.CROUCH
+        trigger = pad is not None and pad.right_trigger > TRIGGER_ON
+        return Gait.JOG if trigger or Action.JOG in held else Gait.WALK
+
+
+def _held_actions(keyboard: Keyboard, pad: GamepadState | None) -> frozenset[Action]:
+    buttons = pad.buttons if pad is not None else frozenset()
+    return frozenset(
+        b.action for b in BINDINGS if b.button in buttons or not keyboard.held.isdisjoint(b.keys)
+    )
+
+
+def _key_axes(held: frozenset[Action]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """move and look of the held keys; diagonals keep unit length."""
+    x = float((Action.RIGHT in held) - (Action.LEFT in held))
+    y = float((Action.FORWARD in held) - (Action.BACK in held))
+    length = max(math.hypot(x, y), 1.0)
+    look_x = float((Action.LOOK_RIGHT in held) - (Action.LOOK_LEFT in held))
+    look_y = float((Action.LOOK_UP in held) - (Action.LOOK_DOWN in held))
+    return (x / length, y / length), (look_x, look_y)
+
+
+def to_controls(intent: Intent, heading: float) -> Controls:
+    """World-space controls of an intent seen by a camera that looks along yaw `heading` (0 is +Z, positive to +X)."""
+    forward = (math.sin(heading), math.cos(heading))
+    right = (-forward[1], forward[0])  # Y up, right-handed: facing +Z, the right hand is at -X
+    x, y = intent.move
+    move = (right[0] * x + forward[0] * y, right[1] * x + forward[1] * y)
+    return Controls(move=move, facing=forward if intent.strafe else None, gait=intent.gait)

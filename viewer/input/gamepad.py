@@ -1,0 +1,155 @@
+"""Gamepads: one state per frame from an injectable source, so that tests and other devices can stand in."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+BUTTONS = (
+    "a", "b", "x", "y", "left_bumper", "right_bumper", "back", "start", "guide",
+    "left_thumb", "right_thumb", "dpad_up", "dpad_right", "dpad_down", "dpad_left",
+)  # fmt: skip
+MAX_MAPPING_BYTES = 4_000_000
+_REST = 0.3  # a raw axis counts once it was seen this near its middle: dead and shifted axes never do
+
+
+@dataclass(frozen=True)
+class GamepadState:
+    """One reading. Sticks are (x right, y up) in -1..1 as the device says, triggers 0..1."""
+
+    name: str
+    left: tuple[float, float] = (0.0, 0.0)
+    right: tuple[float, float] = (0.0, 0.0)
+    left_trigger: float = 0.0
+    right_trigger: float = 0.0
+    buttons: frozenset[str] = frozenset()
+
+    @property
+    def touched(self) -> bool:
+        """Whether somebody is holding it: any button, trigger or stick out of its rest."""
+        axes = (*self.left, *self.right, self.left_trigger, self.right_trigger)
+        return bool(self.buttons) or any(abs(a) > 0.4 for a in axes)
+
+
+class GamepadSource(Protocol):
+    """Where gamepad readings come from."""
+
+    def poll(self) -> GamepadState | None:
+        """The pad in use, or None without one."""
+
+
+class NoGamepad:
+    """A source without a pad."""
+
+    def poll(self) -> GamepadState | None:
+        """Never a pad."""
+        return None
+
+
+def radial_dead_zone(stick: tuple[float, float], dead: float, full: float = 0.95) -> tuple[float, float]:
+    """A stick (x, y) whose length below `dead` is 0 and rises evenly to 1 at `full`; the direction is kept."""
+    x, y = stick
+    length = math.hypot(x, y)
+    if not math.isfinite(length) or length <= dead:
+        return 0.0, 0.0
+    scale = min((length - dead) / max(full - dead, 1e-6), 1.0) / length
+    return x * scale, y * scale
+
+
+@dataclass
+class GlfwGamepads:
+    """Pads by glfw: SDL mappings where there is one, the usual raw axes where there is none.
+
+    With several pads the one last touched is in use.
+    """
+
+    glfw: Any
+    _current: int = -1
+    _live_axes: dict[int, set[int]] = field(default_factory=dict)
+
+    def poll(self) -> GamepadState | None:
+        """Read every connected pad and answer the one in use."""
+        states: dict[int, GamepadState] = {}
+        for pad in range(self.glfw.JOYSTICK_LAST + 1):
+            state = self._read(pad)
+            if state is None:
+                self._live_axes.pop(pad, None)
+            else:
+                states[pad] = state
+        touched = [pad for pad, state in states.items() if state.touched]
+        if self._current not in states or (touched and self._current not in touched):
+            self._current = (touched or sorted(states) or [-1])[0]
+        return states.get(self._current)
+
+    def _read(self, pad: int) -> GamepadState | None:
+        if not self.glfw.joystick_present(pad):
+            return None
+        if self.glfw.joystick_is_gamepad(pad):
+            mapped = self.glfw.get_gamepad_state(pad)
+            return None if mapped is None else _from_mapping(_text(self.glfw.get_gamepad_name(pad)), mapped)
+        return self._read_raw(pad)
+
+    def _read_raw(self, pad: int) -> GamepadState | None:
+        """An unmapped pad by the axis order of Linux' xpad driver."""
+        pointer, count = self.glfw.get_joystick_axes(pad)
+        button_pointer, button_count = self.glfw.get_joystick_buttons(pad)
+        if count < 4 or button_count < 6:
+            return None  # a wheel, a sensor or a keyboard that calls itself a joystick
+        axes = [float(pointer[i]) for i in range(count)]
+        live = self._live_axes.setdefault(pad, set())
+        live.update(i for i, value in enumerate(axes) if abs(value) < _REST)
+
+        def axis(i: int) -> float:
+            return axes[i] if i in live else 0.0
+
+        six = count >= 6
+        buttons = frozenset(
+            BUTTONS[i] for i in range(min(button_count, 8)) if button_pointer[i]
+        )
+        return GamepadState(
+            _text(self.glfw.get_joystick_name(pad)) + " (unmapped)",
+            (axis(0), -axis(1)),
+            (axis(3 if six else 2), -axis(4 if six else 3)),
+            (axes[2] + 1) / 2 if six else 0.0,
+            (axes[5] + 1) / 2 if six else 0.0,
+            buttons,
+        )
+
+    def add_mappings(self, path: Path) -> str:
+        """Add a person's SDL mapping file when there is one; the complaint about it, or ""."""
+        try:
+            with path.open("rb") as file:
+                data = file.read(MAX_MAPPING_BYTES + 1)
+        except FileNotFoundError:
+            return ""
+        except OSError as error:
+            return f"{path}: cannot be read ({error.strerror}); the built-in gamepad mappings are used."
+        # glfw answers success for garbage too, so what looks like no mapping is refused here
+        text = data.decode("utf-8", errors="replace")
+        lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+        good = [line for line in lines if line.count(",") >= 2 and "\0" not in line]
+        if good:
+            self.glfw.update_gamepad_mappings("\n".join(good) + "\n")
+        if len(good) < len(lines) or len(data) > MAX_MAPPING_BYTES:
+            return f"{path}: {len(lines) - len(good)} lines are no SDL gamepad mapping and were left out."
+        return ""
+
+
+def _from_mapping(name: str, mapped: Any) -> GamepadState:
+    axes, pressed = mapped.axes, mapped.buttons
+    return GamepadState(
+        name,
+        (float(axes[0]), -float(axes[1])),
+        (float(axes[2]), -float(axes[3])),
+        (float(axes[4]) + 1) / 2,
+        (float(axes[5]) + 1) / 2,
+        frozenset(button for button, down in zip(BUTTONS, pressed, strict=False) if down),
+    )
+
+
+def _text(name: bytes | str | None) -> str:
+    if isinstance(name, bytes):
+        name = name.decode("utf-8", errors="replace")
+    return name or "gamepad"

@@ -1,0 +1,72 @@
+"""The message of the status line: errors stay until replaced, notes fade, and everything is logged."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import Enum
+
+NOTE_SECONDS = 8.0
+_LOG = logging.getLogger("sport.viewer")
+
+
+class Level(Enum):
+    """How a message is meant."""
+
+    NOTE = "note"
+    WARNING = "warning"
+    ERROR = "error"
+
+
+_LOG_LEVELS = {Level.NOTE: logging.INFO, Level.WARNING: logging.WARNING, Level.ERROR: logging.ERROR}
+
+
+@dataclass(frozen=True)
+class Message:
+    """One message and the clock's seconds at which it was posted."""
+
+    text: str
+    level: Level
+    posted: float
+
+
+@dataclass
+class Messages:
+    """The current message and the recent ones, newest last."""
+
+    clock: Callable[[], float] = time.monotonic
+    recent: deque[Message] = field(default_factory=lambda: deque(maxlen=50))
+
+    def post(self, text: str, level: Level = Level.NOTE) -> None:
+        """Show and log `text`; the same error again only refreshes the one shown."""
+        last = self.recent[-1] if self.recent else None
+        message = Message(" ".join(text.split()), level, self.clock())
+        if last is not None and (last.text, last.level) == (message.text, level):
+            self.recent[-1] = message
+            return
+        _LOG.log(_LOG_LEVELS[level], "%s", message.text)
+        self.recent.append(message)
+
+    def note(self, text: str) -> None:
+        """Post something good to know."""
+        self.post(text, Level.NOTE)
+
+    def warn(self, text: str) -> None:
+        """Post something the person should look at."""
+        self.post(text, Level.WARNING)
+
+    def error(self, problem: BaseException | str) -> None:
+        """Post an error; an exception is shown as its own sentence."""
+        self.post(str(problem) or type(problem).__name__, Level.ERROR)
+
+    @property
+    def current(self) -> Message | None:
+        """What the status line shows now."""
+        if not self.recent:
+            return None
+        last = self.recent[-1]
+        faded = last.level is Level.NOTE and self.clock() - last.posted > NOTE_SECONDS
+        return None if faded else last

@@ -1,0 +1,67 @@
+"""The help overlay: every control, for both devices."""
+
+from __future__ import annotations
+
+from viewer.gl_bindings import imgui
+from viewer.input.bindings import HELP
+from viewer.panels import theme, widgets
+from viewer.panels.theme import ICON, Fonts
+from viewer.panels.widgets import px
+from viewer.state import AppState
+
+COLUMNS = (190.0, 190.0, 170.0)  # what, keyboard and mouse, gamepad; pixels at scale 1
+
+
+def draw(state: AppState, fonts: Fonts) -> None:
+    """A window in the middle, above everything; closed by F1, Esc or its button."""
+    size = imgui.get_io().display_size
+    background = imgui.get_background_draw_list()
+    dim = imgui.get_color_u32(imgui.ImVec4(0, 0, 0, 0.45))
+    background.add_rect_filled(imgui.ImVec2(0, 0), size, dim)
+    imgui.set_next_window_pos(imgui.ImVec2(size.x / 2, size.y / 2), imgui.Cond_.always, imgui.ImVec2(0.5, 0.5))
+    imgui.set_next_window_size_constraints(
+        imgui.ImVec2(0, 0), imgui.ImVec2(max(size.x - px(20), 32), max(size.y - px(20), 32))
+    )
+    imgui.set_next_window_focus()
+    flags = (
+        imgui.WindowFlags_.always_auto_resize
+        | imgui.WindowFlags_.no_title_bar
+        | imgui.WindowFlags_.no_move
+        | imgui.WindowFlags_.no_saved_settings
+    )
+    imgui.begin("help", None, flags)
+    _title(state, fonts)
+    _table(fonts)
+    imgui.end()
+
+
+def _title(state: AppState, fonts: Fonts) -> None:
+    widgets.heading(fonts, ICON.help, "Controls")
+    close_width = imgui.get_frame_height()
+    imgui.same_line(px(sum(COLUMNS)) - close_width + px(10))
+    if widgets.button(ICON.close, close_width, "Close (F1)"):
+        state.help_open = False
+
+
+def _table(fonts: Fonts) -> None:
+    if not imgui.begin_table("controls", 3, imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.row_bg):
+        return
+    for name, width in zip(("", "Keyboard and mouse", "Gamepad"), COLUMNS, strict=True):
+        imgui.table_setup_column(name, imgui.TableColumnFlags_.width_fixed, px(width))
+    imgui.table_next_row()
+    for i, text in enumerate(("", f"{ICON.keyboard} Keyboard and mouse", f"{ICON.gamepad} Gamepad")):
+        imgui.table_set_column_index(i)
+        widgets.muted(text)
+    for title, rows in HELP:
+        imgui.table_next_row()
+        imgui.table_set_column_index(0)
+        imgui.push_font(fonts.bold, theme.FONT_SIZE)
+        with widgets.color(imgui.Col_.text, theme.ACCENT):
+            imgui.text_unformatted(title)
+        imgui.pop_font()
+        for what, keys, pad in rows:
+            imgui.table_next_row()
+            for i, text in enumerate((what, keys, pad)):
+                imgui.table_set_column_index(i)
+                imgui.text_unformatted(text)
+    imgui.end_table()

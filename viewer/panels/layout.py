@@ -1,0 +1,75 @@
+"""Where the panels lie: a pure function of the window, so that nothing can overlap at any size or scale."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+MARGIN = 10.0  # all lengths at scale 1
+STATUS_HEIGHT = 30.0
+LEFT_WIDTH, RIGHT_WIDTH = 316.0, 296.0
+SCENE_MIN_WIDTH = 240.0  # of the free view between the columns
+TRANSPORT_HEIGHT = 88.0
+SCENE_PANEL_HEIGHT = 372.0
+
+
+@dataclass(frozen=True)
+class Rect:
+    """A rectangle in screen units."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+    def overlaps(self, other: Rect) -> bool:
+        """Whether the two share an area."""
+        return (
+            self.x < other.x + other.width
+            and other.x < self.x + self.width
+            and self.y < other.y + other.height
+            and other.y < self.y + self.height
+        )
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Panels of one window size; None where there is no room. `tabs` replaces the columns in a narrow window."""
+
+    status: Rect
+    prompt: Rect | None
+    scene: Rect | None
+    clips: Rect | None
+    tabs: Rect | None
+    transport: Rect | None
+    view: Rect  # what stays free for the character
+
+
+def arrange(width: float, height: float, scale: float, panels: bool = True, transport: bool = False) -> Layout:
+    """Lay the panels out in a window of `width` x `height` screen units."""
+    m, status_height = MARGIN * scale, STATUS_HEIGHT * scale
+    status = Rect(0.0, max(height - status_height, 0.0), width, min(status_height, height))
+    column_height = height - status_height - 2 * m
+    full = Rect(0.0, 0.0, width, max(height - status_height, 1.0))
+    if not panels or column_height < 80 * scale:
+        bar = _transport(full, scale) if transport else None
+        return Layout(status, None, None, None, None, bar, full)
+    if width < (LEFT_WIDTH + RIGHT_WIDTH + SCENE_MIN_WIDTH + 4 * MARGIN) * scale:
+        tabs_width = min(LEFT_WIDTH * scale, width - 2 * m)
+        tabs = Rect(m, m, tabs_width, column_height)
+        view = Rect(tabs_width + 2 * m, 0.0, max(width - tabs_width - 2 * m, 1.0), full.height)
+        return Layout(status, None, None, None, tabs, _transport(view, scale) if transport else None, view)
+    prompt = Rect(m, m, LEFT_WIDTH * scale, column_height)
+    right = width - m - RIGHT_WIDTH * scale
+    scene_height = min(SCENE_PANEL_HEIGHT * scale, 0.56 * (column_height - m))
+    scene = Rect(right, m, RIGHT_WIDTH * scale, scene_height)
+    clips = Rect(right, m + scene_height + m, RIGHT_WIDTH * scale, column_height - scene_height - m)
+    view = Rect(prompt.x + prompt.width, 0.0, right - prompt.x - prompt.width, full.height)
+    return Layout(status, prompt, scene, clips, None, _transport(view, scale) if transport else None, view)
+
+
+def _transport(view: Rect, scale: float) -> Rect | None:
+    m, height = MARGIN * scale, TRANSPORT_HEIGHT * scale
+    width = min(view.width - 2 * m, 720 * scale)
+    if width < 180 * scale or view.height < height + 2 * m:
+        return None
+    return Rect(view.x + (view.width - width) / 2, view.y + view.height - height - m, width, height)

@@ -1,0 +1,122 @@
+"""The scene panel: ground, camera, what is shown, and how it is drawn."""
+
+from __future__ import annotations
+
+from viewer.camera_control import CameraControl
+from viewer.gl_bindings import imgui
+from viewer.panels import widgets
+from viewer.panels.theme import ICON, Fonts
+from viewer.panels.widgets import px
+from viewer.scene import Scene
+from viewer.state import AppState
+
+_TOGGLES = (
+    ("show_trajectory", "Trajectory", "The path the character intends, one second back and ahead (F2)"),
+    ("show_skeleton", "Skeleton", "Bones through the skin (F3)"),
+    ("show_contacts", "Contacts", "Which heels and toes stand on the ground (F4)"),
+    ("show_grid", "Grid", "A metre grid on the ground (F5)"),
+)
+
+
+def draw(state: AppState, scene: Scene, camera: CameraControl, fonts: Fonts) -> None:
+    """Contents of the panel."""
+    widgets.heading(fonts, ICON.scene, "Scene")
+    _terrain(state, scene)
+    widgets.label("Camera")
+    mode = widgets.segmented("camera", (("follow", "Follow"), ("orbit", "Orbit")), camera.mode)
+    if mode != camera.mode:
+        camera.use(mode)
+        state.settings.camera = mode
+    widgets.label("Show")
+    _toggles(state)
+    _drawing(state, scene)
+
+
+def _terrain(state: AppState, scene: Scene) -> None:
+    widgets.label("Ground")
+    reset_width = imgui.get_frame_height() + px(4)
+    imgui.set_next_item_width(imgui.get_content_region_avail().x - reset_width - px(4))
+    spec = state.scene.terrain_spec
+    shown = f"Loading {state.scene.loading}…" if state.scene.loading else _short(spec)
+    if imgui.begin_combo("##terrain", shown, imgui.ComboFlags_.height_largest):
+        for name in state.scene.terrain_names:
+            if imgui.selectable(_short(name), name == spec)[0] and name != spec:
+                scene.load_terrain(name)
+        imgui.end_combo()
+    widgets.tooltip(spec)
+    imgui.same_line(0, px(4))
+    if widgets.button(ICON.reset, reset_width, "Back to the start of the ground (Home)"):
+        scene.reset_character()
+    _height_map(state, scene)
+
+
+def _height_map(state: AppState, scene: Scene) -> None:
+    if not imgui.tree_node_ex("Load a height map", imgui.TreeNodeFlags_.span_avail_width):
+        return
+    imgui.unindent(imgui.get_style().indent_spacing)
+    settings = state.settings
+    load_width = px(60)
+    imgui.set_next_item_width(-load_width - px(4))
+    entered, state.scene.terrain_path = imgui.input_text_with_hint(
+        "##path", "PNG, NPY, OBJ: path or drop", state.scene.terrain_path, imgui.InputTextFlags_.enter_returns_true
+    )
+    imgui.same_line(0, px(4))
+    load = widgets.button("Load", load_width)
+    if (entered or load) and state.scene.terrain_path.strip():
+        scene.load_terrain(state.scene.terrain_path.strip().strip('"'))
+    half = (imgui.get_content_region_avail().x - px(4)) / 2
+    flags = imgui.SliderFlags_.always_clamp
+    imgui.set_next_item_width(half)
+    _, settings.height_map_cell_m = imgui.drag_float(
+        "##cell", settings.height_map_cell_m, 0.005, 0.01, 10.0, "Cell %.2f m", flags
+    )
+    widgets.tooltip("Distance between neighbouring pixels. Drag, or double-click to type.")
+    imgui.same_line(0, px(4))
+    imgui.set_next_item_width(half)
+    _, settings.height_map_height_m = imgui.drag_float(
+        "##height", settings.height_map_height_m, 0.02, 0.01, 100.0, "White %.2f m", flags
+    )
+    widgets.tooltip("Height of a white pixel; black lies at 0. Drag, or double-click to type.")
+    imgui.indent(imgui.get_style().indent_spacing)
+    imgui.tree_pop()
+
+
+def _toggles(state: AppState) -> None:
+    spacing = px(4)
+    width = (imgui.get_content_region_avail().x - spacing) / 2
+    for i, (name, text, hint) in enumerate(_TOGGLES):
+        if i % 2:
+            imgui.same_line(0, spacing)
+        on = getattr(state.settings, name)
+        setattr(state.settings, name, widgets.toggle(text, on, width, hint))
+
+
+def _drawing(state: AppState, scene: Scene) -> None:
+    half = (imgui.get_content_region_avail().x - px(4)) / 2
+    top = imgui.get_cursor_pos()
+    widgets.label("Quality")
+    imgui.set_next_item_width(half)
+    chosen = state.settings.quality
+    shown = (chosen or f"Auto: {state.scene.quality}").capitalize()
+    if imgui.begin_combo("##quality", shown):
+        for name in ("", *state.scene.quality_names):
+            if imgui.selectable(name.capitalize() or "Automatic", name == chosen)[0] and name != chosen:
+                scene.set_quality(name)
+        imgui.end_combo()
+    imgui.set_cursor_pos(imgui.ImVec2(top.x + half + px(4), top.y))
+    imgui.begin_group()
+    widgets.label("Variety")
+    imgui.set_next_item_width(half)
+    changed, value = imgui.slider_float(
+        "##temperature", state.settings.temperature, 0.0, 2.0, "%.2f", imgui.SliderFlags_.always_clamp
+    )
+    if changed:
+        scene.set_temperature(value)
+    widgets.tooltip("Temperature of the sampler: 0 moves evenly, 1 as trained, more is livelier")
+    imgui.end_group()
+
+
+def _short(spec: str) -> str:
+    """A name as it is, a path by its last part."""
+    name = spec.replace("\\", "/").rsplit("/", 1)[-1]
+    return name if "." in name else name.replace("_", " ").capitalize()

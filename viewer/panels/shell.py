@@ -1,0 +1,108 @@
+"""All panels of one frame, each in its place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from viewer.actions import Actions
+from viewer.gl_bindings import imgui
+from viewer.panels import clips, help, prompt, scene, status, theme, transport, widgets
+from viewer.panels.layout import Layout, Rect, arrange
+from viewer.panels.theme import ICON, Fonts
+from viewer.panels.widgets import px
+from viewer.state import AppState
+
+_FIXED = (
+    imgui.WindowFlags_.no_title_bar
+    | imgui.WindowFlags_.no_resize
+    | imgui.WindowFlags_.no_move
+    | imgui.WindowFlags_.no_collapse
+    | imgui.WindowFlags_.no_saved_settings
+    | imgui.WindowFlags_.no_bring_to_front_on_focus
+)
+_STATUS = _FIXED | imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
+
+
+@dataclass
+class Shell:
+    """Fonts, style and the windows around the panels."""
+
+    state: AppState
+    actions: Actions
+    fonts: Fonts = field(init=False)
+    _scale: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.fonts = theme.load_fonts()
+
+    def draw(self, scale: float) -> None:
+        """Draw every panel for a UI scale."""
+        if scale != self._scale:
+            theme.apply_style(scale)
+            self._scale = scale
+        state, actions, fonts = self.state, self.actions, self.fonts
+        size = imgui.get_io().display_size
+        layout = arrange(size.x, size.y, scale, state.panels_open, state.clips.playback is not None)
+
+        def draw_prompt() -> None:
+            prompt.draw(state, actions.prompting, fonts)
+
+        def draw_scene() -> None:
+            scene.draw(state, actions.scene, actions.camera, fonts)
+
+        def draw_clips() -> None:
+            clips.draw(state, actions.takes, fonts)
+
+        _window("Prompt", layout.prompt, draw_prompt)
+        _window("Scene", layout.scene, draw_scene)
+        _window("Clips", layout.clips, draw_clips)
+        _window("Tabs", layout.tabs, lambda: _tabs(draw_prompt, draw_scene, draw_clips))
+        _window("Transport", layout.transport, lambda: transport.draw(state, actions.takes, fonts))
+        self._status(layout)
+        _badge(state, layout)
+        if state.help_open:
+            help.draw(state, fonts)
+
+    def _status(self, layout: Layout) -> None:
+        imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
+        imgui.push_style_var(imgui.StyleVar_.window_padding, imgui.ImVec2(px(14), px(6)))
+        _window("Status", layout.status, lambda: status.draw(self.state, self.fonts), _STATUS)
+        imgui.pop_style_var(2)
+
+
+def _window(name: str, rect: Rect | None, contents: Callable[[], None], flags: int = _FIXED) -> None:
+    if rect is None or rect.width < 1 or rect.height < 1:
+        return
+    imgui.set_next_window_pos(imgui.ImVec2(rect.x, rect.y))
+    imgui.set_next_window_size(imgui.ImVec2(rect.width, rect.height))
+    imgui.begin(name, None, flags)
+    try:
+        contents()
+    finally:
+        imgui.end()
+
+
+def _tabs(*panels: Callable[[], None]) -> None:
+    """One column for a narrow window."""
+    if not imgui.begin_tab_bar("panels"):
+        return
+    for name, contents in zip(("Prompt", "Scene", "Clips"), panels, strict=True):
+        if imgui.begin_tab_item(name)[0]:
+            imgui.dummy(imgui.ImVec2(0, px(2)))
+            contents()
+            imgui.end_tab_item()
+    imgui.end_tab_bar()
+
+
+def _badge(state: AppState, layout: Layout) -> None:
+    """A sign over the view while something is recorded."""
+    if not state.clips.recording:
+        return
+    text = f"{ICON.record} REC {widgets.clock(state.clips.recorded_s)}"
+    drawing, view = imgui.get_foreground_draw_list(), layout.view
+    size, pad = imgui.calc_text_size(text), px(10)
+    x, y = view.x + (view.width - size.x) / 2, view.y + px(16)
+    low, high = imgui.ImVec2(x - pad, y - pad / 2), imgui.ImVec2(x + size.x + pad, y + size.y + pad / 2)
+    drawing.add_rect_filled(low, high, imgui.get_color_u32(imgui.ImVec4(*theme.PANEL)), px(14))
+    drawing.add_text(imgui.ImVec2(x, y), imgui.get_color_u32(imgui.ImVec4(*theme.RECORD)), text)

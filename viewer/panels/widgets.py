@@ -1,0 +1,120 @@
+"""Small building blocks of the panels; lengths in pixels at scale 1 go through `px`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+from viewer.gl_bindings import imgui
+from viewer.panels import theme
+from viewer.panels.theme import Color
+
+
+def px(length: float) -> float:
+    """A length at scale 1 in screen units."""
+    return length * imgui.get_style().font_scale_dpi
+
+
+@contextmanager
+def color(role: int, value: Color) -> Iterator[None]:
+    """Draw with another colour for one role."""
+    imgui.push_style_color(role, imgui.ImVec4(*value))
+    try:
+        yield
+    finally:
+        imgui.pop_style_color()
+
+
+def muted(text: str, wrap: bool = False) -> None:
+    """Secondary text."""
+    with color(imgui.Col_.text, theme.MUTED):
+        imgui.text_wrapped(text) if wrap else imgui.text_unformatted(text)
+
+
+def label(text: str) -> None:
+    """A field's label, above it."""
+    imgui.push_font(None, theme.FONT_SIZE * 0.87)
+    muted(text)
+    imgui.pop_font()
+
+
+def heading(fonts: theme.Fonts, icon: str, text: str) -> None:
+    """A panel's title."""
+    imgui.push_font(fonts.bold, theme.FONT_SIZE * 1.1)
+    with color(imgui.Col_.text, theme.ACCENT):
+        imgui.text_unformatted(icon)
+    imgui.same_line(0, px(7))
+    imgui.text_unformatted(text)
+    imgui.pop_font()
+    imgui.dummy(imgui.ImVec2(0, px(1)))
+
+
+def tooltip(text: str) -> None:
+    """Explain the item before, when the mouse rests on it."""
+    if text and imgui.is_item_hovered(imgui.HoveredFlags_.delay_normal | imgui.HoveredFlags_.allow_when_disabled):
+        imgui.set_tooltip(text.replace("%", "%%"))
+
+
+def button(text: str, width: float = 0.0, hint: str = "", primary: bool = False, height: float = 0.0) -> bool:
+    """A button; `primary` is filled with the accent, width -1 takes the rest of the line."""
+    if not primary:
+        clicked = bool(imgui.button(text, imgui.ImVec2(width, height)))
+    else:
+        with (
+            color(imgui.Col_.button, theme.ACCENT),
+            color(imgui.Col_.button_hovered, theme.ACCENT_HOVER),
+            color(imgui.Col_.button_active, theme.ACCENT),
+            color(imgui.Col_.text, theme.ON_ACCENT),
+        ):
+            clicked = bool(imgui.button(text, imgui.ImVec2(width, height)))
+    tooltip(hint)
+    return clicked
+
+
+def toggle(text: str, on: bool, width: float, hint: str = "") -> bool:
+    """A button that stays lit while `on`; answers the new state."""
+    text_color = theme.ACCENT if on else theme.MUTED
+    with (
+        color(imgui.Col_.button, theme.ACCENT_DIM if on else theme.FIELD),
+        color(imgui.Col_.text, text_color),
+    ):
+        clicked = imgui.button(text, imgui.ImVec2(width, 0))
+    tooltip(hint)
+    return on != bool(clicked)
+
+
+def segmented(name: str, options: Sequence[tuple[str, str]], value: str) -> str:
+    """One of a few choices side by side; options are (value, text), answers the chosen value."""
+    spacing = px(4)
+    width = (imgui.get_content_region_avail().x - spacing * (len(options) - 1)) / len(options)
+    imgui.push_id(name)
+    for i, (option, text) in enumerate(options):
+        if i:
+            imgui.same_line(0, spacing)
+        if toggle(f"{text}##{option}", option == value, width) != (option == value):
+            value = option
+    imgui.pop_id()
+    return value
+
+
+def elided(text: str, width: float) -> str:
+    """`text` cut with an ellipsis so that it fits into `width`."""
+    if imgui.calc_text_size(text).x <= width:
+        return text
+    low, high = 0, len(text)
+    while low < high:
+        middle = (low + high + 1) // 2
+        fits = imgui.calc_text_size(text[:middle].rstrip() + "…").x <= width
+        low, high = (middle, high) if fits else (low, middle - 1)
+    return text[:low].rstrip() + "…"
+
+
+def full_width() -> None:
+    """The next item takes the rest of the line."""
+    imgui.set_next_item_width(-1)
+
+
+def clock(seconds: float) -> str:
+    """Seconds as minutes:seconds.tenths."""
+    tenths = max(round(seconds * 10), 0)
+    return f"{tenths // 600}:{tenths // 10 % 60:02d}.{tenths % 10}"

@@ -1,0 +1,136 @@
+"""What the application is given: loaders of models, terrains, characters, prompts and the renderer.
+
+Tests and other front ends put their own in. Everything heavy is imported when it is called.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from runtime.errors import FileError
+from runtime.prompts.parts import PartDescriptions
+from runtime.terrain import Terrain
+from viewer.simulation import ControllerLike
+
+DEFAULT_CHARACTER = "character/mannequin.glb"
+READY_PROMPTS = "prompts/styles.json"
+
+
+class PromptWorkerLike(Protocol):
+    """What the viewer needs of `runtime.prompts.service.PromptWorker`."""
+
+    @property
+    def busy(self) -> bool:
+        """Whether a request waits or is being worked on."""
+        ...
+
+    def submit(self, prompt: str | PartDescriptions) -> None:
+        """Ask for a style."""
+        ...
+
+    def poll(self) -> Any:
+        """The newest answer, or None."""
+        ...
+
+    def close(self) -> None:
+        """Stop working."""
+        ...
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A model ready to run: its controller, its prompt worker, and what the status line says of it."""
+
+    controller: ControllerLike
+    prompts: PromptWorkerLike
+    name: str
+    provider: str
+
+
+@dataclass(frozen=True)
+class Services:
+    """Loaders, each called on a worker thread except `make_renderer`."""
+
+    load_model: Callable[[Path | None, Terrain, int], Loaded]
+    load_terrain: Callable[[str, float, float], Terrain]
+    load_character: Callable[[Path | None], Any]
+    make_renderer: Callable[[Any, str], Any]  # (context, quality name or "")
+    terrain_names: Callable[[], tuple[str, ...]]
+    quality_names: Callable[[], tuple[str, ...]]
+    ready_prompts: Callable[[], tuple[str, ...]]
+
+
+def default_services() -> Services:
+    """The project's own."""
+    return Services(
+        load_model=load_model,
+        load_terrain=load_terrain,
+        load_character=load_character,
+        make_renderer=make_renderer,
+        terrain_names=terrain_names,
+        quality_names=lambda: ("software", "high"),
+        ready_prompts=ready_prompts,
+    )
+
+
+def load_model(directory: Path | None, terrain: Terrain, seed: int) -> Loaded:
+    """The exported model of `directory` (the shipped one by default) with its prompt encoder."""
+    from runtime.controller import Controller
+    from runtime.model import load_model as load
+    from runtime.prompts.content import PromptEncoder
+    from runtime.prompts.library import LibraryExpander
+    from runtime.prompts.service import PromptWorker
+    from runtime.prompts.text_encoder import TextEncoder
+
+    model = load(directory)
+    text_encoder = TextEncoder()
+    worker = PromptWorker(LibraryExpander(text_encoder), PromptEncoder(text_encoder, model.prompt_path))
+    return Loaded(Controller(model, terrain, seed), worker, model.name, model.provider)
+
+
+def load_terrain(spec: str, cell_m: float, height_m: float) -> Terrain:
+    """A terrain by name or file."""
+    from runtime.terrain_library import load_terrain as load
+
+    return load(spec, cell_m, height_m)
+
+
+def terrain_names() -> tuple[str, ...]:
+    """Names of the ready terrains."""
+    from runtime.terrain_library import TERRAIN_NAMES
+
+    return TERRAIN_NAMES
+
+
+def load_character(path: Path | None) -> Any:
+    """The character of a GLB file; the shipped mannequin by default."""
+    from runtime.assets import asset_path
+    from runtime.gltf import load_character as load
+
+    return load(asset_path(DEFAULT_CHARACTER) if path is None else path)
+
+
+def make_renderer(ctx: Any, quality: str) -> Any:
+    """The project's renderer; "" lets it choose the quality for this machine."""
+    from viewer.render.quality import HIGH, SOFTWARE
+    from viewer.render.renderer import Renderer
+
+    presets = {preset.name: preset for preset in (SOFTWARE, HIGH)}
+    return Renderer(ctx, presets.get(quality))
+
+
+def ready_prompts() -> tuple[str, ...]:
+    """The prompt of each style of the shipped library, without repetitions."""
+    from runtime.assets import asset_path
+
+    path = asset_path(READY_PROMPTS)
+    try:
+        styles = json.loads(path.read_text(encoding="utf-8"))
+        prompts = [style["prompt"] for style in styles.values()]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise FileError(f"{path}: no library of prompts ({error}).", "Install the program again.") from error
+    return tuple(dict.fromkeys(str(prompt) for prompt in prompts))

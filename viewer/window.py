@@ -1,0 +1,319 @@
+"""One glfw window (or none: PLATFORM_NULL with EGL), its OpenGL context, ImGui, and the framebuffer of the app."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import DisplayError
+from viewer.gl_bindings import glfw, imgui, moderngl
+
+_LOG = logging.getLogger("sport.viewer")
+_OFFSCREEN_HINT = "Without a display, `sport view --offscreen --screenshot out.png` renders into a file."
+
+KEY_NAMES: dict[int, str] = {
+    **{glfw.KEY_A + i: chr(ord("a") + i) for i in range(26)},
+    **{glfw.KEY_0 + i: str(i) for i in range(10)},
+    **{glfw.KEY_F1 + i: f"f{i + 1}" for i in range(12)},
+    glfw.KEY_SPACE: "space",
+    glfw.KEY_ENTER: "enter",
+    glfw.KEY_KP_ENTER: "enter",
+    glfw.KEY_ESCAPE: "escape",
+    glfw.KEY_BACKSPACE: "backspace",
+    glfw.KEY_TAB: "tab",
+    glfw.KEY_LEFT: "left",
+    glfw.KEY_RIGHT: "right",
+    glfw.KEY_UP: "up",
+    glfw.KEY_DOWN: "down",
+    glfw.KEY_HOME: "home",
+    glfw.KEY_PAGE_UP: "page_up",
+    glfw.KEY_PAGE_DOWN: "page_down",
+    glfw.KEY_EQUAL: "equal",
+    glfw.KEY_MINUS: "minus",
+    glfw.KEY_LEFT_SHIFT: "shift",
+    glfw.KEY_RIGHT_SHIFT: "shift",
+    glfw.KEY_LEFT_CONTROL: "ctrl",
+    glfw.KEY_RIGHT_CONTROL: "ctrl",
+    glfw.KEY_LEFT_ALT: "alt",
+}
+KEY_CODES: dict[str, int] = {name: code for code, name in reversed(KEY_NAMES.items())}
+
+
+@dataclass
+class WindowEvents:
+    """Who wants to hear what; set before the window opens."""
+
+    key: Callable[[str, bool], None]  # name, down
+    focus: Callable[[bool], None]
+    drop: Callable[[list[Path]], None]
+
+
+class Window:
+    """The window, `ctx` (moderngl), and `framebuffer`, into which scene and panels are drawn before it is shown."""
+
+    def __init__(
+        self,
+        title: str,
+        width: int,
+        height: int,
+        events: WindowEvents,
+        offscreen: bool = False,
+        vsync: bool = True,
+        ui_scale: float = 0.0,
+    ) -> None:
+        self._events = events
+        self._offscreen = offscreen
+        self._wanted_scale = ui_scale
+        self._windowed: tuple[int, int, int, int] | None = None
+        self._texture: Any = None
+        self._depth: Any = None
+        self.framebuffer: Any = None
+        self.handle = _open(title, width, height, offscreen)
+        try:
+            glfw.make_context_current(self.handle)
+            self.ctx = _context()
+            glfw.swap_interval(1 if vsync and not offscreen else 0)
+            self._install_callbacks()
+            self._start_imgui()
+        except BaseException:
+            glfw.terminate()
+            raise
+
+    # --- state of the window
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in screen units, as the mouse measures."""
+        width, height = glfw.get_window_size(self.handle)
+        return int(width), int(height)
+
+    @property
+    def pixels(self) -> tuple[int, int]:
+        """Width and height of the framebuffer; (0, 0) while minimised."""
+        width, height = glfw.get_framebuffer_size(self.handle)
+        return int(width), int(height)
+
+    @property
+    def minimised(self) -> bool:
+        """Whether there is nothing to draw on."""
+        return 0 in self.pixels or bool(glfw.get_window_attrib(self.handle, glfw.ICONIFIED))
+
+    @property
+    def close_requested(self) -> bool:
+        """Whether the person closed the window."""
+        return bool(glfw.window_should_close(self.handle))
+
+    @property
+    def ui_scale(self) -> float:
+        """How much larger than at 96 dpi the interface is drawn, in screen units."""
+        if self._wanted_scale > 0.0:
+            return self._wanted_scale
+        (scale, _), (width, _), (pixels, _) = glfw.get_window_content_scale(self.handle), self.size, self.pixels
+        if width <= 0 or pixels <= 0:
+            return 1.0
+        return min(max(scale * width / pixels, 0.5), 4.0)
+
+    # --- one frame
+
+    def poll(self, wait_seconds: float = 0.0) -> None:
+        """Deliver events; waits up to `wait_seconds` for one."""
+        if wait_seconds > 0.0:
+            glfw.wait_events_timeout(wait_seconds)
+        else:
+            glfw.poll_events()
+
+    def begin_frame(self, dt: float | None = None) -> None:
+        """Match the framebuffer to the window and begin an ImGui frame; `dt` overrides the clock."""
+        self._match_framebuffer()
+        imgui.backends.opengl3_new_frame()
+        imgui.backends.glfw_new_frame()
+        if dt is not None:
+            imgui.get_io().delta_time = dt
+        imgui.new_frame()
+
+    def draw_interface(self) -> None:
+        """Draw the panels over what is in the framebuffer; `imgui.render()` must have run."""
+        self.framebuffer.use()
+        imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
+
+    def present(self) -> None:
+        """Show the framebuffer."""
+        self.ctx.copy_framebuffer(self.ctx.screen, self.framebuffer)
+        glfw.swap_buffers(self.handle)
+
+    def read_pixels(self) -> NDArray[np.uint8]:
+        """The framebuffer as `(height, width, 3)`, top row first."""
+        width, height = self.framebuffer.size
+        data = np.frombuffer(self.framebuffer.read(components=3, alignment=1), np.uint8)
+        return data.reshape(height, width, 3)[::-1].copy()
+
+    # --- requests
+
+    def resize(self, width: int, height: int) -> None:
+        """Ask for another size in screen units."""
+        glfw.set_window_size(self.handle, width, height)
+
+    def close(self) -> None:
+        """Ask the main loop to end."""
+        glfw.set_window_should_close(self.handle, True)
+
+    def toggle_full_screen(self) -> None:
+        """Full screen on the monitor under the window's corner, or back to where the window was."""
+        if self._offscreen:
+            return
+        if self._windowed is not None:
+            x, y, width, height = self._windowed
+            glfw.set_window_monitor(self.handle, None, x, y, width, height, 0)  # type: ignore[arg-type]
+            self._windowed = None
+            return
+        position = glfw.get_window_pos(self.handle)
+        monitor = glfw.get_primary_monitor()
+        if not monitor:
+            return
+        mode = glfw.get_video_mode(monitor)
+        self._windowed = (*position, *self.size)
+        glfw.set_window_monitor(self.handle, monitor, 0, 0, mode.size.width, mode.size.height, mode.refresh_rate)
+
+    def inject_key(self, name: str, down: bool) -> None:
+        """Behave as if a key went down or up: for scripts and tests (ImGui's callback calls this window's)."""
+        code, action = KEY_CODES[name], glfw.PRESS if down else glfw.RELEASE
+        imgui.backends.glfw_key_callback(self._address, code, 0, action, 0)
+
+    def inject_text(self, text: str) -> None:
+        """Behave as if text was typed."""
+        for character in text:
+            imgui.backends.glfw_char_callback(self._address, ord(character))
+
+    def inject_mouse(self, x: float, y: float, button: int | None = None, down: bool = False) -> None:
+        """Behave as if the mouse moved to x, y (screen units) and a button changed."""
+        imgui.backends.glfw_cursor_pos_callback(self._address, x, y)
+        if button is not None:
+            imgui.backends.glfw_mouse_button_callback(
+                self._address, button, glfw.PRESS if down else glfw.RELEASE, 0
+            )
+
+    def inject_focus(self, focused: bool) -> None:
+        """Behave as if the window gained or lost the focus."""
+        imgui.backends.glfw_window_focus_callback(self._address, int(focused))
+
+    def destroy(self) -> None:
+        """Close everything; the object is of no use afterwards."""
+        imgui.backends.opengl3_shutdown()
+        imgui.backends.glfw_shutdown()
+        imgui.destroy_context()
+        self._release_framebuffer()
+        self.ctx.release()
+        glfw.destroy_window(self.handle)
+        glfw.terminate()
+
+    # --- internals
+
+    def _install_callbacks(self) -> None:
+        # before ImGui's, which chain to these; a callback set later would replace ImGui's
+        glfw.set_key_callback(self.handle, self._on_key)
+        glfw.set_window_focus_callback(self.handle, self._on_focus)
+        glfw.set_drop_callback(self.handle, self._on_drop)  # type: ignore[arg-type]  # its stub is wrong
+
+    def _on_key(self, _window: Any, code: int, _scancode: int, action: int, _mods: int) -> None:
+        name = KEY_NAMES.get(code)
+        if name is not None and action != glfw.REPEAT:
+            self._events.key(name, action == glfw.PRESS)
+
+    def _on_focus(self, _window: Any, focused: int) -> None:
+        self._events.focus(bool(focused))
+
+    def _on_drop(self, _window: Any, paths: list[str]) -> None:
+        self._events.drop([Path(p) for p in paths])
+
+    def _start_imgui(self) -> None:
+        imgui.create_context()
+        io = imgui.get_io()
+        io.set_ini_filename(None)  # the layout follows the window, nothing to remember
+        # otherwise one exception between begin and end makes every later frame fail
+        io.config_error_recovery_enable_assert = False
+        self._address = int(glfw_address(self.handle))
+        imgui.backends.glfw_init_for_opengl(self._address, True)
+        imgui.backends.opengl3_init("#version 330")
+
+    def _match_framebuffer(self) -> None:
+        size = self.pixels
+        if 0 in size or (self.framebuffer is not None and self.framebuffer.size == size):
+            return
+        self._release_framebuffer()
+        self._texture = self.ctx.texture(size, 4)
+        self._depth = self.ctx.depth_renderbuffer(size)
+        self.framebuffer = self.ctx.framebuffer([self._texture], self._depth)
+
+    def _release_framebuffer(self) -> None:
+        if self.framebuffer is None:
+            return
+        self.ctx.screen.use()  # a bound framebuffer must not be released
+        for resource in (self.framebuffer, self._texture, self._depth):
+            resource.release()
+        self.framebuffer = None
+
+
+def glfw_address(handle: Any) -> int:
+    """The native pointer of a glfw window, as ImGui's backend wants it."""
+    import ctypes
+
+    return ctypes.cast(handle, ctypes.c_void_p).value or 0
+
+
+def _open(title: str, width: int, height: int, offscreen: bool) -> Any:
+    """A hidden or shown window with a 3.3 core context; DisplayError with the remedy when there can be none."""
+    glfw.ERROR_REPORTING = "raise"  # a refused context would otherwise be a null window
+    try:
+        if offscreen:
+            glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_NULL)
+        else:
+            glfw.init_hint(glfw.PLATFORM, glfw.ANY_PLATFORM)
+        glfw.init()
+    except glfw.GLFWError as error:
+        raise DisplayError(f"No window can be opened: {_reason(error)}.", _display_remedy(offscreen)) from error
+    try:
+        glfw.default_window_hints()
+        glfw.window_hint(glfw.CONTEXT_VERSION_MAJOR, 3)
+        glfw.window_hint(glfw.CONTEXT_VERSION_MINOR, 3)
+        glfw.window_hint(glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE)
+        glfw.window_hint(glfw.OPENGL_FORWARD_COMPAT, True)
+        if offscreen:
+            glfw.window_hint(glfw.CONTEXT_CREATION_API, glfw.EGL_CONTEXT_API)
+        else:
+            glfw.window_hint(glfw.SCALE_TO_MONITOR, True)
+        handle = glfw.create_window(width, height, title, None, None)
+    except glfw.GLFWError as error:
+        glfw.terminate()
+        remedy = "Install OpenGL 3.3 (for example Mesa: libgl1, libegl1) or update the graphics driver."
+        raise DisplayError(f"No OpenGL 3.3 context can be made: {_reason(error)}.", remedy) from error
+    # from here on an error of glfw is a refused wish (a cursor, a clipboard, a position): logged, not fatal
+    glfw.ERROR_REPORTING = "log"
+    return handle
+
+
+def _context() -> Any:
+    try:
+        return moderngl.create_context(require=330)
+    except Exception as error:  # moderngl raises bare Exception
+        raise DisplayError(
+            f"OpenGL 3.3 cannot be used: {error}.", "Update the graphics driver or install Mesa (libgl1, libegl1)."
+        ) from error
+
+
+def _reason(error: Exception) -> str:
+    return str(error).removesuffix("'").rstrip(".").replace("b'", "").split(") ", 1)[-1]
+
+
+def _display_remedy(offscreen: bool) -> str:
+    if offscreen:
+        return "Install libegl1 (Mesa) for rendering without a display."
+    missing = not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    start = "Start it in a desktop session (DISPLAY and WAYLAND_DISPLAY are unset). " if missing else ""
+    return start + _OFFSCREEN_HINT

@@ -203,15 +203,22 @@ class ClipRecorder:
         )
 
 
+def check_bvh_options(fps: float, unit: str, order: str = "ZYX") -> None:
+    """UsageError when `save_bvh` cannot write with these options."""
+    if not 1.0 <= fps <= MAX_FPS:
+        raise UsageError(f"{fps} frames per second: expected 1 to {MAX_FPS:.0f}.", "Try 60 or 30.")
+    if unit not in UNITS_PER_METRE:
+        raise UsageError(f"unit '{unit}': expected cm or m.", "Choose one of the two.")
+    if order.upper() not in ROTATION_ORDERS:
+        raise UsageError(f"rotation order '{order}': unknown.", f"Choose {', '.join(ROTATION_ORDERS)}.")
+
+
 def save_bvh(clip: Clip, path: str | Path, fps: float = 60.0, unit: str = "cm", order: str = "ZYX") -> Path:
     """Write a BVH that appears whole or not at all; the path written.
 
     `fps` resamples the clip, `unit` is "cm" or "m", `order` one of `ROTATION_ORDERS`. UsageError or FileError.
     """
-    if unit not in UNITS_PER_METRE:
-        raise UsageError(f"unit '{unit}': expected cm or m.", "Choose one of the two.")
-    if order.upper() not in ROTATION_ORDERS:
-        raise UsageError(f"rotation order '{order}': unknown.", f"Choose {', '.join(ROTATION_ORDERS)}.")
+    check_bvh_options(fps, unit, order)
     at_rate = clip.resampled(fps)
     scale = UNITS_PER_METRE[unit]
     text = format_bvh(

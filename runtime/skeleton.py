@@ -53,17 +53,27 @@ class Skeleton:
         """
         local = np.asarray(local)
         positions = np.empty((*local.shape[:-1], 3), local.dtype)
-        world = np.empty_like(local)
-        for j, parent in enumerate(self.parents):
-            if parent < 0:
-                positions[..., j, :] = root_position
-                world[..., j, :] = local[..., j, :]
-            else:
-                world[..., j, :] = rotations.multiply(world[..., parent, :], local[..., j, :])
-                positions[..., j, :] = positions[..., parent, :] + rotations.rotate(
-                    world[..., parent, :], self.offsets[j]
-                )
+        world = local.copy()
+        for joints, parents in self.levels:
+            if parents is None:
+                positions[..., joints, :] = np.asarray(root_position)[..., None, :]
+                continue
+            turned = world[..., parents, :]
+            world[..., joints, :] = rotations.multiply(turned, local[..., joints, :])
+            positions[..., joints, :] = positions[..., parents, :] + rotations.rotate(
+                turned, self.offsets[joints]
+            )
         return positions, world
+
+    @cached_property
+    def levels(self) -> tuple[tuple[NDArray[np.int64], NDArray[np.int64] | None], ...]:
+        """Joints of equal depth with their parents, root first (its parents are None)."""
+        depth = np.zeros(len(self), np.int64)
+        for j, parent in enumerate(self.parents):
+            depth[j] = depth[parent] + 1 if parent >= 0 else 0
+        parents = np.array(self.parents)
+        groups = [np.flatnonzero(depth == d) for d in range(depth.max() + 1)]
+        return tuple((g, parents[g] if d else None) for d, g in enumerate(groups))
 
     def local_rotations(self, world: Array) -> Array:
         """Rotations relative to the parent `(..., J, 4)` of world rotations `(..., J, 4)`."""

@@ -142,7 +142,9 @@ def _phase(
         phase = np.load(stored, allow_pickle=False)
         if len(phase) == len(table):
             return phase
-        raise FileError(f"{stored}: belongs to another set of clips.", "Delete it and train stage 'phase' again.")
+        log.info("%s belongs to another set of clips: encoding these", stored)
+    if (args.out / "phase_final.pt").exists():
+        return stage_phase.encode_table(session, config, table)
     if not wanted:
         raise FileError(f"{stored}: missing.", "Train stage 'phase' first.")
     return stage_phase.run(session, config, table, weights, args.phase, max_minutes=args.max_minutes)
@@ -225,3 +227,7 @@ def _notes(args: argparse.Namespace, table: FrameTable) -> dict[str, object]:
         if set(table.sources) & {"bandai_namco", "pfnn", "pfnn_rollouts"}
         else "CC BY 4.0",
     }
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -14,7 +14,7 @@ from torch.nn.functional import mse_loss
 from training.frames import FrameTable
 from training.networks.phase import WINDOW, PeriodicAutoencoder
 from training.presets import ModelConfig
-from training.session import MovingAverage, Session, StageState, save_checkpoint, train
+from training.session import MovingAverage, Session, StageState, load_checkpoint, save_checkpoint, train
 
 log = logging.getLogger("sport.train")
 HALF = WINDOW // 2
@@ -66,15 +66,25 @@ def run(
         session, "phase", state, batches(), losses, steps,
         lambda s: 1e-3 * min(1.0, (steps - s) / (0.3 * steps) + 0.02), batch, max_minutes,
     )
-    module.load_state_dict(state.average.values)
-    phase = encode_all(session, module, velocities / scale, first, last)
+    save_checkpoint(
+        session.out / "phase_final.pt",
+        {"module": state.average.values, "scale": scale.cpu(), "config": asdict(config)},
+    )
+    return encode_table(session, config, table)
+
+
+def encode_table(session: Session, config: ModelConfig, table: FrameTable) -> np.ndarray:
+    """Phase vectors `(N, 5, 2)` of a table by the trained autoencoder; written to `phase.npy`."""
+    saved = load_checkpoint(session.out / "phase_final.pt")
+    module = PeriodicAutoencoder(config).to(session.device)
+    module.load_state_dict(saved["module"])
+    velocities = torch.as_tensor(table.velocities).to(session.device)
+    first = torch.as_tensor(table.start[table.clip]).to(session.device)
+    last = torch.as_tensor(table.start[table.clip + 1] - 1).to(session.device)
+    phase = encode_all(session, module, velocities, float(saved["scale"]), first, last)
     # a unit scale for the networks: amplitudes themselves are arbitrary
     phase /= np.sqrt((phase[:: max(1, len(phase) // 50000)] ** 2).mean((0, 2), keepdims=True)) + 1e-6
     np.save(session.out / "phase.npy", phase.astype(np.float32))
-    save_checkpoint(
-        session.out / "phase_final.pt",
-        {"module": module.state_dict(), "scale": scale.cpu(), "config": asdict(config)},
-    )
     return phase.astype(np.float32)
 
 
@@ -83,9 +93,10 @@ def encode_all(
     session: Session,
     module: PeriodicAutoencoder,
     velocities: Tensor,
+    scale: float,
     first: Tensor,
     last: Tensor,
-    stride: int = 2,
+    stride: int = 3,
     batch: int = 1024,
 ) -> np.ndarray:
     """Phase vectors of every frame; computed at every `stride`-th frame and interpolated between."""
@@ -95,7 +106,7 @@ def encode_all(
     parts = []
     for k, chunk in enumerate(rows.split(batch)):
         with session.autocast():  # type: ignore[attr-defined]
-            parts.append(module.phase_vectors(_windows(velocities, chunk, first, last)).float().cpu())
+            parts.append(module.phase_vectors(_windows(velocities, chunk, first, last) / scale).float().cpu())
         if k % 200 == 0:
             log.info("phase: encoded %d of %d frames", k * batch * stride, count)
     known = torch.cat(parts).numpy()

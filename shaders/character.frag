@@ -19,7 +19,7 @@ void main() {
     key *= mix(0.25, 1.0, sun_visibility(position + 0.02 * n));
 #endif
     vec3 base = mix(albedo, tint.rgb, tint.a);
-    vec3 light = base * (0.66 * ambient_light(n) + 0.95 * key * SUN_LIGHT);
+    vec3 light = base * (0.54 * ambient_light(n) + 1.02 * key * SUN_LIGHT);
     vec3 halfway = normalize(to_eye + sun_direction.xyz);
     float gloss = max(dot(n, halfway), 0.0);
     gloss *= gloss; gloss *= gloss; gloss *= gloss; gloss *= gloss;

@@ -13,15 +13,15 @@ layout(std140, row_major) uniform Frame {
     vec4 fog;             // focus x, focus z, radius where it begins, radius where all is fog
 };
 
-const vec3 HORIZON = vec3(0.760, 0.800, 0.835);
-const vec3 ZENITH = vec3(0.300, 0.430, 0.590);
+const vec3 HORIZON = vec3(0.805, 0.840, 0.865);
+const vec3 ZENITH = vec3(0.330, 0.500, 0.690);
 const vec3 SUN_LIGHT = vec3(1.00, 0.955, 0.88);
-const vec3 SKY_LIGHT = vec3(0.62, 0.70, 0.80);
+const vec3 SKY_LIGHT = vec3(0.66, 0.73, 0.82);
 const vec3 GROUND_LIGHT = vec3(0.50, 0.47, 0.44);
 
 vec3 sky_color(vec3 direction) {
     float up = clamp(direction.y, 0.0, 1.0);
-    return mix(HORIZON, ZENITH, 1.0 - exp(-3.2 * up * up - 0.7 * up));
+    return mix(HORIZON, ZENITH, 1.0 - exp(-2.6 * up));
 }
 
 // Light from above and from below, before the sun.

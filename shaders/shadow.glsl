@@ -10,12 +10,14 @@ const vec2 DISC[16] = vec2[](
 
 float sun_visibility(vec3 world) {
     vec3 p = (shadow_from_world * vec4(world, 1.0)).xyz;
+    vec2 from_middle = abs(p.xy - 0.5);
+    float outside = smoothstep(0.42, 0.5, max(from_middle.x, from_middle.y));  // no hard edge where the map ends
 #if SHADOW_TAPS == 1
-    return texture(shadow_map, p);
+    return max(texture(shadow_map, p), outside);
 #else
     float radius = 1.6 / float(textureSize(shadow_map, 0).x);
     float sum = 0.0;
     for (int i = 0; i < 16; ++i) sum += texture(shadow_map, vec3(p.xy + radius * DISC[i], p.z));
-    return sum / 16.0;
+    return max(sum / 16.0, outside);
 #endif
 }

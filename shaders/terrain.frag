@@ -7,10 +7,10 @@ in vec3 position;
 in vec3 normal;
 out vec4 color;
 
-const vec3 GROUND = vec3(0.560, 0.570, 0.575);
-const vec3 HIGH_GROUND = vec3(0.640, 0.620, 0.585);
-const vec3 STEEP_GROUND = vec3(0.400, 0.420, 0.450);
-const vec3 LINE = vec3(0.250, 0.290, 0.340);
+const vec3 GROUND = vec3(0.470, 0.485, 0.500);
+const vec3 HIGH_GROUND = vec3(0.575, 0.560, 0.530);
+const vec3 STEEP_GROUND = vec3(0.330, 0.350, 0.385);
+const vec3 LINE = vec3(0.210, 0.250, 0.300);
 
 // The smooth normal, except at creases such as the edge of a step: there the face's own.
 vec3 shading_normal() {

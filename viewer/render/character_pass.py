@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from runtime.errors import FileError
 from runtime.pose import Pose
-from viewer.render.frame import Frame, bind_frame
+from viewer.render.frame import bind_frame
 from viewer.render.quality import Quality
 from viewer.render.shaders import load_program
 from viewer.render.terrain_pass import set_uniforms
@@ -21,6 +21,7 @@ Array = NDArray[np.floating]
 MAX_JOINTS = 128  # the block in skinning.glsl
 JOINTS_BINDING = 1
 SLOT_BYTES = MAX_JOINTS * 64
+SHADOW_CELL_M = 0.018
 GHOST_TINT = (0.20, 0.45, 0.80, 0.75)  # linear colour, share
 GHOST_OPACITY = 0.38
 
@@ -56,7 +57,8 @@ class CharacterPass:
 
     def __init__(self, ctx: moderngl.Context, quality: Quality) -> None:
         self._ctx = ctx
-        defines = {"SELF_SHADOW": int(quality.terrain_casts_shadow), "SHADOW_TAPS": quality.shadow_taps}
+        self._self_shadow = quality.self_shadow
+        defines = {"SELF_SHADOW": int(quality.self_shadow), "SHADOW_TAPS": quality.shadow_taps}
         self._programs = {
             "surface": bind_frame(load_program(ctx, "character.vert", "character.frag", defines)),
             "depth": bind_frame(load_program(ctx, "shadow_character.vert", "depth_only.frag")),
@@ -82,18 +84,19 @@ class CharacterPass:
         columns = [mesh.positions, mesh.normals, mesh.colors, mesh.joint_weights]
         floats = np.concatenate([np.asarray(c, np.float32) for c in columns], axis=1)
         names = ("in_position", "in_normal", "in_color", "in_weights")
+        casters = mesh.triangles if self._self_shadow else coarse_triangles(mesh.positions, mesh.triangles)
         self._buffers = [
             self._ctx.buffer(np.ascontiguousarray(floats).tobytes()),
             self._ctx.buffer(np.ascontiguousarray(mesh.joint_indices, np.uint8).tobytes()),
             self._ctx.buffer(np.ascontiguousarray(mesh.triangles, np.uint32).tobytes()),
+            self._ctx.buffer(np.ascontiguousarray(casters, np.uint32).tobytes()),
         ]
-        surface, depth = (self._buffers[0], "3f4 3f4 3f4 4f4", *names), (
-            self._buffers[0], "3f4 24x 4f4", "in_position", "in_weights",
-        )
+        surface = (self._buffers[0], "3f4 3f4 3f4 4f4", *names)
+        depth = (self._buffers[0], "3f4 24x 4f4", "in_position", "in_weights")
         joints_content = (self._buffers[1], "4u1", "in_joints")
-        for name, content in (("surface", surface), ("depth", depth)):
+        for name, content, indices in (("surface", surface, 2), ("depth", depth, 3)):
             self._arrays[name] = self._ctx.vertex_array(
-                self._programs[name], [content, joints_content], self._buffers[2], index_element_size=4
+                self._programs[name], [content, joints_content], self._buffers[indices], index_element_size=4
             )
 
     def prepare(self, draws: list[CharacterDraw]) -> None:
@@ -118,7 +121,7 @@ class CharacterPass:
             if not draw.ghost:
                 self._render("depth", slot)
 
-    def draw(self, frame: Frame, shadow_map: moderngl.Texture) -> None:
+    def draw(self, shadow_map: moderngl.Texture) -> None:
         """Draw the solid characters."""
         self._ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         self._ctx.depth_func = "<"
@@ -129,7 +132,7 @@ class CharacterPass:
             if not draw.ghost:
                 self._render("surface", slot)
 
-    def draw_ghosts(self, frame: Frame, target: moderngl.Framebuffer) -> None:
+    def draw_ghosts(self, target: moderngl.Framebuffer) -> None:
         """Draw the translucent characters: first their depth, then only their nearest surface."""
         set_uniforms(self._programs["surface"], {"tint": GHOST_TINT, "opacity": GHOST_OPACITY})
         self._ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
@@ -155,3 +158,11 @@ class CharacterPass:
         self._joints.release()
         for program in self._programs.values():
             program.release()
+
+
+def coarse_triangles(positions: Array, triangles: NDArray[np.integer]) -> NDArray[np.integer]:
+    """Fewer triangles `(n, 3)` over the same vertices, for a shadow: one vertex stands for its cell of space."""
+    cells = np.floor(positions / SHADOW_CELL_M).astype(np.int64)
+    _, first, cell = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+    coarse = first[cell.ravel()][triangles]
+    return coarse[(coarse != np.roll(coarse, 1, axis=1)).all(1)]

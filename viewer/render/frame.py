@@ -29,9 +29,30 @@ class Frame:
     eye: Array  # (3,) metres
     view_projection: Array  # (4, 4)
     radians_per_pixel: float
-    shadow_low: Array  # (2,) x, z of the ground that shadows and feet may darken
-    shadow_high: Array  # (2,)
+    cast: Array  # (n, 3) metres: the characters' joints, and where the sun throws them on the ground
     uniforms: bytes  # the block `Frame` of common.glsl
+
+    def ground_box(self, reach_m: float) -> tuple[Array, Array]:
+        """Least and greatest x, z `(2,)` of characters and shadows, and at least `reach_m` around."""
+        if not len(self.cast):
+            return np.zeros(2), np.zeros(2)
+        low, high = self.cast[:, ::2].min(0), self.cast[:, ::2].max(0)
+        spare = np.maximum(SHADOW_MARGIN_M, reach_m - 0.5 * (high - low))
+        return low - spare, high + spare
+
+    def screen_box(self, points: Array, margin_m: float) -> tuple[int, int, int, int]:
+        """Pixels (x, y, width, height; y up) that `points` `(n, 3)` cover; all when one lies behind the eye."""
+        width, height = self.size
+        if not len(points):
+            return 0, 0, 0, 0
+        clip = np.concatenate([points, np.ones((len(points), 1))], axis=1) @ self.view_projection.T
+        if np.any(clip[:, 3] < 0.05):
+            return 0, 0, width, height
+        pixels = (0.5 + 0.5 * clip[:, :2] / clip[:, 3:]) * self.size
+        margin = margin_m / (self.radians_per_pixel * clip[:, 3:])
+        x0, y0 = np.clip(np.floor((pixels - margin).min(0)), 0, self.size).astype(int)
+        x1, y1 = np.clip(np.ceil((pixels + margin).max(0)), 0, self.size).astype(int)
+        return int(x0), int(y0), int(x1 - x0), int(y1 - y0)
 
 
 def make_frame(
@@ -42,7 +63,8 @@ def make_frame(
     view, projection = camera.view_matrix(), camera.projection_matrix(aspect)
     eye = np.asarray(camera.position, np.float32)
     view_projection = (projection @ view).astype(np.float32)
-    shadow, low, high = _fit_shadow(poses, camera.target, shadow_reach_m, shadow_texels)
+    cast = _shadow_points(poses)
+    shadow = _fit_shadow(poses, camera.target, shadow_reach_m, shadow_texels)
     half_height = math.tan(camera.fov_y / 2)
     scale = max(1.0, 0.14 * camera.distance)
     vectors = np.zeros((7, 4), np.float32)
@@ -54,36 +76,35 @@ def make_frame(
     vectors[5] = size[0], size[1], 1 / size[0], 1 / size[1]
     vectors[6] = camera.target[0], camera.target[2], FOG_BEGIN_M * scale, FOG_END_M * scale
     uniforms = view_projection.tobytes() + shadow.astype(np.float32).tobytes() + vectors.tobytes()
-    return Frame(size, eye, view_projection, 2 * half_height / size[1], low, high, uniforms)
+    return Frame(size, eye, view_projection, 2 * half_height / size[1], cast, uniforms)
 
 
-def _fit_shadow(poses: list[Pose], focus: Array, reach_m: float, texels: int) -> tuple[Array, Array, Array]:
-    """World to shadow map `(4, 4)` in 0..1 around the poses, and the ground rectangle (x, z) they may darken."""
-    if poses:
-        points = np.concatenate([pose.positions for pose in poses]).astype(float)
-        ground = np.concatenate([np.full(len(p.positions), p.root_position[1]) for p in poses])
-    else:
-        points, ground = np.asarray(focus, float)[None], np.asarray(focus, float)[1:2]
+def _shadow_points(poses: list[Pose]) -> Array:
+    """Joints and their places in the shadow `(n, 3)`, as if the ground were level."""
+    if not poses:
+        return np.zeros((0, 3))
+    points = np.concatenate([pose.positions for pose in poses]).astype(float)
+    ground = np.concatenate([np.full(len(p.positions), p.root_position[1]) for p in poses])
     fall = np.maximum(points[:, 1] - ground, 0.0)[:, None] * (SUN_DIRECTION / SUN_DIRECTION[1])
-    on_ground = points - 1.3 * fall  # a little further: the ground may drop
-    both = np.concatenate([points, on_ground])
-    low, high = both.min(0) - SHADOW_MARGIN_M, both.max(0) + SHADOW_MARGIN_M
+    return np.concatenate([points, points - 1.15 * fall])  # a little further: the ground may drop
+
+
+def _fit_shadow(poses: list[Pose], focus: Array, reach_m: float, texels: int) -> Array:
+    """World to shadow map `(4, 4)` in 0..1 around the poses."""
+    points = np.concatenate([pose.positions for pose in poses]).astype(float) if poses else focus[None].astype(float)
     centre = 0.5 * (points.min(0) + points.max(0))
     radius = float(np.max(np.linalg.norm(points - centre, axis=1))) + SHADOW_MARGIN_M
-    radius = max(math.ceil(radius * 4) / 4, reach_m)
+    radius = max(math.ceil(radius * 4) / 4, reach_m)  # rarely another scale: edges do not shimmer
     view = look_at(centre + SUN_DIRECTION, centre).astype(float)
     texel = 2 * radius / texels
-    middle = np.round((view[:2, :3] @ centre) / texel) * texel  # whole texels: edges do not shimmer
     depth = radius + 6.0
     m = np.eye(4)
     m[:3, :3] = view[:3, :3]
-    m[:2, 3] = -middle
+    m[:2, 3] = -np.round((view[:2, :3] @ centre) / texel) * texel
     m[2, 3] = -(view[2, :3] @ centre)
     clip = np.diag([0.5 / radius, 0.5 / radius, -0.5 / depth, 1.0])
     clip[:3, 3] = 0.5
-    reach = np.array([reach_m, reach_m])
-    flat_low, flat_high = np.minimum(low[::2], centre[::2] - reach), np.maximum(high[::2], centre[::2] + reach)
-    return clip @ m, flat_low, flat_high
+    return clip @ m
 
 
 class FrameUniforms:

@@ -6,25 +6,134 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.pose import Pose
-from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
+from runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
+from runtime.terrain import Terrain
+from viewer.render.overlays import TrajectoryOverlay
 
 Array = NDArray[np.floating]
+Strokes = NDArray[np.void]
 
+STROKE = np.dtype(
+    [("start", "<f4", 3), ("end", "<f4", 3), ("normal", "<f4", 3), ("radius", "<f4", 2), ("color", "<f4", 4)]
+)
+
+# Radii in metres on the ground, in pixels of a picture 720 high on top; colours sRGB.
 FOOT_RADIUS_M = 0.085
 FOOT_STRENGTH = 0.55
 BODY_RADIUS_M = 0.42
 BODY_STRENGTH = 0.16
-UP = np.array([0.0, 1.0, 0.0], np.float32)
+DOT_RADIUS_M = 0.038
+TICK_RADIUS_M = 0.013
+TICK_LENGTH_M = 0.20
+CONTACT_RADIUS_M = 0.075
+BONE_RADIUS_PX = 1.6
+JOINT_RADIUS_PX = 3.2
+OUTLINE_PX = 1.3
+REFERENCE_HEIGHT_PX = 720
+
+PAST = (0.36, 0.40, 0.45)
+FUTURE = (0.05, 0.47, 0.86)
+LEFT = (0.00, 0.56, 0.60)
+RIGHT = (0.91, 0.38, 0.05)
+MIDDLE = (0.20, 0.24, 0.30)
+OUTLINE = (1.0, 1.0, 1.0, 0.85)
+FREE = (0.45, 0.48, 0.52)
+TOUCHING = (0.10, 0.76, 0.30)
+
+CONTACT_JOINTS = ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")  # in the order of Pose.contacts
+SOLE_HEIGHTS = np.array([ANKLE_HEIGHT, TOE_HEIGHT, ANKLE_HEIGHT, TOE_HEIGHT], np.float32)
+
+
+def make_strokes(start: Array, end: Array, radius: float, color: Array | tuple[float, ...], hole: float = 0.0) -> Strokes:
+    """`(n,)` strokes from `start` to `end` `(n, 3)`; `color` `(4,)` or `(n, 4)`."""
+    strokes = np.zeros(len(start), STROKE)
+    strokes["start"], strokes["end"] = start, end
+    strokes["radius"] = radius, hole
+    strokes["color"] = color
+    return strokes
+
+
+def trajectory_strokes(trajectory: TrajectoryOverlay, terrain: Terrain) -> Strokes:
+    """A dot per sample with a tick where it faces, laid on the terrain: past grey, future blue."""
+    x, z = np.asarray(trajectory.positions, np.float32)[:, [0, 2]].T
+    ends = np.stack([x, z], -1) + TICK_LENGTH_M * np.asarray(trajectory.directions, np.float32)
+    past = np.asarray(trajectory.past, bool)[:, None]
+    color = np.where(past, (*PAST, 0.65), (*FUTURE, 0.95)).astype(np.float32)
+    dots, tips = _on_terrain(x, z, terrain), _on_terrain(*ends.T, terrain)
+    strokes = np.concatenate([
+        make_strokes(dots, tips, TICK_RADIUS_M, color),
+        make_strokes(dots, dots, DOT_RADIUS_M, color),
+    ])
+    strokes["normal"] = np.tile(terrain.normal(x, z, reach_m=0.15), (2, 1))
+    return strokes
+
+
+def contact_strokes(pose: Pose, terrain: Terrain) -> Strokes:
+    """A ring on the ground under each heel and toe, filled and green while it bears the character."""
+    joints = [SPORT_SKELETON.index(name) for name in CONTACT_JOINTS]
+    x, z = pose.positions[joints][:, [0, 2]].T
+    places = _on_terrain(x, z, terrain)
+    share = np.clip(pose.contacts, 0.0, 1.0)[:, None]
+    color = np.array(FREE) + (np.array(TOUCHING) - np.array(FREE)) * share
+    ring = make_strokes(places, places, CONTACT_RADIUS_M, np.hstack([color, 0.4 + 0.6 * share]), hole=0.8 * CONTACT_RADIUS_M)
+    fill = make_strokes(places, places, 0.8 * CONTACT_RADIUS_M, np.hstack([color, 0.45 * share]))
+    strokes = np.concatenate([fill, ring])
+    strokes["normal"] = np.tile(terrain.normal(x, z), (2, 1))
+    return strokes
+
+
+def contact_dots(pose: Pose, pixel_scale: float) -> Strokes:
+    """A dot over everything at each heel and toe, green while it bears the character."""
+    joints = [SPORT_SKELETON.index(name) for name in CONTACT_JOINTS]
+    places = pose.positions[joints] - SOLE_HEIGHTS[:, None] * (0.0, 1.0, 0.0)
+    share = np.clip(pose.contacts, 0.0, 1.0)[:, None]
+    color = np.hstack([np.array(FREE) + (np.array(TOUCHING) - np.array(FREE)) * share, 0.55 + 0.45 * share])
+    size = 1.3 * JOINT_RADIUS_PX * pixel_scale
+    rim = make_strokes(places, places, size + OUTLINE_PX * pixel_scale, OUTLINE)
+    return np.concatenate([rim, make_strokes(places, places, size, color)])
+
+
+def skeleton_strokes(pose: Pose, pixel_scale: float) -> Strokes:
+    """Bones and joints over everything: left teal, right orange, the middle dark, with a light outline."""
+    bones = _visible_bones()
+    child, parent = bones[:, 0], bones[:, 1]
+    colors = _joint_colors()
+    start, end = pose.positions[parent], pose.positions[child]
+    joints = pose.positions[child]
+    bone, dot, rim = (size * pixel_scale for size in (BONE_RADIUS_PX, JOINT_RADIUS_PX, OUTLINE_PX))
+    return np.concatenate([
+        make_strokes(start, end, bone + rim, OUTLINE),
+        make_strokes(joints, joints, dot + rim, OUTLINE),
+        make_strokes(start, end, bone, colors[child]),
+        make_strokes(joints, joints, dot, colors[child]),
+    ])
 
 
 def feet_of(poses: list[Pose]) -> Array:
     """What darkens the ground close by, `(n, 2, 4)`: per foot its heel and radius, its toe and strength; then bodies."""
-    heel = [SPORT_SKELETON.index(name) for name in ("LeftFoot", "RightFoot")]
-    toe = [SPORT_SKELETON.index(name) for name in ("LeftToeBase", "RightToeBase")]
+    joints = [SPORT_SKELETON.index(name) for name in CONTACT_JOINTS]
     rows = []
     for pose in poses:
-        for h, t in zip(heel, toe, strict=True):
-            sole = pose.positions[h] - ANKLE_HEIGHT * UP, pose.positions[t] - TOE_HEIGHT * UP
-            rows.append([[*sole[0], FOOT_RADIUS_M], [*sole[1], FOOT_STRENGTH]])
+        soles = pose.positions[joints] - SOLE_HEIGHTS[:, None] * (0.0, 1.0, 0.0)
+        for heel, toe in (soles[:2], soles[2:]):
+            rows.append([[*heel, FOOT_RADIUS_M], [*toe, FOOT_STRENGTH]])
         rows.append([[*pose.root_position, BODY_RADIUS_M], [*pose.root_position, BODY_STRENGTH]])
     return np.array(rows, np.float32).reshape(-1, 2, 4)
+
+
+def _on_terrain(x: Array, z: Array, terrain: Terrain) -> Array:
+    return np.stack([x, terrain.height(x, z), z], -1)
+
+
+def _visible_bones() -> NDArray[np.int64]:
+    offsets = np.linalg.norm(SPORT_SKELETON.offsets, axis=1)
+    pairs = [(j, p) for j, p in enumerate(SPORT_SKELETON.parents) if p >= 0 and offsets[j] > 1e-4]
+    return np.array(pairs)
+
+
+def _joint_colors() -> Array:
+    colors = np.tile(np.array([*MIDDLE, 1.0], np.float32), (len(SPORT_SKELETON), 1))
+    for part, joints in PART_JOINTS.items():
+        if part.startswith(("left", "right")):
+            colors[list(joints), :3] = LEFT if part.startswith("left") else RIGHT
+    return colors

@@ -18,12 +18,14 @@ class Quality:
     shadow_map_size: int  # texels per side
     shadow_taps: int  # 1: one filtered tap; more: a soft edge
     terrain_casts_shadow: bool
+    self_shadow: bool  # characters receive shadows too
     msaa: int  # samples per pixel; 0: none
+    smooth_edges: bool  # soften the characters' outlines afterwards, where there is no multisampling
     render_scale: float  # rendered pixels per shown pixel, along one side
 
 
-SOFTWARE = Quality("software", 96, 512, 1, False, 0, 1.0)
-HIGH = Quality("high", 256, 2048, 16, True, 4, 1.0)
+SOFTWARE = Quality("software", 104, 768, 1, False, False, 0, True, 1.0)
+HIGH = Quality("high", 256, 2048, 16, True, True, 4, False, 1.0)
 
 
 def choose_quality(ctx: moderngl.Context) -> Quality:

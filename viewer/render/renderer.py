@@ -10,8 +10,16 @@ from runtime.pose import Pose
 from runtime.terrain import Terrain
 from viewer.camera import Camera
 from viewer.render.character_pass import CharacterDraw, CharacterPass, SkinnedMesh
-from viewer.render.frame import SHADOW_REACH_M, Frame, FrameUniforms, make_frame
-from viewer.render.marks import feet_of
+from viewer.render.frame import SHADOW_MARGIN_M, SHADOW_REACH_M, Frame, FrameUniforms, make_frame
+from viewer.render.marks import (
+    REFERENCE_HEIGHT_PX,
+    contact_dots,
+    contact_strokes,
+    feet_of,
+    skeleton_strokes,
+    trajectory_strokes,
+)
+from viewer.render.overlay_pass import OverlayPass
 from viewer.render.overlays import Overlays
 from viewer.render.quality import Quality, choose_quality
 from viewer.render.sky_pass import SkyPass
@@ -36,9 +44,12 @@ class Renderer:
         self._sky = SkyPass(ctx)
         self._terrain = TerrainPass(ctx, self.quality)
         self._characters = CharacterPass(ctx, self.quality)
+        self._overlays = OverlayPass(ctx)
+        self._ground = Terrain.flat()
 
     def set_terrain(self, terrain: Terrain) -> None:
         """Show another height map from the next frame on."""
+        self._ground = terrain
         self._terrain.set_terrain(terrain)
 
     def set_character(self, character: SkinnedMesh) -> None:
@@ -61,12 +72,14 @@ class Renderer:
         self._draw_shadow_map(frame)
         scene.use()
         scene.clear(depth=1.0)
-        self._characters.draw(frame, self._shadow_map.texture)
+        self._characters.draw(self._shadow_map.texture)
         self._terrain.draw(frame, overlays.show_grid)
-        self._terrain.draw_shadows(frame, self._shadow_map.texture, feet_of(solid))
+        self._terrain.draw_shadows(frame, scene, self._shadow_map.texture, feet_of(solid))
         self._sky.draw()
-        self._characters.draw_ghosts(frame, scene)
-        self._scene.present(target)
+        self._draw_ground_overlays(scene, pose, overlays)
+        self._characters.draw_ghosts(scene)
+        self._draw_top_overlays(frame, pose, overlays)
+        self._scene.present(target, frame.screen_box(frame.cast, SHADOW_MARGIN_M))
         self.ctx.enable_only(moderngl.NOTHING)
 
     def _draw_shadow_map(self, frame: Frame) -> None:
@@ -76,9 +89,28 @@ class Renderer:
         self.ctx.depth_func = "<"
         self._characters.draw_depth()
         if self.quality.terrain_casts_shadow:
+            self.ctx.polygon_offset = 2.5, 8.0  # the ground must not shade itself
             self._terrain.draw_depth(frame)
+            self.ctx.polygon_offset = 0.0, 0.0
+
+    def _draw_ground_overlays(self, scene: moderngl.Framebuffer, pose: Pose | None, overlays: Overlays) -> None:
+        scene.depth_mask = False
+        if overlays.show_trajectory and overlays.trajectory is not None:
+            self._overlays.draw_on_ground(trajectory_strokes(overlays.trajectory, self._ground))
+        if overlays.show_contacts and pose is not None:
+            self._overlays.draw_on_ground(contact_strokes(pose, self._ground))
+        scene.depth_mask = True
+
+    def _draw_top_overlays(self, frame: Frame, pose: Pose | None, overlays: Overlays) -> None:
+        pixel_scale = max(frame.size[1] / REFERENCE_HEIGHT_PX, 0.5)
+        if overlays.show_skeleton and pose is not None:
+            self._overlays.draw_on_top(skeleton_strokes(pose, pixel_scale))
+        if overlays.show_contacts and pose is not None:
+            self._overlays.draw_on_top(contact_dots(pose, pixel_scale))
 
     def release(self) -> None:
         """Free all GPU objects."""
-        for part in (self._frame, self._scene, self._shadow_map, self._sky, self._terrain, self._characters):
+        passes = (self._sky, self._terrain, self._characters, self._overlays)
+        for part in (*passes, self._frame, self._scene, self._shadow_map):
             part.release()
+

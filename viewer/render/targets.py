@@ -36,8 +36,9 @@ class SceneTarget:
         self._depth: moderngl.Renderbuffer | None = None
         self._framebuffer: moderngl.Framebuffer | None = None
         self._color_only: moderngl.Framebuffer | None = None  # a blit would copy depth too, which may not match
-        self._program = load_program(ctx, "sky.vert", "stretch.frag")
-        self._triangle = ctx.vertex_array(self._program, [])
+        self._smooth = quality.smooth_edges and not self._samples
+        self._programs = [load_program(ctx, "sky.vert", name) for name in ("stretch.frag", "smooth_edges.frag")]
+        self._stretch, self._soften = (ctx.vertex_array(program, []) for program in self._programs)
 
     def begin(self, shown_size: tuple[int, int]) -> moderngl.Framebuffer:
         """The scene's framebuffer for a picture of `shown_size` pixels, made anew when the size has changed."""
@@ -54,19 +55,23 @@ class SceneTarget:
             self._color_only = self._ctx.framebuffer([self._color])
         return self._framebuffer
 
-    def present(self, target: moderngl.Framebuffer) -> None:
-        """Copy, resolve or stretch the scene into `target`."""
+    def present(self, target: moderngl.Framebuffer, edges: tuple[int, int, int, int]) -> None:
+        """Copy, resolve or stretch the scene into `target`; soften edges in the scene's pixels `edges` (x, y, w, h)."""
         assert self._framebuffer is not None and self._color_only is not None
-        if self._framebuffer.size == target.size:
+        same_size = self._framebuffer.size == target.size
+        if same_size:
             self._ctx.copy_framebuffer(target, self._color_only)
-            target.use()
-        else:
-            target.use()
-            assert isinstance(self._color, moderngl.Texture)
-            self._ctx.disable(moderngl.DEPTH_TEST | moderngl.BLEND | moderngl.CULL_FACE)
+        target.use()
+        self._ctx.enable_only(moderngl.NOTHING)
+        if isinstance(self._color, moderngl.Texture):
             self._color.use(0)
-            self._program["scene"].value = 0
-            self._triangle.render(moderngl.TRIANGLES, vertices=3)
+            if not same_size:
+                self._stretch.render(moderngl.TRIANGLES, vertices=3)
+            elif self._smooth and edges[2] * edges[3] > 0:
+                self._programs[1]["texel"].value = 1 / target.width, 1 / target.height
+                target.scissor = edges
+                self._soften.render(moderngl.TRIANGLES, vertices=3)
+                target.scissor = None
 
     def _free(self) -> None:
         for item in (self._color_only, self._framebuffer, self._depth, self._color):
@@ -76,5 +81,5 @@ class SceneTarget:
     def release(self) -> None:
         """Free the GPU objects."""
         self._free()
-        self._triangle.release()
-        self._program.release()
+        for item in (self._stretch, self._soften, *self._programs):
+            item.release()

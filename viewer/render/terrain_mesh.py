@@ -1,8 +1,9 @@
 """Triangles of a height map, fewer where it is plain or far: tiles whose step is chosen by their error in pixels.
 
 A window of the terrain is one regular grid of vertices plus a ring far outside that carries the edge heights on,
-as `Terrain.height` does. A tile has 16 x 16 cells; at level l it uses every 2 ** l-th vertex. Where a finer tile
-meets a coarser one its edge vertices snap to the coarser's, so no cracks open. Only numpy here, no OpenGL.
+as `Terrain.height` does. A tile has 16 x 16 cells; at levels (lx, lz) it uses every 2 ** lx-th row and every
+2 ** lz-th column, so that a flight of stairs costs a few long triangles. Where a finer tile meets a coarser one its
+edge vertices snap to the coarser's, so no cracks open. Only numpy here, no OpenGL.
 """
 
 from __future__ import annotations
@@ -18,11 +19,13 @@ from runtime.terrain import Terrain
 
 Array = NDArray[np.floating]
 Indices = NDArray[np.uint32]
+Levels = NDArray[np.int64]
 
 TILE = 16  # cells per side
 LEVELS = 5  # steps of 1, 2, 4, 8, 16 cells
 MAX_CELLS = 1024  # per side of the window
 WINDOW_M = 64.0  # what the window covers at least, where the terrain is as large
+HAZE_M = 25.0
 APRON_M = 150.0  # how far the ring lies outside, beyond all fog
 
 
@@ -58,21 +61,28 @@ class TerrainWindow:
 
     @cached_property
     def errors(self) -> Array:
-        """Largest height error in metres of each tile at each level, `(LEVELS, tiles x, tiles z)`, rising by level."""
+        """Largest height error in metres per axis, level and tile, `(2, LEVELS, tiles x, tiles z)`, rising by level.
+
+        Errors of the two axes add at most: linear interpolation along one does not enlarge those of the other.
+        """
         h = self.heights[1:-1, 1:-1]
-        errors = np.zeros((LEVELS, *self.tiles), np.float32)
-        for level in range(1, LEVELS):
-            step = 2**level
-            coarse = np.repeat(h[::step], step, 0)[: len(h)]
-            ahead = np.vstack([np.repeat(h[step::step], step, 0), h[-1:]])
-            share = ((np.arange(len(h)) % step) / step)[:, None].astype(np.float32)
-            rows = coarse + (ahead - coarse) * share
-            coarse = np.repeat(rows[:, ::step], step, 1)[:, : h.shape[1]]
-            ahead = np.hstack([np.repeat(rows[:, step::step], step, 1), rows[:, -1:]])
-            share = ((np.arange(h.shape[1]) % step) / step)[None].astype(np.float32)
-            difference = np.abs(h - coarse - (ahead - coarse) * share)
-            errors[level] = np.maximum(errors[level - 1], _tile_blocks(difference).max((1, 3)))
+        errors = np.zeros((2, LEVELS, *self.tiles), np.float32)
+        for axis in (0, 1):
+            for level in range(1, LEVELS):
+                difference = _skip_error(h if axis == 0 else h.T, 2**level)
+                worst = _tile_blocks(difference if axis == 0 else difference.T).max((1, 3))
+                errors[axis, level] = np.maximum(errors[axis, level - 1], worst)
         return errors
+
+
+def _skip_error(grid: Array, step: int) -> Array:
+    """What is lost at each point `(n, m)` when only every `step`-th row is kept and the others interpolated."""
+    kept = grid[::step]
+    share = (np.arange(step, dtype=np.float32) / step)[:, None]
+    between = kept[:-1, None] + (kept[1:] - kept[:-1])[:, None] * share
+    lost = np.zeros_like(grid)
+    lost[:-1] = np.abs(grid[:-1] - between.reshape(-1, grid.shape[1]))
+    return lost
 
 
 def _tile_blocks(grid: Array) -> Array:
@@ -104,13 +114,17 @@ def cut_window(terrain: Terrain, centre: Array) -> TerrainWindow:
     return TerrainWindow(heights, cell, (float(starts[0]), float(starts[1])), whole)
 
 
-@lru_cache(maxsize=512)
-def _tile_pattern(level: int, edges: tuple[int, int, int, int], row: int) -> Indices:
-    """Vertex offsets of one tile's triangles; `edges` are the levels on -x, +x, -z, +z, `row` vertices per grid row."""
-    k = np.arange(0, TILE + 1, 2**level)
-    i, j = (a.copy() for a in np.meshgrid(k, k, indexing="ij"))
-    snapped = [k // 2**edge * 2**edge for edge in edges]
-    j[0], j[-1], i[:, 0], i[:, -1] = snapped
+@lru_cache(maxsize=2048)
+def _tile_pattern(levels: tuple[int, ...], row: int) -> Indices:
+    """Vertex offsets of one tile's triangles.
+
+    `levels` are its own along x and z, then those of its edges: along z at -x and +x, along x at -z and +z;
+    `row` is the number of vertices in a row of the grid.
+    """
+    along_x, along_z = (np.arange(0, TILE + 1, 2**level) for level in levels[:2])
+    i, j = (a.copy() for a in np.meshgrid(along_x, along_z, indexing="ij"))
+    for edge, k, level in ((j[0], along_z, 2), (j[-1], along_z, 3), (i[:, 0], along_x, 4), (i[:, -1], along_x, 5)):
+        edge[:] = k // 2 ** levels[level] * 2 ** levels[level]
     v = i * row + j
     a, b, c, d = v[:-1, :-1], v[:-1, 1:], v[1:, 1:], v[1:, :-1]
     triangles = np.stack([a, b, c, a, c, d], -1).reshape(-1, 3)
@@ -144,16 +158,20 @@ class TerrainMesh:
         self._low = np.stack([x, low, z], -1)  # (tiles x, tiles z, 3) metres
         self._high = np.stack([x + size, high, z + size], -1)
 
-    def levels(self, eye: Array, radians_per_pixel: float, max_triangles: int, pixels: float = 1.0) -> NDArray[np.int64]:
-        """Level of each tile, such that its error stays under `pixels` seen from `eye`, within the triangle budget."""
+    def levels(self, eye: Array, radians_per_pixel: float, chosen: NDArray[np.bool_], max_triangles: int) -> Levels:
+        """Levels `(2, tiles x, tiles z)` along x and z, such that errors stay under a pixel seen from `eye`,
+        or under a few where the `chosen` tiles would take more than `max_triangles`.
+        """
         nearest = np.clip(eye, self._low, self._high)
-        distance = np.linalg.norm(nearest - eye, axis=-1)
+        distance = np.maximum(np.linalg.norm(nearest - eye, axis=-1), 0.5)
+        distance *= 1.0 + (distance / HAZE_M) ** 2  # what lies in the fog may be coarser
+        pixels = 1.0
         while True:
-            allowed = np.maximum(distance, 0.5) * radians_per_pixel * pixels
-            levels = np.sum(self.window.errors[1:] <= allowed, axis=0)
-            if 2 * np.sum((TILE >> levels) ** 2) <= max_triangles or pixels > 1e3:
+            allowed = distance * radians_per_pixel * pixels
+            levels = np.sum(self.window.errors[:, 1:] <= 0.5 * allowed, axis=1)
+            if 2 * np.sum((TILE >> levels).prod(0), where=chosen) <= max_triangles or pixels > 1e3:
                 return levels
-            pixels *= 1.5
+            pixels *= 1.4
 
     def visible(self, view_projection: Array, reach: float = 0.0) -> NDArray[np.bool_]:
         """Tiles that touch the view frustum; `reach` metres are added around each."""
@@ -166,27 +184,33 @@ class TerrainMesh:
         """Tiles that overlap the rectangle from `low` to `high` (x, z)."""
         return np.all((self._low[..., ::2] <= high) & (self._high[..., ::2] >= low), axis=-1)
 
-    def indices(self, levels: NDArray[np.int64], chosen: NDArray[np.bool_]) -> Indices:
+    def corners(self, low: Array, high: Array, chosen: NDArray[np.bool_]) -> Array:
+        """Corners `(8, 3)` of the ground over the rectangle from `low` to `high` (x, z), as high as the `chosen` tiles."""
+        y = np.min(self._low[..., 1], where=chosen, initial=np.inf), np.max(self._high[..., 1], where=chosen, initial=-np.inf)
+        return np.array([[x, h, z] for x in (low[0], high[0]) for h in y for z in (low[1], high[1])])
+
+    def indices(self, levels: Levels, chosen: NDArray[np.bool_]) -> Indices:
         """Vertex indices of the triangles of the `chosen` tiles."""
-        padded = np.pad(levels, 1, mode="edge")
-        around = [padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]]
-        keys = levels.copy()
-        for neighbour in around:
-            keys = keys * LEVELS + np.maximum(neighbour, levels)
-        keys, base = keys[chosen], self._base[chosen]
+        x, z = levels
+        wide_x, wide_z = np.pad(x, 1, mode="edge"), np.pad(z, 1, mode="edge")
+        digits = [x, z, wide_z[:-2, 1:-1], wide_z[2:, 1:-1], wide_x[1:-1, :-2], wide_x[1:-1, 2:]]
+        digits = [x, z, *(np.maximum(d, own) for d, own in zip(digits[2:], (z, z, x, x), strict=True))]
+        table = np.stack(digits, -1)[chosen]
+        keys, base = table @ LEVELS ** np.arange(6), self._base[chosen]
+        order = np.argsort(keys, kind="stable")
+        starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
         parts = []
-        for key in np.unique(keys):
-            digits = [int(key) // LEVELS**power % LEVELS for power in range(4, -1, -1)]
-            pattern = _tile_pattern(digits[0], (digits[1], digits[2], digits[3], digits[4]), self._row)
-            parts.append((base[keys == key][:, None] + pattern).ravel())
+        for group in np.split(order, starts[1:]) if len(order) else []:
+            pattern = _tile_pattern(tuple(table[group[0]].tolist()), self._row)
+            parts.append((base[group][:, None] + pattern).ravel())
         return np.concatenate(parts) if parts else np.zeros(0, np.uint32)
 
-    def apron_indices(self, levels: NDArray[np.int64]) -> Indices:
+    def apron_indices(self, levels: Levels) -> Indices:
         """Vertex indices of the strips and corners that carry the edge heights on to the ring."""
         sides = (np.s_[0, :], np.s_[-1, :], np.s_[:, 0], np.s_[:, -1])
         parts = []
         for side, border in enumerate(sides):
-            side_levels, base = levels[border], self._base[border]
+            side_levels, base = levels[1 if side < 2 else 0][border], self._base[border]
             for level in np.unique(side_levels):
                 pattern = _apron_pattern(int(level), side, self._row)
                 parts.append((base[side_levels == level][:, None] + pattern).ravel())

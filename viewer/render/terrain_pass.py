@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.terrain import Terrain
-from viewer.render.frame import Frame, bind_frame
+from viewer.render.frame import SHADOW_REACH_M, Frame, bind_frame
 from viewer.render.quality import Quality
 from viewer.render.shaders import load_program
-from viewer.render.terrain_mesh import APRON_M, TerrainMesh, cut_window
+from viewer.render.terrain_mesh import APRON_M, Levels, TerrainMesh, cut_window
 
 Array = NDArray[np.floating]
 RECENTRE_SHARE = 0.12  # of the window's size
@@ -23,6 +23,7 @@ class TerrainPass:
 
     def __init__(self, ctx: moderngl.Context, quality: Quality) -> None:
         self._ctx = ctx
+        self._shadow_reach_m = SHADOW_REACH_M if quality.terrain_casts_shadow else 0.0
         self._max_triangles = 2 * quality.grid_resolution**2
         taps = {"SHADOW_TAPS": quality.shadow_taps}
         self._programs = {
@@ -35,7 +36,8 @@ class TerrainPass:
         self._arrays: dict[str, moderngl.VertexArray] = {}
         self._terrain: Terrain | None = None
         self._mesh: TerrainMesh | None = None
-        self._levels: NDArray[np.int64] = np.zeros((0, 0), np.int64)
+        self._levels: Levels = np.zeros((2, 0, 0), np.int64)
+        self._visible: NDArray[np.bool_] = np.zeros((0, 0), np.bool_)
 
     def set_terrain(self, terrain: Terrain) -> None:
         """Show another height map from the next frame on."""
@@ -50,7 +52,8 @@ class TerrainPass:
         if mesh is None or self._far_off(mesh, focus):
             mesh = self._mesh = TerrainMesh(cut_window(self._terrain, focus))
             self._upload(mesh)
-        self._levels = mesh.levels(frame.eye, frame.radians_per_pixel, self._max_triangles)
+        self._visible = mesh.visible(frame.view_projection)
+        self._levels = mesh.levels(frame.eye, frame.radians_per_pixel, self._visible, self._max_triangles)
 
     @staticmethod
     def _far_off(mesh: TerrainMesh, focus: Array) -> bool:
@@ -95,19 +98,25 @@ class TerrainPass:
         self._ctx.enable_only(moderngl.DEPTH_TEST)
         self._ctx.depth_func = "<"
         set_uniforms(self._programs["surface"], {"grid_strength": 1.0 if show_grid else 0.0})
-        tiles = mesh.indices(self._levels, mesh.visible(frame.view_projection))
+        tiles = mesh.indices(self._levels, self._visible)
         self._draw("surface", np.concatenate([tiles, mesh.apron_indices(self._levels)]))
 
     def draw_depth(self, frame: Frame) -> None:
         """Draw the ground near the characters into the shadow map that is bound."""
         if self._mesh is not None:
-            near = self._mesh.touching(frame.shadow_low, frame.shadow_high)
+            near = self._mesh.touching(*frame.ground_box(self._shadow_reach_m))
             self._draw("depth", self._mesh.indices(self._levels, near))
 
-    def draw_shadows(self, frame: Frame, shadow_map: moderngl.Texture, feet: Array) -> None:
+    def draw_shadows(
+        self, frame: Frame, target: moderngl.Framebuffer, shadow_map: moderngl.Texture, feet: Array
+    ) -> None:
         """Darken the ground: the sun's shadow, and under `feet` `(n, 2, 4)` (heel, radius; toe, strength)."""
         mesh = self._mesh
-        if mesh is None:
+        if mesh is None or not len(feet):
+            return
+        box = frame.ground_box(self._shadow_reach_m)
+        chosen = mesh.touching(*box) & self._visible
+        if not chosen.any():
             return
         shadow_map.use(0)
         heels, toes = np.zeros((2, 32, 4), np.float32)
@@ -119,8 +128,9 @@ class TerrainPass:
         self._ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
         self._ctx.depth_func = "<="
         self._ctx.blend_func = moderngl.ZERO, moderngl.SRC_COLOR
-        chosen = mesh.touching(frame.shadow_low, frame.shadow_high) & mesh.visible(frame.view_projection)
+        target.scissor = frame.screen_box(mesh.corners(*box, chosen), 0.0)
         self._draw("shadow", mesh.indices(self._levels, chosen))
+        target.scissor = None
 
     def release(self) -> None:
         """Free the GPU objects."""

@@ -5,15 +5,11 @@ Rest coordinates: metres, sole at y = 0, facing +Z, left on +X. The right half i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime import rotations
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
-from training.character.shapes import Ellipsoid, Loft, RoundCone, Shape, smooth_max, smooth_min, union
+from training.character.shapes import Ellipsoid, Loft, Mirrored, RoundCone, Shape, smooth_max, smooth_min, union
 
 Array = NDArray[np.floating]
 
@@ -25,103 +21,96 @@ _LEG_X, _LEG_Z = 0.0753, 0.0474  # the leg's axis
 
 def _torso() -> list[Shape]:
     trunk = Loft(
-        "Spine1",
         1,
         (
-            (0.815, -0.060, 0.060, -0.010, 0.060),
-            (0.845, -0.130, 0.130, -0.062, 0.100),
-            (0.880, -0.157, 0.157, -0.084, 0.116),
-            (0.925, -0.166, 0.166, -0.091, 0.122),
-            (0.970, -0.158, 0.158, -0.082, 0.119),
-            (1.020, -0.138, 0.138, -0.068, 0.112),
-            (1.070, -0.125, 0.125, -0.064, 0.107),
-            (1.120, -0.125, 0.125, -0.073, 0.105),
-            (1.180, -0.138, 0.138, -0.093, 0.108),
-            (1.230, -0.150, 0.150, -0.108, 0.114),
-            (1.280, -0.154, 0.154, -0.117, 0.113),
-            (1.325, -0.140, 0.140, -0.115, 0.090),
-            (1.360, -0.105, 0.105, -0.102, 0.052),
-            (1.390, -0.066, 0.066, -0.086, 0.030),
-            (1.410, -0.050, 0.050, -0.070, 0.022),
+            (0.810, -0.050, 0.050, -0.010, 0.060),
+            (0.845, -0.125, 0.125, -0.060, 0.098),
+            (0.880, -0.150, 0.150, -0.080, 0.113),
+            (0.925, -0.160, 0.160, -0.086, 0.118),
+            (0.970, -0.155, 0.155, -0.079, 0.117),
+            (1.020, -0.142, 0.142, -0.068, 0.112),
+            (1.070, -0.132, 0.132, -0.065, 0.107),
+            (1.120, -0.132, 0.132, -0.073, 0.105),
+            (1.180, -0.142, 0.142, -0.092, 0.107),
+            (1.230, -0.152, 0.152, -0.107, 0.111),
+            (1.280, -0.155, 0.155, -0.116, 0.108),
+            (1.325, -0.142, 0.142, -0.114, 0.086),
+            (1.360, -0.108, 0.108, -0.102, 0.052),
+            (1.390, -0.068, 0.068, -0.084, 0.030),
+            (1.410, -0.050, 0.050, -0.068, 0.020),
         ),
-        power=2.35,
+        power=2.45,
     )
     return [
         trunk,
-        Ellipsoid("Spine1", (0.070, 1.262, 0.078), (0.075, 0.050, 0.040), roll=0.25),  # pectoral
-        Ellipsoid("Spine1", (0.080, 1.270, -0.088), (0.065, 0.085, 0.034), roll=0.15),  # shoulder blade
-        Ellipsoid("Hips", (0.073, 0.905, -0.040), (0.074, 0.082, 0.072)),  # buttock
-        RoundCone("Spine1", (0.030, 1.415, -0.030), (0.150, 1.350, -0.038), 0.036, 0.030),  # trapezius
+        Mirrored(Ellipsoid((0.070, 1.272, 0.058), (0.080, 0.056, 0.044), roll=0.2), 0.03),  # pectoral
+        Mirrored(Ellipsoid((0.080, 1.268, -0.082), (0.068, 0.088, 0.036), roll=0.15), 0.03),  # shoulder blade
+        Mirrored(Ellipsoid((0.072, 0.905, -0.033), (0.072, 0.080, 0.068)), 0.012),  # buttock
+        RoundCone((0.028, 1.420, -0.030), (0.150, 1.352, -0.038), 0.034, 0.030),  # trapezius
+        RoundCone((0.020, 1.372, 0.030), (0.160, 1.350, -0.010), 0.011, 0.012),  # collar bone
     ]
 
 
 def _neck() -> list[Shape]:
-    return [RoundCone("Neck1", (0.0, 1.350, -0.032), (0.0, 1.490, 0.004), 0.058, 0.050)]
+    return [RoundCone((0.0, 1.350, -0.032), (0.0, 1.490, 0.002), 0.058, 0.052)]
 
 
 def _head() -> list[Shape]:
     return [
-        Ellipsoid("Head", (0.0, 1.592, 0.000), (0.073, 0.092, 0.094)),  # skull
-        Ellipsoid("Head", (0.0, 1.545, 0.028), (0.062, 0.085, 0.068)),  # face
-        Ellipsoid("Head", (0.0, 1.492, 0.045), (0.046, 0.036, 0.050)),  # jaw
-        Ellipsoid("Head", (0.0, 1.470, 0.075), (0.022, 0.016, 0.018)),  # chin
+        Ellipsoid((0.0, 1.596, -0.002), (0.076, 0.092, 0.097)),  # skull
+        Ellipsoid((0.0, 1.545, 0.026), (0.063, 0.086, 0.071)),  # face
+        Ellipsoid((0.0, 1.495, 0.042), (0.050, 0.036, 0.052)),  # jaw
+        Ellipsoid((0.0, 1.472, 0.072), (0.024, 0.016, 0.020)),  # chin
     ]
 
 
 def _features() -> list[Shape]:
     return [
-        RoundCone("Head", (0.0, 1.572, 0.090), (0.0, 1.532, 0.108), 0.008, 0.0115),  # nose
-        Ellipsoid("Head", (0.030, 1.588, 0.080), (0.030, 0.009, 0.016)),  # brow
-        Ellipsoid("Head", (0.074, 1.545, -0.004), (0.009, 0.028, 0.017), pitch=-0.15),  # ear
+        RoundCone((0.0, 1.578, 0.084), (0.0, 1.532, 0.106), 0.009, 0.0115),  # nose
+        Mirrored(RoundCone((0.010, 1.588, 0.088), (0.044, 1.588, 0.074), 0.008, 0.006), 0.012),  # brow
+        Ellipsoid((0.073, 1.545, -0.006), (0.008, 0.026, 0.016), pitch=-0.15),  # ear
     ]
 
 
 def _arm() -> list[Shape]:
-    upper = Loft(
-        "LeftArm",
+    arm = Loft(
         0,
         (
             (0.150, 1.256, 1.346, -0.078, 0.018),
             (0.200, 1.250, 1.357, -0.084, 0.026),
-            (0.250, 1.247, 1.353, -0.084, 0.024),
-            (0.310, 1.250, 1.347, -0.080, 0.019),
-            (0.370, 1.255, 1.344, -0.075, 0.017),
-            (0.430, 1.261, 1.340, -0.070, 0.010),
-            (0.4655, 1.261, 1.340, -0.070, 0.009),
+            (0.250, 1.248, 1.352, -0.083, 0.023),
+            (0.310, 1.251, 1.347, -0.081, 0.022),
+            (0.370, 1.256, 1.344, -0.078, 0.018),
+            (0.425, 1.261, 1.340, -0.072, 0.010),
+            (0.4655, 1.259, 1.341, -0.074, 0.009),
+            (0.505, 1.255, 1.345, -0.073, 0.015),
+            (0.545, 1.258, 1.343, -0.072, 0.013),
+            (0.590, 1.267, 1.335, -0.066, 0.005),
+            (0.635, 1.276, 1.326, -0.061, -0.001),
+            (0.662, 1.279, 1.322, -0.060, -0.002),
+            (0.685, 1.281, 1.320, -0.062, 0.000),
         ),
         power=2.05,
     )
-    lower = Loft(
-        "LeftForeArm",
-        0,
-        (
-            (0.4655, 1.261, 1.340, -0.070, 0.009),
-            (0.500, 1.256, 1.343, -0.073, 0.013),
-            (0.540, 1.259, 1.342, -0.072, 0.011),
-            (0.590, 1.268, 1.334, -0.065, 0.003),
-            (0.640, 1.275, 1.326, -0.061, -0.002),
-            (0.675, 1.277, 1.323, -0.062, -0.001),
-        ),
-        power=2.05,
-    )
-    deltoid = Ellipsoid("LeftArm", (0.200, 1.308, -0.031), (0.066, 0.056, 0.060))
-    return [upper, lower, deltoid, RoundCone("LeftForeArm", (0.462, 1.3, -0.035), (0.470, 1.3, -0.035), 0.037, 0.037)]
+    deltoid = Ellipsoid((0.200, 1.308, -0.031), (0.068, 0.056, 0.060))
+    return [arm, deltoid]
 
 
 def _palm() -> list[Shape]:
     palm = Loft(
-        "LeftHand",
         0,
         (
-            (0.650, 1.278, 1.322, -0.060, -0.002),
-            (0.680, 1.279, 1.319, -0.066, 0.005),
-            (0.710, 1.280, 1.317, -0.072, 0.011),
-            (0.738, 1.282, 1.315, -0.074, 0.013),
-            (0.752, 1.286, 1.312, -0.071, 0.010),
+            (0.640, 1.288, 1.312, -0.046, -0.016),
+            (0.662, 1.281, 1.320, -0.060, -0.002),
+            (0.685, 1.280, 1.319, -0.067, 0.006),
+            (0.712, 1.281, 1.316, -0.073, 0.012),
+            (0.736, 1.285, 1.313, -0.075, 0.014),
+            (0.752, 1.290, 1.310, -0.073, 0.012),
+            (0.758, 1.295, 1.306, -0.066, 0.005),
         ),
-        power=2.6,
+        power=2.5,
     )
-    return [palm, Ellipsoid("LeftHand", (0.695, 1.287, 0.000), (0.034, 0.015, 0.019))]
+    return [palm, Ellipsoid((0.695, 1.287, 0.000), (0.034, 0.015, 0.019))]
 
 
 # root and tip z offsets from the arm's axis, tip x, thickness
@@ -130,63 +119,54 @@ _FINGERS = ((0.0310, 0.0400, 0.826, 0.0094), (0.0105, 0.0125, 0.840, 0.0098),
 
 
 def _finger(root: float, tip: float, reach: float, radius: float) -> list[Shape]:
-    knuckle = (0.742, _ARM_Y - 0.001, _ARM_Z + root)
+    knuckle = (0.738, _ARM_Y - 0.001, _ARM_Z + root)
     middle = (0.742 + 0.52 * (reach - 0.742), _ARM_Y - 0.005, _ARM_Z + root + 0.5 * (tip - root))
     end = (reach, _ARM_Y - 0.016, _ARM_Z + tip)
     return [
-        RoundCone("LeftHandIndex1", knuckle, middle, radius * 1.05, radius * 0.95),
-        RoundCone("LeftHandIndex1", middle, end, radius * 0.95, radius * 0.80),
+        RoundCone(knuckle, middle, radius * 1.05, radius * 0.95),
+        RoundCone(middle, end, radius * 0.95, radius * 0.80),
     ]
 
 
 def _thumb() -> list[Shape]:
     a, b, c, d = (0.676, 1.291, -0.010), (0.706, 1.286, 0.016), (0.736, 1.282, 0.036), (0.757, 1.280, 0.045)
     return [
-        RoundCone("LThumb", a, b, 0.0150, 0.0130),
-        RoundCone("LThumb", b, c, 0.0125, 0.0108),
-        RoundCone("LThumb", c, d, 0.0110, 0.0090),
+        RoundCone(a, b, 0.0150, 0.0130),
+        RoundCone(b, c, 0.0125, 0.0108),
+        RoundCone(c, d, 0.0110, 0.0090),
     ]
 
 
 def _leg() -> list[Shape]:
-    thigh = Loft(
-        "LeftUpLeg",
+    leg = Loft(
         1,
         (
-            (0.4893, 0.026, 0.125, 0.000, 0.103),
-            (0.530, 0.025, 0.128, -0.004, 0.104),
-            (0.580, 0.021, 0.136, -0.014, 0.111),
-            (0.650, 0.014, 0.147, -0.028, 0.121),
-            (0.720, 0.009, 0.156, -0.040, 0.128),
-            (0.790, 0.006, 0.163, -0.053, 0.129),
-            (0.850, 0.004, 0.168, -0.064, 0.126),
-            (0.910, 0.010, 0.166, -0.060, 0.112),
-            (0.950, 0.030, 0.150, -0.030, 0.090),
-        ),
-        power=2.1,
-    )
-    shin = Loft(
-        "LeftLeg",
-        1,
-        (
-            (0.070, 0.043, 0.107, 0.012, 0.082),
+            (0.050, 0.046, 0.104, 0.016, 0.080),
+            (0.080, 0.044, 0.106, 0.010, 0.081),
             (0.110, 0.044, 0.107, 0.008, 0.078),
             (0.170, 0.041, 0.110, -0.003, 0.080),
             (0.250, 0.034, 0.116, -0.019, 0.088),
             (0.320, 0.026, 0.124, -0.031, 0.095),
-            (0.380, 0.023, 0.128, -0.033, 0.098),
-            (0.430, 0.024, 0.127, -0.021, 0.100),
-            (0.4893, 0.026, 0.125, 0.000, 0.103),
+            (0.380, 0.023, 0.128, -0.032, 0.098),
+            (0.430, 0.026, 0.126, -0.020, 0.099),
+            (0.4893, 0.029, 0.124, -0.003, 0.103),
+            (0.530, 0.027, 0.126, -0.005, 0.105),
+            (0.580, 0.022, 0.135, -0.014, 0.111),
+            (0.650, 0.015, 0.147, -0.028, 0.121),
+            (0.720, 0.010, 0.155, -0.040, 0.127),
+            (0.790, 0.007, 0.161, -0.053, 0.128),
+            (0.850, 0.006, 0.162, -0.060, 0.122),
+            (0.900, 0.020, 0.150, -0.046, 0.106),
+            (0.940, 0.050, 0.120, -0.010, 0.070),
         ),
         power=2.1,
     )
-    kneecap = Ellipsoid("LeftLeg", (_LEG_X, 0.492, 0.078), (0.034, 0.044, 0.030))
-    return [thigh, shin, kneecap]
+    kneecap = Ellipsoid((_LEG_X, 0.494, 0.080), (0.032, 0.040, 0.027))
+    return [leg, kneecap]
 
 
 def _foot() -> list[Shape]:
     foot = Loft(
-        "LeftFoot",
         2,
         (
             (-0.026, 0.068, 0.082, 0.018, 0.040),
@@ -199,86 +179,53 @@ def _foot() -> list[Shape]:
             (0.180, 0.028, 0.128, -0.010, 0.048),
             (0.210, 0.033, 0.124, -0.010, 0.039),
             (0.232, 0.045, 0.110, -0.008, 0.032),
-            (0.242, 0.062, 0.092, 0.004, 0.022),
+            (0.241, 0.060, 0.094, 0.002, 0.025),
+            (0.246, 0.070, 0.084, 0.008, 0.018),
         ),
         power=2.5,
     )
     return [
         foot,
-        Ellipsoid("LeftFoot", (0.043, 0.077, 0.042), (0.012, 0.014, 0.014)),  # inner ankle bone
-        Ellipsoid("LeftFoot", (0.107, 0.067, 0.036), (0.012, 0.014, 0.014)),  # outer ankle bone
+        Ellipsoid((0.043, 0.077, 0.042), (0.012, 0.014, 0.014)),  # inner ankle bone
+        Ellipsoid((0.107, 0.067, 0.036), (0.012, 0.014, 0.014)),  # outer ankle bone
     ]
 
 
 _BLENDS = {"torso": 0.045, "neck": 0.03, "head": 0.03, "features": 0.006, "arm": 0.028, "palm": 0.014,
-           "thumb": 0.008, "leg": 0.03, "foot": 0.02}
+           "thumb": 0.008, "leg": 0.03, "foot": 0.02}  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Frames:
-    """Rigid motions of the joints from the rest pose: rotations `(31, 4)` and joint positions `(31, 3)`."""
-
-    rotations: Array
-    positions: Array
-
-    def to_rest(self, joint: str, points: Array) -> Array:
-        """Points `(N, 3)` of the posed body carried back to rest coordinates with `joint`."""
-        j = SPORT_SKELETON.index(joint)
-        local = rotations.rotate(rotations.inverse(self.rotations[j]), points - self.positions[j])
-        return local + REST_POSITIONS[j]
-
-
-@dataclass(frozen=True)
-class _Posed:
-    shape: Shape
-    frames: Frames
-
-    @property
-    def joint(self) -> str:
-        return self.shape.joint
-
-    def distance(self, points: Array) -> Array:
-        return self.shape.distance(self.frames.to_rest(self.shape.joint, points))
+def _above_sole(foot: Array, points: Array) -> Array:
+    """The foot cut flat at y = 0, with an arch on the inner side."""
+    x, y, z = points.T
+    arch = 0.010 * np.exp(-(((z - 0.085) / 0.035) ** 2)) * np.clip((0.085 - x) / 0.05, 0, 1)
+    return smooth_max(foot, arch - y, 0.010)
 
 
 class Body:
-    """The implicit surface of the left half, x >= 0, in the rest pose or in the pose given by `frames`."""
+    """The implicit surface of the left half, x >= 0, of the rest pose."""
 
-    def __init__(self, frames: Frames | None = None) -> None:
-        self.frames = frames
-
-    @cached_property
-    def parts(self) -> dict[str, list[Shape]]:
-        """Shapes by part name; fingers are `finger0` (index) to `finger3`."""
-        parts = {"torso": _torso(), "neck": _neck(), "head": _head(), "features": _features(), "arm": _arm(),
-                 "palm": _palm(), "thumb": _thumb(), "leg": _leg(), "foot": _foot()}
-        parts |= {f"finger{i}": _finger(*row) for i, row in enumerate(_FINGERS)}
-        if self.frames is None:
-            return parts
-        return {name: [_Posed(s, self.frames) for s in shapes] for name, shapes in parts.items()}
+    def __init__(self) -> None:
+        self.parts: dict[str, list[Shape]] = {
+            "torso": _torso(), "neck": _neck(), "head": _head(), "features": _features(), "arm": _arm(),
+            "palm": _palm(), "thumb": _thumb(), "leg": _leg(), "foot": _foot(),
+        }  # fmt: skip
+        self.parts |= {f"finger{i}": _finger(*row) for i, row in enumerate(_FINGERS)}
 
     def part_distance(self, name: str, points: Array) -> Array:
-        """Signed distance `(N,)` to one part."""
+        """Signed distance `(N,)` to one part: torso, neck, head, features, arm, palm, thumb, finger0..3, leg, foot."""
         return union(self.parts[name], points, _BLENDS.get(name, 0.004))
 
     def distance(self, points: Array) -> Array:
         """Signed distance `(N,)` to the whole body."""
         part = {name: self.part_distance(name, points) for name in self.parts}
         head = smooth_min(smooth_min(part["head"], part["neck"], 0.02), part["features"], 0.012)
-        hand = part["palm"]
-        for i in range(4):
-            hand = smooth_min(hand, part[f"finger{i}"], 0.006)
-        hand = smooth_min(hand, part["thumb"], 0.010)
-        leg = smooth_min(part["leg"], self._above_sole(part["foot"], points), 0.03)
+        fingers = np.min([part[f"finger{i}"] for i in range(4)], axis=0)
+        hand = smooth_min(smooth_min(part["palm"], fingers, 0.009), part["thumb"], 0.012)
+        leg = smooth_min(part["leg"], _above_sole(part["foot"], points), 0.03)
         body = smooth_min(part["torso"], head, 0.04)
-        body = smooth_min(body, smooth_min(part["arm"], hand, 0.015), 0.045)
-        return smooth_min(body, leg, 0.03)
-
-    def _above_sole(self, foot: Array, points: Array) -> Array:
-        rest = points if self.frames is None else self.frames.to_rest("LeftFoot", points)
-        y = rest[:, 1]
-        arch = 0.010 * np.exp(-(((rest[:, 2] - 0.085) / 0.035) ** 2)) * np.clip((0.085 - rest[:, 0]) / 0.05, 0, 1)
-        return smooth_max(foot, arch - y, 0.010)
+        body = smooth_min(body, smooth_min(part["arm"], hand, 0.02), 0.045)
+        return smooth_min(body, leg, 0.035)
 
     def gradient(self, points: Array, step: float = 1e-4) -> Array:
         """Central-difference gradient `(N, 3)` of the distance."""

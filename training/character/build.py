@@ -22,19 +22,30 @@ from training.character.body import REST_POSITIONS, Body
 def build() -> Character:
     """The mannequin in the rest pose of the SPORT skeleton, sole at y = 0."""
     body = Body()
-    half, half_triangles = mesh.extract(body)
-    half = mesh.relax(body, half, half_triangles, rounds=8)
-    normals = body.gradient(half)
+    half, half_triangles = mesh.half_mesh(body)
+    half, half_triangles = paint.cut_regions(half, half_triangles)
+    half = body.project(half, 2)
     source, side = mesh.mirror_index(half)
     triangles = mesh.mirror_triangles(half, half_triangles)
     reflect = np.where(side[:, None] == 1, [-1.0, 1.0, 1.0], [1.0, 1.0, 1.0])
     vertices = half[source] * reflect
-    normals = normals[source] * reflect
+    normals = body.gradient(half)[source] * reflect
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     skin = weights.mirrored_weights(weights.analytic_weights(body, half), source, side, vertices[:, 0] == 0)
-    joints, values = weights.strongest(weights.diffuse(skin, triangles, 6))
-    colors = paint.colours(paint.regions(vertices), vertices[:, 0] > 0)
-    return character(vertices, normals, colors, joints, values, triangles)
+    joints, values = weights.strongest(weights.diffuse(skin, vertices, triangles, 0.014))
+    left = np.repeat([True, False], len(half_triangles))
+    region = np.tile(paint.region_of(half[half_triangles].mean(axis=1)), 2)
+    used, corner = split_by_colour(triangles, np.where(left, region, region + paint.ACCENT + 1))
+    region, left = used[1] % (paint.ACCENT + 1), used[1] <= paint.ACCENT
+    used = used[0]
+    return character(vertices[used], normals[used], paint.palette(region, left), joints[used], values[used], corner)
+
+
+def split_by_colour(triangles: np.ndarray, label: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Give vertices on a border one copy for each label: `(2, V)` source vertex and label, new triangles `(F, 3)`."""
+    pairs = np.stack([triangles.ravel(), np.repeat(label, 3)], axis=1)
+    unique, inverse = np.unique(pairs, axis=0, return_inverse=True)
+    return unique.T, inverse.reshape(triangles.shape)
 
 
 def character(

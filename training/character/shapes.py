@@ -13,9 +13,7 @@ Array = NDArray[np.floating]
 
 
 class Shape(Protocol):
-    """A solid in rest-pose coordinates that moves rigidly with the joint called `joint`."""
-
-    joint: str
+    """A solid in rest-pose coordinates."""
 
     def distance(self, points: Array) -> Array:
         """Approximate signed distance `(N,)` of `points` `(N, 3)`."""
@@ -37,7 +35,6 @@ def smooth_max(a: Array, b: Array, k: float) -> Array:
 class RoundCone:
     """The hull of two spheres: centres `a`, `b`, radii `ra`, `rb`."""
 
-    joint: str
     a: tuple[float, float, float]
     b: tuple[float, float, float]
     ra: float
@@ -56,7 +53,6 @@ class RoundCone:
 class Ellipsoid:
     """An ellipsoid with semi-axes `radii`, turned about X by `pitch` radians (positive nods forward)."""
 
-    joint: str
     centre: tuple[float, float, float]
     radii: tuple[float, float, float]
     pitch: float = 0.0
@@ -84,7 +80,6 @@ class Loft:
     the centre of its u and v ranges unless `centre` (u, v) fixes it.
     """
 
-    joint: str
     along: int
     stations: tuple[tuple[float, float, float, float, float], ...]
     power: float = 2.2
@@ -110,6 +105,18 @@ class Loft:
         end = np.abs(t_all - t)
         beyond = np.hypot(np.maximum(side, 0.0), end)
         return np.where(end > 0, beyond, side)
+
+
+@dataclass(frozen=True)
+class Mirrored:
+    """A shape together with its image on the other side of x = 0, joined by a fillet of `k` metres."""
+
+    shape: Shape
+    k: float
+
+    def distance(self, points: Array) -> Array:
+        """Signed distance `(N,)` to the nearer of both."""
+        return smooth_min(self.shape.distance(points), self.shape.distance(points * (-1.0, 1.0, 1.0)), self.k)
 
 
 def union(shapes: Sequence[Shape], points: Array, k: float) -> Array:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from runtime.skeleton import MIRROR_JOINTS, SPORT_SKELETON, J
 from training.character.body import Body
-from training.character.mesh import Triangles, neighbour_mean
+from training.character.mesh import Triangles, laplacian
 
 Array = NDArray[np.floating]
 
@@ -65,12 +65,14 @@ def _arm_weights(body: Body, v: Array, arm: Array, weights: Array) -> None:
            (ramp(x, 0.420, 0.512), ramp(x, 0.630, 0.688), ramp(x, 0.705, 0.760)))
 
 
-def diffuse(weights: Array, triangles: Triangles, rounds: int) -> Array:
-    """Average weights `(V, 31)` over the surface; rigid cores keep their single joint."""
-    mean = neighbour_mean(triangles, len(weights))
-    for _ in range(rounds):
-        weights = 0.5 * weights + 0.5 * (mean @ weights)
-    return weights
+def diffuse(weights: Array, vertices: Array, triangles: Triangles, reach: float) -> Array:
+    """Let weights `(V, 31)` spread like heat over the surface by about `reach` metres, whatever the mesh's density."""
+    from scipy.sparse import diags
+    from scipy.sparse.linalg import splu
+
+    stiffness, mass = laplacian(vertices, triangles)
+    solver = splu((diags(mass) + reach**2 * stiffness).tocsc())
+    return np.clip(solver.solve(mass[:, None] * weights), 0.0, None)
 
 
 def mirrored_weights(weights: Array, source: NDArray[np.int64], side: NDArray[np.int64], middle: Array) -> Array:

@@ -1,0 +1,75 @@
+"""Reverse steps against the equations, on distributions with a known answer."""
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from training.networks.diffusion import (  # noqa: E402
+    Schedule,
+    add_noise,
+    analytic_variance,
+    noise_estimate,
+    reverse_steps,
+)
+
+
+def test_schedule_ends_in_noise():
+    schedule = Schedule.linear(1000)
+    assert schedule.alpha_bar[0] == 1.0
+    assert schedule.alpha_bar[-1] < 1e-4
+    assert (np.diff(schedule.alpha_bar) < 0).all()
+    assert schedule.subsequence(5).tolist() == [200, 400, 600, 800, 1000]
+
+
+def test_noise_estimate_inverts_the_forward_process():
+    """Eq. 6."""
+    torch.manual_seed(0)
+    schedule = Schedule.linear()
+    clean, noise = torch.randn(4, 8, 3), torch.randn(4, 8, 3)
+    step = torch.tensor([10, 300, 600, 999])
+    noisy = add_noise(schedule, clean, step, noise)
+    assert torch.allclose(noise_estimate(schedule, noisy, clean, step), noise, atol=1e-2)
+
+
+def test_reverse_steps_keep_the_marginals_of_the_forward_process():
+    """With the true Z_0, every reverse step must land on q(Z_tau | Z_0): its mean and its variance."""
+    schedule = Schedule.linear()
+    tau = schedule.subsequence(5)
+    rng = np.random.default_rng(0)
+    clean, count = 1.7, 200_000
+    z = np.sqrt(schedule.alpha_bar[1000]) * clean
+    z = z + np.sqrt(1 - schedule.alpha_bar[1000]) * rng.standard_normal(count)
+    targets = [*tau[:-1][::-1], 0]
+    for step, target in zip(reverse_steps(schedule, tau, None), targets, strict=True):
+        z = step.clean * clean + step.noisy * z + step.deviation * rng.standard_normal(count)
+        assert z.mean() == pytest.approx(np.sqrt(schedule.alpha_bar[target]) * clean, abs=0.01)
+        assert z.var() == pytest.approx(1 - schedule.alpha_bar[target], abs=0.01)
+
+
+def test_last_step_returns_the_prediction():
+    schedule = Schedule.linear()
+    last = reverse_steps(schedule, schedule.subsequence(5), None)[-1]
+    assert (last.clean, last.noisy, last.deviation) == (1.0, 0.0, 0.0)
+
+
+def test_analytic_variance_of_a_gaussian_is_its_posterior_variance():
+    """For Z_0 ~ N(0, s^2) the optimal prediction leaves Var(Z_0 | Z_n), which sigma_bar^2 must equal."""
+    torch.manual_seed(1)
+    schedule, s, n = Schedule.linear(), 0.8, 400
+    alpha_bar = schedule.alpha_bar[n]
+    clean = s * torch.randn(200_000, 1, 1)
+    step = torch.full((len(clean),), n)
+    noisy = add_noise(schedule, clean, step, torch.randn_like(clean))
+    gain = np.sqrt(alpha_bar) * s**2 / (alpha_bar * s**2 + 1 - alpha_bar)
+    epsilon = noise_estimate(schedule, noisy, gain * noisy, step)
+    expected = s**2 * (1 - alpha_bar) / (alpha_bar * s**2 + 1 - alpha_bar)
+    assert analytic_variance(schedule, n, epsilon.square().flatten()) == pytest.approx(expected, rel=0.06)
+
+
+def test_analytic_variance_widens_the_reverse_steps():
+    schedule = Schedule.linear()
+    tau = schedule.subsequence(5)
+    plain = reverse_steps(schedule, tau, None)
+    wide = reverse_steps(schedule, tau, np.full(5, 0.5))
+    assert all(w.deviation > p.deviation for w, p in zip(wide[:-1], plain[:-1], strict=True))

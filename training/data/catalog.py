@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -103,26 +102,34 @@ def _list_100style(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
 def _list_bandai(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
     clips: list[ClipSource] = []
     refused: list[Refusal] = []
-    gestures: Counter[tuple[str, str]] = Counter()
+    gestures: dict[tuple[str, str], list[Path]] = {}
     for path in sorted(folder.rglob("*.bvh")):
         dataset, content, performer, _ = path.stem.split("_")
         styles = _BANDAI_1_STYLES if dataset == "dataset-1" else _BANDAI_2_STYLES
-        name = f"bandai{dataset[-1]}_{content}_{path.stem.split('_', 2)[2]}"
-        if content in _GESTURES:
-            key = (content, performer)
-            gestures[key] += 1
-            if performer not in _GESTURE_PERFORMERS:
-                refused.append(Refusal(name, "bandai_namco", "gesture of another performer"))
-            elif gestures[key] > GESTURE_CLIPS // len(_GESTURE_PERFORMERS):
-                refused.append(Refusal(name, "bandai_namco", f"more than {GESTURE_CLIPS} clips of this gesture"))
-            else:
-                style = _GESTURES[content]
-                clips.append(ClipSource(path, name, "bandai_namco", style, style.replace("_", " ")))
+        name = _bandai_name(path)
+        if content in _GESTURES and performer in _GESTURE_PERFORMERS:
+            gestures.setdefault((content, performer), []).append(path)
+        elif content in _GESTURES:
+            refused.append(Refusal(name, "bandai_namco", "gesture of another performer"))
         elif content in _BANDAI_CONTENT:
             clips.append(ClipSource(path, name, "bandai_namco", styles[performer], _BANDAI_CONTENT[content]))
         else:
             refused.append(Refusal(name, "bandai_namco", f"not locomotion: {content}"))
+    for (content, _), paths in gestures.items():
+        paths.sort(key=lambda p: (-p.stat().st_size, p.name))  # the longest
+        style, wanted = _GESTURES[content], GESTURE_CLIPS // len(_GESTURE_PERFORMERS)
+        for path in paths[:wanted]:
+            clips.append(ClipSource(path, _bandai_name(path), "bandai_namco", style, style.replace("_", " ")))
+        for path in paths[wanted:]:
+            refused.append(
+                Refusal(_bandai_name(path), "bandai_namco", f"more than {GESTURE_CLIPS} clips of this gesture")
+            )
     return clips, refused
+
+
+def _bandai_name(path: Path) -> str:
+    dataset, content, rest = path.stem.split("_", 2)
+    return f"bandai{dataset[-1]}_{content}_{rest}"
 
 
 def _list_cmu(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +25,11 @@ GAP_SECONDS = 2.0  # between training part and tail: no training window sees a h
 _LEFT_ARM, _RIGHT_ARM = 18, 25
 
 
-def lead_in(positions: Array, content: str) -> tuple[int, int]:
+def lead_in(positions: Array, content: str, has_tpose: bool) -> tuple[int, int]:
     """First and last-plus-one frame without T-poses and long waits at both ends of `positions` `(T, 31, 3)`."""
     frames = len(positions)
     pace = speed(smooth(positions[:, 0] * np.array([1.0, 0, 1.0]), 0.3))
-    tpose = _is_tpose(positions) & (pace < 0.3)
+    tpose = _is_tpose(positions) & (pace < 0.3) & has_tpose
     third = frames // 3
     head = np.flatnonzero(tpose[:third])
     tail = np.flatnonzero(tpose[-third:])
@@ -81,14 +82,18 @@ def hash_fraction(name: str) -> float:
     return int.from_bytes(hashlib.sha256(name.encode()).digest()[:6], "big") / 2**48
 
 
-def held_out_names(clips: list[tuple[str, str]]) -> set[str]:
-    """Names held out whole, of (name, style) pairs: about 8 %, and one at least of every style with four clips or more."""
-    held = {name for name, _ in clips if hash_fraction(name) < HELD_OUT_SHARE}
-    styles: dict[str, list[str]] = {}
-    for name, style in clips:
-        styles.setdefault(style, []).append(name)
-    for names in styles.values():
-        if len(names) >= 4 and not held & set(names):
+def held_out_names(clips: list[tuple[str, str, str]]) -> set[str]:
+    """Names held out whole, of (name, style, content): about 8 %, and one at least of every style with four clips or more.
+
+    The only example of a style and content always stays in training.
+    """
+    count = Counter((style, content) for _, style, content in clips)
+    spare = [(name, style) for name, style, content in clips if count[style, content] > 1]
+    held = {name for name, _ in spare if hash_fraction(name) < HELD_OUT_SHARE}
+    size = Counter(style for _, style, _ in clips)
+    for style in size:
+        names = [name for name, other in spare if other == style]
+        if size[style] >= 4 and names and not held & set(names):
             held.add(min(names, key=hash_fraction))
     return held
 

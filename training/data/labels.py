@@ -15,6 +15,7 @@ FOOT_JOINTS = (4, 5, 9, 10)  # left heel (ankle joint), left toe, right heel, ri
 _REST = np.array([ANKLE_HEIGHT, TOE_HEIGHT, ANKLE_HEIGHT, TOE_HEIGHT])
 _NEAR = np.array([0.05, 0.03, 0.05, 0.03])  # m over the rest height that still counts as contact
 _SPEED_ON, _SPEED_OFF = 0.25, 0.45  # m/s, hysteresis
+_PACE_SHARE = 0.12  # of the root's speed over 1 m/s that the thresholds grow by: 30 fps smears a runner's short stance
 JOG_SPEED = 2.2
 STAND_SPEED = 0.15
 CROUCH_HEIGHT = 0.72  # m of the hips over the ground; upright is 1.0
@@ -27,15 +28,34 @@ def smooth(x: Array, seconds: float) -> Array:
     return uniform_filter1d(np.asarray(x, np.float64), max(1, round(seconds * FPS)), axis=0, mode="nearest")
 
 
-def foot_contacts(positions: Array, ground: Array) -> NDArray[np.uint8]:
-    """Contacts `(T, 4)` from joint positions `(T, 31, 3)` and the ground height under the feet `(T, 4)`."""
-    from scipy.ndimage import median_filter
+def foot_contacts(positions: Array, ground: Array, slack: float = 1.0) -> NDArray[np.uint8]:
+    """Contacts `(T, 4)` from joint positions `(T, 31, 3)` and the ground height under the feet `(T, 4)`.
 
+    `slack` scales the speeds at which a foot still counts as standing, for captures whose feet slide.
+    """
     feet = np.asarray(positions[:, FOOT_JOINTS], np.float64)
     height = feet[..., 1] - ground - _REST
+    return _hysteresis(positions, feet, height < _NEAR, height < 1.3 * _NEAR, slack)
+
+
+def contacts_without_ground(positions: Array) -> NDArray[np.uint8]:
+    """Contacts `(T, 4)` on unknown ground: slow, and near the lowest point that the joint passes within half a second."""
+    from scipy.ndimage import minimum_filter1d
+
+    feet = np.asarray(positions[:, FOOT_JOINTS], np.float64)
+    lowest = minimum_filter1d(feet[..., 1], round(0.5 * FPS), axis=0)
+    return _hysteresis(positions, feet, feet[..., 1] < lowest + 0.02, feet[..., 1] < lowest + 0.03, 1.0)
+
+
+def _hysteresis(
+    positions: Array, feet: Array, near: NDArray[np.bool_], close: NDArray[np.bool_], slack: float
+) -> NDArray[np.uint8]:
+    from scipy.ndimage import median_filter
+
     pace = speed(feet)
-    on = (pace < _SPEED_ON) & (height < _NEAR)
-    keep = (pace < _SPEED_OFF) & (height < 1.3 * _NEAR)
+    allowance = _PACE_SHARE * np.maximum(speed(smooth(positions[:, 0], 0.35)) - 1.0, 0.0)[:, None]
+    on = (pace < slack * _SPEED_ON + allowance) & near
+    keep = (pace < slack * _SPEED_OFF + 1.5 * allowance) & close
     state = np.zeros(on.shape, bool)
     current = on[0]
     for t in range(len(on)):

@@ -1,0 +1,128 @@
+"""Feet that stand where they stand: contacts locked in place and put on the ground, legs solved by IK."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import rotations
+from runtime.ik import solve_legs
+from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
+
+Array = NDArray[np.floating]
+GroundHeight = Callable[[Array, Array], Array]
+
+_FOOT = SPORT_SKELETON.offsets[5].astype(np.float64)
+_FOOT_LENGTH = float(np.linalg.norm(_FOOT))
+_REST_ELEVATION = float(np.arcsin(_FOOT[1] / _FOOT_LENGTH))
+_LEG = float(-(SPORT_SKELETON.offsets[3][1] + SPORT_SKELETON.offsets[4][1]))
+_MAX_TURN = np.deg2rad(40.0)
+_SWING_ANKLE = 0.05  # m: least height of the ankle of a foot in the air
+_REACH = 0.985  # of the leg's length, before the hips give way
+_THIGHS, _ANKLES, _TOES = [2, 7], [4, 9], [5, 10]
+
+
+def clean_feet(hips: Array, local: Array, contacts: NDArray[np.uint8], ground: GroundHeight) -> tuple[Array, Array]:
+    """Hips `(T, 3)` and local rotations `(T, 31, 4)` with planted, unsliding feet on `ground(x, z)`.
+
+    Feet in contact keep one place and rest on the ground, a flat foot follows its slope; the correction fades
+    through the swing. Where a leg would be too short the hips sink.
+    """
+    hips, local = hips.astype(np.float64), local.astype(np.float64)
+    positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
+    foot, ankles = world[:, _ANKLES], positions[:, _ANKLES]
+    for side in range(2):
+        pair = contacts[:, 2 * side : 2 * side + 2].astype(bool)
+        ankles[:, side], foot[:, side] = _clean_foot(ankles[:, side], positions[:, _TOES[side]], foot[:, side], pair, ground)
+    hips = _sink_to_reach(hips, positions[:, _THIGHS], ankles)
+    local = solve_legs(hips, local, ankles, foot)
+    local = rotations.continuous(rotations.normalize(local))
+    return hips.astype(np.float32), local.astype(np.float32)
+
+
+def stretches(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and last-plus-one index of every run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def bridge(values: Array, known: NDArray[np.bool_], hold_slope: bool) -> Array:
+    """Fill the gaps of `values` `(T, n)` between stretches of `known` by cubic Hermite curves, ends held.
+
+    With `hold_slope` a gap begins and ends with the slope of its neighbours, otherwise level.
+    """
+    result = values.copy()
+    runs = stretches(known)
+    if not runs:
+        return np.zeros_like(values)
+    result[: runs[0][0]] = values[runs[0][0]]
+    result[runs[-1][1] :] = values[runs[-1][1] - 1]
+    for (_, end), (start, _) in zip(runs[:-1], runs[1:], strict=True):
+        span = start - end + 1
+        s = (np.arange(1, span) / span)[:, None]
+        a, b = values[end - 1], values[start]
+        slope_a = values[end - 1] - values[end - 2] if hold_slope and end >= 2 and known[end - 2] else 0.0
+        slope_b = values[start + 1] - values[start] if hold_slope and start + 1 < len(known) and known[start + 1] else 0.0
+        result[end:start] = (
+            (2 * s**3 - 3 * s**2 + 1) * a + (3 * s**2 - 2 * s**3) * b
+            + (s**3 - 2 * s**2 + s) * span * slope_a + (s**3 - s**2) * span * slope_b
+        )  # fmt: skip
+    return result
+
+
+def _clean_foot(
+    ankle: Array, toe: Array, foot: Array, contact: NDArray[np.bool_], ground: GroundHeight
+) -> tuple[Array, Array]:
+    """Targets of one ankle `(T, 3)` and rotations of that foot `(T, 4)`; `contact` `(T, 2)` is heel, toe."""
+    from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
+    planted = contact.any(1)
+    slide = _slide_correction(ankle, toe, contact)
+    ankle, toe = ankle + slide, toe + slide
+    under_ankle, under_toe = ground(ankle[:, 0], ankle[:, 2]), ground(toe[:, 0], toe[:, 2])
+
+    both = gaussian_filter1d(contact.all(1).astype(np.float64), 2.0)
+    wanted = np.arcsin(np.clip((under_toe - under_ankle + _FOOT[1]) / _FOOT_LENGTH, -0.9, 0.9))
+    current = np.arcsin(np.clip((toe[:, 1] - ankle[:, 1]) / _FOOT_LENGTH, -1.0, 1.0))
+    turn = np.clip(current - wanted, -_MAX_TURN, _MAX_TURN) * both
+    foot = rotations.multiply(foot, rotations.from_axis_angle(np.array([1.0, 0, 0]), turn))
+    toe = ankle + rotations.rotate(foot, np.broadcast_to(_FOOT, ankle.shape))
+
+    # the joint that carries decides the height; while both do, they agree after the turn
+    error = np.where(contact[:, 1], under_toe + TOE_HEIGHT - toe[:, 1], under_ankle + ANKLE_HEIGHT - ankle[:, 1])
+    lift = gaussian_filter1d(bridge(error[:, None], planted, hold_slope=False)[:, 0], 1.5)
+    ankle[:, 1] += lift
+    toe[:, 1] += lift
+    depth = np.maximum(
+        ground(toe[:, 0], toe[:, 2]) + TOE_HEIGHT - toe[:, 1],
+        np.where(contact[:, 0], ANKLE_HEIGHT, _SWING_ANKLE) + under_ankle - ankle[:, 1],
+    )
+    ankle[:, 1] += gaussian_filter1d(maximum_filter1d(np.maximum(depth, 0.0), 7), 1.5)
+    return ankle, foot
+
+
+def _slide_correction(ankle: Array, toe: Array, contact: NDArray[np.bool_]) -> Array:
+    """Horizontal displacement `(T, 3)` that keeps the carrying joints of every stance in place."""
+    weights = contact / np.maximum(contact.sum(1, keepdims=True), 1)
+    steps = np.stack([np.diff(ankle, axis=0), np.diff(toe, axis=0)], axis=1)
+    moved = np.sum(steps * weights[1:, :, None], axis=1) * np.array([1.0, 0.0, 1.0])
+    correction = np.zeros_like(ankle)
+    planted = contact.any(1)
+    for start, end in stretches(planted):
+        drift = np.concatenate([np.zeros((1, 3)), np.cumsum(moved[start : end - 1], axis=0)])
+        correction[start:end] = drift.mean(0) - drift
+    return bridge(correction, planted, hold_slope=True)
+
+
+def _sink_to_reach(hips: Array, thighs: Array, ankles: Array) -> Array:
+    """Hips lowered smoothly where an ankle target lies out of a leg's reach."""
+    from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
+    gap = ankles - thighs
+    across = np.linalg.norm(gap[..., [0, 2]], axis=-1)
+    allowed = np.sqrt(np.maximum((_REACH * _LEG) ** 2 - across**2, 0.01))
+    missing = np.clip((-gap[..., 1] - allowed).max(axis=1), 0.0, 0.25)
+    sink = gaussian_filter1d(maximum_filter1d(missing, 9), 3.0)
+    return hips - np.stack([np.zeros_like(sink), sink, np.zeros_like(sink)], axis=1)

@@ -1,0 +1,150 @@
+"""Random ground: relief that leaves footsteps alone, and hills and stairs to put flat clips on."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
+from training.data.foot_cleaning import bridge, stretches
+from training.data.height_patches import CELL_M, FLAT_MARGIN_M, Patches, grid_under
+from training.data.labels import FOOT_JOINTS
+
+Array = NDArray[np.floating]
+
+EXTRA_PATCHES = 2
+_CLEAR_M = 0.15  # relief keeps this far from a footstep
+_BLEND_M = 0.5  # and grows to its full height over this distance
+_MAX_SLOPE = np.tan(np.deg2rad(20.0))
+_RELIEF_CELL_M = 0.1
+
+
+def smooth_noise(shape: tuple[int, int], cell: float, wavelength: float, generator: np.random.Generator) -> Array:
+    """Smooth random heights of unit deviation with features of about `wavelength` metres."""
+    from scipy.ndimage import gaussian_filter
+
+    pad = int(np.ceil(wavelength / cell))
+    noise = generator.standard_normal((shape[0] + 2 * pad, shape[1] + 2 * pad))
+    field = gaussian_filter(noise, 0.25 * wavelength / cell)[pad : pad + shape[0], pad : pad + shape[1]]
+    return (field - field.mean()) / max(float(field.std()), 1e-6)
+
+
+def fit_around_steps(positions: Array, contacts: NDArray[np.uint8], generator: np.random.Generator) -> Patches:
+    """Patches for a clip on level ground: one level, the others random relief that meets every footstep."""
+    origin, shape = grid_under(positions, FLAT_MARGIN_M)
+    distance, _ = _nearest_step(positions, contacts, origin, shape, CELL_M)
+    weight = _ease((distance - _CLEAR_M) / _BLEND_M)
+    heights = np.zeros((1 + EXTRA_PATCHES, *shape))
+    for patch in heights[1:]:
+        relief = sum(
+            smooth_noise(shape, CELL_M, wavelength, generator) * share
+            for wavelength, share in ((4.0, 0.6), (1.5, 0.3), (0.7, 0.1))
+        )
+        if generator.random() < 0.35:
+            step = generator.uniform(0.1, 0.2)
+            relief = np.round(relief / step) * step
+        patch[:] = relief * generator.uniform(0.1, 0.4) * weight
+    return Patches(heights, origin, CELL_M)
+
+
+def ground_from_contacts(positions: Array, contacts: NDArray[np.uint8]) -> Patches:
+    """Ground measured by the feet: the height of the nearest contact, slightly smoothed."""
+    from scipy.ndimage import gaussian_filter
+
+    origin, shape = grid_under(positions, FLAT_MARGIN_M, _RELIEF_CELL_M)
+    _, (frame, joint) = _nearest_step(positions, contacts, origin, shape, _RELIEF_CELL_M)
+    rest = np.array([ANKLE_HEIGHT, TOE_HEIGHT, ANKLE_HEIGHT, TOE_HEIGHT])
+    heights = positions[frame, np.array(FOOT_JOINTS)[joint], 1] - rest[joint]
+    return Patches(gaussian_filter(heights, 0.6)[None], origin, _RELIEF_CELL_M)
+
+
+def hills_or_stairs(
+    positions: Array, contacts: NDArray[np.uint8], generator: np.random.Generator
+) -> tuple[Patches, str]:
+    """Random ground under a clip that was captured on a floor, and its kind."""
+    origin, shape = grid_under(positions, FLAT_MARGIN_M + 1.0, _RELIEF_CELL_M)
+    if generator.random() < 0.6:
+        waves = smooth_noise(shape, _RELIEF_CELL_M, generator.uniform(3.0, 7.0), generator)
+        waves = waves + generator.uniform(0.0, 0.25) * smooth_noise(shape, _RELIEF_CELL_M, 1.5, generator)
+        slope = np.hypot(*np.gradient(waves, _RELIEF_CELL_M))
+        steepest = _MAX_SLOPE * generator.uniform(0.4, 1.0)
+        return Patches((waves * steepest / np.percentile(slope, 98))[None], origin, _RELIEF_CELL_M), "hills"
+    heights = _stairs(origin, shape, positions, generator)
+    return Patches(_level_under_feet(heights, origin, positions, contacts)[None], origin, _RELIEF_CELL_M), "stairs"
+
+
+def _stairs(
+    origin: tuple[float, float], shape: tuple[int, int], positions: Array, generator: np.random.Generator
+) -> Array:
+    """Flights of stairs up and down across the way the clip takes most."""
+    x = origin[0] + np.arange(shape[0])[:, None] * _RELIEF_CELL_M
+    z = origin[1] + np.arange(shape[1])[None, :] * _RELIEF_CELL_M
+    moves = np.diff(positions[::10, 0][:, [0, 2]], axis=0)
+    # the main axis of travel, doubled angles so that there and back agree
+    angle = 0.5 * np.angle(np.sum((moves[:, 0] + 1j * moves[:, 1]) ** 2) + 1e-9) + generator.normal(0.0, 0.2)
+    along = x * np.cos(angle) + z * np.sin(angle) + generator.uniform(0.0, 3.0)
+    rise, tread = generator.uniform(0.15, 0.18), generator.uniform(0.28, 0.36)
+    steps = int(generator.integers(3, 9))
+    period = 2 * (steps * tread + 1.2)  # a flight, a landing, and down again
+    ramp = np.abs((along / period) % 1.0 - 0.5) * period - 0.6
+    return np.clip(np.ceil(ramp / tread), 0, steps) * rise
+
+
+def _level_under_feet(heights: Array, origin: tuple[float, float], positions: Array, contacts: NDArray[np.uint8]) -> Array:
+    """Treads widened so that no foot stands across an edge."""
+    feet = positions[:, FOOT_JOINTS][..., [0, 2]]
+    level = np.zeros((len(positions), 4))
+    for side in range(2):
+        planted = contacts[:, 2 * side : 2 * side + 2].any(1)
+        for start, end in stretches(planted):
+            middle = feet[start:end, 2 * side : 2 * side + 2].mean((0, 1))
+            i, j = np.round((middle - origin) / _RELIEF_CELL_M).astype(int)
+            level[start:end, 2 * side : 2 * side + 2] = heights[i, j]
+    distance, (frame, joint) = _nearest_step(positions, contacts, origin, heights.shape, _RELIEF_CELL_M)
+    weight = _ease((distance - 0.12) / 0.12)
+    return heights * weight + level[frame, joint] * (1.0 - weight)
+
+
+def root_lift(positions: Array, contacts: NDArray[np.uint8], patches: Patches) -> Array:
+    """Height `(T,)` by which the body rises on the new ground: the mean of its footholds, smoothed over time."""
+    from scipy.ndimage import gaussian_filter1d
+
+    terrain = patches.terrain()
+    feet = positions[:, FOOT_JOINTS]
+    under = terrain.height(feet[..., 0], feet[..., 2]).astype(np.float64)
+    sides = []
+    for side in range(2):
+        pair = slice(2 * side, 2 * side + 2)
+        planted = contacts[:, pair].any(1)
+        if not planted.any():
+            planted = np.ones(len(planted), bool)
+        sides.append(bridge(under[:, pair].mean(1, keepdims=True), planted, hold_slope=False)[:, 0])
+    return gaussian_filter1d(np.mean(sides, axis=0), 9.0)
+
+
+def _nearest_step(
+    positions: Array, contacts: NDArray[np.uint8], origin: tuple[float, float], shape: tuple[int, ...], cell: float
+) -> tuple[Array, tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Distance in metres from every cell to the nearest contact, and the (frame, foot joint) of that contact.
+
+    Points between heel and toe count as well, so that the whole sole is covered.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    frame, joint = np.nonzero(contacts)
+    if not len(frame):
+        frame, joint = np.arange(len(positions)), np.zeros(len(positions), np.int64)
+    feet = positions[:, FOOT_JOINTS][..., [0, 2]]
+    owner = np.full(shape, -1, np.int64)
+    for towards_other in (0.5, 0.0):
+        point = feet[frame, joint] * (1 - towards_other) + feet[frame, joint ^ 1] * towards_other
+        i, j = np.round((point - np.array(origin)) / cell).astype(np.int64).T
+        owner[np.clip(i, 0, shape[0] - 1), np.clip(j, 0, shape[1] - 1)] = np.arange(len(frame))
+    distance, (i, j) = distance_transform_edt(owner < 0, return_indices=True)
+    nearest = owner[i, j]
+    return distance * cell, (frame[nearest], joint[nearest])
+
+
+def _ease(x: Array) -> Array:
+    x = np.clip(x, 0.0, 1.0)
+    return x * x * (3.0 - 2.0 * x)

@@ -1,0 +1,187 @@
+"""`sport bench`: what a frame, a prompt and a start cost on this machine."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runtime.assets import PROJECT_ROOT
+from runtime.errors import SportError, UsageError
+
+WARM_UP = 60  # frames
+PROMPTS = (
+    "an exhausted soldier, left arm hanging",
+    "a proud queen",
+    "walk like a drunk",
+    "an angry man with clenched fists",
+    "a happy child skipping along",
+    "sneak carefully, head down",
+    "an old man with a bad back",
+    "a model on the catwalk",
+)
+_EXPLAINED = {
+    "model_ms": "motion network, one frame, one thread, median",
+    "model_ms_p99": "the same, 99th percentile",
+    "step_ms": "control, network, foot lock and IK, median",
+    "frame_cpu_ms": "the same and the interface, without rasterising, median",
+    "frame_cpu_ms_p99": "the same, 99th percentile",
+    "prompt_ms": "prompt to style without network, median",
+    "prompt_first_ms": "the first prompt, loading included",
+    "first_frame_s": "start of the program to its first frame, offscreen",
+    "rss_mb": "most memory of that program after 120 frames",
+}
+
+
+def run(json_path: Path | None, frames: int = 1000, model: Path | None = None) -> int:
+    """Measure, print a table and write `json_path`; the exit code."""
+    if not 10 <= frames <= 1_000_000:
+        raise UsageError(f"--frames {frames}: expected 10 to 1000000.", "Choose another number.")
+    figures = measure(frames, model)
+    print_table(figures)
+    if json_path is not None:
+        from runtime.atomic import write_atomic
+
+        write_atomic(json_path, json.dumps(figures, indent=1) + "\n")
+    return 0
+
+
+def measure(frames: int, model: Path | None) -> dict[str, Any]:
+    """All figures by name; a figure that cannot be taken here is None, and `notes` says why."""
+    figures: dict[str, Any] = {"notes": []}
+    figures.update(_model_times(frames, model))
+    figures.update(_prompt_times(model))
+    for name, part in (
+        ("frame_cpu_ms", lambda: _frame_times(frames, model)),
+        ("first_frame_s", lambda: _start_times(model)),
+    ):
+        try:
+            figures.update(part())
+        except SportError as error:
+            figures[name] = None
+            figures["notes"].append(f"{name}: {error}")
+    figures.update(
+        cpu=_cpu_name(), cores=os.cpu_count(), threads=1, python=platform.python_version(), frames=frames
+    )
+    return figures
+
+
+def print_table(figures: dict[str, Any]) -> None:
+    """The figures with their meaning, one a line."""
+    print(f"model {figures['model']} on {figures['cpu']}, {figures['threads']} thread")
+    for name, meaning in _EXPLAINED.items():
+        value = figures.get(name)
+        print(f"{name:18} {'-' if value is None else f'{value:.3f}':>10}  {meaning}")
+    for note in figures["notes"]:
+        print(f"note: {note}")
+
+
+def _summary(name: str, seconds: list[float]) -> dict[str, float]:
+    ms = np.array(seconds) * 1e3
+    return {name: float(np.median(ms)), f"{name}_p99": float(np.percentile(ms, 99))}
+
+
+def _timed(work: Callable[[], object], count: int) -> list[float]:
+    times = []
+    for _ in range(count):
+        begin = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - begin)
+    return times
+
+
+def _model_times(frames: int, model: Path | None) -> dict[str, Any]:
+    from runtime.controller import Controller
+    from runtime.controls import Controls
+    from runtime.features import INPUT_SIZE
+    from runtime.model import load_model
+    from runtime.terrain import Terrain
+
+    network = load_model(model)
+    x = np.zeros((1, INPUT_SIZE), np.float32)
+    noise = np.random.default_rng(0).standard_normal((1, *network.noise_shape), np.float32)
+    style = network.fold_style(np.zeros((6, 64), np.float32))
+    _timed(lambda: network.step(x, noise, style), WARM_UP)
+    result: dict[str, Any] = _summary("model_ms", _timed(lambda: network.step(x, noise, style), frames))
+    controller = Controller(network, Terrain.flat())
+    forward = Controls(move=(0.0, 1.0))
+    _timed(lambda: controller.step(forward), WARM_UP)
+    result.update(_summary("step_ms", _timed(lambda: controller.step(forward), frames)))
+    result["model"] = network.name
+    return result
+
+
+def _prompt_times(model: Path | None) -> dict[str, float]:
+    from runtime.generate import open_prompter
+    from runtime.model import load_model
+
+    network = load_model(model)
+    begin = time.perf_counter()
+    to_style = open_prompter(network)
+    to_style("walk normally, please")
+    first = time.perf_counter() - begin
+    times = [
+        _timed(partial(to_style, prompt), 1)[0] for prompt in PROMPTS
+    ]  # a second time would be a look-up
+    return {"prompt_first_ms": first * 1e3, "prompt_ms": _summary("prompt_ms", times)["prompt_ms"]}
+
+
+def _frame_times(frames: int, model: Path | None) -> dict[str, float]:
+    """Frames of the viewer itself, walking, with everything that draws pixels left out."""
+    from viewer.app import App
+    from viewer.options import ViewOptions
+
+    app = App(ViewOptions(offscreen=True, frames=frames, model=model, controls=f"w {WARM_UP + frames}"))
+    try:
+        app.scene.renderer.render = lambda *_: None
+        app.window.draw_interface = lambda: None  # type: ignore[method-assign]
+        app.window.present = lambda: None  # type: ignore[method-assign]
+        _timed(app.frame, WARM_UP)
+        return _summary("frame_cpu_ms", _timed(app.frame, frames))
+    finally:
+        app.close()
+
+
+def _start_times(model: Path | None) -> dict[str, float | None]:
+    """Seconds from nothing to the first frame of a new process (second of two starts), and a run's memory."""
+    command = [sys.executable, str(PROJECT_ROOT / "sport.py"), "view", "--offscreen"]
+    command += ["--model", str(model)] if model else []
+    seconds = 0.0
+    for count in ("1", "1", "120"):
+        begin = time.perf_counter()
+        done = subprocess.run([*command, "--frames", count], capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise SportError(
+                f"`sport view --offscreen` failed: {done.stderr.strip()[-300:]}", "Mend that first."
+            )
+        seconds = seconds if count == "120" else time.perf_counter() - begin
+    return {"first_frame_s": seconds, "rss_mb": _children_mb()}
+
+
+def _children_mb() -> float | None:
+    """Peak memory of the largest child process in MB; None where the system does not tell (Windows)."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+    return peak / (1 << 20) if sys.platform == "darwin" else peak / 1024
+
+
+def _cpu_name() -> str:
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    except OSError:
+        pass  # not Linux
+    return platform.processor() or platform.machine()

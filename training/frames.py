@@ -31,8 +31,6 @@ class ClipFrames:
     heights: Array  # (T, K, 36) relative to `ground`
     ground: Array  # (T, K) reference ground of frame i
     previous_ground: Array  # (T, K)
-    velocities: Array  # (T, 31, 3) j^v, for the periodic autoencoder
-    positions: Array  # (T, 31, 3) j^p over y = 0 of the clip
     style: str
     content: str
     source: str
@@ -144,8 +142,6 @@ def clip_frames(path: Path) -> ClipFrames:
         heights=np.stack(heights, 1).astype(np.float16),
         ground=ground_all.astype(np.float32),
         previous_ground=ground_all[previous].astype(np.float32),
-        velocities=velocity.astype(np.float16),
-        positions=joints.astype(np.float16),
         style=str(clip["style"]),
         content=str(clip["content"]),
         source=str(clip["source"]),
@@ -196,15 +192,18 @@ def load_frames(clips: Path, workers: int = 2, limit: int | None = None) -> Fram
         parts = [clip_frames(p) for p in paths]
     count = np.array([len(p.x) for p in parts])
     k = max(p.patches for p in parts)
+    fields = ("x", "y", "heights", "ground", "previous_ground")
 
     def stack(name: str) -> Array:
         arrays = [getattr(p, name) for p in parts]
         if name in ("heights", "ground", "previous_ground"):  # clips with fewer patches repeat their first
             arrays = [a[:, np.minimum(np.arange(k), a.shape[1] - 1)] for a in arrays]
+        for part in parts:  # free each field as it is joined: the table is gigabytes
+            setattr(part, name, None)
         return np.concatenate(arrays)
 
     return FrameTable(
-        **{n: stack(n) for n in ("x", "y", "heights", "ground", "previous_ground")},
+        **{n: stack(n) for n in fields},
         clip=np.repeat(np.arange(len(parts), dtype=np.int32), count),
         start=np.concatenate([[0], np.cumsum(count)]),
         styles=[p.style for p in parts],

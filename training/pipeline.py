@@ -16,7 +16,7 @@ from runtime.errors import FileError
 from runtime.features import INPUT, OUTPUT, PHASE_OFFSETS, L
 from runtime.prompts.text_encoder import TextEncoder
 from training import stage_content, stage_motion, stage_phase
-from training.batches import Frames
+from training.batches import Frames, Normalisation
 from training.export import Trained, export_model
 from training.frames import FrameTable, load_frames, sampling_weights
 from training.networks.content import ContentEncoder
@@ -111,9 +111,12 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
     content = _content(args, session, config, table, weights, texts, "content" in wanted)
     if not wanted & {"stage2", "stage3", "export"}:
         return
-    z, centre, deviation = stage_content.style_table(content.to(session.device), texts, session.device)
     frames = Frames.of(table, phase, texts.clip_rows, session.device)
-    data = stage_motion.MotionData(frames, stage_motion.measure(frames, weights, session), z, weights)
+    scales = _scales(session, frames, weights, content, texts)
+    normal = Normalisation(**{k: scales[k] for k in Normalisation.__dataclass_fields__})
+    centre, deviation = scales["style_centre"], scales["style_deviation"]
+    z = stage_content.style_table(content, texts, centre, deviation)
+    data = stage_motion.MotionData(frames, normal, z, weights)
     if "stage2" in wanted:
         stage_motion.run_stage2(session, config, data, args.stage2, args.batch, args.max_minutes)
     if "stage3" in wanted:
@@ -132,6 +135,18 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
         )
         export_model(trained, args.out / "model")
         log.info("exported to %s", args.out / "model")
+
+
+def _scales(
+    session: Session, frames: Frames, weights: np.ndarray, content: ContentEncoder, texts: StyleTexts
+) -> dict[str, torch.Tensor]:
+    """Normalisation of x, y and Z^t: measured once per run, so that a resumed stage goes on with the same."""
+    path = session.out / "scales.pt"
+    if not path.exists():
+        centre, deviation = stage_content.style_scale(content, texts)
+        normal = stage_motion.measure(frames, weights, session)
+        save_checkpoint(path, normal.tensors() | {"style_centre": centre, "style_deviation": deviation})
+    return {name: value.to(session.device) for name, value in load_checkpoint(path).items()}
 
 
 def _phase(
@@ -161,7 +176,7 @@ def _content(
         )
     module = ContentEncoder(config)
     module.load_state_dict(load_checkpoint(path)["module"])
-    return module.eval()
+    return module.to(session.device).eval()
 
 
 def _generator(path: Path, config: ModelConfig) -> Generator:

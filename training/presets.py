@@ -29,7 +29,7 @@ class ModelConfig:
     phase_hidden: int = 31  # channels between the two convolutions of the periodic autoencoder
     phase_kernel: int = 25  # frames (DeepPhase: the whole window, 121)
     part_aware_phase: bool = True  # False: PAE instead of BP-PAE
-    content_layers: int = 2  # temporal transformer and sequence decoder (paper 6)
+    content_layers: int = 1  # temporal transformer and sequence decoder (paper 6)
     content_heads: int = 4
     content_feedforward: int = 256  # paper 1024
     diffusion: bool = True  # False: the one-layer MoE decoder alone (w/o-Diffusion)

@@ -53,7 +53,7 @@ def run(
     weights: np.ndarray,
     texts: StyleTexts,
     steps: int = 3000,
-    batch: int = 128,
+    batch: int = 64,
     max_minutes: float | None = None,
 ) -> ContentEncoder:
     """Train and return the content encoder (EMA weights); also written to `content_final.pt`."""
@@ -119,11 +119,21 @@ def run(
 
 
 @torch.no_grad()
-def style_table(module: ContentEncoder, texts: StyleTexts, device: torch.device) -> tuple[Tensor, Tensor, Tensor]:
-    """Z^t of every description, standardised: `(rows, P, 384)`, and the mean and deviation `(384,)` used."""
+def _text_means(module: ContentEncoder, texts: StyleTexts) -> Tensor:
+    """Mean of Z^t for every description `(rows, P, 384)`."""
     rows, paraphrases = texts.embeddings.shape[:2]
+    device = next(module.parameters()).device
     flat = torch.as_tensor(texts.embeddings).to(device).flatten(0, 1)
-    mean = module.text(flat).mean.flatten(1)
-    centre = mean.mean(0)
-    deviation = mean.std(0).clamp_min(0.2 * mean.std(0).mean().item() + 1e-4)
-    return ((mean - centre) / deviation).unflatten(0, (rows, paraphrases)), centre, deviation
+    return module.text(flat).mean.flatten(1).unflatten(0, (rows, paraphrases))
+
+
+def style_scale(module: ContentEncoder, texts: StyleTexts) -> tuple[Tensor, Tensor]:
+    """Mean and deviation `(384,)` of Z^t over all descriptions."""
+    flat = _text_means(module, texts).flatten(0, 1)
+    deviation = flat.std(0)
+    return flat.mean(0), deviation.clamp_min(0.2 * deviation.mean().item() + 1e-4)
+
+
+def style_table(module: ContentEncoder, texts: StyleTexts, centre: Tensor, deviation: Tensor) -> Tensor:
+    """Standardised Z^t of every description `(rows, P, 384)`."""
+    return (_text_means(module, texts) - centre) / deviation

@@ -22,15 +22,17 @@ from runtime.leg_scalar import (
     add,
     between,
     damp,
+    from_vector,
+    inverse,
     leg_bones,
     leg_forward,
     leg_inverse,
     length,
-    mix,
     multiply,
     rotate,
     scale,
     subtract,
+    to_vector,
     unit,
 )
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, Skeleton
@@ -176,7 +178,8 @@ class _Foot:
         self.offset_velocity: Vector = (0.0, 0.0, 0.0)
         self.yaw, self.yaw_velocity = 0.0, 0.0
         self.held_yaw: float | None = None
-        self.flat, self.flat_velocity = 0.0, 0.0  # 0..1: the sole lies on the ground
+        self.tilt: Vector = (0.0, 0.0, 0.0)  # rotation vector that lays the sole on the ground
+        self.tilt_velocity: Vector = (0.0, 0.0, 0.0)
         self.incoming: tuple[Vector, Vector] | None = None  # toe and ankle of the previous frame
         self.toe: Vector = (0.0, 0.0, 0.0)  # outgoing
         self.ankle: Vector = (0.0, 0.0, 0.0)
@@ -282,12 +285,22 @@ class _Foot:
         else:
             self.held_yaw = None
             self.yaw, self.yaw_velocity = damp(self.yaw, self.yaw_velocity, 0.0, s.yaw_halflife, dt)
-        self.flat, self.flat_velocity = damp(self.flat, self.flat_velocity, float(whole), s.flat_halflife, dt)
-        self.rotation = multiply(_from_yaw(self.yaw), leg.foot)
-        if self.flat > 1e-3 and level:
+        rotation = multiply(_from_yaw(self.yaw), leg.foot)
+        goal: Vector = (0.0, 0.0, 0.0)
+        if whole:
             slope = between((0.0, 1.0, 0.0), self._normal(ground))
             lying = multiply(slope, _from_yaw(heading + self.yaw))
-            self.rotation = mix(self.rotation, lying, self.flat)
+            goal = to_vector(multiply(lying, inverse(rotation)))
+        self._fade_tilt(goal, dt)
+        self.rotation = multiply(from_vector(self.tilt), rotation)
+
+    def _fade_tilt(self, goal: Vector, dt: float) -> None:
+        halflife = self.settings.flat_halflife
+        pairs = [
+            damp(t, v, g, halflife, dt) for t, v, g in zip(self.tilt, self.tilt_velocity, goal, strict=True)
+        ]
+        self.tilt = (pairs[0][0], pairs[1][0], pairs[2][0])
+        self.tilt_velocity = (pairs[0][1], pairs[1][1], pairs[2][1])
 
     def _normal(self, ground: _Ground) -> Vector:
         """Upward normal of the ground under the sole; straight up where the sole lies over an edge."""

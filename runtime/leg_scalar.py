@@ -7,7 +7,7 @@ Vectors are (x, y, z) and quaternions (w, x, y, z) tuples.
 
 from __future__ import annotations
 
-from math import exp, sqrt
+from math import atan2, cos, exp, sin, sqrt
 from typing import NamedTuple
 
 from runtime.ik import EASE_REACH, MAX_REACH, MIN_REACH, POLE_WEIGHT_M
@@ -164,7 +164,7 @@ def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
 
 def relative(parent: Quaternion, world: Quaternion) -> Quaternion:
     """Rotation of `world` seen from `parent`, at unit length."""
-    w, x, y, z = multiply((parent[0], -parent[1], -parent[2], -parent[3]), world)
+    w, x, y, z = multiply(inverse(parent), world)
     s = 1.0 / sqrt(w * w + x * x + y * y + z * z)
     return w * s, x * s, y * s, z * s
 
@@ -192,9 +192,21 @@ def between(a: Vector, b: Vector) -> Quaternion:
     return w * s, x * s, y * s, z * s
 
 
-def mix(a: Quaternion, b: Quaternion, t: float) -> Quaternion:
-    """Normalised linear interpolation from a to b along the shorter arc."""
-    s = -t if a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] < 0.0 else t
-    w, x, y, z = ((1.0 - t) * p + s * q for p, q in zip(a, b, strict=True))
-    n = 1.0 / max(sqrt(w * w + x * x + y * y + z * z), 1e-8)
-    return w * n, x * n, y * n, z * n
+def inverse(q: Quaternion) -> Quaternion:
+    """The opposite rotation."""
+    return q[0], -q[1], -q[2], -q[3]
+
+
+def to_vector(q: Quaternion) -> Vector:
+    """Axis times angle (radians, at most pi) of a rotation."""
+    w, x, y, z = q if q[0] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
+    sine = sqrt(x * x + y * y + z * z)
+    factor = 2.0 * atan2(sine, w) / sine if sine > 1e-9 else 2.0
+    return x * factor, y * factor, z * factor
+
+
+def from_vector(v: Vector) -> Quaternion:
+    """Rotation of axis times angle; inverse of `to_vector`."""
+    angle = length(v)
+    factor = sin(0.5 * angle) / angle if angle > 1e-9 else 0.5
+    return cos(0.5 * angle), v[0] * factor, v[1] * factor, v[2] * factor

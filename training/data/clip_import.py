@@ -85,7 +85,7 @@ def _import_clip(job: ImportJob) -> tuple[list[ClipSummary], list[Refusal]]:
     motion = _Motion(retargeted.hips, retargeted.local, contacts, gait, positions)
 
     start, end = cutting.lead_in(positions, clip.content, has_tpose=clip.source == "100style")
-    bad = cutting.spikes(motion.hips, motion.local, clip.tier)
+    bad = cutting.spikes(motion.hips, motion.local, positions, clip.tier)
     parts = _split(job, cutting.segments(start, end, bad))
     summaries: list[ClipSummary] = []
     for number, (a, b, split) in enumerate(parts):
@@ -112,7 +112,7 @@ def _versions(
     else:
         motion = motion.moved(*clean_feet(motion.hips, motion.local, motion.contacts, _level))
         patches = relief.fit_around_steps(motion.positions, motion.contacts, generator)
-        if _travels(motion):
+        if _travels(motion) and clip.source not in SLIDING_SOURCES:
             on_terrain = _on_terrain(motion, generator)
     result = [_training_clip(clip, name, split, motion, patches)]
     if on_terrain is not None:
@@ -143,11 +143,14 @@ def _travels(motion: _Motion) -> bool:
     return bool(np.linalg.norm(ground_path.max(0) - ground_path.min(0)) > 1.0)
 
 
-def _on_terrain(motion: _Motion, generator: np.random.Generator) -> tuple[_Motion, Patches, str]:
+def _on_terrain(motion: _Motion, generator: np.random.Generator) -> tuple[_Motion, Patches, str] | None:
     patches, kind = relief.hills_or_stairs(motion.positions, motion.contacts, generator)
     hips = motion.hips.copy()
     hips[:, 1] += relief.root_lift(motion.positions, motion.contacts, patches)
-    return _clean(replace(motion, hips=hips), patches), patches, kind
+    lifted = _clean(replace(motion, hips=hips), patches)
+    if cutting.spikes(lifted.hips, lifted.local, lifted.positions, "exact").any():
+        return None  # a leg too short for this ground snaps
+    return lifted, patches, kind
 
 
 def _split(job: ImportJob, parts: list[tuple[int, int]]) -> list[tuple[int, int, str]]:

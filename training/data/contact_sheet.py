@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.skeleton import PART_JOINTS, SPORT_SKELETON
+from runtime.terrain import Terrain
 
 Array = NDArray[np.floating]
 
@@ -42,16 +44,29 @@ def draw_sheet(paths: list[Path], out: Path) -> None:
 
 def _draw_row(row: Array, clip: np.lib.npyio.NpzFile) -> None:
     hips, local = clip["hips_positions"], clip["local_rotations"]
+    origin = (float(clip["patch_origin"][0]), float(clip["patch_origin"][1]))
+    terrain = Terrain("patch", clip["patch_heights"][0].astype(np.float32), float(clip["patch_cell"]), origin)
     positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
     middle = len(hips) // 3
     step = max(1, min(12, (len(hips) - middle - 1) // FRAMES))
     for axis, t in zip(row, range(middle, middle + FRAMES * step, step), strict=False):
         t = min(t, len(hips) - 1)
-        ahead = world[t, 0].astype(np.float64)
-        forward = rotations.rotate(ahead, np.array([0.0, 0, 1.0]))
-        turn = rotations.from_yaw(-np.arctan2(forward[0], forward[2]))
-        centre = np.array([hips[t, 0], 0.0, hips[t, 2]])
-        _draw_figure(axis, rotations.rotate(turn, positions[t] - centre), clip["contacts"][t])
+        forward = rotations.rotate(world[t, 0].astype(np.float64), np.array([0.0, 0, 1.0]))
+        yaw = np.arctan2(forward[0], forward[2])
+        centre = np.array([hips[t, 0], float(terrain.height(hips[t, 0], hips[t, 2])), hips[t, 2]])
+        _draw_ground(axis, terrain, centre, yaw)
+        _draw_figure(axis, rotations.rotate(rotations.from_yaw(-yaw), positions[t] - centre), clip["contacts"][t])
+
+
+def _draw_ground(axis: Any, terrain: Terrain, centre: Array, yaw: float) -> None:
+    """Grid lines of the ground around the figure, in the figure's frame."""
+    along = np.linspace(-0.6, 0.6, 25)
+    for offset in np.linspace(-0.6, 0.6, 9):
+        for x, z in ((along, np.full_like(along, offset)), (np.full_like(along, offset), along)):
+            local = np.stack([x, np.zeros_like(x), z], -1)
+            p = rotations.rotate(rotations.from_yaw(yaw), local) + centre
+            local[:, 1] = terrain.height(p[:, 0], p[:, 2]) - centre[1]
+            axis.plot(*_project(local), color="#adb5bd", lw=0.5)
 
 
 def _project(p: Array) -> tuple[Array, Array]:
@@ -62,22 +77,18 @@ def _project(p: Array) -> tuple[Array, Array]:
     return v[..., 0], v[..., 1]
 
 
-def _draw_figure(axis: object, p: Array, contacts: Array) -> None:
-    ground = np.stack([np.linspace(-0.5, 0.5, 3), np.zeros(3), np.zeros(3)], -1)
-    for shift in (-0.4, -0.2, 0.0, 0.2, 0.4):
-        for line in (ground + [0, 0, shift], ground[:, [2, 1, 0]] + [shift, 0, 0]):
-            axis.plot(*_project(line), color="#ced4da", lw=0.6)  # type: ignore[attr-defined]
+def _draw_figure(axis: Any, p: Array, contacts: Array) -> None:
     for part, joints in PART_JOINTS.items():
         for j in joints:
             parent = SPORT_SKELETON.parents[j]
             if parent >= 0:
                 x, y = _project(p[[parent, j]])
-                axis.plot(x, y, color=_COLOURS[part], lw=4, solid_capstyle="round")  # type: ignore[attr-defined]
+                axis.plot(x, y, color=_COLOURS[part], lw=4, solid_capstyle="round")
     for contact, j in zip(contacts, (4, 5, 9, 10), strict=True):
         if contact:
-            axis.plot(*_project(p[j]), "o", color="#2b8a3e", ms=4)  # type: ignore[attr-defined]
-    axis.set(xlim=(-0.75, 0.75), ylim=(-0.35, 1.75), aspect="equal")  # type: ignore[attr-defined]
-    axis.axis("off")  # type: ignore[attr-defined]
+            axis.plot(*_project(p[j]), "o", color="#2b8a3e", ms=4)
+    axis.set(xlim=(-0.75, 0.75), ylim=(-0.35, 1.75), aspect="equal")
+    axis.axis("off")
 
 
 def main() -> None:
@@ -92,12 +103,12 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     groups: dict[str, list[Path]] = {}
     for path in sorted((options.dataset / "clips").glob("*.npz")):
-        prefix = path.stem.split("_")[0]
+        kind = "_terrain" if path.stem.endswith("_t") else ""
         if not path.stem.endswith("_m"):
-            groups.setdefault(prefix, []).append(path)
-    for prefix, paths in groups.items():
+            groups.setdefault(path.stem.split("_")[0] + kind, []).append(path)
+    for name, paths in groups.items():
         chosen = [paths[i] for i in np.unique(np.linspace(0, len(paths) - 1, CLIPS).astype(int))]
-        draw_sheet(chosen, options.out / f"{prefix}.png")
+        draw_sheet(chosen, options.out / f"{name}.png")
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ Array = NDArray[np.floating]
 MIN_SECONDS = 1.5
 MAX_ROOT_SPEED = 8.0  # m/s
 MAX_ESTIMATED_ACCELERATION = 45.0  # m/s², of a root that was estimated from contacts
+MAX_JOINT_ACCELERATION = 600.0  # m/s²; the ankles of a sprint reach 400
 MAX_JOINT_TURN = np.deg2rad(35.0)  # between two frames at 60 Hz
 HELD_OUT_SHARE = 0.08
 TAIL_SECONDS = 20.0  # longer takes give their tail to evaluation
@@ -53,12 +54,13 @@ def _is_tpose(positions: Array) -> NDArray[np.bool_]:
     return result
 
 
-def spikes(hips: Array, local: Array, tier: str) -> NDArray[np.bool_]:
-    """Frames `(T,)` whose root or joints move as no body can."""
+def spikes(hips: Array, local: Array, positions: Array, tier: str) -> NDArray[np.bool_]:
+    """Frames `(T,)` whose root or joints move as no body can; `positions` `(T, 31, 3)` are those of the joints."""
     from scipy.ndimage import binary_dilation
 
-    pace = speed(hips)
-    bad = pace > MAX_ROOT_SPEED
+    bad = speed(hips) > MAX_ROOT_SPEED
+    jerked = np.linalg.norm(np.diff(positions, 2, axis=0), axis=-1).max(axis=1) * FPS**2 > MAX_JOINT_ACCELERATION
+    bad[1:-1] |= jerked
     turn = rotations.angle_between(local[:-1], local[1:]).max(axis=1)
     bad[1:] |= turn > MAX_JOINT_TURN
     if tier == "estimated_root":

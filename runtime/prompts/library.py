@@ -73,9 +73,11 @@ class LibraryExpander:
         if best < FAR:
             note = f"Nothing in the library is like “{_short(parsed.rest)}” ({best:.2f}): neutral."
             return _expansion(self._library.neutral, near, parsed.parts, note)
+        mixed = self._mixed(parsed.rest, *ranked[0])
+        if mixed is not None:
+            return _expansion(mixed[0], near, parsed.parts, mixed[1])
         if best >= NEAR:
-            base, note = self._best_or_mixed(parsed.rest, ranked)
-            return _expansion(base, near, parsed.parts, note)
+            return _expansion(self._library.entries[ranked[0][0]].descriptions, near, parsed.parts, "")
         note = f"Composed from the nearest prompts; the best is only {best:.2f} like it."
         return _expansion(self._compose(ranked[:NEIGHBOURS]), near, parsed.parts, note)
 
@@ -96,13 +98,12 @@ class LibraryExpander:
     def _near(self, ranked: list[tuple[int, float]]) -> tuple[tuple[str, float], ...]:
         return tuple((self._library.entries[i].prompt, similarity) for i, similarity in ranked)
 
-    def _best_or_mixed(self, text: str, ranked: list[tuple[int, float]]) -> tuple[PartDescriptions, str]:
-        """The best entry; or, where a mood and a character together say clearly more of `text`, both mixed."""
+    def _mixed(self, text: str, first: int, similarity: float) -> tuple[PartDescriptions, str] | None:
+        """A mood on a character with a note, where the two together say clearly more of `text` than `first`."""
         entries = self._library.entries
-        first, similarity = ranked[0]
         second, joint = self._best_partner(text, first, similarity)
-        if joint < similarity + SECOND_GAIN:
-            return entries[first].descriptions, ""
+        if joint < max(similarity + SECOND_GAIN, NEAR):
+            return None
         mood, character = sorted((entries[first], entries[second]), key=lambda e: not e.mood)
         mixed = character.descriptions
         for part in MOOD_PARTS:

@@ -1,0 +1,109 @@
+"""Measures of imported clips, made comparable between captures."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from runtime.errors import FileError
+from training.text.measure import FPS, BodyMeasures, average, measure
+
+MIN_FRAMES = 90
+_WALK = 1
+# a gesture is described whole, standing; of locomotion, forward walking tells a style best
+_GESTURE = ("hand",)
+_NOT_FORWARD = ("back", "left", "right", "side", "jump", "transition", "idle", "run", "dash", "navigate")
+MAX_TILT_CORRECTION = 10.0  # degrees; a neutral walk that looks down by more does look down
+VARIANTS = 4  # up to so many forward clips, each is a performance of its own and gets its own words
+
+
+@dataclass(frozen=True)
+class ClipMeasures:
+    """One clip: `capture` is the data set it comes from, `forward` whether it tells its style best."""
+
+    name: str
+    capture: str
+    style: str
+    forward: bool
+    seconds: float
+    body: BodyMeasures
+
+
+def measure_clips(directory: Path, every_clip: bool = False) -> list[ClipMeasures]:
+    """Measures of the unmirrored training clips in `directory`; FileError when it holds none.
+
+    Only forward walking and gestures, unless `every_clip`. What a capture's neutral walk shows as a lean or a bowed
+    head is the retargeting's, not the style's, and is subtracted.
+    """
+    paths = sorted(p for p in directory.glob("*.npz") if not p.stem.endswith("_m"))
+    if not paths:
+        raise FileError(f"{directory}: holds no clips (*.npz).", "Run the importer first.")
+    clips = [clip for path in paths for clip in _read(path, every_clip)]
+    return _relative_to_neutral(clips)
+
+
+def styles_of(clips: Iterable[ClipMeasures]) -> dict[str, list[BodyMeasures]]:
+    """Style → one average, or one entry for each performance where there are few."""
+    grouped: dict[str, list[ClipMeasures]] = defaultdict(list)
+    for clip in clips:
+        if clip.forward:
+            grouped[clip.style].append(clip)
+    found = {}
+    for style, items in sorted(grouped.items()):
+        longest = max(clip.seconds for clip in items)
+        items = [clip for clip in items if clip.seconds > 0.3 * longest]  # stubs are no performance
+        if len(items) <= VARIANTS and not style.startswith("neutral"):
+            found[style] = [clip.body for clip in items]
+        else:
+            found[style] = [average((clip.body, clip.seconds) for clip in items)]
+    return found
+
+
+def _read(path: Path, every_clip: bool) -> list[ClipMeasures]:
+    with np.load(path, allow_pickle=False) as clip:
+        if bool(clip["mirrored"]) or str(clip["split"]) != "train":
+            return []
+        style, content = str(clip["style"]), str(clip["content"])
+        gesture = any(word in content for word in _GESTURE)
+        forward = gesture or not any(word in content for word in _NOT_FORWARD)
+        if not (forward or every_clip):
+            return []
+        hips, local, contacts = clip["hips_positions"], clip["local_rotations"], clip["contacts"]
+        gait = clip["gait"]
+    whole = gesture or every_clip
+    spans = [(0, len(gait))] if whole else _walking(gait)
+    parts = [(measure(hips[a:b], local[a:b], contacts[a:b]), (b - a) / FPS) for a, b in spans]
+    if not parts:
+        return []
+    capture = path.stem.split("_")[0]
+    return [ClipMeasures(path.stem, capture, style, forward, sum(s for _, s in parts), average(parts))]
+
+
+def _walking(gait: np.ndarray) -> list[tuple[int, int]]:
+    """Runs of at least `MIN_FRAMES` frames of walking."""
+    walking = np.concatenate([[False], np.argmax(gait, axis=1) == _WALK, [False]])
+    edges = np.flatnonzero(np.diff(walking.astype(int)))
+    return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= MIN_FRAMES]
+
+
+def _relative_to_neutral(clips: list[ClipMeasures]) -> list[ClipMeasures]:
+    neutral: dict[str, list[tuple[BodyMeasures, float]]] = defaultdict(list)
+    for clip in clips:
+        walking = 0.3 < clip.body.left_leg.speed < 1.3
+        if clip.style.startswith("neutral") and clip.forward and walking:
+            neutral[clip.capture].append((clip.body, clip.seconds))
+    base = {capture: average(items) for capture, items in neutral.items()}
+    return [replace(c, body=_subtract(c.body, base[c.capture])) if c.capture in base else c for c in clips]
+
+
+def _subtract(body: BodyMeasures, base: BodyMeasures) -> BodyMeasures:
+    tilt = float(np.clip(base.head.pitch, -MAX_TILT_CORRECTION, MAX_TILT_CORRECTION))
+    torso = replace(
+        body.torso, pitch=body.torso.pitch - base.torso.pitch, arch=body.torso.arch - base.torso.arch
+    )
+    head = replace(body.head, pitch=body.head.pitch - tilt, forward=body.head.forward - base.head.forward)
+    return replace(body, torso=torso, head=head)

@@ -16,7 +16,19 @@ MIN_FRAMES = 90
 _WALK = 1
 # a gesture is described whole, standing; of locomotion, forward walking tells a style best
 _GESTURE = ("hand",)
-_NOT_FORWARD = ("back", "left", "right", "side", "jump", "transition", "idle", "run", "dash", "navigate")
+_NOT_FORWARD = (
+    "back",
+    "left",
+    "right",
+    "side",
+    "jump",
+    "terrain",
+    "transition",
+    "idle",
+    "run",
+    "dash",
+    "navigate",
+)
 MAX_TILT_CORRECTION = 10.0  # degrees; a neutral walk that looks down by more does look down
 VARIANTS = 4  # up to so many forward clips, each is a performance of its own and gets its own words
 

@@ -244,7 +244,8 @@ def _grade(value: float, limits: Sequence[float], words: Sequence[Any]) -> Any:
 
 
 def _pick(k: int, *synonyms: str) -> str:
-    return synonyms[k % len(synonyms)]
+    # the second pair of wordings combines the synonyms differently: phrases shift by their own length
+    return synonyms[(k + k // 2 * len(synonyms[0])) % len(synonyms)]
 
 
 def _sentence(words: list[str]) -> str:

@@ -70,6 +70,7 @@ class App:
         self.state = AppState(settings, ground, Simulation.standing(ground))
         self.keyboard, self.mapper = Keyboard(), InputMapper()
         self.frames_shown = 0
+        self._was_moving = False
         self._scripted: frozenset[str] = frozenset()
         self._last_s = time.perf_counter()
         self._services = services or default_services()
@@ -79,6 +80,8 @@ class App:
             for complaint in complaints:
                 self.state.messages.warn(complaint)
             self.actions.start(options)
+            if options.offscreen and self.jobs.first_error is not None:
+                raise self.jobs.first_error  # nobody would read a message
         except BaseException:
             self.window.destroy()
             raise
@@ -165,8 +168,10 @@ class App:
 
     def _simulate(self, dt: float, intent: Intent) -> None:
         playback = self.state.clips.playback
-        if playback is not None and intent.move != (0.0, 0.0):
-            self.takes.close_playback()  # moving means: back to the live character
+        begins_to_move = intent.move != (0.0, 0.0) and not self._was_moving
+        self._was_moving = intent.move != (0.0, 0.0)
+        if playback is not None and begins_to_move:
+            self.takes.close_playback()  # back to the live character
         elif playback is not None:
             playback.advance(dt)
             return
@@ -251,5 +256,6 @@ class App:
         """Stop workers and close the window."""
         self.prompting.close()
         self.jobs.close()
-        self.scene.renderer.release()
+        if self.window.handle is not None:
+            self.scene.renderer.release()
         self.window.destroy()

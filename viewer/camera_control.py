@@ -56,7 +56,7 @@ class CameraControl:
         if self.mode == "orbit":
             self.orbit.orbit(look[0] * ORBIT_PIXELS_PER_SECOND * dt, -look[1] * ORBIT_PIXELS_PER_SECOND * dt)
             return
-        target = self.target(pose)
+        target = np.array(self.target(pose))
         if math.dist(target, self.follow.target) > JUMP_DISTANCE_M:
             self.follow.snap(target)
         align = pose.root_yaw if moving else None

@@ -33,6 +33,7 @@ class Jobs:
     messages: Messages
     blocking: bool = False
     workers: int = 2
+    first_error: SportError | None = None
     _pool: ThreadPoolExecutor | None = None
     _jobs: list[_Job] = field(default_factory=list)
     _latest: dict[str, int] = field(default_factory=dict)
@@ -73,6 +74,8 @@ class Jobs:
             if not isinstance(error, SportError):
                 _LOG.exception("job %s failed", job.slot)
             self.messages.error(error if isinstance(error, SportError) else f"{job.slot}: {type(error).__name__}: {error}")
+            if isinstance(error, SportError) and self.first_error is None:
+                self.first_error = error
             if job.failed is not None:
                 job.failed(error)
 

@@ -72,8 +72,7 @@ class Takes:
     def _take_opened(self, path: Path, clip: Clip) -> None:
         clips = self.state.clips
         clips.items.append(ClipItem(clip, path))
-        self.select(len(clips.items) - 1)
-        self.play(clips.selected)
+        self.play(len(clips.items) - 1)
         self.state.messages.note(f"{path.name}: {len(clip)} frames at {clip.fps:g} fps.")
 
     def select(self, index: int) -> None:
@@ -103,8 +102,16 @@ class Takes:
         """Show a clip instead of the live character."""
         clips = self.state.clips
         if 0 <= index < len(clips.items):
-            clips.selected = index
             clips.playback = Playback(clips.items[index].clip, self.state.terrain, index)
+            self.select(index)
+
+    def play_row(self, index: int) -> None:
+        """Play a clip of the list, or pause it when it is the one that plays."""
+        playback = self.state.clips.playback
+        if playback is not None and playback.index == index:
+            playback.toggle()
+        else:
+            self.play(index)
 
     def play_or_pause(self) -> None:
         """Toggle the clip that is shown, or begin with the current one."""

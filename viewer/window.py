@@ -75,7 +75,7 @@ class Window:
         self._texture: Any = None
         self._depth: Any = None
         self.framebuffer: Any = None
-        self.handle = _open(title, width, height, offscreen)
+        self.handle: Any = _open(title, width, height, offscreen)
         try:
             glfw.make_context_current(self.handle)
             self.ctx = _context()
@@ -193,6 +193,7 @@ class Window:
 
     def inject_mouse(self, x: float, y: float, button: int | None = None, down: bool = False) -> None:
         """Behave as if the mouse moved to x, y (screen units) and a button changed."""
+        imgui.backends.glfw_cursor_enter_callback(self._address, 1)
         imgui.backends.glfw_cursor_pos_callback(self._address, x, y)
         if button is not None:
             imgui.backends.glfw_mouse_button_callback(
@@ -204,13 +205,16 @@ class Window:
         imgui.backends.glfw_window_focus_callback(self._address, int(focused))
 
     def destroy(self) -> None:
-        """Close everything; the object is of no use afterwards."""
+        """Close everything; the object is of no use afterwards, a second call does nothing."""
+        if self.handle is None:
+            return
         imgui.backends.opengl3_shutdown()
         imgui.backends.glfw_shutdown()
         imgui.destroy_context()
         self._release_framebuffer()
         self.ctx.release()
         glfw.destroy_window(self.handle)
+        self.handle = None
         glfw.terminate()
 
     # --- internals
@@ -238,6 +242,7 @@ class Window:
         io.set_ini_filename(None)  # the layout follows the window, nothing to remember
         # otherwise one exception between begin and end makes every later frame fail
         io.config_error_recovery_enable_assert = False
+        io.config_error_recovery_enable_tooltip = False  # it is logged; a person cannot mend it
         self._address = int(glfw_address(self.handle))
         imgui.backends.glfw_init_for_opengl(self._address, True)
         imgui.backends.opengl3_init("#version 330")

@@ -11,7 +11,7 @@ from viewer.input.gamepad import GamepadState, radial_dead_zone
 from viewer.input.keyboard import Keyboard
 
 ZOOM_RATE = 9.0  # wheel steps per second of a held key
-JUMP_SECONDS = 0.5  # a short press still asks for a whole jump
+JUMP_SECONDS = 0.05  # a press lasts at least this long: one shorter than a step must not be lost
 TRIGGER_ON = 0.3
 
 

@@ -6,15 +6,14 @@ from pathlib import Path
 
 from viewer.gl_bindings import imgui
 from viewer.panels import theme, widgets
-from viewer.panels.theme import ICON, Fonts
+from viewer.panels.theme import ICON
 from viewer.panels.widgets import px
 from viewer.state import AppState
 from viewer.takes import Takes
 
 
-def draw(state: AppState, takes: Takes, fonts: Fonts) -> None:
+def draw(state: AppState, takes: Takes) -> None:
     """Contents of the panel."""
-    widgets.heading(fonts, ICON.clips, "Clips")
     _record(state, takes)
     export_height = _export_height() if state.clips.current is not None else 0.0
     minimum = imgui.get_frame_height_with_spacing() * 2
@@ -47,7 +46,7 @@ def _record(state: AppState, takes: Takes) -> None:
         takes.save_last()
     if imgui.begin_popup_context_item("keep seconds"):
         imgui.set_next_item_width(px(180))
-        changed, value = imgui.slider_float("##seconds", state.settings.keep_seconds, 1.0, 300.0, "%.0f seconds")
+        changed, value = widgets.slider("##seconds", state.settings.keep_seconds, 1.0, 300.0, "%.0f seconds", True)
         if changed:
             state.settings.keep_seconds = round(min(max(value, 1.0), 300.0))
         imgui.end_popup()
@@ -58,30 +57,48 @@ def _list(state: AppState, takes: Takes) -> None:
     if not clips.items:
         widgets.muted("Nothing recorded yet. Record a take with R, keep the last seconds with T, or drop a BVH file here.", wrap=True)
         return
-    width, button_width = imgui.get_content_region_avail().x, px(26)
-    for i, item in enumerate(list(clips.items)):
-        imgui.push_id(i)
-        seconds = widgets.clock(item.clip.seconds)
-        name_width = width - 2 * button_width - px(58)
-        playing = clips.playback is not None and clips.playback.index == i and clips.playback.playing
-        if _small(ICON.pause if playing else ICON.play, button_width, "Pause" if playing else "Play (P)"):
-            takes.select(i)
-            takes.play_or_pause()
-        imgui.same_line(0, 0)
-        size = imgui.ImVec2(name_width, imgui.get_frame_height())
-        imgui.push_style_var(imgui.StyleVar_.selectable_text_align, imgui.ImVec2(0.0, 0.5))
-        if imgui.selectable(widgets.elided(item.name, name_width - px(6)), clips.selected == i, 0, size)[0]:
-            takes.select(i)
-        imgui.pop_style_var()
-        widgets.tooltip(f"Saved as {item.saved}" if item.saved else "Not exported yet")
-        imgui.same_line(width - button_width - px(52))
-        imgui.align_text_to_frame_padding()
-        with widgets.color(imgui.Col_.text, theme.ACCENT if item.saved else theme.MUTED):
-            imgui.text_unformatted(seconds)
-        imgui.same_line(width - button_width)
-        if _small(ICON.trash, button_width, "Remove from the list; exported files stay"):
-            takes.remove(i)
-        imgui.pop_id()
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(2)))
+    for i in range(len(clips.items)):
+        if i < len(clips.items):  # a row before may just have removed one
+            imgui.push_id(i)
+            _row(state, takes, i)
+            imgui.pop_id()
+    imgui.pop_style_var()
+
+
+def _row(state: AppState, takes: Takes, i: int) -> None:
+    """Play, name, length, remove; a click anywhere selects."""
+    clips, item = state.clips, state.clips.items[i]
+    width, height, square = imgui.get_content_region_avail().x, imgui.get_frame_height(), px(28)
+    corner = imgui.get_cursor_screen_pos()
+    start = imgui.get_cursor_pos()
+    imgui.set_next_item_allow_overlap()
+    if imgui.invisible_button("row", imgui.ImVec2(width, height)):
+        takes.select(i)
+    hovered = imgui.is_item_hovered()
+    widgets.tooltip(f"Saved as {item.saved}" if item.saved else "Not exported yet")
+    if hovered or clips.selected == i:
+        fill = theme.ACCENT_DIM if clips.selected == i else theme.FIELD
+        low, high = corner, imgui.ImVec2(corner.x + width, corner.y + height)
+        packed = imgui.get_color_u32(imgui.ImVec4(*fill))
+        imgui.get_window_draw_list().add_rect_filled(low, high, packed, imgui.get_style().frame_rounding)
+    imgui.set_cursor_pos(start)
+    playing = clips.playback is not None and clips.playback.index == i and clips.playback.playing
+    if _small(ICON.pause if playing else ICON.play, square, "Pause" if playing else "Play (P)"):
+        takes.play_row(i)
+    seconds = widgets.clock(item.clip.seconds)
+    if item.saved:
+        seconds = f"{ICON.check} {seconds}"
+    time_width = imgui.calc_text_size(seconds).x
+    imgui.same_line(0, px(2))
+    imgui.align_text_to_frame_padding()
+    imgui.text_unformatted(widgets.elided(item.name, width - 2 * square - time_width - px(10)))
+    imgui.same_line(width - square - time_width)
+    imgui.align_text_to_frame_padding()
+    widgets.muted(seconds)
+    imgui.same_line(width - square)
+    if _small(ICON.trash, square, "Remove from the list; exported files stay"):
+        takes.remove(i)
 
 
 def _small(icon: str, width: float, hint: str) -> bool:

@@ -15,9 +15,8 @@ COLUMNS = (190.0, 190.0, 170.0)  # what, keyboard and mouse, gamepad; pixels at 
 def draw(state: AppState, fonts: Fonts) -> None:
     """A window in the middle, above everything; closed by F1, Esc or its button."""
     size = imgui.get_io().display_size
-    background = imgui.get_background_draw_list()
-    dim = imgui.get_color_u32(imgui.ImVec4(0, 0, 0, 0.45))
-    background.add_rect_filled(imgui.ImVec2(0, 0), size, dim)
+    if _dimmed_background(size):
+        state.help_open = False
     imgui.set_next_window_pos(imgui.ImVec2(size.x / 2, size.y / 2), imgui.Cond_.always, imgui.ImVec2(0.5, 0.5))
     imgui.set_next_window_size_constraints(
         imgui.ImVec2(0, 0), imgui.ImVec2(max(size.x - px(20), 32), max(size.y - px(20), 32))
@@ -29,18 +28,41 @@ def draw(state: AppState, fonts: Fonts) -> None:
         | imgui.WindowFlags_.no_move
         | imgui.WindowFlags_.no_saved_settings
     )
+    imgui.push_style_color(imgui.Col_.window_bg, imgui.ImVec4(*theme.PANEL[:3], 1.0))
+    imgui.push_style_var(imgui.StyleVar_.cell_padding, imgui.ImVec2(px(6), px(1.5)))
     imgui.begin("help", None, flags)
     _title(state, fonts)
     _table(fonts)
     imgui.end()
+    imgui.pop_style_var()
+    imgui.pop_style_color()
+
+
+def _dimmed_background(size: imgui.ImVec2) -> bool:
+    """Darken everything behind; answers whether it was clicked."""
+    imgui.set_next_window_pos(imgui.ImVec2(0, 0))
+    imgui.set_next_window_size(size)
+    flags = imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_move
+    imgui.push_style_color(imgui.Col_.window_bg, imgui.ImVec4(0.0, 0.0, 0.0, 0.5))
+    imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
+    imgui.push_style_var(imgui.StyleVar_.window_border_size, 0.0)
+    imgui.begin("help background", None, flags)
+    clicked = imgui.is_window_hovered() and imgui.is_mouse_clicked(0)
+    imgui.end()
+    imgui.pop_style_var(2)
+    imgui.pop_style_color()
+    return bool(clicked)
 
 
 def _title(state: AppState, fonts: Fonts) -> None:
-    widgets.heading(fonts, ICON.help, "Controls")
+    top = imgui.get_cursor_pos()
     close_width = imgui.get_frame_height()
-    imgui.same_line(px(sum(COLUMNS)) - close_width + px(10))
+    imgui.set_cursor_pos_x(top.x + px(sum(COLUMNS)) + 6 * px(6) - close_width)
     if widgets.button(ICON.close, close_width, "Close (F1)"):
         state.help_open = False
+    imgui.set_cursor_pos(top)
+    widgets.heading(fonts, ICON.help, "Controls")
+    imgui.dummy(imgui.ImVec2(0, px(2)))
 
 
 def _table(fonts: Fonts) -> None:

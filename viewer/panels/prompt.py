@@ -5,7 +5,7 @@ from __future__ import annotations
 from runtime.skeleton import PART_NAMES
 from viewer.gl_bindings import imgui
 from viewer.panels import theme, widgets
-from viewer.panels.theme import ICON, Fonts
+from viewer.panels.theme import ICON
 from viewer.panels.widgets import px
 from viewer.prompting import Prompting
 from viewer.state import AppState, PromptState
@@ -15,17 +15,16 @@ GOOD_MATCH = 0.6  # cosine similarity from which the library's answer is near
 _SENTENCE = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.ctrl_enter_for_new_line
 _WRAPPED = _SENTENCE | imgui.InputTextFlags_.word_wrap
 _ANSWERED = {
-    "library": "Prompt library",
+    "library": "Library",
     "gpt": "Language model",
     "explicit": "Your own words",
     "edited": "Edited by you",
 }
 
 
-def draw(state: AppState, prompting: Prompting, fonts: Fonts) -> None:
+def draw(state: AppState, prompting: Prompting) -> None:
     """Contents of the panel."""
     prompt = state.prompt
-    widgets.heading(fonts, ICON.prompt, "Prompt")
     _prompt_box(prompt, prompting)
     _answer(prompt)
     _blend_time(state)
@@ -76,7 +75,7 @@ def _answer(prompt: PromptState) -> None:
         imgui.text_unformatted(ICON.check if good else ICON.warning)
     imgui.same_line(0, px(4))
     if near is not None:
-        text += f", {near[1]:.0%} alike: {near[0]}"
+        text += f", {near[1]:.0%} like “{near[0]}”"
     with widgets.color(imgui.Col_.text, theme.MUTED):
         imgui.text_unformatted(widgets.elided(text, imgui.get_content_region_avail().x))
     widgets.tooltip(_explain(prompt))
@@ -94,10 +93,7 @@ def _explain(prompt: PromptState) -> str:
 def _blend_time(state: AppState) -> None:
     widgets.full_width()
     low, high = BLEND_RANGE_S
-    value = state.settings.blend_seconds
-    changed, value = imgui.slider_float(
-        "##blend", value, low, high, "Blend over %.1f s", imgui.SliderFlags_.always_clamp | imgui.SliderFlags_.logarithmic
-    )
+    changed, value = widgets.slider("##blend", state.settings.blend_seconds, low, high, "Blend over %.1f s", True)
     if changed:
         state.settings.blend_seconds = value
     widgets.tooltip("How long the character takes to change from one style to the next")
@@ -116,8 +112,7 @@ def _parts(prompt: PromptState, prompting: Prompting) -> None:
         widgets.label(part.replace("_", " ").capitalize())
         if edited:
             imgui.same_line()
-            with widgets.color(imgui.Col_.text, theme.ACCENT):
-                imgui.text_unformatted("Enter applies")
+            widgets.label("Enter applies", theme.ACCENT)
         size = imgui.ImVec2(-1, height)
         entered, prompt.parts[part] = imgui.input_text_multiline(f"##{part}", text, size, _WRAPPED)
         if entered:

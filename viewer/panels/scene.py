@@ -5,7 +5,7 @@ from __future__ import annotations
 from viewer.camera_control import CameraControl
 from viewer.gl_bindings import imgui
 from viewer.panels import widgets
-from viewer.panels.theme import ICON, Fonts
+from viewer.panels.theme import ICON
 from viewer.panels.widgets import px
 from viewer.scene import Scene
 from viewer.state import AppState
@@ -18,9 +18,8 @@ _TOGGLES = (
 )
 
 
-def draw(state: AppState, scene: Scene, camera: CameraControl, fonts: Fonts) -> None:
+def draw(state: AppState, scene: Scene, camera: CameraControl) -> None:
     """Contents of the panel."""
-    widgets.heading(fonts, ICON.scene, "Scene")
     _terrain(state, scene)
     widgets.label("Camera")
     mode = widgets.segmented("camera", (("follow", "Follow"), ("orbit", "Orbit")), camera.mode)
@@ -107,9 +106,7 @@ def _drawing(state: AppState, scene: Scene) -> None:
     imgui.begin_group()
     widgets.label("Variety")
     imgui.set_next_item_width(half)
-    changed, value = imgui.slider_float(
-        "##temperature", state.settings.temperature, 0.0, 2.0, "%.2f", imgui.SliderFlags_.always_clamp
-    )
+    changed, value = widgets.slider("##temperature", state.settings.temperature, 0.0, 2.0, "%.2f")
     if changed:
         scene.set_temperature(value)
     widgets.tooltip("Temperature of the sampler: 0 moves evenly, 1 as trained, more is livelier")

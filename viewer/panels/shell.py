@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from viewer.actions import Actions
@@ -32,6 +32,7 @@ class Shell:
     actions: Actions
     fonts: Fonts = field(init=False)
     _scale: float = 0.0
+    _scene_height: float = 0.0
 
     def __post_init__(self) -> None:
         self.fonts = theme.load_fonts()
@@ -40,29 +41,42 @@ class Shell:
         """Draw every panel for a UI scale."""
         if scale != self._scale:
             theme.apply_style(scale)
-            self._scale = scale
+            self._scale, self._scene_height = scale, 0.0
         state, actions, fonts = self.state, self.actions, self.fonts
         size = imgui.get_io().display_size
-        layout = arrange(size.x, size.y, scale, state.panels_open, state.clips.playback is not None)
+        playing = state.clips.playback is not None
+        layout = arrange(size.x, size.y, scale, state.panels_open, playing, self._scene_height)
 
         def draw_prompt() -> None:
-            prompt.draw(state, actions.prompting, fonts)
+            prompt.draw(state, actions.prompting)
 
         def draw_scene() -> None:
-            scene.draw(state, actions.scene, actions.camera, fonts)
+            scene.draw(state, actions.scene, actions.camera)
+            # the contents end one spacing above the cursor; the next frame fits the window to them
+            spacing, padding = imgui.get_style().item_spacing.y, imgui.get_style().window_padding.y
+            self._scene_height = imgui.get_cursor_pos_y() + imgui.get_scroll_y() - spacing + padding
 
         def draw_clips() -> None:
-            clips.draw(state, actions.takes, fonts)
+            clips.draw(state, actions.takes)
 
-        _window("Prompt", layout.prompt, draw_prompt)
-        _window("Scene", layout.scene, draw_scene)
-        _window("Clips", layout.clips, draw_clips)
-        _window("Tabs", layout.tabs, lambda: _tabs(draw_prompt, draw_scene, draw_clips))
+        self._panel("Prompt", ICON.prompt, layout.prompt, draw_prompt)
+        self._panel("Scene", ICON.scene, layout.scene, draw_scene)
+        self._panel("Clips", ICON.clips, layout.clips, draw_clips)
+        right = (("Scene", draw_scene), ("Clips", draw_clips))
+        _window("Right", layout.right_tabs, lambda: _tabs(right))
+        _window("Tabs", layout.tabs, lambda: _tabs((("Prompt", draw_prompt), *right)))
         _window("Transport", layout.transport, lambda: transport.draw(state, actions.takes, fonts))
         self._status(layout)
         _badge(state, layout)
         if state.help_open:
             help.draw(state, fonts)
+
+    def _panel(self, name: str, icon: str, rect: Rect | None, contents: Callable[[], None]) -> None:
+        def titled() -> None:
+            widgets.heading(self.fonts, icon, name)
+            contents()
+
+        _window(name, rect, titled)
 
     def _status(self, layout: Layout) -> None:
         imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
@@ -83,11 +97,11 @@ def _window(name: str, rect: Rect | None, contents: Callable[[], None], flags: i
         imgui.end()
 
 
-def _tabs(*panels: Callable[[], None]) -> None:
-    """One column for a narrow window."""
+def _tabs(panels: Sequence[tuple[str, Callable[[], None]]]) -> None:
+    """Several panels in one place."""
     if not imgui.begin_tab_bar("panels"):
         return
-    for name, contents in zip(("Prompt", "Scene", "Clips"), panels, strict=True):
+    for name, contents in panels:
         if imgui.begin_tab_item(name)[0]:
             imgui.dummy(imgui.ImVec2(0, px(2)))
             contents()

@@ -22,6 +22,7 @@ def _hex(code: str, alpha: float = 1.0) -> Color:
 ACCENT = _hex("4FC3A1")
 ACCENT_HOVER = _hex("66D4B4")
 ACCENT_DIM = _hex("4FC3A1", 0.22)
+ACCENT_FILL = _hex("4FC3A1", 0.36)
 ON_ACCENT = _hex("0C1613")
 TEXT = _hex("E8EAED")
 MUTED = _hex("9BA3AD")

@@ -22,6 +22,7 @@ def draw(state: AppState, takes: Takes, fonts: Fonts) -> None:
 
 def _buttons(state: AppState, playback: Playback, takes: Takes) -> None:
     square = px(32)
+    narrow = imgui.get_content_region_avail().x < px(400)
     if widgets.button(ICON.start, square, "To the first frame kept"):
         playback.seek(playback.first)
     imgui.same_line(0, px(4))
@@ -35,7 +36,7 @@ def _buttons(state: AppState, playback: Playback, takes: Takes) -> None:
     imgui.same_line(0, px(4))
     if widgets.button("Out ]", px(50), "Keep the clip up to this frame"):
         playback.trim_out()
-    live = f"{ICON.person} Live"
+    live = ICON.person if narrow else f"{ICON.person} Live"
     live_width = imgui.calc_text_size(live).x + 2 * imgui.get_style().frame_padding.x
     right = imgui.get_window_width() - imgui.get_style().window_padding.x - live_width
     imgui.same_line(0, px(14))

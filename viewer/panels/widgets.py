@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
@@ -31,10 +32,11 @@ def muted(text: str, wrap: bool = False) -> None:
         imgui.text_wrapped(text) if wrap else imgui.text_unformatted(text)
 
 
-def label(text: str) -> None:
+def label(text: str, tint: Color = theme.MUTED) -> None:
     """A field's label, above it."""
     imgui.push_font(None, theme.FONT_SIZE * 0.87)
-    muted(text)
+    with color(imgui.Col_.text, tint):
+        imgui.text_unformatted(text)
     imgui.pop_font()
 
 
@@ -83,6 +85,33 @@ def toggle(text: str, on: bool, width: float, hint: str = "") -> bool:
     return on != bool(clicked)
 
 
+def slider(name: str, value: float, low: float, high: float, text: str, logarithmic: bool = False) -> tuple[bool, float]:
+    """A bar that fills with the value and shows `text` (a format); Ctrl+click types a number."""
+    flags = imgui.SliderFlags_.always_clamp
+    share = (value - low) / (high - low)
+    if logarithmic:
+        flags |= imgui.SliderFlags_.logarithmic
+        share = math.log(max(value, low) / low) / math.log(high / low)
+    corner, width = imgui.get_cursor_screen_pos(), imgui.calc_item_width()
+    height, rounding = imgui.get_frame_height(), imgui.get_style().frame_rounding
+    drawing = imgui.get_window_draw_list()
+    right = corner.x + width * min(max(share, 0.0), 1.0)
+    for end, fill in ((corner.x + width, theme.FIELD), (right, theme.ACCENT_FILL)):
+        if end > corner.x + 1:
+            packed = imgui.get_color_u32(imgui.ImVec4(*fill))
+            drawing.add_rect_filled(corner, imgui.ImVec2(end, corner.y + height), packed, rounding)
+    hover = (1.0, 1.0, 1.0, 0.05)
+    with (
+        color(imgui.Col_.frame_bg, theme.CLEAR),
+        color(imgui.Col_.frame_bg_hovered, hover),
+        color(imgui.Col_.frame_bg_active, hover),
+        color(imgui.Col_.slider_grab, theme.CLEAR),
+        color(imgui.Col_.slider_grab_active, theme.CLEAR),
+    ):
+        changed, value = imgui.slider_float(name, value, low, high, text, flags)
+    return bool(changed), float(value)
+
+
 def segmented(name: str, options: Sequence[tuple[str, str]], value: str) -> str:
     """One of a few choices side by side; options are (value, text), answers the chosen value."""
     spacing = px(4)
@@ -116,5 +145,5 @@ def full_width() -> None:
 
 def clock(seconds: float) -> str:
     """Seconds as minutes:seconds.tenths."""
-    tenths = max(round(seconds * 10), 0)
+    tenths = max(round(seconds * 10 - 1e-6), 0)  # halves round down, as in the messages
     return f"{tenths // 600}:{tenths // 10 % 60:02d}.{tenths % 10}"

@@ -1,0 +1,222 @@
+"""Keys, pads and scripts become the wishes that drive the character."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from runtime.controls import Gait
+from runtime.errors import UsageError
+from viewer.input.bindings import BINDINGS, JUMP_SECONDS, Action, InputMapper, Intent, to_controls
+from viewer.input.gamepad import BUTTONS, GamepadState, GlfwGamepads, radial_dead_zone
+from viewer.input.keyboard import Keyboard
+from viewer.input.script import ControlScript
+
+KEYS = frozenset({"w", "a", "s", "d", "shift", "r"})
+DT = 1 / 60
+
+
+def pressed_keys(*names: str) -> Keyboard:
+    keyboard = Keyboard()
+    for name in names:
+        keyboard.key(name, True)
+    return keyboard
+
+
+axis = st.floats(-1.0, 1.0, allow_nan=False)
+
+
+@given(axis, axis, st.floats(0.01, 0.5))
+def test_dead_zone_keeps_direction_and_rises_from_zero_to_one(x: float, y: float, dead: float) -> None:
+    out = radial_dead_zone((x, y), dead)
+    length, before = math.hypot(*out), math.hypot(x, y)
+    assert length <= 1.0 + 1e-9
+    if before <= dead:
+        assert out == (0.0, 0.0)
+    else:
+        assert out[0] * y == pytest.approx(out[1] * x, abs=1e-9)
+        assert out[0] * x + out[1] * y > 0
+    if before >= 1.0:
+        assert length == pytest.approx(1.0)
+
+
+def test_dead_zone_refuses_numbers_that_are_not_finite() -> None:
+    assert radial_dead_zone((math.nan, 0.5), 0.1) == (0.0, 0.0)
+    assert radial_dead_zone((math.inf, 0.5), 0.1) == (0.0, 0.0)
+
+
+@given(st.floats(-10, 10))
+def test_forward_goes_where_the_camera_looks_and_right_is_to_its_right(heading: float) -> None:
+    forward = np.array(to_controls(Intent(move=(0.0, 1.0)), heading).move)
+    right = np.array(to_controls(Intent(move=(1.0, 0.0)), heading).move)
+    assert forward == pytest.approx([math.sin(heading), math.cos(heading)])
+    # Y up, right-handed: forward x right = -Y, so looking along +Z the right hand is at -X
+    up = np.cross([right[0], 0, right[1]], [forward[0], 0, forward[1]])
+    assert up == pytest.approx([0, 1, 0])
+
+
+def test_strafe_faces_the_camera_direction() -> None:
+    assert to_controls(Intent(move=(1.0, 0.0)), 0.0).facing is None
+    assert to_controls(Intent(move=(1.0, 0.0), strafe=True), 0.0).facing == pytest.approx((0.0, 1.0))
+
+
+def test_two_keys_do_not_walk_faster_than_one() -> None:
+    both = InputMapper().read(pressed_keys("w", "d"), None, DT)
+    assert math.hypot(*both.move) == pytest.approx(1.0)
+    assert InputMapper().read(pressed_keys("w", "s"), None, DT).move == (0.0, 0.0)
+
+
+def test_gaits_of_the_keyboard() -> None:
+    assert InputMapper().read(pressed_keys("w"), None, DT).gait is Gait.WALK
+    assert InputMapper().read(pressed_keys("w", "shift"), None, DT).gait is Gait.JOG
+    assert InputMapper().read(pressed_keys("ctrl"), None, DT).gait is Gait.CROUCH
+
+
+def test_crouch_is_a_toggle_and_jump_lasts() -> None:
+    mapper, keyboard = InputMapper(), pressed_keys("c")
+    assert mapper.read(keyboard, None, DT).gait is Gait.CROUCH
+    keyboard.key("c", False)
+    assert mapper.read(keyboard, None, DT).gait is Gait.CROUCH
+    keyboard.key("space", True)
+    keyboard.key("space", False)  # both within one frame
+    frames = [mapper.read(keyboard, None, DT).gait for _ in range(round(JUMP_SECONDS * 60) + 3)]
+    assert frames.count(Gait.JUMP) == pytest.approx(JUMP_SECONDS * 60, abs=1)
+    assert frames[-1] is Gait.CROUCH
+    keyboard.key("c", True)
+    assert mapper.read(keyboard, None, DT).gait is Gait.WALK
+
+
+def test_pad_drives_everything() -> None:
+    mapper, keyboard = InputMapper(), Keyboard()
+    pad = GamepadState("pad", left=(0.0, 1.0), right=(0.6, 0.0), right_trigger=1.0, buttons=frozenset({"left_bumper"}))
+    intent = mapper.read(keyboard, pad, DT)
+    assert intent.move == pytest.approx((0.0, 1.0))
+    assert intent.gait is Gait.JOG
+    assert intent.strafe
+    assert 0.0 < intent.look[0] < 1.0
+    button = GamepadState("pad", buttons=frozenset({"y"}))
+    assert mapper.read(keyboard, button, DT).pressed == (Action.RECORD,)
+    assert mapper.read(keyboard, button, DT).pressed == ()  # held, not pressed again
+    assert mapper.read(keyboard, None, DT).pressed == ()  # unplugged
+    assert mapper.read(keyboard, button, DT).pressed == (Action.RECORD,)
+
+
+def test_a_resting_pad_leaves_the_keys_alone() -> None:
+    drift = GamepadState("pad", left=(0.05, -0.04), right=(0.02, 0.0))
+    assert InputMapper().read(pressed_keys("w"), drift, DT).move == (0.0, 1.0)
+
+
+def test_typing_does_not_drive_but_function_keys_work() -> None:
+    keyboard = Keyboard()
+    keyboard.key("w", True, typing=True)
+    keyboard.key("f1", True, typing=True)
+    assert keyboard.held == {"f1"}
+    assert keyboard.take_pressed() == ["f1"]
+    keyboard.key("f1", False, typing=True)
+    assert not keyboard.held
+
+
+def test_no_key_or_button_does_two_things() -> None:
+    keys = [key for binding in BINDINGS for key in binding.keys]
+    buttons = [binding.button for binding in BINDINGS if binding.button]
+    assert len(set(keys)) == len(keys)
+    assert len(set(buttons)) == len(buttons)
+    assert set(buttons) <= set(BUTTONS)
+    assert {binding.action for binding in BINDINGS} == set(Action)
+
+
+def test_script_holds_chords_for_their_time() -> None:
+    script = ControlScript.parse("w 0.5; W+Shift 1; idle 0.25; r 0.1;", KEYS)
+    assert script.seconds == pytest.approx(1.85)
+    assert script.keys_at(0.0) == {"w"}
+    assert script.keys_at(0.5) == {"w", "shift"}
+    assert script.keys_at(1.6) == frozenset()
+    assert script.keys_at(1.8) == {"r"}
+    assert script.keys_at(99.0) == frozenset()
+
+
+@pytest.mark.parametrize(("text", "part"), [("w", "w"), ("w x", "x"), ("w -1", "-1"), ("w nan", "nan"), ("q 1", "q")])
+def test_a_bad_script_names_its_step(text: str, part: str) -> None:
+    with pytest.raises(UsageError, match=f'"{part}"'):
+        ControlScript.parse(text, KEYS)
+
+
+class StubGlfw:
+    """Two joysticks: 0 has a mapping, 1 has not."""
+
+    JOYSTICK_LAST = 3
+
+    def __init__(self) -> None:
+        self.present = {0: True, 1: False}
+        self.axes = [0.0, -1.0, 0.0, 0.0, -1.0, -1.0]
+        self.buttons = [0] * 15
+        self.raw = [0.0, 0.0, -1.0, 0.0, 0.0, -1.0]
+        self.mappings = ""
+
+    def joystick_present(self, pad: int) -> bool:
+        return self.present.get(pad, False)
+
+    def joystick_is_gamepad(self, pad: int) -> bool:
+        return pad == 0
+
+    def get_gamepad_state(self, pad: int) -> SimpleNamespace:
+        return SimpleNamespace(axes=self.axes, buttons=self.buttons)
+
+    def get_gamepad_name(self, pad: int) -> bytes:
+        return b"Test Pad"
+
+    def get_joystick_name(self, pad: int) -> bytes:
+        return b"Odd Pad"
+
+    def get_joystick_axes(self, pad: int) -> tuple[list[float], int]:
+        return self.raw, len(self.raw)
+
+    def get_joystick_buttons(self, pad: int) -> tuple[list[int], int]:
+        return [0] * 10, 10
+
+    def update_gamepad_mappings(self, text: str) -> int:
+        self.mappings += text
+        return 1
+
+
+def test_pads_come_and_go_and_the_touched_one_drives() -> None:
+    glfw = StubGlfw()
+    pads = GlfwGamepads(glfw)
+    state = pads.poll()
+    assert state is not None
+    assert (state.name, state.left, state.right_trigger) == ("Test Pad", (0.0, 1.0), 0.0)
+    glfw.present[1], glfw.axes[1] = True, 0.0
+    pads.poll()
+    glfw.raw[1] = -0.9
+    raw = pads.poll()
+    assert raw is not None
+    assert raw.name.startswith("Odd Pad")
+    assert raw.left == pytest.approx((0.0, 0.9))
+    glfw.present = {}
+    assert pads.poll() is None
+
+
+def test_a_raw_axis_that_never_rests_is_ignored() -> None:
+    glfw = StubGlfw()
+    glfw.present = {1: True}
+    glfw.raw[0] = -1.0  # dead: always at its end
+    state = GlfwGamepads(glfw).poll()
+    assert state is not None
+    assert state.left == (0.0, 0.0)
+
+
+def test_a_persons_mappings_are_added_and_garbage_is_named(tmp_path: Path) -> None:
+    glfw, pads = StubGlfw(), GlfwGamepads(StubGlfw())
+    assert pads.add_mappings(tmp_path / "missing.txt") == ""
+    file = tmp_path / "gamecontrollerdb.txt"
+    file.write_text("# mine\n03000000,Pad,a:b0,platform:Linux,\nrubbish\n", encoding="utf-8")
+    pads = GlfwGamepads(glfw)
+    assert "1 lines" in pads.add_mappings(file)
+    assert "03000000,Pad" in glfw.mappings
+    assert "rubbish" not in glfw.mappings

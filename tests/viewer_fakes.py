@@ -1,0 +1,137 @@
+"""Stand-ins for the motion model and its prompts: the application is tested without networks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from runtime.controls import Controls, Gait
+from runtime.errors import PromptError
+from runtime.pose import Pose
+from runtime.prompts.expander import Expansion
+from runtime.prompts.parts import PartDescriptions
+from runtime.terrain import Terrain
+from viewer.services import Loaded, Services, default_services
+from viewer.simulation import make_pose, rest_pose
+
+SPEEDS = {Gait.WALK: 1.4, Gait.JOG: 3.0, Gait.CROUCH: 0.8, Gait.JUMP: 1.4}  # m/s
+
+
+class FakeController:
+    """Slides the standing pose over the ground as the controls ask."""
+
+    def __init__(self, terrain: Terrain) -> None:
+        self.terrain = terrain
+        self.x, self.z, self.yaw = 0.0, 0.0, 0.0
+        self.temperature = 1.0
+        self.steps = 0
+        self.styles: list[tuple[np.ndarray, float]] = []
+        self.fail_with: Exception | None = None
+        self.answer_nan = False
+
+    def step(self, controls: Controls) -> Pose:
+        if self.fail_with is not None:
+            raise self.fail_with
+        self.steps += 1
+        speed = SPEEDS[controls.gait] / 60.0
+        self.x += controls.move[0] * speed
+        self.z += controls.move[1] * speed
+        if controls.facing is not None:
+            self.yaw = math.atan2(*controls.facing)
+        elif controls.move != (0.0, 0.0):
+            self.yaw = math.atan2(*controls.move)
+        ground = float(self.terrain.height(self.x, self.z))
+        standing = rest_pose(self.terrain, self.x, self.z)
+        local = standing.local_rotations.copy()
+        local[0] = (math.cos(self.yaw / 2), 0.0, math.sin(self.yaw / 2), 0.0)
+        hips = standing.hips_position * (np.nan if self.answer_nan else 1.0)
+        return make_pose(hips, local, np.ones(4), ground, self.yaw)
+
+    @property
+    def trajectory(self) -> Any:
+        ahead = np.linspace(-1.0, 1.0, 12)
+        x, z = self.x + ahead * math.sin(self.yaw), self.z + ahead * math.cos(self.yaw)
+        positions = np.stack([x, self.terrain.height(x, z), z], -1)
+        return SimpleNamespace(
+            positions=positions, directions=np.tile([math.sin(self.yaw), math.cos(self.yaw)], (12, 1))
+        )
+
+    def set_style(self, z: np.ndarray, transition_seconds: float) -> None:
+        self.styles.append((z, transition_seconds))
+
+    def set_terrain(self, terrain: Terrain) -> None:
+        self.terrain = terrain
+
+    def reset(self, x: float, z: float, yaw: float) -> None:
+        self.x, self.z, self.yaw = x, z, yaw
+
+
+@dataclass
+class FakePrompts:
+    """Answers at the next poll; the prompt is repeated in each part."""
+
+    busy: bool = False
+    _result: Any = None
+
+    def submit(self, prompt: str | PartDescriptions) -> None:
+        expansion, error = None, None
+        if isinstance(prompt, PartDescriptions):
+            expansion = Expansion(prompt, "explicit")
+        elif not prompt.strip():
+            error = PromptError("The prompt is empty.", "Describe a way of moving.")
+        else:
+            parts = PartDescriptions(*(f"{part} of {prompt}" for part in ("arm", "arm 2", "leg", "leg 2", "torso", "head")))
+            expansion = Expansion(parts, "library", ((prompt, 0.9),))
+        z = None if expansion is None else np.full((6, 64), float(len(self.__dict__)), np.float32)
+        self._result = SimpleNamespace(request=prompt, expansion=expansion, z=z, milliseconds=1.0, error=error)
+
+    def poll(self) -> Any:
+        result, self._result = self._result, None
+        return result
+
+    def close(self) -> None:
+        self._result = None
+
+
+class FakeRenderer:
+    """Remembers what it was asked to draw and clears the picture."""
+
+    quality = SimpleNamespace(name="software")
+
+    def __init__(self, ctx: Any) -> None:
+        self.ctx = ctx
+        self.terrain: Terrain | None = None
+        self.poses: list[Pose] = []
+
+    def set_terrain(self, terrain: Terrain) -> None:
+        self.terrain = terrain
+
+    def set_character(self, character: Any) -> None:
+        self.character = character
+
+    def render(self, framebuffer: Any, camera: Any, pose: Pose, overlays: Any) -> None:
+        self.poses.append(pose)
+        self.overlays = overlays
+        framebuffer.use()
+        framebuffer.clear(0.5, 0.6, 0.7, 1.0)
+
+    def release(self) -> None:
+        self.ctx = None
+
+
+def fake_services(real_renderer: bool = False) -> Services:
+    """Services with a fake model; terrains are real, character and renderer fake unless asked."""
+    real = default_services()
+    return Services(
+        load_model=lambda directory, terrain, seed: Loaded(FakeController(terrain), FakePrompts(), "fake", "numpy"),
+        load_terrain=real.load_terrain,
+        load_character=real.load_character if real_renderer else lambda path: SimpleNamespace(path=path),
+        make_renderer=real.make_renderer if real_renderer else lambda ctx, quality: FakeRenderer(ctx),
+        terrain_names=real.terrain_names,
+        quality_names=real.quality_names,
+        ready_prompts=real.ready_prompts,
+    )

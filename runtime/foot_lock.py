@@ -48,7 +48,7 @@ class FootLockSettings:
     contact_on: float = 0.5
     contact_off: float = 0.3
     lock_speed: float = 1.2  # m/s: a faster point is not held, whatever the network says
-    lock_height: float = 0.25  # m: nor one that is higher over its resting height
+    lock_height: float = 0.2  # m: nor one that is higher over its resting height
     still_speed: float = 0.3  # m/s: a point slower than this and near the ground is in contact
     still_height: float = 0.025  # m over its resting height
     release_rise: float = 0.035  # m that the incoming point may rise over its lowest while held
@@ -59,6 +59,7 @@ class FootLockSettings:
     release_halflife: float = 0.07
     rise_halflife: float = 0.05  # of the swing's clearance
     settle_halflife: float = 0.025  # of a held point's height
+    settle_slower: float = 0.6  # s/m: added to it for every metre that is missing
     flat_halflife: float = 0.07  # of the sole's alignment to the ground
     yaw_halflife: float = 0.10
     hips_halflife: float = 0.06
@@ -266,7 +267,8 @@ class _Foot:
         self.offset = offset
 
     def _settle(self, y: float, velocity: float, rest: float, dt: float) -> float:
-        return damp(y, velocity, rest, self.settings.settle_halflife, dt)[0]
+        s = self.settings
+        return damp(y, velocity, rest, s.settle_halflife + s.settle_slower * abs(y - rest), dt)[0]
 
     def _turn(self, leg: LegPose, ground: _Ground, dt: float) -> None:
         """Rotation of the foot: incoming, with its heading held and its sole laid flat while all of it is down."""

@@ -22,10 +22,12 @@ from training.text.wording import describe
 PARAPHRASES = 4
 
 
-def measured_captions(performances: list[BodyMeasures], count: int = PARAPHRASES) -> list[dict[str, str]]:
+def measured_captions(
+    performances: list[BodyMeasures], count: int = PARAPHRASES, pace: bool = False
+) -> list[dict[str, str]]:
     """`count` descriptions or a few more, the performances of a style in turn, without repetitions."""
     each = max(1, -(-count // len(performances)))
-    found = [describe(body, k).to_mapping() for k in range(each) for body in performances]
+    found = [describe(body, k, pace).to_mapping() for k in range(each) for body in performances]
     return [caption for i, caption in enumerate(found) if caption not in found[:i]]
 
 
@@ -61,7 +63,7 @@ def main(argv: list[str] | None = None) -> None:
         print(f"{arguments.out}: {len(captions)} styles described from {len(clips)} clips")
     if arguments.per_clip is not None:
         clips = measure_clips(arguments.clips, every_clip=True)
-        _write(arguments.per_clip, {clip.name: measured_captions([clip.body]) for clip in clips})
+        _write(arguments.per_clip, {clip.name: measured_captions([clip.body], pace=True) for clip in clips})
         print(f"{arguments.per_clip}: {len(clips)} clips described")
 
 

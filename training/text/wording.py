@@ -14,14 +14,17 @@ from training.text.measure import ArmMeasures, BodyMeasures, HeadMeasures, LegMe
 STANDING = 0.3  # share of moving frames under which a motion is standing
 
 
-def describe(body: BodyMeasures, k: int) -> PartDescriptions:
-    """Six descriptions of a motion, wording number `k`."""
+def describe(body: BodyMeasures, k: int, pace: bool = False) -> PartDescriptions:
+    """Six descriptions of a motion, wording number `k`.
+
+    Without `pace` nothing is said of walking or running: a style is both, as the player's stick asks.
+    """
     gap = body.left_leg.width + body.right_leg.width
     return PartDescriptions(
         left_arm=arm_words(body.left_arm, "left", k),
         right_arm=arm_words(body.right_arm, "right", k + 1),
-        left_leg=leg_words(body.left_leg, gap, "left", k),
-        right_leg=leg_words(body.right_leg, gap, "right", k + 1),
+        left_leg=leg_words(body.left_leg, gap, "left", k, pace),
+        right_leg=leg_words(body.right_leg, gap, "right", k + 1, pace),
         torso=torso_words(body.torso, k),
         head=head_words(body.head, k),
     )
@@ -121,7 +124,7 @@ def _arm_movement(m: ArmMeasures, k: int) -> str:
     return movement
 
 
-def leg_words(m: LegMeasures, gap: float, side: str, k: int) -> str:
+def leg_words(m: LegMeasures, gap: float, side: str, k: int, pace: bool = False) -> str:
     """What one leg does; `gap` is the distance of both ankles, metres."""
     bend = _grade(
         m.knee_bend,
@@ -130,7 +133,7 @@ def leg_words(m: LegMeasures, gap: float, side: str, k: int) -> str:
     )
     if m.moving < STANDING:
         return _pick(k, f"{side} leg standing still, {bend}", f"{side} foot planted on the ground, {bend}")
-    pace = _grade(
+    speed = _grade(
         m.speed,
         (0.55, 0.85, 1.3, 1.75, 2.4),
         (
@@ -150,10 +153,12 @@ def leg_words(m: LegMeasures, gap: float, side: str, k: int) -> str:
             ("rather short steps", "fairly short steps"),
             ("steps of normal length", "moderate steps"),
             ("long steps", "long strides"),
-            ("very long strides", "striding in very long steps"),
+            ("very long strides", "very long steps"),
         ),
     )
-    words = [f"{side} leg {_pick(k, *pace)}", _pick(k, *length), bend]
+    steps = _pick(k, *length)
+    words = [f"{side} leg {_pick(k, *speed)}", steps] if pace else [f"{side} leg taking {steps}"]
+    words.append(bend)
     if m.thigh_lift > 40:
         words.append(_pick(k, "knee lifting high", "thigh lifting high"))
     elif m.foot_lift < 0.115:

@@ -57,9 +57,9 @@ CONVENTIONS: dict[str, dict[str, str]] = {
     "SPORT": _SPORT, "Mixamo": _both_sides(_MIXAMO), "VRM": _both_sides(_VRM), "VRoid": _both_sides(_VROID),
     "Unreal": _both_sides(_UNREAL), "SMPL": _both_sides(_SMPL),
 }  # fmt: skip
-REQUIRED = ("Hips", "Head") + tuple(
-    side + bone for side in _SIDED for bone in ("UpLeg", "Leg", "Foot", "Arm", "ForeArm", "Hand")
-)
+REQUIRED = (
+    "Hips", "Head", *(s + bone for s in _SIDED for bone in ("UpLeg", "Leg", "Foot", "Arm", "ForeArm", "Hand"))
+)  # fmt: skip
 
 
 def simple_name(name: str) -> str:

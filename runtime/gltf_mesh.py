@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.errors import FileError
+from runtime.gltf_color import primitive_colors
 from runtime.gltf_joints import CONVENTIONS
-from runtime.gltf_read import REMEDY, GltfFile, read_accessor
+from runtime.gltf_read import MAX_VALUE, REMEDY, GltfFile, read_accessor
 
 if TYPE_CHECKING:
     from pygltflib import Primitive
@@ -81,17 +82,20 @@ def node_world_matrices(file: GltfFile) -> Array:
 
 
 def _local_matrix(file: GltfFile, i: int) -> Array:
+    def values(name: str, default: tuple[float, ...]) -> Array:
+        given = getattr(node, name)
+        array = np.array(default if given is None else given, np.float64)
+        if array.shape != (len(default),) or not np.all(np.abs(array) < MAX_VALUE):
+            raise FileError(f"{file.name}: the {name} of node {i} is not {len(default)} finite numbers.", REMEDY)
+        return array
+
     node = file.gltf.nodes[i]
     if node.matrix is not None:
-        matrix = np.array(node.matrix, np.float64).reshape(4, 4).T
-    else:
-        x, y, z, w = np.array(node.rotation if node.rotation is not None else (0, 0, 0, 1), np.float64)
-        matrix = np.eye(4)
-        turn = rotations.to_matrix(rotations.normalize(np.array([w, x, y, z])))
-        matrix[:3, :3] = turn * np.array(node.scale if node.scale is not None else (1, 1, 1), np.float64).reshape(3)
-        matrix[:3, 3] = np.array(node.translation if node.translation is not None else (0, 0, 0), np.float64)
-    if not np.all(np.isfinite(matrix)):
-        raise FileError(f"{file.name}: the transform of node {i} is not finite.", REMEDY)
+        return values("matrix", tuple(np.eye(4).ravel())).reshape(4, 4).T
+    matrix = np.eye(4)
+    turn = rotations.normalize(values("rotation", (0.0, 0.0, 0.0, 1.0))[[3, 0, 1, 2]])
+    matrix[:3, :3] = rotations.to_matrix(turn) * values("scale", (1.0, 1.0, 1.0))
+    matrix[:3, 3] = values("translation", (0.0, 0.0, 0.0))
     return matrix
 
 
@@ -121,14 +125,13 @@ def read_meshes(file: GltfFile) -> MeshData:
     palette = _Palette()
     parts: list[MeshData] = []
     for node in nodes:
-        if node.mesh is None or node.skin is None:
-            continue
-        slots = _skin_slots(file, node.skin, palette)
-        for p, primitive in enumerate(file.gltf.meshes[node.mesh].primitives):
-            if primitive.mode in (None, 4):
-                parts.append(_read_primitive(file, primitive, slots, f"mesh {node.mesh} primitive {p}"))
+        if node.mesh is not None and node.skin is not None:
+            parts += _read_node(file, node.mesh, _skin_slots(file, node.skin, palette), None)
     if not parts:
         raise FileError(f"{file.name}: no mesh of triangles uses its skin.", REMEDY)
+    for i, node in enumerate(nodes):
+        if node.mesh is not None and node.skin is None:
+            parts += _read_attachment(file, i, world, palette)
     merged = _merge(file, parts)
     parents = _joint_parents(file, palette.nodes)
     return replace(
@@ -139,6 +142,27 @@ def read_meshes(file: GltfFile) -> MeshData:
         rest_world=world[palette.nodes],
         humanoid=_vrm_humanoid(file, palette.nodes),
     )
+
+
+def _read_node(file: GltfFile, mesh: int, slots: NDArray[np.int64], rigid: Array | None) -> list[MeshData]:
+    return [
+        _read_primitive(file, primitive, slots, f"mesh {mesh} primitive {p}", rigid)
+        for p, primitive in enumerate(file.gltf.meshes[mesh].primitives)
+        if primitive.mode in (None, 4)
+    ]
+
+
+def _read_attachment(file: GltfFile, node: int, world: Array, palette: _Palette) -> list[MeshData]:
+    """A mesh without skin that hangs on a joint (glasses, a sword): it moves rigidly with that joint."""
+    parents = node_parents(file)
+    joint = node
+    while joint >= 0 and joint not in palette.nodes:
+        joint = parents[joint]
+    if joint < 0:
+        return []  # scenery that does not belong to the character
+    slot = palette.nodes.index(joint)
+    to_bind = np.linalg.inv(world[joint] @ palette.inverse_bind[slot]) @ world[node]
+    return _read_node(file, file.gltf.nodes[node].mesh, np.array([slot]), to_bind)
 
 
 def _skin_slots(file: GltfFile, index: int, palette: _Palette) -> NDArray[np.int64]:
@@ -157,7 +181,10 @@ def _skin_slots(file: GltfFile, index: int, palette: _Palette) -> NDArray[np.int
     return np.array([palette.add(j, m) for j, m in zip(joints, inverse, strict=False)])
 
 
-def _read_primitive(file: GltfFile, primitive: Primitive, slots: NDArray[np.int64], what: str) -> MeshData:
+def _read_primitive(
+    file: GltfFile, primitive: Primitive, slots: NDArray[np.int64], what: str, rigid: Array | None
+) -> MeshData:
+    """One primitive; `rigid` `(4, 4)` carries a mesh without weights to the bind space of its only joint."""
     attributes = primitive.attributes
     positions = _vectors(file, attributes.POSITION, f"POSITION of {what}", 3)
     if primitive.indices is None:
@@ -171,9 +198,16 @@ def _read_primitive(file: GltfFile, primitive: Primitive, slots: NDArray[np.int6
         normals = vertex_normals(positions, triangles)
     else:
         normals = _matching(file, attributes.NORMAL, f"NORMAL of {what}", (3,), len(positions))
-    joints, weights = _influences(file, attributes, slots, what, len(positions))
-    return MeshData(positions, rotations.normalize(normals).astype(np.float32),
-                    _colors(file, primitive, what, len(positions)), joints, weights, triangles.astype(np.uint32))
+    if rigid is None:
+        joints, weights = _influences(file, attributes, slots, what, len(positions))
+    else:
+        joints = np.tile(np.array([slots[0], 0, 0, 0], np.uint16), (len(positions), 1))
+        weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(positions), 1))
+        positions = (positions @ rigid[:3, :3].T + rigid[:3, 3]).astype(np.float32)
+        normals = normals @ np.linalg.inv(rigid[:3, :3])
+    unit = rotations.normalize(normals.astype(np.float64)).astype(np.float32)
+    return MeshData(positions, unit,
+                    primitive_colors(file, primitive, what, len(positions)), joints, weights, triangles.astype(np.uint32))
 
 
 def _vectors(file: GltfFile, index: int | None, what: str, width: int) -> Array:
@@ -194,25 +228,10 @@ def vertex_normals(positions: Array, triangles: Array) -> Array:
     """Area-weighted vertex normals `(V, 3)`."""
     a, b, c = (positions[triangles[:, i]].astype(np.float64) for i in range(3))
     face = np.cross(b - a, c - a)
-    normals = np.stack(
+    normals: Array = np.stack(
         [np.bincount(triangles.T.ravel(), np.tile(face[:, i], 3), len(positions)) for i in range(3)], axis=1
     )
     return rotations.normalize(normals)
-
-
-def _colors(file: GltfFile, primitive: Primitive, what: str, count: int) -> Array:
-    materials = file.gltf.materials or []
-    factor = np.ones(3, np.float32)
-    if primitive.material is not None:
-        if not 0 <= primitive.material < len(materials):
-            raise FileError(f"{file.name}: the material of {what} is missing.", REMEDY)
-        surface = materials[primitive.material].pbrMetallicRoughness
-        if surface is not None and surface.baseColorFactor is not None:
-            factor = np.array(surface.baseColorFactor, np.float32)[:3]
-    if primitive.attributes.COLOR_0 is None:
-        return np.tile(factor, (count, 1))
-    color = _matching(file, primitive.attributes.COLOR_0, f"COLOR_0 of {what}", (3, 4), count)
-    return np.clip(color[:, :3] * factor, 0.0, 1.0).astype(np.float32)
 
 
 def _influences(file: GltfFile, attributes: Any, slots: NDArray[np.int64], what: str, count: int) -> tuple[Array, Array]:
@@ -242,15 +261,19 @@ def _merge(file: GltfFile, parts: list[MeshData]) -> MeshData:
         raise FileError(f"{file.name}: more than {MAX_VERTICES} vertices.", "Reduce the mesh.")
     base = np.cumsum([0] + [len(p.positions) for p in parts[:-1]])
     triangles = [p.triangles + np.uint32(b) for p, b in zip(parts, base, strict=True)]
-    names = ("positions", "normals", "colors", "joint_indices", "joint_weights")
-    merged = {name: np.concatenate([getattr(p, name) for p in parts]) for name in names}
-    return MeshData(**merged, triangles=np.concatenate(triangles))
+    def join(name: str) -> Array:
+        return np.concatenate([getattr(p, name) for p in parts])
+
+    return MeshData(
+        join("positions"), join("normals"), join("colors"), join("joint_indices"), join("joint_weights"),
+        np.concatenate(triangles),
+    )  # fmt: skip
 
 
 def _joint_parents(file: GltfFile, joint_nodes: list[int]) -> tuple[int, ...]:
     """Nearest ancestor that is itself a joint, as an index into `joint_nodes`."""
     parents = node_parents(file)
-    first = {}
+    first: dict[int, int] = {}
     for i, node in enumerate(joint_nodes):
         first.setdefault(node, i)
     result = []

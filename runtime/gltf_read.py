@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 
 MAX_FILE_BYTES = 256 * 1024 * 1024
+MAX_VALUE = 1e9  # of any coordinate or matrix element
 REMEDY = "Export the character again as glTF binary (.glb) with mesh, skin and skeleton, or choose another file."
 _COMPONENTS: dict[int, type] = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16,
                                 5125: np.uint32, 5126: np.float32}
@@ -32,16 +33,21 @@ STRUCTURE_ERRORS = (KeyError, TypeError, ValueError, IndexError, AttributeError,
 
 @dataclass(frozen=True)
 class GltfFile:
-    """A parsed glTF and its buffers; `name` stands in error messages."""
+    """A parsed glTF and its buffers."""
 
-    name: str
+    path: Path
     gltf: GLTF2
     buffers: tuple[bytes, ...]
+
+    @property
+    def name(self) -> str:
+        """What error messages call the file."""
+        return str(self.path)
 
 
 def open_gltf(path: Path) -> GltfFile:
     """Read a .glb or .gltf with its buffers; FileError when it is missing, too large, damaged or compressed."""
-    from pygltflib import GLTF2
+    from pygltflib import GLTF2, Buffer
 
     data = _read_bounded(path)
     try:
@@ -61,7 +67,9 @@ def open_gltf(path: Path) -> GltfFile:
     used = _COMPRESSION & set(gltf.extensionsRequired or [])
     if used:
         raise FileError(f"{path}: compressed with {', '.join(sorted(used))}.", "Export it without mesh compression.")
-    return GltfFile(str(path), gltf, _load_buffers(path, gltf))
+    if any(not isinstance(item, Buffer) for item in gltf.buffers or []):
+        raise FileError(f"{path}: its list of buffers is damaged.", REMEDY)
+    return GltfFile(path, gltf, _load_buffers(path, gltf))
 
 
 def _short(error: BaseException) -> str:
@@ -101,23 +109,39 @@ def _load_buffers(path: Path, gltf: GLTF2) -> tuple[bytes, ...]:
             except STRUCTURE_ERRORS as error:
                 raise FileError(f"{path}: buffer {i} is damaged ({_short(error)}).", REMEDY) from error
         else:
-            data = _external_buffer(path, unquote(uri))
+            data = read_sibling(path, unquote(uri), "buffer")
         if len(data) < (buffer.byteLength or 0):
             raise FileError(f"{path}: buffer {i} has {len(data)} bytes; expected {buffer.byteLength}.", REMEDY)
         buffers.append(bytes(data))
     return tuple(buffers)
 
 
-def _external_buffer(path: Path, uri: str) -> bytes:
+def read_sibling(path: Path, uri: str, what: str) -> bytes:
+    """Bytes of a file that `path` refers to; FileError when it is missing or outside the folder of `path`."""
     target = (path.parent / uri).resolve()
     if not target.is_relative_to(path.parent.resolve()):
-        raise FileError(f"{path}: buffer {uri[:80]!r} lies outside the file's folder.", REMEDY)
+        raise FileError(f"{path}: {what} {uri[:80]!r} lies outside the file's folder.", REMEDY)
     if not target.is_file():
         raise FileError(
-            f"{path}: its buffer file {uri[:80]!r} is missing.",
+            f"{path}: its {what} file {uri[:80]!r} is missing.",
             "Put it beside the .gltf file, or export as one .glb file.",
         )
     return _read_bounded(target)
+
+
+def buffer_view_bytes(file: GltfFile, index: int, what: str) -> bytes:
+    """The bytes of a buffer view; `what` stands in error messages."""
+    views = file.gltf.bufferViews or []
+    if index is None or not 0 <= index < len(views):
+        raise FileError(f"{file.name}: the buffer view of {what} is missing.", REMEDY)
+    view = views[index]
+    start, length = view.byteOffset or 0, view.byteLength
+    if not 0 <= view.buffer < len(file.buffers):
+        raise FileError(f"{file.name}: the buffer of {what} is missing.", REMEDY)
+    data = file.buffers[view.buffer]
+    if start < 0 or length < 0 or start + length > len(data):
+        raise FileError(f"{file.name}: {what} reaches beyond its buffer.", REMEDY)
+    return data[start : start + length]
 
 
 def read_accessor(file: GltfFile, index: int | None, what: str) -> Array:
@@ -131,8 +155,8 @@ def read_accessor(file: GltfFile, index: int | None, what: str) -> Array:
     if accessor.sparse is not None:
         raise FileError(f"{file.name}: {what} is a sparse accessor.", "Export the character without sparse accessors.")
     values = _accessor_values(file, accessor, what)
-    if accessor.componentType == 5126 and not np.all(np.isfinite(values)):
-        raise FileError(f"{file.name}: {what} holds values that are not finite.", REMEDY)
+    if accessor.componentType == 5126 and not np.all(np.abs(values) < MAX_VALUE):
+        raise FileError(f"{file.name}: {what} holds values that are not finite or above {MAX_VALUE:.0e}.", REMEDY)
     if accessor.normalized and values.dtype.kind in "iu":
         return np.maximum(values.astype(np.float32) / np.iinfo(values.dtype).max, -1.0)
     return values
@@ -143,18 +167,13 @@ def _accessor_values(file: GltfFile, accessor: Accessor, what: str) -> Array:
     width, count = _WIDTHS[accessor.type], accessor.count
     if not isinstance(count, int) or count < 1:
         raise FileError(f"{file.name}: {what} has {count} elements; expected at least 1.", REMEDY)
-    views = file.gltf.bufferViews or []
-    if accessor.bufferView is None or not 0 <= accessor.bufferView < len(views):
-        raise FileError(f"{file.name}: the buffer view of {what} is missing.", REMEDY)
-    view = views[accessor.bufferView]
-    if not 0 <= view.buffer < len(file.buffers):
-        raise FileError(f"{file.name}: the buffer of {what} is missing.", REMEDY)
+    data = buffer_view_bytes(file, accessor.bufferView, what)
     size = dtype.itemsize * width
-    stride = view.byteStride or size
-    start, offset = view.byteOffset or 0, accessor.byteOffset or 0
+    stride = file.gltf.bufferViews[accessor.bufferView].byteStride or size
+    offset = accessor.byteOffset or 0
     end = offset + stride * (count - 1) + size
-    if min(start, offset) < 0 or stride < size or end > view.byteLength or start + end > len(file.buffers[view.buffer]):
-        raise FileError(f"{file.name}: {what} reaches beyond its buffer.", REMEDY)
-    block = np.frombuffer(file.buffers[view.buffer], np.uint8, end - offset, start + offset)
+    if offset < 0 or stride < size or end > len(data):
+        raise FileError(f"{file.name}: {what} reaches beyond its buffer view.", REMEDY)
+    block = np.frombuffer(data, np.uint8, end - offset, offset)
     rows = np.lib.stride_tricks.as_strided(block, (count, size), (stride, 1), writeable=False)
     return np.ascontiguousarray(rows).view(dtype).reshape(count, width)

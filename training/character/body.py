@@ -9,7 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
-from training.character.shapes import Ellipsoid, Loft, Mirrored, RoundCone, Shape, smooth_max, smooth_min, union
+from training.character.shapes import (
+    Ellipsoid,
+    Loft,
+    Mirrored,
+    RoundCone,
+    Shape,
+    smooth_max,
+    smooth_min,
+    union,
+)
 
 Array = NDArray[np.floating]
 

@@ -32,7 +32,8 @@ def build() -> Character:
     normals = body.gradient(half)[source] * reflect
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     skin = weights.mirrored_weights(weights.analytic_weights(body, half), source, side, vertices[:, 0] == 0)
-    joints, values = weights.strongest(weights.diffuse(skin, vertices, triangles, 0.014))
+    skin = weights.separate_sides(weights.diffuse(skin, vertices, triangles, 0.014), vertices)
+    joints, values = weights.strongest(skin)
     left = np.repeat([True, False], len(half_triangles))
     region = np.tile(paint.region_of(half[half_triangles].mean(axis=1)), 2)
     used, corner = split_by_colour(triangles, np.where(left, region, region + paint.ACCENT + 1))

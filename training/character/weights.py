@@ -41,8 +41,8 @@ def analytic_weights(body: Body, v: Array) -> Array:
     inner = ramp(x, 0.15, 0.0)  # near the mirror plane the thigh begins lower
     leg = ramp(y, 0.965 - 0.125 * inner, 0.845 - 0.045 * inner) * (1 - arm)
     trunk = 1.0 - arm - leg
-    collar = 0.55 * ramp(x, 0.035, 0.14) * ramp(y, 1.25, 1.34)
     above = y + 0.35 * z  # the jaw belongs to the head, the nape below it does not
+    collar = 0.55 * ramp(x, 0.035, 0.14) * ramp(y, 1.25, 1.34) * ramp(above, 1.43, 1.38)
     _chain(weights, trunk * (1 - collar), ("Hips", "LowerBack", "Spine", "Spine1", "Neck", "Neck1", "Head"),
            (ramp(y, 0.955, 1.055), ramp(y, 1.065, 1.165), ramp(y, 1.175, 1.275), ramp(above, 1.345, 1.405),
             ramp(above, 1.375, 1.445), ramp(above, 1.435, 1.485)))
@@ -71,8 +71,11 @@ def diffuse(weights: Array, vertices: Array, triangles: Triangles, reach: float)
     from scipy.sparse.linalg import splu
 
     stiffness, mass = laplacian(vertices, triangles)
-    solver = splu((diags(mass) + reach**2 * stiffness).tocsc())
-    return np.clip(solver.solve(mass[:, None] * weights), 0.0, None)
+    steps = 4  # one implicit step would have a long exponential tail
+    solver = splu((diags(mass) + reach**2 / steps * stiffness).tocsc())
+    for _ in range(steps):
+        weights = np.clip(solver.solve(mass[:, None] * weights), 0.0, None)
+    return weights
 
 
 def mirrored_weights(weights: Array, source: NDArray[np.int64], side: NDArray[np.int64], middle: Array) -> Array:
@@ -82,6 +85,15 @@ def mirrored_weights(weights: Array, source: NDArray[np.int64], side: NDArray[np
     centre = np.flatnonzero(middle)
     whole[centre] = 0.5 * (whole[centre] + whole[centre][:, MIRROR_JOINTS])
     return whole
+
+
+def separate_sides(weights: Array, vertices: Array) -> Array:
+    """Take limbs of the other side out of weights `(V, 31)`, but for a narrow seam at the mirror plane."""
+    weights = weights.copy()
+    for prefixes, side in ((("Left", "LHip", "LThumb"), -1.0), (("Right", "RHip", "RThumb"), 1.0)):
+        limbs = [i for i, name in enumerate(SPORT_SKELETON.names) if name.startswith(prefixes)]
+        weights[:, limbs] *= ramp(side * vertices[:, 0], 0.02, 0.0)[:, None]
+    return weights / weights.sum(axis=1, keepdims=True)
 
 
 def strongest(weights: Array) -> tuple[NDArray[np.uint16], NDArray[np.float32]]:

@@ -1,0 +1,512 @@
+"""The shipped mannequin, skinning, users' skeletons and damaged files."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import struct
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from runtime import rotations
+from runtime.assets import asset_path
+from runtime.errors import FileError
+from runtime.gltf import Character, load_character, read_joint_map, skin_vertices
+from runtime.gltf_joints import align, match_joints
+from runtime.gltf_writer import save_animated_glb, write_character
+from runtime.pose import Pose
+from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
+
+JOINTS = SPORT_SKELETON.names
+
+
+def make_pose(seed: int | None, angle: float = 0.8) -> Pose:
+    """A random pose, or the rest pose without a seed."""
+    local = rotations.identity((31,)).astype(np.float64)
+    hips = np.array([0.0, REST_HIPS_HEIGHT, 0.0])
+    if seed is not None:
+        rng = np.random.default_rng(seed)
+        axes = rotations.normalize(rng.normal(size=(31, 3)))
+        local = rotations.from_axis_angle(axes, rng.uniform(-angle, angle, 31))
+        hips = hips + rng.normal(size=3)
+    positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
+    return Pose(hips, local, positions, world, np.zeros(4), hips * (1, 0, 1), 0.0)
+
+
+@pytest.fixture(scope="module")
+def mannequin() -> Character:
+    return load_character(asset_path("character/mannequin.glb"))
+
+
+def test_mannequin_is_a_bounded_closed_body(mannequin: Character) -> None:
+    assert asset_path("character/mannequin.glb").stat().st_size < 2_000_000
+    assert 8_000 < len(mannequin.positions) < 25_000
+    assert mannequin.joint_names == JOINTS
+    assert mannequin.joint_parents == SPORT_SKELETON.parents
+    assert abs(mannequin.positions[:, 1].min()) < 2e-3, "the soles stand on y = 0"
+    assert 1.6 < mannequin.positions[:, 1].max() < 1.8
+    corners = np.unique(np.round(mannequin.positions, 6), axis=0, return_inverse=True)[1].ravel()
+    triangles = corners[mannequin.triangles]
+    directed = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    assert len(np.unique(directed, axis=0)) == len(directed), "an edge is used twice in one direction"
+    assert set(map(tuple, directed.tolist())) == set(map(tuple, directed[:, ::-1].tolist())), "the surface has a hole"
+
+
+def test_mannequin_is_mirror_symmetric_with_distinct_sides(mannequin: Character) -> None:
+    def keys(points: np.ndarray) -> set[tuple[int, ...]]:
+        return set(map(tuple, np.round(points * 1e5).astype(int).tolist()))
+
+    assert keys(mannequin.positions) == keys(mannequin.positions * np.float32([-1, 1, 1]))
+    left = mannequin.colors[mannequin.positions[:, 0] > 0.2]
+    right = mannequin.colors[mannequin.positions[:, 0] < -0.2]
+    assert np.any(left[:, 2] > left[:, 0] + 0.2), "teal on the left"
+    assert np.any(right[:, 0] > right[:, 2] + 0.2), "orange on the right"
+
+
+def test_normals_are_unit_and_point_out_of_their_triangles(mannequin: Character) -> None:
+    assert np.allclose(np.linalg.norm(mannequin.normals, axis=1), 1, atol=1e-4)
+    a, b, c = (mannequin.positions[mannequin.triangles[:, i]] for i in range(3))
+    face = np.cross(b - a, c - a)
+    mean = mannequin.normals[mannequin.triangles].sum(axis=1)
+    assert np.mean(np.sum(face * mean, axis=1) > 0) > 0.995
+
+
+def test_weights_sum_to_one_and_do_not_bleed(mannequin: Character) -> None:
+    assert np.allclose(mannequin.joint_weights.sum(axis=1), 1, atol=1e-5)
+    assert mannequin.joint_weights.min() >= 0
+    full = np.zeros((len(mannequin.positions), 31))
+    np.add.at(full, (np.arange(len(full))[:, None], mannequin.joint_indices), mannequin.joint_weights)
+    x, y = mannequin.positions[:, 0], mannequin.positions[:, 1]
+    of = {name: full[:, i] for i, name in enumerate(JOINTS)}
+    assert np.all(of["RightUpLeg"][x > 0.02] < 0.05), "the right leg moves the left half"
+    assert np.all(of["RightLeg"][x > 0] == 0)
+    assert np.all(of["LeftArm"][(y < 1.1) | (x < 0.05)] < 0.02), "the arm moves the flank or the middle"
+    assert np.all(of["Head"][y > 1.54] > 0.99)
+    assert np.all(of["LeftHandIndex1"][x > 0.79] > 0.98)
+    assert np.all(of["LThumb"][x > 0.79] < 0.02), "the thumb moves the fingers"
+    assert of["LThumb"].max() > 0.95
+    assert of["LeftToeBase"].max() > 0.95
+    assert np.all(full.sum(axis=0)[[JOINTS.index(n) for n in ("Hips", "Spine", "Spine1", "LeftLeg")]] > 50)
+
+
+def test_rest_pose_reproduces_the_mesh(mannequin: Character) -> None:
+    skinned = skin_vertices(mannequin, mannequin.skin_matrices(make_pose(None)))
+    assert np.abs(skinned - mannequin.positions).max() < 1e-5
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_skin_matrices_are_forward_kinematics(mannequin: Character, seed: int) -> None:
+    pose = make_pose(seed)
+    matrices = mannequin.skin_matrices(pose)
+    assert matrices.shape == (31, 4, 4)
+    assert matrices.dtype == np.float32
+    rest = mannequin.rest_world[:, :, 3]
+    assert np.allclose(np.einsum("kij,kj->ki", matrices, rest)[:, :3], pose.positions, atol=1e-5)
+    assert np.allclose(matrices[:, :3, :3], rotations.to_matrix(pose.world_rotations), atol=1e-5)
+
+
+def test_hanging_arms_keep_their_volume(mannequin: Character) -> None:
+    local = rotations.identity((31,)).astype(np.float64)
+    for side, sign in (("Left", -1.0), ("Right", 1.0)):
+        local[JOINTS.index(side + "Arm")] = rotations.from_axis_angle(np.array([0, 0, 1.0]), np.deg2rad(78 * sign))
+    hips = np.array([0.0, REST_HIPS_HEIGHT, 0.0])
+    positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
+    pose = Pose(hips, local, positions, world, np.zeros(4), hips * (1, 0, 1), 0.0)
+    posed = skin_vertices(mannequin, mannequin.skin_matrices(pose))
+    assert _volume(posed, mannequin.triangles) > 0.97 * _volume(mannequin.positions, mannequin.triangles)
+
+
+def _volume(v: np.ndarray, t: np.ndarray) -> float:
+    return float(np.einsum("ij,ij->", v[t[:, 0]], np.cross(v[t[:, 1]], v[t[:, 2]])) / 6)
+
+
+# A user's character: Mixamo names, centimetres, A-pose, arbitrary bone axes, one extra joint above and one below.
+
+_MIXAMO_PARENTS = {
+    "Armature": "", "Hips": "Armature", "Spine": "Hips", "Spine1": "Spine", "Spine2": "Spine1", "Neck": "Spine2",
+    "Head": "Neck", "HeadTop_End": "Head",
+    **{side + bone: (side if own else "") + parent for side in ("Left", "Right") for bone, parent, own in (
+        ("Shoulder", "Spine2", False), ("Arm", "Shoulder", True), ("ForeArm", "Arm", True), ("Hand", "ForeArm", True),
+        ("HandMiddle1", "Hand", True), ("UpLeg", "Hips", False), ("Leg", "UpLeg", True), ("Foot", "Leg", True),
+        ("ToeBase", "Foot", True))},
+}  # fmt: skip
+_CENTRE = {"Armature": (0, 0, 0), "Hips": (0, 105, 0), "Spine": (0, 117, -1), "Spine1": (0, 130, -2),
+           "Spine2": (0, 145, -3), "Neck": (0, 160, -3), "Head": (0, 170, 0), "HeadTop_End": (0, 190, 2)}  # fmt: skip
+_LEFT = {"Shoulder": (6, 153, -3), "Arm": (18, 152, -4), "ForeArm": (38, 132, -4), "Hand": (56, 114, -4),
+         "HandMiddle1": (63, 107, -4), "UpLeg": (9, 98, 1), "Leg": (10, 54, 2), "Foot": (11, 10, -1),
+         "ToeBase": (13, 2, 13)}  # fmt: skip
+
+
+def user_character(names: tuple[str, ...] | None = None) -> Character:
+    """A stick-figure mesh: one small triangle at each joint, on a Mixamo-like skeleton."""
+    where = {k: np.array(v, float) for k, v in _CENTRE.items()}
+    for bone, point in _LEFT.items():
+        where["Left" + bone] = np.array(point, float)
+        where["Right" + bone] = np.array(point, float) * (-1, 1, 1)
+    order = list(_MIXAMO_PARENTS)
+    parents = tuple(order.index(p) if (p := _MIXAMO_PARENTS[n]) else -1 for n in order)
+    rng = np.random.default_rng(5)
+    world = np.tile(np.eye(4), (len(order), 1, 1))
+    world[:, :3, :3] = rotations.to_matrix(rotations.normalize(rng.normal(size=(len(order), 4))))
+    world[:, :3, 3] = np.array([where[n] for n in order])
+    base = np.repeat(world[:, :3, 3], 3, axis=0)
+    sole = np.tile([(0, 0, 0), (1, 0, 0), (0, 0, 1)], (len(order), 1)).astype(float)
+    base[-3:] = (11.0, 0.0, 0.0)  # the lowest points of the mesh: the sole
+    count = len(base)
+    return Character(
+        positions=(base + sole).astype(np.float32),
+        normals=np.tile(np.float32([0, 1, 0]), (count, 1)),
+        colors=np.full((count, 3), 0.5, np.float32),
+        joint_indices=np.stack([np.repeat(np.arange(len(order)), 3)] + [np.zeros(count, int)] * 3, 1).astype(np.uint16),
+        joint_weights=np.tile(np.float32([1, 0, 0, 0]), (count, 1)),
+        triangles=np.arange(count, dtype=np.uint32).reshape(-1, 3),
+        joint_names=names or tuple("mixamorig:" + n for n in order),
+        joint_parents=parents,
+        inverse_bind=np.linalg.inv(world).astype(np.float32),
+        rest_world=world.astype(np.float32),
+        sport_joints=np.full(len(order), -1),
+        alignment=align(match_joints(order), parents, world, base),
+    )
+
+
+@pytest.fixture
+def mixamo(tmp_path: Path) -> Character:
+    write_character(tmp_path / "user.glb", user_character())
+    return load_character(tmp_path / "user.glb")
+
+
+def joint_positions(character: Character, pose: Pose) -> dict[str, np.ndarray]:
+    matrices = character.joint_matrices(pose.positions, pose.world_rotations)
+    return {n.removeprefix("mixamorig:"): m[:3, 3] for n, m in zip(character.joint_names, matrices, strict=True)}
+
+
+def test_mixamo_joints_are_found(mixamo: Character) -> None:
+    of = dict(zip(mixamo.joint_names, mixamo.sport_joints, strict=True))
+    assert JOINTS[of["mixamorig:Spine2"]] == "Spine1"
+    assert JOINTS[of["mixamorig:LeftForeArm"]] == "LeftForeArm"
+    assert of["mixamorig:HeadTop_End"] == -1
+
+
+def test_users_a_pose_is_aligned_with_our_t_pose(mixamo: Character) -> None:
+    at = joint_positions(mixamo, make_pose(None))
+    arm = rotations.normalize(at["LeftForeArm"] - at["LeftArm"])
+    assert np.allclose(arm, (1, 0, 0), atol=1e-4)
+    assert np.allclose(rotations.normalize(at["RightHand"] - at["RightForeArm"]), (-1, 0, 0), atol=1e-4)
+    assert np.allclose(rotations.normalize(at["LeftFoot"] - at["LeftLeg"]), (0, -1, 0), atol=1e-4)
+    legs = np.linalg.norm(at["LeftUpLeg"] - at["LeftLeg"]) + np.linalg.norm(at["LeftLeg"] - at["LeftFoot"])
+    assert legs == pytest.approx(0.4118 + 0.4233, abs=1e-3), "scaled from centimetres by leg length"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_users_limbs_follow_the_pose(mixamo: Character, seed: int) -> None:
+    pose = make_pose(seed)
+    at = joint_positions(mixamo, pose)
+    for bone, end in (("LeftArm", "LeftForeArm"), ("RightForeArm", "RightHand"), ("LeftUpLeg", "LeftLeg"),
+                      ("RightLeg", "RightFoot")):  # fmt: skip
+        ours = pose.positions[JOINTS.index(end)] - pose.positions[JOINTS.index(bone)]
+        theirs = at[end] - at[bone]
+        assert np.allclose(rotations.normalize(theirs), rotations.normalize(ours), atol=1e-4), bone
+
+
+def test_users_soles_stand_on_the_ground(mixamo: Character) -> None:
+    pose = make_pose(None)
+    vertices = skin_vertices(mixamo, mixamo.skin_matrices(pose))
+    assert vertices[:, 1].min() == pytest.approx(0.0, abs=5e-3)
+
+
+def test_unmapped_joints_keep_their_rest_relative_to_the_parent(mixamo: Character) -> None:
+    head, top = (mixamo.joint_names.index("mixamorig:" + n) for n in ("Head", "HeadTop_End"))
+    before = np.linalg.inv(mixamo.rest_world[head].astype(float)) @ mixamo.rest_world[top]
+    for seed in (None, 1):
+        pose = make_pose(seed)
+        m = mixamo.joint_matrices(pose.positions, pose.world_rotations).astype(float)
+        assert np.allclose(np.linalg.inv(m[head]) @ m[top], before, atol=1e-2)  # centimetres in the joint's own frame
+
+
+def test_turned_and_z_up_characters_face_forward(tmp_path: Path) -> None:
+    user = user_character()
+    turn = np.eye(4)
+    turn[:3, :3] = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]) @ np.diag([-1, 1, -1])  # Z up and facing backwards
+    world = turn @ user.rest_world
+    positions = user.positions @ turn[:3, :3].T
+    turned = dataclasses.replace(user, rest_world=world, inverse_bind=np.linalg.inv(world).astype(np.float32),
+                                 positions=positions.astype(np.float32))  # fmt: skip
+    write_character(tmp_path / "turned.glb", turned)
+    write_character(tmp_path / "plain.glb", user)
+    pose = make_pose(2)
+    a = skin_vertices(load_character(tmp_path / "turned.glb"), load_character(tmp_path / "turned.glb").skin_matrices(pose))
+    plain = load_character(tmp_path / "plain.glb")
+    assert np.allclose(a, skin_vertices(plain, plain.skin_matrices(pose)), atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("pelvis", "head", "thigh_l", "thigh_r", "calf_l", "calf_r", "foot_l", "foot_r", "upperarm_l", "upperarm_r",
+         "lowerarm_l", "lowerarm_r", "hand_l", "hand_r"),
+        ("pelvis", "head", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle",
+         "left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist"),
+        ("hips", "head", "leftUpperLeg", "rightUpperLeg", "leftLowerLeg", "rightLowerLeg", "leftFoot", "rightFoot",
+         "leftUpperArm", "rightUpperArm", "leftLowerArm", "rightLowerArm", "leftHand", "rightHand"),
+        ("J_Bip_C_Hips", "J_Bip_C_Head", "J_Bip_L_UpperLeg", "J_Bip_R_UpperLeg", "J_Bip_L_LowerLeg", "J_Bip_R_LowerLeg",
+         "J_Bip_L_Foot", "J_Bip_R_Foot", "J_Bip_L_UpperArm", "J_Bip_R_UpperArm", "J_Bip_L_LowerArm", "J_Bip_R_LowerArm",
+         "J_Bip_L_Hand", "J_Bip_R_Hand"),
+    ],
+)  # fmt: skip
+def test_other_naming_conventions(names: tuple[str, ...]) -> None:
+    ours = ("Hips", "Head", "LeftUpLeg", "RightUpLeg", "LeftLeg", "RightLeg", "LeftFoot", "RightFoot", "LeftArm",
+            "RightArm", "LeftForeArm", "RightForeArm", "LeftHand", "RightHand")  # fmt: skip
+    found = match_joints(names)
+    assert {joint: names[i] for joint, i in found.items()} == dict(zip(ours, names, strict=True))
+
+
+def test_joint_map_names_what_tables_do_not_know(tmp_path: Path) -> None:
+    user = user_character()
+    order = [n.removeprefix("mixamorig:") for n in user.joint_names]
+    odd = dataclasses.replace(user, joint_names=tuple(f"b{i}" for i in range(len(order))))
+    write_character(tmp_path / "odd.glb", odd)
+    with pytest.raises(FileError, match="joint map"):
+        load_character(tmp_path / "odd.glb")
+    mapping = {joint: f"b{i}" for joint, i in match_joints(order).items()}
+    (tmp_path / "map.json").write_text(json.dumps(mapping))
+    loaded = load_character(tmp_path / "odd.glb", read_joint_map(tmp_path / "map.json"))
+    assert np.array_equal(loaded.sport_joints, load_with_names(tmp_path, user).sport_joints)
+    with pytest.raises(FileError, match="nobody"):
+        load_character(tmp_path / "odd.glb", {"Hips": "nobody"})
+    (tmp_path / "map.json").write_text('{"LeftWing": "b1"}')
+    with pytest.raises(FileError, match="LeftWing"):
+        read_joint_map(tmp_path / "map.json")
+
+
+def load_with_names(folder: Path, user: Character) -> Character:
+    write_character(folder / "named.glb", user)
+    return load_character(folder / "named.glb")
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_animated_glb_holds_the_clip(mannequin: Character, mixamo: Character, tmp_path: Path, own: bool) -> None:
+    character = mannequin if own else mixamo
+    poses = [make_pose(seed) for seed in range(3)]
+    clip = SimpleNamespace(
+        fps=30.0,
+        hips_positions=np.array([p.hips_position for p in poses]),
+        local_rotations=np.array([p.local_rotations for p in poses]),
+    )
+    path = tmp_path / "clip.glb"
+    save_animated_glb(character, clip, path)
+    assert [p.name for p in tmp_path.iterdir() if p.suffix == ".part"] == []
+    for frame, pose in enumerate(poses):
+        expected = character.joint_matrices(pose.positions, pose.world_rotations)
+        assert np.allclose(play(path, frame), expected, atol=2e-3 * np.abs(expected).max())
+
+
+def play(path: Path, frame: int) -> np.ndarray:
+    """Joint matrices `(K, 4, 4)` of one key of the file's animation, evaluated as the glTF specification says."""
+    document, blob = split_glb(path.read_bytes())
+
+    def values(index: int) -> np.ndarray:
+        accessor = document["accessors"][index]
+        view = document["bufferViews"][accessor["bufferView"]]
+        width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[accessor["type"]]
+        return np.frombuffer(blob, "<f4", accessor["count"] * width, view["byteOffset"]).reshape(-1, width)
+
+    nodes = [dict(node) for node in document["nodes"]]
+    animation = document["animations"][0]
+    for channel in animation["channels"]:
+        sampler = animation["samplers"][channel["sampler"]]
+        assert values(sampler["input"])[frame, 0] == pytest.approx(frame / 30)
+        nodes[channel["target"]["node"]][channel["target"]["path"]] = values(sampler["output"])[frame].tolist()
+    parent = {c: i for i, node in enumerate(nodes) for c in node.get("children", [])}
+
+    def world(i: int) -> np.ndarray:
+        x, y, z, w = nodes[i]["rotation"]
+        local = np.eye(4)
+        local[:3, :3] = rotations.to_matrix(np.array([w, x, y, z])) * np.array(nodes[i].get("scale", [1, 1, 1]))
+        local[:3, 3] = nodes[i]["translation"]
+        return world(parent[i]) @ local if i in parent else local
+
+    return np.stack([world(i) for i in document["skins"][0]["joints"]])
+
+
+# Damaged files
+
+
+def split_glb(data: bytes) -> tuple[dict, bytes]:
+    length = struct.unpack("<I", data[12:16])[0]
+    return json.loads(data[20 : 20 + length]), data[28 + length :]
+
+
+def join_glb(document: dict, blob: bytes) -> bytes:
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    body = struct.pack("<I", len(text)) + b"JSON" + text + struct.pack("<I", len(blob)) + b"BIN\0" + blob
+    return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
+
+
+@pytest.fixture(scope="module")
+def user_file(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, bytes]:
+    path = tmp_path_factory.mktemp("user") / "user.glb"
+    write_character(path, user_character())
+    return split_glb(path.read_bytes())
+
+
+def expect_error(path: Path, data: bytes, *words: str) -> None:
+    path.write_bytes(data)
+    with pytest.raises(FileError) as caught:
+        load_character(path)
+    assert path.name in caught.value.problem
+    assert caught.value.remedy
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_missing_empty_foreign_and_cut_files(tmp_path: Path, user_file: tuple[dict, bytes]) -> None:
+    path = tmp_path / "bad.glb"
+    with pytest.raises(FileError, match=r"bad\.glb"):
+        load_character(path)
+    whole = join_glb(*user_file)
+    expect_error(path, b"", "glTF")
+    expect_error(path, b"\x89PNG\r\n", "glTF")
+    expect_error(path, whole[:11], "glTF")
+    expect_error(path, whole[:-500], "cut off")
+    expect_error(path, whole[:4] + struct.pack("<I", 1) + whole[8:], "version")
+    for cut in range(12, len(whole), 997):
+        expect_error(path, whole[:cut])
+
+
+def test_too_large_file_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "huge.glb"
+    with path.open("wb") as f:
+        f.truncate(257 * 1024 * 1024)  # sparse
+    with pytest.raises(FileError, match="256 MB"):
+        load_character(path)
+
+
+def edit(document: dict, **changes: object) -> dict:
+    """A copy with values set at `a__0__b` paths; None removes."""
+    copy = json.loads(json.dumps(document))
+    for path, value in changes.items():
+        *keys, last = (int(k) if k.isdigit() else k for k in path.split("__"))
+        target = copy
+        for key in keys:
+            target = target[key]
+        if value is None:
+            del target[last]
+        else:
+            target[last] = value
+    return copy
+
+
+_CHANGES = [
+    ({"skins": None}, "no skin"),
+    ({"skins__0__joints__0": 999}, "skin 0"),
+    ({"nodes__26__skin": None}, "skin"),
+    ({"meshes__0__primitives__0__attributes__JOINTS_0": None}, "JOINTS_0"),
+    ({"meshes__0__primitives__0__attributes__WEIGHTS_0": 77}, "WEIGHTS_0"),
+    ({"meshes__0__primitives__0__attributes__POSITION": None}, "POSITION"),
+    ({"accessors__0__count": 10**9}, "POSITION"),
+    ({"accessors__0__type": "VEC7"}, "POSITION"),
+    ({"accessors__0__bufferView": 400}, "POSITION"),
+    ({"bufferViews__0__byteOffset": 10**8}, "POSITION"),
+    ({"buffers__0__uri": "lost.bin"}, "lost.bin"),
+    ({"buffers__0__uri": "../../etc/lost.bin"}, "outside"),
+    ({"nodes__0__children": [0]}, "tree"),
+    ({"nodes__7__children": [0]}, "node"),
+    ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "compression"),
+    ({"nodes__3__rotation": "north"}, "damaged"),
+    ({"nodes__3__scale": [1, float("inf"), 1]}, "scale of node 3"),
+    ({"buffers": [None]}, "buffers"),
+    ({"nodes__1__name": "mixamorig:Unknown"}, "Hips"),
+]
+
+
+@pytest.mark.parametrize(("changes", "word"), _CHANGES, ids=[next(iter(c)) for c, _ in _CHANGES])
+def test_damaged_structure_names_the_trouble(
+    tmp_path: Path, user_file: tuple[dict, bytes], changes: dict[str, object], word: str
+) -> None:
+    document, blob = user_file
+    expect_error(tmp_path / "bad.glb", join_glb(edit(document, **changes), blob), word)
+
+
+def patch(user_file: tuple[dict, bytes], attribute: str, values: bytes) -> bytes:
+    document, blob = user_file
+    accessor = document["accessors"][document["meshes"][0]["primitives"][0]["attributes"][attribute]]
+    start = document["bufferViews"][accessor["bufferView"]]["byteOffset"]
+    return join_glb(document, blob[:start] + values + blob[start + len(values) :])
+
+
+def test_values_out_of_range(tmp_path: Path, user_file: tuple[dict, bytes]) -> None:
+    path = tmp_path / "bad.glb"
+    expect_error(path, patch(user_file, "POSITION", struct.pack("<f", float("nan"))), "POSITION", "finite")
+    expect_error(path, patch(user_file, "WEIGHTS_0", struct.pack("<4f", 0, 0, 0, 0)), "without a joint")
+    expect_error(path, patch(user_file, "JOINTS_0", struct.pack("<H", 500)), "joint 500")
+    document, blob = user_file
+    indices = document["accessors"][document["meshes"][0]["primitives"][0]["indices"]]
+    start = document["bufferViews"][indices["bufferView"]]["byteOffset"]
+    broken = blob[:start] + struct.pack("<H", 60000) + blob[start + 2 :]
+    expect_error(path, join_glb(document, broken), "indices")
+
+
+def test_random_damage_never_raises_anything_else(tmp_path: Path, user_file: tuple[dict, bytes]) -> None:
+    whole = bytearray(join_glb(*user_file))
+    rng = np.random.default_rng(3)
+    path = tmp_path / "bad.glb"
+    refused = 0
+    for _ in range(60):
+        data = bytearray(whole)
+        for at in rng.integers(12, len(data), 4):
+            data[at] = rng.integers(256)
+        path.write_bytes(data)
+        try:
+            load_character(path)
+        except FileError:
+            refused += 1
+    assert refused > 5
+
+
+def test_base_colour_texture_and_rigid_attachment(tmp_path: Path, user_file: tuple[dict, bytes]) -> None:
+    document, blob = user_file
+    from PIL import Image
+
+    Image.new("RGB", (4, 4), (255, 0, 0)).save(tmp_path / "red.png")
+    vertices = document["accessors"][0]["count"]
+    changed = edit(document)
+    changed["bufferViews"].append({"buffer": 0, "byteOffset": len(blob), "byteLength": vertices * 8})
+    changed["accessors"].append({"bufferView": len(changed["bufferViews"]) - 1, "componentType": 5126,
+                                 "count": vertices, "type": "VEC2"})  # fmt: skip
+    primitive = changed["meshes"][0]["primitives"][0]
+    del primitive["attributes"]["COLOR_0"]
+    sword = json.loads(json.dumps(primitive))
+    primitive["attributes"]["TEXCOORD_0"] = len(changed["accessors"]) - 1
+    changed |= {"images": [{"uri": "red.png"}], "textures": [{"source": 0}]}
+    changed["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
+    del sword["material"]
+    changed["meshes"].append({"primitives": [sword]})
+    hand = next(i for i, n in enumerate(changed["nodes"]) if n["name"] == "mixamorig:LeftHand")
+    changed["nodes"].append({"mesh": 1, "translation": [0.0, 3.0, 0.0]})
+    changed["nodes"][hand]["children"].append(len(changed["nodes"]) - 1)
+    blob += bytes(vertices * 8)
+    changed["buffers"][0]["byteLength"] = len(blob)
+    path = tmp_path / "dressed.glb"
+    path.write_bytes(join_glb(changed, blob))
+    character = load_character(path)
+    assert np.allclose(character.colors[:vertices], (1, 0, 0))
+    assert len(character.positions) == 2 * vertices
+    at = character.joint_names.index("mixamorig:LeftHand")
+    assert np.all(character.joint_indices[vertices:, 0] == at)
+    rest = skin_vertices(character, (character.rest_world @ character.inverse_bind))
+    local = np.concatenate([character.positions[:vertices] + np.array([0, 3, 0]), np.ones((vertices, 1))], axis=1)
+    assert np.allclose(rest[vertices:], (local @ character.rest_world[at].T)[:, :3], atol=1e-2)
+    (tmp_path / "red.png").write_bytes(b"not a picture")
+    expect_error(path, join_glb(changed, blob), "image 0")
+    (tmp_path / "red.png").unlink()
+    expect_error(path, join_glb(changed, blob), "red.png")
+
+
+def test_writing_into_an_impossible_folder_is_a_file_error(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileError, match="cannot be written"):
+        write_character(tmp_path / "file" / "x.glb", user_character())

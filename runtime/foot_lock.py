@@ -52,6 +52,7 @@ class FootLockSettings:
     still_speed: float = 0.3  # m/s: a point slower than this and near the ground is in contact
     still_height: float = 0.025  # m over its resting height
     release_rise: float = 0.035  # m that the incoming point may rise over its lowest while held
+    release_rise_sure: float = 0.12  # the same while the network is sure of the contact
     release_offset: float = 0.2  # m between the held and the incoming point
     release_stretch: float = 0.04  # m that the leg would have to grow
     refractory: float = 0.15  # s without a new hold after a forced release
@@ -189,6 +190,7 @@ class _Foot:
         self.rise = (0.0, 0.0)  # m/s of the outgoing toe and ankle
         self.toe_down = self.heel_down = False
         self.heights = (0.0, 0.0)  # incoming toe and ankle over their resting heights
+        self.chances = (0.0, 0.0)  # of contact, toe and heel
 
     def observe(self, leg: LegPose, heel: float, toe: float, ground: _Ground, dt: float) -> None:
         """Read the incoming foot: velocities, heights over rest, and which points are in contact."""
@@ -203,6 +205,7 @@ class _Foot:
             leg.toe[1] - ground.height(leg.toe[0], leg.toe[2]) - TOE_HEIGHT,
             leg.ankle[1] - ground.height(leg.ankle[0], leg.ankle[2]) - ANKLE_HEIGHT,
         )
+        self.chances = (toe, heel)
         self.toe_down = self._in_contact(self.toe_down, toe, self.heights[0], self.velocity)
         self.heel_down = self._in_contact(self.heel_down, heel, self.heights[1], ankle_velocity)
 
@@ -222,7 +225,8 @@ class _Foot:
         anchor = "toe" if self.toe_down else "heel" if self.heel_down else ""
         if self.refractory > 0.0:
             anchor = ""
-        rise = self.heights[0] if anchor == "toe" else self.heights[1]
+        rise, chance = (x[0 if anchor == "toe" else 1] for x in (self.heights, self.chances))
+        may_rise = s.release_rise_sure if chance > s.contact_on else s.release_rise
         if anchor and anchor != self.anchor:
             joint = self.toe if anchor == "toe" else self.ankle
             self.point, self.lowest = (joint[0], joint[2]), rise
@@ -234,7 +238,7 @@ class _Foot:
         away = sqrt((joint[0] - self.point[0]) ** 2 + (joint[2] - self.point[1]) ** 2)
         hip = (leg.hip[0], leg.hip[1] - drop, leg.hip[2])
         stretch = length(subtract(self.ankle, hip)) - self.bones.length
-        if rise > self.lowest + s.release_rise:
+        if rise > self.lowest + may_rise:
             self.anchor, self.toe_down, self.heel_down = "", False, False
         elif max(away / s.release_offset, stretch / s.release_stretch) > (1.5 if other_steps else 1.0):
             self.anchor, self.refractory = "", s.refractory

@@ -44,8 +44,14 @@ def run(options: ViewOptions) -> int:
     """
     app = App(options)
     try:
-        while not app.finished:
-            app.frame()
+        try:
+            while not app.finished:
+                app.frame()
+        except KeyboardInterrupt:
+            pass  # Ctrl+C in the terminal closes the viewer like its window does
+        except Exception:
+            app.takes.rescue()  # a defect must not cost what was recorded
+            raise
         return app.end()
     finally:
         app.close()
@@ -80,8 +86,9 @@ class App:
             for complaint in complaints:
                 self.state.messages.warn(complaint)
             self.actions.start(options)
-            if options.offscreen and self.jobs.first_error is not None:
-                raise self.jobs.first_error  # nobody would read a message
+            failure = self.jobs.first_error or self.prompting.first_error
+            if options.offscreen and failure is not None:
+                raise failure  # nobody would read a message
         except BaseException:
             self.window.destroy()
             raise
@@ -123,6 +130,7 @@ class App:
         window.begin_frame(dt if self.options.offscreen else None)
         intent = self._read_devices(dt)
         self.actions.perform(intent.pressed)
+        state.crouching = self.mapper.crouching
         self.jobs.deliver()
         self.prompting.poll()
         self._simulate(dt, intent)
@@ -245,7 +253,7 @@ class App:
             return 0
         for path in self.takes.rescue():
             self.state.messages.note(f"Kept an unsaved take: {path}")
-        self.state.settings.width, self.state.settings.height = self.window.size
+        self.state.settings.width, self.state.settings.height = self.window.unscaled_size
         try:
             save_settings(self.state.settings, self.config)
         except SportError as error:

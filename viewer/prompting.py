@@ -23,8 +23,10 @@ class Prompting:
     mark: Callable[[str], None] = lambda _: None  # told which prompt came into force, for the recorder
     blocking: bool = False  # offscreen: an answer arrives in the same frame
     worker: PromptWorkerLike | None = None
+    first_error: SportError | None = None
     _waiting: str | PartDescriptions | None = None  # asked before the worker was there
     _last: str | PartDescriptions | None = None
+    _styled: bool = False
 
     def use(self, worker: PromptWorkerLike) -> None:
         """Take a model's worker and ask it for what is wanted so far."""
@@ -74,7 +76,7 @@ class Prompting:
     def _take(self, result: Any) -> None:
         prompt = self.state.prompt
         if result.error is not None:
-            self.state.messages.error(result.error)
+            self._fail(result.error)
             return
         expansion = result.expansion
         prompt.parts = dict(expansion.descriptions.to_mapping())
@@ -87,8 +89,18 @@ class Prompting:
             prompt.answered_by = "edited"
         self.mark(result.request if isinstance(result.request, str) else result.request.to_json())
         controller = self.state.simulation.controller
-        if controller is not None:
-            controller.set_style(result.z, self.state.settings.blend_seconds)
+        if controller is None:
+            return
+        seconds = self.state.settings.blend_seconds if self._styled else 0.0  # the first style is there at once
+        self._styled = True
+        try:
+            controller.set_style(result.z, seconds)
+        except SportError as error:
+            self._fail(error)
+
+    def _fail(self, error: SportError) -> None:
+        self.state.messages.error(error)
+        self.first_error = self.first_error or error
 
     def close(self) -> None:
         """Stop the worker."""

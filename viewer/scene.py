@@ -82,12 +82,16 @@ class Scene:
     def load_model(self, directory: Path | None, seed: int) -> None:
         """Load the networks; the character stands until they are there."""
         terrain = self.state.terrain
-        self.jobs.submit("model", lambda: self.services.load_model(directory, terrain, seed), self._take_model)
+        self.jobs.submit("model", lambda: self.services.load_model(directory, terrain, seed), self._take_model, self._lose_model)
+
+    def _lose_model(self, _: Exception) -> None:
+        self.state.prompt.available = False
 
     def _take_model(self, loaded: Loaded) -> None:
         state = self.state
         loaded.controller.set_terrain(state.terrain)  # it may have changed while the model was loading
         state.simulation.use(loaded.controller)
+        state.prompt.available = True
         state.model_name, state.provider = loaded.name, loaded.provider
         self.set_temperature(state.settings.temperature)
         self.prompting.use(loaded.prompts)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from runtime.errors import FileError
+from runtime.errors import FileError, UsageError
 from runtime.prompts.parts import PartDescriptions
 from runtime.terrain import Terrain
 from viewer.simulation import ControllerLike
@@ -120,6 +120,8 @@ def make_renderer(ctx: Any, quality: str) -> Any:
     from viewer.render.renderer import Renderer
 
     presets = {preset.name: preset for preset in (SOFTWARE, HIGH)}
+    if quality and quality not in presets:
+        raise UsageError(f"quality '{quality[:40]}': there is no such preset.", f"Choose {' or '.join(presets)}.")
     return Renderer(ctx, presets.get(quality))
 
 

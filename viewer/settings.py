@@ -20,6 +20,7 @@ _CHOICES: dict[str, tuple[Any, ...]] = {
     "export_fps": (60, 30),
     "export_unit": ("cm", "m"),
     "camera": ("follow", "orbit"),
+    "quality": ("", "software", "high"),
 }
 _RANGES: dict[str, tuple[float, float]] = {
     "width": (320, 8192),

@@ -32,6 +32,7 @@ class PromptState:
     note: str = ""
     milliseconds: float = 0.0
     busy: bool = False
+    available: bool = True  # False when the model could not be loaded
     search: str = ""
     ready: tuple[str, ...] = ()  # prompts to choose from
     focus_requested: bool = False
@@ -43,7 +44,7 @@ class SceneState:
 
     terrain_names: tuple[str, ...] = ()
     terrain_spec: str = ""  # name or path of the shown terrain
-    terrain_path: str = ""  # the path field
+    file_path: str = ""  # the path field
     loading: str = ""  # what is being loaded, for the panel
     quality_names: tuple[str, ...] = ()
     quality: str = ""
@@ -56,6 +57,7 @@ class ClipItem:
 
     clip: Clip
     saved: Path | None = None
+    recorded: bool = False  # here, not opened from a file
 
     @property
     def name(self) -> str:
@@ -113,5 +115,6 @@ class AppState:
     model_name: str = ""  # "" while loading
     provider: str = ""
     device: str = "keyboard"  # name of the gamepad, or "keyboard"
+    crouching: bool = False  # the toggle is on
     help_open: bool = False
     panels_open: bool = True

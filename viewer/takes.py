@@ -59,7 +59,7 @@ class Takes:
             self.state.messages.warn(str(error))
             return
         clips.counter += 1
-        clips.items.append(ClipItem(clip))
+        clips.items.append(ClipItem(clip, recorded=True))
         self.select(len(clips.items) - 1)
         self.state.messages.note(f"{clip.name}: {clip.seconds:.1f} s in the clip list. Export writes it as BVH.")
 
@@ -102,6 +102,9 @@ class Takes:
         """Show a clip instead of the live character."""
         clips = self.state.clips
         if 0 <= index < len(clips.items):
+            item, ground = clips.items[index], self.state.scene.terrain_spec
+            if item.recorded and item.clip.terrain != ground:
+                self.state.messages.note(f"{item.name} was recorded on the ground {item.clip.terrain!r}, not on this one.")
             clips.playback = Playback(clips.items[index].clip, self.state.terrain, index)
             self.select(index)
 

@@ -113,8 +113,16 @@ class Window:
     @property
     def ui_scale(self) -> float:
         """How much larger than at 96 dpi the interface is drawn, in screen units."""
-        if self._wanted_scale > 0.0:
-            return self._wanted_scale
+        return self._wanted_scale if self._wanted_scale > 0.0 else self._monitor_scale
+
+    @property
+    def unscaled_size(self) -> tuple[int, int]:
+        """The size to ask for to get this window again: what the monitor's scale made of it is taken out."""
+        width, height = self.size if self._windowed is None else self._windowed[2:]
+        return round(width / self._monitor_scale), round(height / self._monitor_scale)
+
+    @property
+    def _monitor_scale(self) -> float:
         (scale, _), (width, _), (pixels, _) = glfw.get_window_content_scale(self.handle), self.size, self.pixels
         if width <= 0 or pixels <= 0:
             return 1.0
@@ -144,7 +152,9 @@ class Window:
         imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
 
     def present(self) -> None:
-        """Show the framebuffer."""
+        """Show the framebuffer; without a display there is nobody to show it to."""
+        if self._offscreen:
+            return
         self.ctx.copy_framebuffer(self.ctx.screen, self.framebuffer)
         glfw.swap_buffers(self.handle)
 

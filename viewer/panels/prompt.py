@@ -62,6 +62,9 @@ def _hint_over_item(text: str) -> None:
 
 def _answer(prompt: PromptState) -> None:
     """One line on who filled the fields, with the nearest library prompts as its tooltip."""
+    if not prompt.available:
+        widgets.muted(f"{ICON.warning} Prompts need a motion model.")
+        return
     if prompt.busy:
         widgets.muted(f"{ICON.clock} Preparing the style…" if prompt.shown_prompt or prompt.text else f"{ICON.clock} Loading…")
         return
@@ -71,11 +74,13 @@ def _answer(prompt: PromptState) -> None:
     near = prompt.nearest[0] if prompt.nearest and prompt.answered_by == "library" else None
     text = _ANSWERED.get(prompt.answered_by, prompt.answered_by)
     good = near is None or near[1] >= GOOD_MATCH
+    if prompt.note:
+        good, text = False, prompt.note
+    elif near is not None:
+        text += f", {near[1]:.0%} like “{near[0]}”"
     with widgets.color(imgui.Col_.text, theme.ACCENT if good else theme.WARNING):
         imgui.text_unformatted(ICON.check if good else ICON.warning)
     imgui.same_line(0, px(4))
-    if near is not None:
-        text += f", {near[1]:.0%} like “{near[0]}”"
     with widgets.color(imgui.Col_.text, theme.MUTED):
         imgui.text_unformatted(widgets.elided(text, imgui.get_content_region_avail().x))
     widgets.tooltip(_explain(prompt))
@@ -127,6 +132,7 @@ def _ready(prompt: PromptState, prompting: Prompting) -> None:
     if imgui.begin_child("ready list", imgui.ImVec2(0, 0)):
         if not found:
             widgets.muted("No prompt has these words. Type it above: any prompt works.", wrap=True)
+        imgui.indent(px(6))  # the highlight of a row begins left of its words
         width = imgui.get_content_region_avail().x
         for text in found:
             chosen = text == prompt.shown_prompt
@@ -134,4 +140,5 @@ def _ready(prompt: PromptState, prompting: Prompting) -> None:
                 prompting.submit_prompt(text)
             if imgui.calc_text_size(text).x > width:
                 widgets.tooltip(text)
+        imgui.unindent(px(6))
     imgui.end_child()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from viewer.camera_control import CameraControl
+from pathlib import Path
+
+from viewer.actions import Actions
 from viewer.gl_bindings import imgui
 from viewer.panels import widgets
 from viewer.panels.theme import ICON
@@ -18,9 +20,11 @@ _TOGGLES = (
 )
 
 
-def draw(state: AppState, scene: Scene, camera: CameraControl) -> None:
+def draw(state: AppState, actions: Actions) -> None:
     """Contents of the panel."""
+    scene, camera = actions.scene, actions.camera
     _terrain(state, scene)
+    _open_file(state, actions)
     widgets.label("Camera")
     mode = widgets.segmented("camera", (("follow", "Follow"), ("orbit", "Orbit")), camera.mode)
     if mode != camera.mode:
@@ -46,28 +50,28 @@ def _terrain(state: AppState, scene: Scene) -> None:
     imgui.same_line(0, px(4))
     if widgets.button(ICON.reset, reset_width, "Back to the start of the ground (Home)"):
         scene.reset_character()
-    _height_map(state, scene)
 
 
-def _height_map(state: AppState, scene: Scene) -> None:
-    if not imgui.tree_node_ex("Load a height map", imgui.TreeNodeFlags_.span_avail_width):
+def _open_file(state: AppState, actions: Actions) -> None:
+    if not imgui.tree_node_ex("Open a file", imgui.TreeNodeFlags_.span_avail_width):
         return
     imgui.unindent(imgui.get_style().indent_spacing)
     settings = state.settings
     load_width = px(60)
     imgui.set_next_item_width(-load_width - px(4))
-    entered, state.scene.terrain_path = imgui.input_text_with_hint(
-        "##path", "PNG, NPY, OBJ: path or drop", state.scene.terrain_path, imgui.InputTextFlags_.enter_returns_true
+    entered, state.scene.file_path = imgui.input_text_with_hint(
+        "##path", "PNG, NPY, OBJ, GLB or BVH", state.scene.file_path, imgui.InputTextFlags_.enter_returns_true
     )
     imgui.same_line(0, px(4))
-    load = widgets.button("Load", load_width)
-    if (entered or load) and state.scene.terrain_path.strip():
-        scene.load_terrain(state.scene.terrain_path.strip().strip('"'))
+    load = widgets.button("Open", load_width, "A ground (PNG, NPY, mesh), a character (GLB) or a clip (BVH); dropping a file does the same")
+    path = state.scene.file_path.strip().strip('"')
+    if (entered or load) and path:
+        actions.open_files([Path(path).expanduser()])
     half = (imgui.get_content_region_avail().x - px(4)) / 2
     flags = imgui.SliderFlags_.always_clamp
     imgui.set_next_item_width(half)
     _, settings.height_map_cell_m = imgui.drag_float(
-        "##cell", settings.height_map_cell_m, 0.005, 0.01, 10.0, "Cell %.2f m", flags
+        "##cell", settings.height_map_cell_m, 0.005, 0.01, 10.0, "Pixel %.2f m", flags
     )
     widgets.tooltip("Distance between neighbouring pixels. Drag, or double-click to type.")
     imgui.same_line(0, px(4))
@@ -76,6 +80,8 @@ def _height_map(state: AppState, scene: Scene) -> None:
         "##height", settings.height_map_height_m, 0.02, 0.01, 100.0, "White %.2f m", flags
     )
     widgets.tooltip("Height of a white pixel; black lies at 0. Drag, or double-click to type.")
+    if actions.scene.character_path is not None and widgets.button("Back to the mannequin", -1):
+        actions.scene.load_character(None)
     imgui.indent(imgui.get_style().indent_spacing)
     imgui.tree_pop()
 

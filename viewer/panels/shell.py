@@ -51,7 +51,7 @@ class Shell:
             prompt.draw(state, actions.prompting)
 
         def draw_scene() -> None:
-            scene.draw(state, actions.scene, actions.camera)
+            scene.draw(state, actions)
             # the contents end one spacing above the cursor; the next frame fits the window to them
             spacing, padding = imgui.get_style().item_spacing.y, imgui.get_style().window_padding.y
             self._scene_height = imgui.get_cursor_pos_y() + imgui.get_scroll_y() - spacing + padding
@@ -110,13 +110,15 @@ def _tabs(panels: Sequence[tuple[str, Callable[[], None]]]) -> None:
 
 
 def _badge(state: AppState, layout: Layout) -> None:
-    """A sign over the view while something is recorded."""
+    """A sign over the view while something is recorded, or the crouch toggle is on."""
+    text, tint = f"{ICON.record} REC {widgets.clock(state.clips.recorded_s)}", theme.RECORD
     if not state.clips.recording:
-        return
-    text = f"{ICON.record} REC {widgets.clock(state.clips.recorded_s)}"
+        text, tint = f"{ICON.person} Crouching (C stands up)", theme.TEXT
+        if not state.crouching:
+            return
     drawing, view = imgui.get_foreground_draw_list(), layout.view
     size, pad = imgui.calc_text_size(text), px(10)
     x, y = view.x + (view.width - size.x) / 2, view.y + px(16)
     low, high = imgui.ImVec2(x - pad, y - pad / 2), imgui.ImVec2(x + size.x + pad, y + size.y + pad / 2)
     drawing.add_rect_filled(low, high, imgui.get_color_u32(imgui.ImVec4(*theme.PANEL)), px(14))
-    drawing.add_text(imgui.ImVec2(x, y), imgui.get_color_u32(imgui.ImVec4(*theme.RECORD)), text)
+    drawing.add_text(imgui.ImVec2(x, y), imgui.get_color_u32(imgui.ImVec4(*tint)), text)

@@ -16,15 +16,15 @@ void main() {
     float key = clamp((dot(n, sun_direction.xyz) + 0.35) / 1.35, 0.0, 1.0);
     key *= key;
 #if SELF_SHADOW
-    key *= mix(0.25, 1.0, sun_visibility(position + 0.02 * n));
+    key *= mix(0.25, 1.0, sun_visibility(position, n));
 #endif
     vec3 base = mix(albedo, tint.rgb, tint.a);
-    vec3 light = base * (0.54 * ambient_light(n) + 1.02 * key * SUN_LIGHT);
+    vec3 light = base * (0.62 * ambient_light(n) + 0.95 * key * SUN_LIGHT);
     vec3 halfway = normalize(to_eye + sun_direction.xyz);
     float gloss = max(dot(n, halfway), 0.0);
     gloss *= gloss; gloss *= gloss; gloss *= gloss; gloss *= gloss;
     float rim = (1.0 - facing) * (1.0 - facing);
     rim *= rim * (0.5 + 0.5 * n.y);
-    light += 0.06 * gloss * SUN_LIGHT + 0.40 * rim * SKY_LIGHT;
+    light += 0.06 * gloss * SUN_LIGHT + 0.50 * rim * SKY_LIGHT;
     color = vec4(encode_srgb(mix(light, HORIZON, fog_amount(position))), opacity);
 }

@@ -17,7 +17,7 @@ const vec3 HORIZON = vec3(0.805, 0.840, 0.865);
 const vec3 ZENITH = vec3(0.330, 0.500, 0.690);
 const vec3 SUN_LIGHT = vec3(1.00, 0.955, 0.88);
 const vec3 SKY_LIGHT = vec3(0.66, 0.73, 0.82);
-const vec3 GROUND_LIGHT = vec3(0.50, 0.47, 0.44);
+const vec3 GROUND_LIGHT = vec3(0.36, 0.34, 0.32);
 
 vec3 sky_color(vec3 direction) {
     float up = clamp(direction.y, 0.0, 1.0);
@@ -26,7 +26,8 @@ vec3 sky_color(vec3 direction) {
 
 // Light from above and from below, before the sun.
 vec3 ambient_light(vec3 normal) {
-    return mix(GROUND_LIGHT, SKY_LIGHT, 0.5 + 0.5 * normal.y);
+    float down = 0.5 - 0.5 * normal.y;
+    return mix(SKY_LIGHT, GROUND_LIGHT, down * down);
 }
 
 // The ground fades into the horizon around the focus, not around the eye: a distant camera still sees its subject.

@@ -1,6 +1,7 @@
 #version 330
 // Multiplied onto the ground: the sun's shadow, and the darkness close under feet and bodies.
 #include "common.glsl"
+#include "ground_normal.glsl"
 #include "shadow.glsl"
 const int MAX_FEET = 32;
 uniform int foot_count;
@@ -25,8 +26,9 @@ float occlusion() {
 }
 
 void main() {
-    float lit = sun_visibility(position);
-    float facing = smoothstep(0.0, 0.25, dot(normalize(normal), sun_direction.xyz));
+    vec3 n = ground_normal(position, normal);
+    float lit = sun_visibility(position, n);
+    float facing = smoothstep(0.0, 0.25, dot(n, sun_direction.xyz));
     vec3 shade = mix(SHADOW, vec3(1.0), mix(1.0, lit, facing)) * occlusion();
     color = vec4(mix(shade, vec3(1.0), fog_amount(position)), 1.0);
 }

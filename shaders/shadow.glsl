@@ -8,7 +8,12 @@ const vec2 DISC[16] = vec2[](
     vec2(0.443, -0.975), vec2(0.537, -0.474), vec2(-0.265, -0.419), vec2(0.792, 0.191),
     vec2(-0.242, 0.997), vec2(-0.814, 0.914), vec2(0.200, 0.786), vec2(0.144, -0.141));
 
-float sun_visibility(vec3 world) {
+float sun_visibility(vec3 world, vec3 normal) {
+#if SHADOW_TAPS > 1
+    // what receives may cast too: step off the surface by more than a texel, or it shades itself in stripes
+    float across = length(vec3(shadow_from_world[0][0], shadow_from_world[1][0], shadow_from_world[2][0]));
+    world += normal * 1.5 / (across * float(textureSize(shadow_map, 0).x));
+#endif
     vec3 p = (shadow_from_world * vec4(world, 1.0)).xyz;
     vec2 from_middle = abs(p.xy - 0.5);
     float outside = smoothstep(0.42, 0.5, max(from_middle.x, from_middle.y));  // no hard edge where the map ends

@@ -25,6 +25,7 @@ STICK_TILT_SPEED = 1.6
 TARGET_HALF_LIFE = 0.09  # seconds, horizontal
 TARGET_HEIGHT_HALF_LIFE = 0.20  # slower, so that stairs do not shake the view
 STICK_HALF_LIFE = 0.05
+STICK_REST = 0.02  # a stick this close to its middle rests
 ALIGN_HALF_LIFE = 1.1
 LIFT_HALF_LIFE = 0.10
 GROUND_CLEARANCE_M = 0.35
@@ -51,7 +52,9 @@ def perspective(fov_y: float, aspect: float, near: float, far: float) -> Array:
     return m
 
 
-def spring(value: Array, velocity: Array, goal: Array, half_life: float | Array, dt: float) -> tuple[Array, Array]:
+def spring(
+    value: Array, velocity: Array, goal: Array, half_life: float | Array, dt: float
+) -> tuple[Array, Array]:
     """One exact step of a critically damped spring; returns the new value and velocity (any shape)."""
     y = 2.0 * math.log(2.0) / np.maximum(half_life, 1e-6)
     offset = value - goal
@@ -70,7 +73,7 @@ class Camera:
         pitch: float = 0.2,
         distance: float = 4.5,
     ) -> None:
-        self.target = np.array(target, float)
+        self.target: Array = np.array(target, float)
         self.yaw = yaw
         self.pitch = pitch
         self.distance = distance
@@ -146,9 +149,9 @@ class FollowCamera(OrbitCamera):
         distance: float = 4.0,
     ) -> None:
         super().__init__(target, yaw, pitch, distance)
-        self._target_velocity = np.zeros(3)
-        self._turn = np.zeros(2)  # yaw and pitch speed, radians per second
-        self._turn_velocity = np.zeros(2)
+        self._target_velocity: Array = np.zeros(3)
+        self._turn: Array = np.zeros(2)  # yaw and pitch speed, radians per second
+        self._turn_velocity: Array = np.zeros(2)
         self._align_speed = 0.0
         self._lift_m = 0.0
         self._lift_velocity = 0.0
@@ -161,7 +164,7 @@ class FollowCamera(OrbitCamera):
     def snap(self, target: Array) -> None:
         """Jump to a target at once, as after a reset of the character."""
         self.target = np.array(target, float)
-        self._target_velocity[:] = 0.0
+        self._target_velocity = np.zeros(3)
 
     def update(
         self,
@@ -181,7 +184,7 @@ class FollowCamera(OrbitCamera):
             self.target, self._target_velocity, np.asarray(target, float), half_life, dt
         )
         self._turn_by_stick(stick, dt)
-        if align_yaw is not None and stick == (0.0, 0.0):
+        if align_yaw is not None and math.hypot(*stick) < STICK_REST:
             self._align(align_yaw, dt)
         self._keep_above(terrain, dt)
 

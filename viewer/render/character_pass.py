@@ -11,15 +11,13 @@ from numpy.typing import NDArray
 
 from runtime.errors import FileError
 from runtime.pose import Pose
-from viewer.render.frame import bind_frame
+from viewer.render.gl import JOINTS_BINDING, bind_blocks, set_uniforms
 from viewer.render.quality import Quality
 from viewer.render.shaders import load_program
-from viewer.render.terrain_pass import set_uniforms
 
 Array = NDArray[np.floating]
 
 MAX_JOINTS = 128  # the block in skinning.glsl
-JOINTS_BINDING = 1
 SLOT_BYTES = MAX_JOINTS * 64
 SHADOW_CELL_M = 0.018
 GHOST_TINT = (0.20, 0.45, 0.80, 0.75)  # linear colour, share
@@ -60,11 +58,9 @@ class CharacterPass:
         self._self_shadow = quality.self_shadow
         defines = {"SELF_SHADOW": int(quality.self_shadow), "SHADOW_TAPS": quality.shadow_taps}
         self._programs = {
-            "surface": bind_frame(load_program(ctx, "character.vert", "character.frag", defines)),
-            "depth": bind_frame(load_program(ctx, "shadow_character.vert", "depth_only.frag")),
+            "surface": bind_blocks(load_program(ctx, "character.vert", "character.frag", defines)),
+            "depth": bind_blocks(load_program(ctx, "shadow_character.vert", "depth_only.frag")),
         }
-        for program in self._programs.values():
-            program["Joints"].binding = JOINTS_BINDING
         self._joints = ctx.buffer(reserve=SLOT_BYTES, dynamic=True)
         self._mesh: SkinnedMesh | None = None
         self._buffers: list[moderngl.Buffer] = []
@@ -148,8 +144,10 @@ class CharacterPass:
                 self._render("surface", slot)
 
     def _free_mesh(self) -> None:
-        for item in (*self._arrays.values(), *self._buffers):
-            item.release()
+        for array in self._arrays.values():
+            array.release()
+        for buffer in self._buffers:
+            buffer.release()
         self._arrays, self._buffers = {}, []
 
     def release(self) -> None:

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from runtime.pose import Pose
 from viewer.camera import Camera, look_at
+from viewer.render.gl import FRAME_BINDING
 
 Array = NDArray[np.floating]
 
-FRAME_BINDING = 0
-SUN_DIRECTION = np.array([0.42, 0.80, 0.43]) / math.sqrt(0.42**2 + 0.80**2 + 0.43**2)
+SUN_DIRECTION = np.array([0.480, 0.768, 0.424])  # unit, towards the sun; 50 degrees high
 FOG_BEGIN_M, FOG_END_M = 7.0, 46.0
 SHADOW_MARGIN_M = 0.35  # flesh around joints
 SHADOW_REACH_M = 9.0  # of terrain shadows around the character
@@ -91,7 +91,11 @@ def _shadow_points(poses: list[Pose]) -> Array:
 
 def _fit_shadow(poses: list[Pose], focus: Array, reach_m: float, texels: int) -> Array:
     """World to shadow map `(4, 4)` in 0..1 around the poses."""
-    points = np.concatenate([pose.positions for pose in poses]).astype(float) if poses else focus[None].astype(float)
+    points = (
+        np.concatenate([pose.positions for pose in poses]).astype(float)
+        if poses
+        else focus[None].astype(float)
+    )
     centre = 0.5 * (points.min(0) + points.max(0))
     radius = float(np.max(np.linalg.norm(points - centre, axis=1))) + SHADOW_MARGIN_M
     radius = max(math.ceil(radius * 4) / 4, reach_m)  # rarely another scale: edges do not shimmer
@@ -121,10 +125,3 @@ class FrameUniforms:
     def release(self) -> None:
         """Free the buffer."""
         self._buffer.release()
-
-
-def bind_frame(program: moderngl.Program) -> moderngl.Program:
-    """Connect a program's block `Frame`, if it has one."""
-    if "Frame" in program:
-        program["Frame"].binding = FRAME_BINDING
-    return program

@@ -44,7 +44,9 @@ CONTACT_JOINTS = ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")  # in 
 SOLE_HEIGHTS = np.array([ANKLE_HEIGHT, TOE_HEIGHT, ANKLE_HEIGHT, TOE_HEIGHT], np.float32)
 
 
-def make_strokes(start: Array, end: Array, radius: float, color: Array | tuple[float, ...], hole: float = 0.0) -> Strokes:
+def make_strokes(
+    start: Array, end: Array, radius: float, color: Array | tuple[float, ...], hole: float = 0.0
+) -> Strokes:
     """`(n,)` strokes from `start` to `end` `(n, 3)`; `color` `(4,)` or `(n, 4)`."""
     strokes = np.zeros(len(start), STROKE)
     strokes["start"], strokes["end"] = start, end
@@ -59,11 +61,13 @@ def trajectory_strokes(trajectory: TrajectoryOverlay, terrain: Terrain) -> Strok
     ends = np.stack([x, z], -1) + TICK_LENGTH_M * np.asarray(trajectory.directions, np.float32)
     past = np.asarray(trajectory.past, bool)[:, None]
     color = np.where(past, (*PAST, 0.65), (*FUTURE, 0.95)).astype(np.float32)
-    dots, tips = _on_terrain(x, z, terrain), _on_terrain(*ends.T, terrain)
-    strokes = np.concatenate([
-        make_strokes(dots, tips, TICK_RADIUS_M, color),
-        make_strokes(dots, dots, DOT_RADIUS_M, color),
-    ])
+    dots, tips = _on_terrain(x, z, terrain), _on_terrain(ends[:, 0], ends[:, 1], terrain)
+    strokes = np.concatenate(
+        [
+            make_strokes(dots, tips, TICK_RADIUS_M, color),
+            make_strokes(dots, dots, DOT_RADIUS_M, color),
+        ]
+    )
     strokes["normal"] = np.tile(terrain.normal(x, z, reach_m=0.15), (2, 1))
     return strokes
 
@@ -75,7 +79,9 @@ def contact_strokes(pose: Pose, terrain: Terrain) -> Strokes:
     places = _on_terrain(x, z, terrain)
     share = np.clip(pose.contacts, 0.0, 1.0)[:, None]
     color = np.array(FREE) + (np.array(TOUCHING) - np.array(FREE)) * share
-    ring = make_strokes(places, places, CONTACT_RADIUS_M, np.hstack([color, 0.4 + 0.6 * share]), hole=0.8 * CONTACT_RADIUS_M)
+    ring = make_strokes(
+        places, places, CONTACT_RADIUS_M, np.hstack([color, 0.4 + 0.6 * share]), hole=0.8 * CONTACT_RADIUS_M
+    )
     fill = make_strokes(places, places, 0.8 * CONTACT_RADIUS_M, np.hstack([color, 0.45 * share]))
     strokes = np.concatenate([fill, ring])
     strokes["normal"] = np.tile(terrain.normal(x, z), (2, 1))
@@ -101,12 +107,14 @@ def skeleton_strokes(pose: Pose, pixel_scale: float) -> Strokes:
     start, end = pose.positions[parent], pose.positions[child]
     joints = pose.positions[child]
     bone, dot, rim = (size * pixel_scale for size in (BONE_RADIUS_PX, JOINT_RADIUS_PX, OUTLINE_PX))
-    return np.concatenate([
-        make_strokes(start, end, bone + rim, OUTLINE),
-        make_strokes(joints, joints, dot + rim, OUTLINE),
-        make_strokes(start, end, bone, colors[child]),
-        make_strokes(joints, joints, dot, colors[child]),
-    ])
+    return np.concatenate(
+        [
+            make_strokes(start, end, bone + rim, OUTLINE),
+            make_strokes(joints, joints, dot + rim, OUTLINE),
+            make_strokes(start, end, bone, colors[child]),
+            make_strokes(joints, joints, dot, colors[child]),
+        ]
+    )
 
 
 def feet_of(poses: list[Pose]) -> Array:

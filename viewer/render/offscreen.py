@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -16,7 +17,8 @@ REMEDY = "Install the OpenGL libraries: apt-get install libegl1 libgl1 (or your 
 def create_offscreen_context() -> moderngl.Context:
     """A standalone OpenGL 3.3 context through EGL; DisplayError names the library that is missing."""
     try:
-        return moderngl.create_context(standalone=True, backend="egl", require=330)
+        settings: dict[str, Any] = {"backend": "egl", "libegl": "libEGL.so.1", "libgl": "libGL.so.1"}
+        return moderngl.create_context(require=330, standalone=True, **settings)
     except Exception as error:  # glcontext and moderngl raise bare Exception here
         raise DisplayError(f"{_missing_library(str(error))} ({error}).", REMEDY) from error
 
@@ -24,8 +26,8 @@ def create_offscreen_context() -> moderngl.Context:
 def _missing_library(message: str) -> str:
     for library in ("libEGL", "libGL"):
         if library in message:
-            return f"{library}: this library was not found, no OpenGL context can be made"
-    return "libEGL and libGL are there, but gave no OpenGL 3.3 context"
+            return f"{library} was not found, so no OpenGL context can be made"
+    return "libEGL and libGL were found, but gave no OpenGL 3.3 context"
 
 
 class OffscreenTarget:
@@ -57,4 +59,6 @@ def save_png(path: Path | str, image: NDArray[np.uint8]) -> None:
     try:
         Image.fromarray(image).save(path, "PNG")
     except OSError as error:
-        raise FileError(f"{path}: the picture cannot be written ({error}).", "Choose another folder.") from error
+        raise FileError(
+            f"{path}: the picture cannot be written ({error}).", "Choose another folder."
+        ) from error

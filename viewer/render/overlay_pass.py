@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import moderngl
 
-from viewer.render.frame import bind_frame
+from viewer.render.gl import bind_blocks
 from viewer.render.marks import STROKE, Strokes
 from viewer.render.shaders import load_program
 
@@ -16,9 +16,16 @@ class OverlayPass:
         self._ctx = ctx
         self._strokes = ctx.buffer(reserve=STROKE.itemsize, dynamic=True)
         layout = (self._strokes, "3f4 3f4 3f4 2f4 4f4 /i", *(f"in_{name}" for name in STROKE.names or ()))
-        screen_layout = (self._strokes, "3f4 3f4 12x 2f4 4f4 /i", "in_start", "in_end", "in_radius", "in_color")
-        self._on_ground = bind_frame(load_program(ctx, "stroke.vert", "stroke.frag", {"ON_GROUND": 1}))
-        self._on_top = bind_frame(load_program(ctx, "stroke.vert", "stroke.frag", {"ON_GROUND": 0}))
+        screen_layout = (
+            self._strokes,
+            "3f4 3f4 12x 2f4 4f4 /i",
+            "in_start",
+            "in_end",
+            "in_radius",
+            "in_color",
+        )
+        self._on_ground = bind_blocks(load_program(ctx, "stroke.vert", "stroke.frag", {"ON_GROUND": 1}))
+        self._on_top = bind_blocks(load_program(ctx, "stroke.vert", "stroke.frag", {"ON_GROUND": 0}))
         self._ground_array = ctx.vertex_array(self._on_ground, [layout])
         self._top_array = ctx.vertex_array(self._on_top, [screen_layout])
 

@@ -89,11 +89,13 @@ class Renderer:
         self.ctx.depth_func = "<"
         self._characters.draw_depth()
         if self.quality.terrain_casts_shadow:
-            self.ctx.polygon_offset = 2.5, 8.0  # the ground must not shade itself
+            self.ctx.polygon_offset = 1.0, 2.0  # the ground must not shade itself
             self._terrain.draw_depth(frame)
             self.ctx.polygon_offset = 0.0, 0.0
 
-    def _draw_ground_overlays(self, scene: moderngl.Framebuffer, pose: Pose | None, overlays: Overlays) -> None:
+    def _draw_ground_overlays(
+        self, scene: moderngl.Framebuffer, pose: Pose | None, overlays: Overlays
+    ) -> None:
         scene.depth_mask = False
         if overlays.show_trajectory and overlays.trajectory is not None:
             self._overlays.draw_on_ground(trajectory_strokes(overlays.trajectory, self._ground))
@@ -113,4 +115,3 @@ class Renderer:
         passes = (self._sky, self._terrain, self._characters, self._overlays)
         for part in (*passes, self._frame, self._scene, self._shadow_map):
             part.release()
-

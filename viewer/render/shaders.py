@@ -1,7 +1,7 @@
 """GLSL sources: `#include "file"`, defines, and compiler errors that name file and line.
 
-GLSL knows files only by number. Each included text is numbered with a `#line` directive, and the compiler's
-messages are translated back.
+The compiler sees one text; each of its lines remembers where it came from, and messages are translated back.
+(`#line` would do that too, but drivers lose its file number here and there.)
 """
 
 from __future__ import annotations
@@ -20,60 +20,67 @@ SHADER_ROOT = PROJECT_ROOT / "shaders"
 REMEDY = "Install the program again; if you edited this shader, correct that line."
 
 _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
-_VERSION = re.compile(r"^\s*#version\b.*$", re.MULTILINE)
-# Mesa "2:14(9): error: ...", NVIDIA "2(14) : error ...", AMD and Apple "ERROR: 2:14: ..."
-_LOCATION = re.compile(r"(?:ERROR:\s*)?\b(\d+)(?::(\d+)(?:\(\d+\))?|\((\d+)\))\s*:")
+_VERSION = re.compile(r"^\s*#version\b")
+# Mesa "0:14(9): error: ...", NVIDIA "0(14) : error ...", AMD and Apple "ERROR: 0:14: ..."
+_LOCATION = re.compile(r"(?:ERROR:\s*)?\b\d+(?::(\d+)(?:\(\d+\))?|\((\d+)\))\s*:")
 
 
 @dataclass
 class ShaderSource:
-    """One preprocessed stage: its text and the files it came from, by source number."""
+    """One preprocessed stage: its lines, and file and line number that each came from."""
 
-    text: str
-    files: list[str] = field(default_factory=list)
+    lines: list[str] = field(default_factory=list)
+    origins: list[tuple[str, int]] = field(default_factory=list)
+
+    @property
+    def text(self) -> str:
+        """What the compiler gets."""
+        return "\n".join(self.lines) + "\n"
+
+    def add(self, line: str, file: str, number: int) -> None:
+        """Append a line that stands at `file:number`."""
+        self.lines.append(line)
+        self.origins.append((file, number))
 
     def translate(self, log: str) -> str:
-        """Replace the compiler's source numbers in `log` by `file:line`."""
+        """Replace the compiler's line numbers in `log` by `file:line`."""
 
         def located(match: re.Match[str]) -> str:
-            number, line = int(match[1]), match[2] or match[3]
-            return f"{self.files[number]}:{line}:" if number < len(self.files) else match[0]
+            line = int(match[1] or match[2])
+            if not 1 <= line <= len(self.origins):
+                return match[0]
+            file, number = self.origins[line - 1]
+            return f"{file}:{number}:"
 
         return _LOCATION.sub(located, log)
 
 
 def preprocess(name: str, root: Path = SHADER_ROOT, defines: Mapping[str, int] | None = None) -> ShaderSource:
     """Resolve includes (each file once) of `root / name`; FileError for a missing file, naming who asked for it."""
-    source = ShaderSource("")
-    body = _expand(name, root, source, asked_by=name)
-    if not _VERSION.match(body):
+    source = ShaderSource()
+    _expand(name, root, source, {name}, asked_by=name)
+    if not source.lines or not _VERSION.match(source.lines[0]):
         raise FileError(f"{root / name}:1: expected #version in the first line.", REMEDY)
-    version, _, rest = body.partition("\n")
-    lines = [version, *(f"#define {key} {value}" for key, value in (defines or {}).items()), "#line 2 0", rest]
-    source.text = "\n".join(lines)
+    for key, value in (defines or {}).items():
+        source.lines.insert(1, f"#define {key} {value}")
+        source.origins.insert(1, (name, 1))
     return source
 
 
-def _expand(name: str, root: Path, source: ShaderSource, asked_by: str) -> str:
+def _expand(name: str, root: Path, source: ShaderSource, seen: set[str], asked_by: str) -> None:
     try:
         text = (root / name).read_text(encoding="utf-8")
     except OSError as error:
-        raise FileError(f"{asked_by}: the shader file {root / name} cannot be read ({error}).", REMEDY) from error
-    number = len(source.files)
-    source.files.append(name)
-    lines: list[str] = []
-    for line_number, line in enumerate(text.splitlines(), start=1):
+        raise FileError(
+            f"{asked_by}: the shader file {root / name} cannot be read ({error}).", REMEDY
+        ) from error
+    for number, line in enumerate(text.splitlines(), start=1):
         include = _INCLUDE.match(line)
         if include is None:
-            lines.append(line)
-        elif include[1] in source.files:
-            lines.append("")  # already there
-        else:
-            inner = len(source.files)
-            lines.append(f"#line 1 {inner}")
-            lines.append(_expand(include[1], root, source, f"{name}:{line_number}"))
-            lines.append(f"#line {line_number + 1} {number}")
-    return "\n".join(lines)
+            source.add(line, name, number)
+        elif include[1] not in seen:
+            seen.add(include[1])
+            _expand(include[1], root, source, seen, f"{name}:{number}")
 
 
 def load_program(
@@ -90,5 +97,7 @@ def load_program(
     except moderngl.Error as error:
         log = str(error)
         failed = stages[1] if "fragment_shader" in log else stages[0]
-        raise DisplayError(f"Shader {failed.files[0]}: {failed.translate(log).strip()}", REMEDY) from error
+        raise DisplayError(
+            f"Shader {failed.origins[0][0]}: {failed.translate(log).strip()}", REMEDY
+        ) from error
     return program

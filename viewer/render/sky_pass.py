@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import moderngl
 
-from viewer.render.frame import bind_frame
+from viewer.render.gl import bind_blocks
 from viewer.render.shaders import load_program
 
 
@@ -13,7 +13,7 @@ class SkyPass:
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self._ctx = ctx
-        self._program = bind_frame(load_program(ctx, "sky.vert", "sky.frag"))
+        self._program = bind_blocks(load_program(ctx, "sky.vert", "sky.frag"))
         self._vertices = ctx.vertex_array(self._program, [])
 
     def draw(self) -> None:

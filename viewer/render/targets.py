@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import moderngl
 
+from viewer.render.gl import scissored, set_uniforms
 from viewer.render.quality import Quality
 from viewer.render.shaders import load_program
 
@@ -35,9 +36,13 @@ class SceneTarget:
         self._color: moderngl.Texture | moderngl.Renderbuffer | None = None
         self._depth: moderngl.Renderbuffer | None = None
         self._framebuffer: moderngl.Framebuffer | None = None
-        self._color_only: moderngl.Framebuffer | None = None  # a blit would copy depth too, which may not match
+        self._color_only: moderngl.Framebuffer | None = (
+            None  # a blit would copy depth too, which may not match
+        )
         self._smooth = quality.smooth_edges and not self._samples
-        self._programs = [load_program(ctx, "sky.vert", name) for name in ("stretch.frag", "smooth_edges.frag")]
+        self._programs = [
+            load_program(ctx, "sky.vert", name) for name in ("stretch.frag", "smooth_edges.frag")
+        ]
         self._stretch, self._soften = (ctx.vertex_array(program, []) for program in self._programs)
 
     def begin(self, shown_size: tuple[int, int]) -> moderngl.Framebuffer:
@@ -57,7 +62,8 @@ class SceneTarget:
 
     def present(self, target: moderngl.Framebuffer, edges: tuple[int, int, int, int]) -> None:
         """Copy, resolve or stretch the scene into `target`; soften edges in the scene's pixels `edges` (x, y, w, h)."""
-        assert self._framebuffer is not None and self._color_only is not None
+        assert self._framebuffer is not None
+        assert self._color_only is not None
         same_size = self._framebuffer.size == target.size
         if same_size:
             self._ctx.copy_framebuffer(target, self._color_only)
@@ -68,10 +74,9 @@ class SceneTarget:
             if not same_size:
                 self._stretch.render(moderngl.TRIANGLES, vertices=3)
             elif self._smooth and edges[2] * edges[3] > 0:
-                self._programs[1]["texel"].value = 1 / target.width, 1 / target.height
-                target.scissor = edges
-                self._soften.render(moderngl.TRIANGLES, vertices=3)
-                target.scissor = None
+                set_uniforms(self._programs[1], {"texel": (1 / target.width, 1 / target.height)})
+                with scissored(target, edges):
+                    self._soften.render(moderngl.TRIANGLES, vertices=3)
 
     def _free(self) -> None:
         for item in (self._color_only, self._framebuffer, self._depth, self._color):
@@ -81,5 +86,7 @@ class SceneTarget:
     def release(self) -> None:
         """Free the GPU objects."""
         self._free()
-        for item in (self._stretch, self._soften, *self._programs):
-            item.release()
+        for array in (self._stretch, self._soften):
+            array.release()
+        for program in self._programs:
+            program.release()

@@ -51,7 +51,7 @@ class TerrainWindow:
     @cached_property
     def slopes(self) -> NDArray[np.float16]:
         """Rise per metre along x and along z at each vertex, `(nx + 2, nz + 2, 2)`."""
-        return np.stack(np.gradient(self.heights, self.cell_m), -1).astype(np.float16)
+        return np.stack(tuple(np.gradient(self.heights, self.cell_m)), -1).astype(np.float16)
 
     @cached_property
     def height_range(self) -> tuple[Array, Array]:
@@ -123,7 +123,12 @@ def _tile_pattern(levels: tuple[int, ...], row: int) -> Indices:
     """
     along_x, along_z = (np.arange(0, TILE + 1, 2**level) for level in levels[:2])
     i, j = (a.copy() for a in np.meshgrid(along_x, along_z, indexing="ij"))
-    for edge, k, level in ((j[0], along_z, 2), (j[-1], along_z, 3), (i[:, 0], along_x, 4), (i[:, -1], along_x, 5)):
+    for edge, k, level in (
+        (j[0], along_z, 2),
+        (j[-1], along_z, 3),
+        (i[:, 0], along_x, 4),
+        (i[:, -1], along_x, 5),
+    ):
         edge[:] = k // 2 ** levels[level] * 2 ** levels[level]
     v = i * row + j
     a, b, c, d = v[:-1, :-1], v[:-1, 1:], v[1:, 1:], v[1:, :-1]
@@ -140,7 +145,9 @@ def _apron_pattern(level: int, side: int, row: int) -> Indices:
     near = start + k * along
     far = near + out
     quads = np.stack([near[:-1], far[:-1], far[1:], near[:-1], far[1:], near[1:]], -1)
-    return quads.ravel().astype(np.int64).astype(np.uint32)  # wraps below zero; the sum with the tile's base is right
+    return (
+        quads.ravel().astype(np.int64).astype(np.uint32)
+    )  # wraps below zero; the sum with the tile's base is right
 
 
 class TerrainMesh:
@@ -158,7 +165,9 @@ class TerrainMesh:
         self._low = np.stack([x, low, z], -1)  # (tiles x, tiles z, 3) metres
         self._high = np.stack([x + size, high, z + size], -1)
 
-    def levels(self, eye: Array, radians_per_pixel: float, chosen: NDArray[np.bool_], max_triangles: int) -> Levels:
+    def levels(
+        self, eye: Array, radians_per_pixel: float, chosen: NDArray[np.bool_], max_triangles: int
+    ) -> Levels:
         """Levels `(2, tiles x, tiles z)` along x and z, such that errors stay under a pixel seen from `eye`,
         or under a few where the `chosen` tiles would take more than `max_triangles`.
         """
@@ -175,7 +184,9 @@ class TerrainMesh:
 
     def visible(self, view_projection: Array, reach: float = 0.0) -> NDArray[np.bool_]:
         """Tiles that touch the view frustum; `reach` metres are added around each."""
-        planes = np.concatenate([view_projection[3] + view_projection[:3], view_projection[3] - view_projection[:3]])
+        planes = np.concatenate(
+            [view_projection[3] + view_projection[:3], view_projection[3] - view_projection[:3]]
+        )
         normal = planes[:, None, None, :3]
         corner = np.where(normal > 0, self._high + reach, self._low - reach)
         return np.all(np.sum(normal * corner, -1) + planes[:, None, None, 3] >= 0, axis=0)
@@ -186,7 +197,10 @@ class TerrainMesh:
 
     def corners(self, low: Array, high: Array, chosen: NDArray[np.bool_]) -> Array:
         """Corners `(8, 3)` of the ground over the rectangle from `low` to `high` (x, z), as high as the `chosen` tiles."""
-        y = np.min(self._low[..., 1], where=chosen, initial=np.inf), np.max(self._high[..., 1], where=chosen, initial=-np.inf)
+        y = (
+            np.min(self._low[..., 1], where=chosen, initial=np.inf),
+            np.max(self._high[..., 1], where=chosen, initial=-np.inf),
+        )
         return np.array([[x, h, z] for x in (low[0], high[0]) for h in y for z in (low[1], high[1])])
 
     def indices(self, levels: Levels, chosen: NDArray[np.bool_]) -> Indices:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.terrain import Terrain
-from viewer.render.frame import SHADOW_REACH_M, Frame, bind_frame
+from viewer.render.frame import SHADOW_REACH_M, Frame
+from viewer.render.gl import bind_blocks, scissored, set_uniforms
 from viewer.render.quality import Quality
 from viewer.render.shaders import load_program
 from viewer.render.terrain_mesh import APRON_M, Levels, TerrainMesh, cut_window
 
 Array = NDArray[np.floating]
+MAX_FEET = 32  # the array in ground_shadow.frag
 RECENTRE_SHARE = 0.12  # of the window's size
 
 
@@ -27,9 +27,9 @@ class TerrainPass:
         self._max_triangles = 2 * quality.grid_resolution**2
         taps = {"SHADOW_TAPS": quality.shadow_taps}
         self._programs = {
-            "surface": bind_frame(load_program(ctx, "terrain.vert", "terrain.frag")),
-            "depth": bind_frame(load_program(ctx, "shadow_terrain.vert", "depth_only.frag")),
-            "shadow": bind_frame(load_program(ctx, "terrain.vert", "ground_shadow.frag", taps)),
+            "surface": bind_blocks(load_program(ctx, "terrain.vert", "terrain.frag")),
+            "depth": bind_blocks(load_program(ctx, "shadow_terrain.vert", "depth_only.frag")),
+            "shadow": bind_blocks(load_program(ctx, "terrain.vert", "ground_shadow.frag", taps)),
         }
         self._indices = ctx.buffer(reserve=4, dynamic=True)
         self._vertices: moderngl.Buffer | None = None
@@ -79,10 +79,11 @@ class TerrainPass:
                 "apron": APRON_M,
             }
             set_uniforms(program, uniforms)
-            content = (self._vertices, "1f4 2f2", "in_height", "in_slope")
-            if "in_slope" not in program:
-                content = (self._vertices, "1f4 4x", "in_height")
-            self._arrays[name] = self._ctx.vertex_array(program, [content], self._indices, index_element_size=4)
+            sloped = "in_slope" in program
+            layout = ("1f4 2f2", "in_height", "in_slope") if sloped else ("1f4 4x", "in_height")
+            self._arrays[name] = self._ctx.vertex_array(
+                program, [(self._vertices, *layout)], self._indices, index_element_size=4
+            )
 
     def _draw(self, name: str, indices: NDArray[np.uint32]) -> None:
         if len(indices):
@@ -119,28 +120,20 @@ class TerrainPass:
         if not chosen.any():
             return
         shadow_map.use(0)
-        heels, toes = np.zeros((2, 32, 4), np.float32)
-        heels[: len(feet)], toes[: len(feet)] = feet[:32, 0], feet[:32, 1]
+        feet = feet[:MAX_FEET]
+        heels, toes = np.zeros((2, MAX_FEET, 4), np.float32)
+        heels[: len(feet)], toes[: len(feet)] = feet[:, 0], feet[:, 1]
         program = self._programs["shadow"]
-        set_uniforms(program, {"foot_count": min(len(feet), 32), "shadow_map": 0})
-        program["foot_heel"].write(heels.tobytes())
-        program["foot_toe"].write(toes.tobytes())
+        values = {"foot_count": len(feet), "foot_heel": heels.tobytes(), "foot_toe": toes.tobytes()}
+        set_uniforms(program, values)
         self._ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
         self._ctx.depth_func = "<="
         self._ctx.blend_func = moderngl.ZERO, moderngl.SRC_COLOR
-        target.scissor = frame.screen_box(mesh.corners(*box, chosen), 0.0)
-        self._draw("shadow", mesh.indices(self._levels, chosen))
-        target.scissor = None
+        with scissored(target, frame.screen_box(mesh.corners(*box, chosen), 0.0)):
+            self._draw("shadow", mesh.indices(self._levels, chosen))
 
     def release(self) -> None:
         """Free the GPU objects."""
         for item in (*self._arrays.values(), *self._programs.values(), self._indices, self._vertices):
             if item is not None:
                 item.release()
-
-
-def set_uniforms(program: moderngl.Program, values: Mapping[str, object]) -> None:
-    """Set the uniforms that the program has; the compiler removes those it does not need."""
-    for name, value in values.items():
-        if name in program:
-            program[name].value = value

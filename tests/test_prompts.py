@@ -101,6 +101,8 @@ def test_mirroring_twice_is_nothing(words: list[str]) -> None:
             {"left_arm": "left arm hanging limply"},
         ),
         ("an old pirate limping on his right leg", "an old pirate", {"right_leg": "right leg limping"}),
+        ("a person limping with the left foot", "a person", {"left_leg": "left leg limping"}),
+        ("limping badly on my right leg", "", {"right_leg": "right leg limping"}),
         ("a spy looking down", "a spy", {"head": "looking at the ground"}),
         ("hands on hips", "", {"left_arm": "left hand on the hip", "right_arm": "right hand on the hip"}),
         ("a cook with crossed arms", "a cook", {"left_arm": "folded across", "right_arm": "folded across"}),
@@ -238,6 +240,18 @@ def test_what_says_nothing_is_neutral_and_says_so(expander: LibraryExpander, pro
     expansion = expander.expand(prompt)
     assert expansion.descriptions == expander.expand("a person walking normally").descriptions
     assert "neutral" in expansion.note
+
+
+@pytest.mark.parametrize(("side", "other"), [("left", "right"), ("right", "left")])
+@pytest.mark.parametrize(
+    "prompt", ["someone waves the {} hand", "limping on the {} leg", "{} hand up", "hop on the {} leg"]
+)
+def test_sides_are_not_mistaken(expander: LibraryExpander, prompt: str, side: str, other: str) -> None:
+    there = expander.expand(prompt.format(side)).descriptions
+    back = expander.expand(prompt.format(other)).descriptions
+    part = "arm" if "hand" in prompt else "leg"
+    assert getattr(there, f"{side}_{part}") == mirror_text(getattr(back, f"{other}_{part}"))
+    assert getattr(there, f"{side}_{part}") != mirror_text(getattr(there, f"{other}_{part}"))
 
 
 def test_only_clauses_are_explicit_on_a_neutral_body(expander: LibraryExpander) -> None:

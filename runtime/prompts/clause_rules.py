@@ -175,7 +175,7 @@ HEAD_ACTIONS: tuple[tuple[str, str], ...] = (
 _SIDE = r"(?P<side>left|right)"
 IDIOMS: tuple[tuple[str, str, str], ...] = (
     (
-        rf"\b(?:limping|limps|limp|hobbling|hobbles|lame)(?:\s+(?:badly|heavily|slightly|on|in|with|the|his|her|their|a))*\s+{_SIDE}(?:\s+(?:leg|foot|knee|ankle|side))?\b",
+        rf"\b(?:limping|limps|limp|hobbling|hobbles|lame)(?:\s+\w+){{0,5}}?\s+{_SIDE}(?:\s+(?:leg|foot|knee|ankle|side))?\b",
         "leg",
         "limping",
     ),
@@ -247,7 +247,7 @@ FOLLOWING_WORDS = (
 FILLER_WORDS = (
     "a an the and with while but of in on to is are as who that whose his her their its this one some someone somebody "
     "person man woman human character figure people guy girl boy he she they it walking walk walks moving move moves "
-    "standing stand running run runs going normal normally please make him them be being both very just"
+    "standing stand running run runs going normal normally please make him them be being both very just my your i am me we you"
 )
 
 

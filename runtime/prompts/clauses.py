@@ -22,7 +22,7 @@ _CLAUSE_START = (
 )
 _POSTURE_VERBS = r"(?:looking|looks|staring|gazing|leaning|limping|hobbling|dragging)"
 # "and" separates clauses only where a new one begins, so that "up and down" stays whole
-_SEPARATOR = rf"\s*[,;.:!?\n]+\s*|\s+(?:with|while|but|whose)\s+|\s+and\s+(?={_CLAUSE_START})|\s+(?={_POSTURE_VERBS}\b)"
+_SEPARATOR = rf"\s*[,;.:!?\n]+\s*|(?<!limping)(?<!hobbling)(?<!limps)\s+(?:with|while|but|whose)\s+|\s+and\s+(?={_CLAUSE_START})|\s+(?={_POSTURE_VERBS}\b)"
 _NOUN_CLAUSE = (
     rf"^(?:(?:with|and|has|having|keeping|holding|keeps|holds)\s+)?"
     rf"(?P<owners>(?:{_OWNERS}\s+)*)(?P<noun>{_NOUNS})s?\s+(?P<rest>(?:\w+ing|\w+ed|{rules.FOLLOWING_WORDS})\b.*)$"

@@ -59,7 +59,7 @@ class LibraryExpander:
         """Six descriptions for any prompt; PromptError when it is empty, over-long or has control characters."""
         prompt = check_prompt(prompt)
         ranked = self._rank(prompt)
-        if ranked[0][1] >= SAME:
+        if ranked[0][1] >= SAME and _sides(prompt) == _sides(self._library.entries[ranked[0][0]].prompt):
             return _expansion(self._library.entries[ranked[0][0]].descriptions, self._near(ranked), {}, "")
         parsed = parse_clauses(prompt)
         if is_filler(parsed.rest):
@@ -175,6 +175,11 @@ def _expansion(
     return Expansion(
         PartDescriptions(**words), source, near, note, tuple(p for p in PART_NAMES if p in stated)
     )
+
+
+def _sides(text: str) -> set[str]:
+    """Left and right, which sentence embeddings hardly tell apart."""
+    return {"left", "right"} & set(text.lower().replace(",", " ").split())
 
 
 def _short(text: str, limit: int = 40) -> str:

@@ -16,6 +16,7 @@ from viewer_fakes import FakeController, FakeRenderer, fake_services
 from runtime.bvh import read_bvh
 from runtime.errors import DisplayError, SportError, UsageError
 from runtime.terrain import Terrain
+from viewer import app as app_module
 from viewer.app import App
 from viewer.input.gamepad import GamepadState
 from viewer.messages import Level, Messages
@@ -25,6 +26,7 @@ from viewer.playback import Playback
 from viewer.settings import Settings, config_directory, load_settings, save_settings
 from viewer.simulation import MAX_FAILURES, MAX_STEPS, Simulation, interpolate
 from viewer.takes import export_target, file_stem, free_path
+from viewer.window import KEY_CODES
 
 
 class InjectedPads:
@@ -305,6 +307,11 @@ def test_offscreen_a_wrong_option_is_an_error(tmp_path: Path) -> None:
         App(ViewOptions(offscreen=True, terrain="moon"), fake_services(), InjectedPads(), tmp_path)
 
 
+def test_offscreen_a_prompt_that_cannot_be_used_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(SportError, match="empty"):
+        App(ViewOptions(offscreen=True, terrain="flat", prompt=" "), fake_services(), InjectedPads(), tmp_path)
+
+
 def test_terrain_reaches_model_and_renderer(start: Start) -> None:
     app = start()
     run(app)
@@ -329,6 +336,26 @@ def test_dropped_files_go_where_they_belong(start: Start, tmp_path: Path) -> Non
     run(app)
     assert "walk.bvh" in message(app)
     assert app.state.clips.items == []
+
+
+def test_random_use_never_breaks_the_interface(start: Start) -> None:
+    """A monkey presses, clicks, types and resizes; the loop must go on and the state stay drawable."""
+    app = start(width=900, height=600)
+    random = np.random.default_rng(1)
+    keys = [name for name in KEY_CODES if name != "f11"]
+    app.state.settings.export_folder = str(app.config)  # whatever it saves stays in the test's folder
+    for _ in range(150):
+        width, height = app.window.size
+        x, y = random.uniform(0, width), random.uniform(0, height)
+        app.window.inject_mouse(x, y, int(random.integers(3)), bool(random.integers(2)))
+        app.window.inject_key(str(random.choice(keys)), bool(random.integers(2)))
+        app.window.inject_text(str(random.choice(["a", "é", "日", "\U0001f600", " "])))
+        if random.random() < 0.03:
+            app.window.resize(int(random.integers(64, 1400)), int(random.integers(64, 900)))
+        if random.random() < 0.05:
+            app.takes.save_last()
+        run(app)
+    assert np.isfinite(app.state.simulation.current.positions).all()
 
 
 @pytest.mark.parametrize("broken", ["nan", "exception"])
@@ -450,6 +477,22 @@ def test_unsaved_takes_are_rescued_when_the_program_ends(start: Start, tmp_path:
     assert [path.name for path in written] == ["take-1.bvh", "take-2.bvh"]
     assert all(path.is_file() for path in written)
     assert app.takes.rescue() == []
+
+
+def test_a_defect_does_not_cost_the_take(start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def frame(app: App) -> None:
+        if app.frames_shown == 0:
+            app.state.settings.export_folder = str(tmp_path / "clips")
+            app.takes.toggle_recording()
+        if app.frames_shown == 10:
+            raise ZeroDivisionError
+        original(app)
+
+    original = App.frame
+    monkeypatch.setattr(App, "frame", frame)
+    with pytest.raises(ZeroDivisionError):
+        app_module.run(ViewOptions(offscreen=True, frames=20, terrain="flat"), fake_services(), tmp_path)
+    assert (tmp_path / "clips" / "take-1.bvh").is_file()
 
 
 def test_every_clip_panel_state_can_be_drawn(start: Start) -> None:

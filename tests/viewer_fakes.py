@@ -93,7 +93,7 @@ class FakePrompts:
         result, self._result = self._result, None
         return result
 
-    def close(self) -> None:
+    def close(self, timeout_s: float = 2.0) -> None:
         self._result = None
 
 

@@ -37,12 +37,13 @@ LONGEST_FRAME_S = 0.25  # a longer pause (a dragged window, a suspended laptop) 
 MINIMISED_WAIT_S = 0.1
 
 
-def run(options: ViewOptions) -> int:
+def run(options: ViewOptions, services: Services | None = None, config: Path | None = None) -> int:
     """Open the viewer and stay until it is closed, or for the frames asked for; the exit code.
 
-    SportError when an option cannot be used or no window can be opened.
+    `services` replaces the project's own loaders, `config` the directory of the settings. SportError when an option
+    cannot be used or no window can be opened.
     """
-    app = App(options)
+    app = App(options, services, config=config)
     try:
         try:
             while not app.finished:
@@ -262,6 +263,7 @@ class App:
 
     def close(self) -> None:
         """Stop workers and close the window."""
+        self.window.hide()
         self.prompting.close()
         self.jobs.close()
         if self.window.handle is not None:

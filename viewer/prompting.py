@@ -12,6 +12,7 @@ from runtime.prompts.parts import PartDescriptions
 from viewer.services import PromptWorkerLike
 from viewer.state import AppState
 
+CLOSE_SECONDS = 30.0
 BLOCKING_SECONDS = 60.0  # how long an offscreen run waits for an answer
 
 
@@ -103,6 +104,6 @@ class Prompting:
         self.first_error = self.first_error or error
 
     def close(self) -> None:
-        """Stop the worker."""
+        """Stop the worker, after the text it is at: a thread inside a network must not outlive the interpreter."""
         if self.worker is not None:
-            self.worker.close()
+            self.worker.close(CLOSE_SECONDS)

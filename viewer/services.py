@@ -36,8 +36,8 @@ class PromptWorkerLike(Protocol):
         """The newest answer, or None."""
         ...
 
-    def close(self) -> None:
-        """Stop working."""
+    def close(self, timeout_s: float = 2.0) -> None:
+        """Stop working, waiting at most so long for the text in hand."""
         ...
 
 

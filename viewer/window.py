@@ -170,6 +170,11 @@ class Window:
         """Ask for another size in screen units."""
         glfw.set_window_size(self.handle, width, height)
 
+    def hide(self) -> None:
+        """Take the window off the screen while the program finishes its work."""
+        if self.handle is not None:
+            glfw.hide_window(self.handle)
+
     def close(self) -> None:
         """Ask the main loop to end."""
         glfw.set_window_should_close(self.handle, True)

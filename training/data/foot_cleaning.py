@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +60,7 @@ def bridge(values: Array, known: NDArray[np.bool_], hold_slope: bool) -> Array:
         return np.zeros_like(values)
     result[: runs[0][0]] = values[runs[0][0]]
     result[runs[-1][1] :] = values[runs[-1][1] - 1]
-    for (_, end), (start, _) in zip(runs[:-1], runs[1:], strict=True):
+    for (_, end), (start, _) in pairwise(runs):
         span = start - end + 1
         s = (np.arange(1, span) / span)[:, None]
         a, b = values[end - 1], values[start]

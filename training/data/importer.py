@@ -6,17 +6,19 @@ import argparse
 from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from runtime.errors import FileError
+from runtime import rotations
+from runtime.errors import FileError, SportError
 from training.data import cutting
 from training.data.catalog import SOURCES, ClipSource, Refusal, list_clips, source_folder
 from training.data.clip_import import ImportJob, import_clip, load
 from training.data.report import ClipSummary, Report
 from training.data.retarget import FootCalibration, calibrate_feet
 
-CALIBRATION_CLIPS = 16  # of each source, evenly spread
+CALIBRATION_CLIPS = 40  # of each source, evenly spread
 MAX_ARCHIVE_BYTES = 4 << 30  # unpacked
 
 
@@ -85,13 +87,19 @@ def _groups(clips: list[ClipSource]) -> dict[str, list[ClipSource]]:
 def _calibrate(group: list[ClipSource]) -> FootCalibration:
     level = [c for c in group if c.terrain == "flat" or "_flat_" in c.name] or group
     chosen = level[:: max(1, len(level) // CALIBRATION_CLIPS)]
-    return calibrate_feet([load(clip)[1] for clip in chosen])
+    sources = []
+    for clip in chosen:
+        try:
+            sources.append(load(clip)[1])
+        except SportError:
+            continue  # import_clip meets the same error and reports it
+    return calibrate_feet(sources)
 
 
-def _calibration_row(c: FootCalibration) -> dict[str, list[float] | float]:
+def _calibration_row(c: FootCalibration) -> dict[str, Any]:
     return {
-        "foot_pitch_degrees": np.rad2deg(c.foot_pitch).round(2).tolist(),
-        "toe_pitch_degrees": np.rad2deg(c.toe_pitch).round(2).tolist(),
+        "foot_turn_euler_yxz_degrees": np.rad2deg(rotations.to_euler(c.foot_turn, "YXZ")).round(2).tolist(),
+        "toe_turn_euler_yxz_degrees": np.rad2deg(rotations.to_euler(c.toe_turn, "YXZ")).round(2).tolist(),
         "toe_offset_m": c.toe_offset.round(4).tolist(),
         "ankle_height_m": round(c.ankle_height, 4),
     }
@@ -105,10 +113,10 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--report", type=Path, help="also write the report as Markdown to this file")
     options = parser.parse_args()
-    text = import_all(options.data, options.out, options.workers).text()
+    report = import_all(options.data, options.out, options.workers)
     if options.report:
-        options.report.write_text(text, encoding="utf-8")
-    print(text)
+        options.report.write_text(report.markdown(), encoding="utf-8")
+    print(report.text())
 
 
 if __name__ == "__main__":

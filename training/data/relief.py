@@ -9,14 +9,16 @@ from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 from training.data.foot_cleaning import bridge, stretches
 from training.data.height_patches import CELL_M, FLAT_MARGIN_M, Patches, grid_under
 from training.data.labels import FOOT_JOINTS
+from training.data.retarget import speed
 
 Array = NDArray[np.floating]
 
 EXTRA_PATCHES = 2
-_CLEAR_M = 0.15  # relief keeps this far from a footstep
+_CLEAR_M = 0.22  # more than a cell's diagonal: relief keeps this far from a footstep
 _BLEND_M = 0.5  # and grows to its full height over this distance
 _MAX_SLOPE = np.tan(np.deg2rad(20.0))
 _RELIEF_CELL_M = 0.1
+_STAIRS_MAX_SPEED = 1.7  # m/s
 
 
 def smooth_noise(shape: tuple[int, int], cell: float, wavelength: float, generator: np.random.Generator) -> Array:
@@ -61,9 +63,10 @@ def ground_from_contacts(positions: Array, contacts: NDArray[np.uint8]) -> Patch
 def hills_or_stairs(
     positions: Array, contacts: NDArray[np.uint8], generator: np.random.Generator
 ) -> tuple[Patches, str]:
-    """Random ground under a clip that was captured on a floor, and its kind."""
+    """Random ground under a clip that was captured on a floor, and its kind; stairs are for walkers only."""
+    fast = float(speed(positions[:, 0] * np.array([1.0, 0.0, 1.0])).mean()) > _STAIRS_MAX_SPEED
     origin, shape = grid_under(positions, FLAT_MARGIN_M + 1.0, _RELIEF_CELL_M)
-    if generator.random() < 0.6:
+    if fast or generator.random() < 0.6:
         waves = smooth_noise(shape, _RELIEF_CELL_M, generator.uniform(3.0, 7.0), generator)
         waves = waves + generator.uniform(0.0, 0.25) * smooth_noise(shape, _RELIEF_CELL_M, 1.5, generator)
         slope = np.hypot(*np.gradient(waves, _RELIEF_CELL_M))

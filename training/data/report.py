@@ -53,6 +53,25 @@ class Report:
         }
         path.write_text(json.dumps(content, indent=1), encoding="utf-8")
 
+    @staticmethod
+    def load(path: Path) -> Report:
+        """Read what `save` wrote."""
+        content = json.loads(path.read_text(encoding="utf-8"))
+        return Report(
+            [ClipSummary(**c) for c in content["clips"]],
+            [Refusal(**r) for r in content["refused"]],
+            content["calibrations"],
+        )
+
+    def markdown(self) -> str:
+        """The report with what a reader must know about it."""
+        rows = [
+            f"| {key} | {c['foot_turn_euler_yxz_degrees'][0]} | {c['toe_offset_m'][0]} | {c['ankle_height_m']} |"
+            for key, c in sorted(self.calibrations.items())
+        ]
+        table = "| Skeleton | foot turn YXZ, degrees | toe offset, m | ankle height, m |\n| --- | --- | --- | --- |\n"
+        return f"{_PREFACE}\n{self.text()}\n{_CALIBRATION}\n{table}" + "\n".join(rows) + "\n"
+
     def text(self) -> str:
         """The report as Markdown tables."""
         originals = [c for c in self.clips if not c.mirrored]
@@ -88,6 +107,31 @@ class Report:
                 f"| {name} | {len(group)} | {seconds / 60:.1f} | {held / 60:.1f} | {minutes} | {contact:.2f} | {skating:.3f} |"
             )
         return [*lines, ""]
+
+
+_PREFACE = """# Training data
+
+Written by `python -m training.data.importer --data DIR --out DIR --report FILE`. Contact sheets of every source lie in
+`contact_sheets/`: left limbs orange, right limbs blue, contacts green, the ground as a grid.
+
+Clips are retargeted by calibrated rest poses, brought to 60 Hz, cut (lead-ins, T-poses, spikes) and their feet locked
+to the ground by two-bone IK. "Skating" is the horizontal travel of joints in contact, cm per frame. Names that end in
+`_t` are copies of clips captured on a floor, put on random hills (up to 20 degrees) or stairs by IK: their feet are
+right, their posture is that of level ground. Names that end in `_m` are mirror images; the tables count originals only.
+
+**Terrain.** There is about a minute of captured stairs and uneven ground (`cmu`), with a ground fitted to the feet.
+`pfnn_rollouts` is distilled motion of a published network, not capture. No clip shows real climbing over walls.
+The root translation of some `100style` clips (tier `estimated_root`) was estimated from foot contacts.
+
+**Held out.** Takes of 100STYLE and JLPM longer than 20 s give their last 8 % (2 s apart from the rest); elsewhere whole
+clips, about 8 %, never the only one of its style and content. Copies and mirror images follow their original.
+
+**Credits.** The 100STYLE Dataset - Ian Mason (CC BY 4.0). Bandai Namco Research Motiondataset (CC BY-NC 4.0). CMU: the
+data used in this project was obtained from mocap.cs.cmu.edu; the database was created with funding from NSF
+EIA-0196217. JLPM: José Luis Pontón (MIT). PFNN: Holden et al. 2017 (academic and non-commercial).
+"""
+_CALIBRATION = """Calibration of the feet (left; the right mirrors it), measured where they stand flat:
+"""
 
 
 def _kind(reason: str) -> str:

@@ -22,6 +22,7 @@ HIP_CENTRE = np.array([0.0, *SPORT_SKELETON.offsets[2][1:]], np.float64)  # hips
 STANCE_SPEED = 0.25  # m/s
 TOE_FLEX_LIMIT = np.deg2rad(50.0)
 _SIDES = ("Left", "Right")
+_MIRROR_TURN = np.array([1.0, 1.0, -1.0, -1.0])  # of a quaternion, through the plane X = 0
 
 
 @dataclass(frozen=True)
@@ -42,12 +43,13 @@ class SourceMotion:
 class FootCalibration:
     """Constants of one source skeleton, measured where its feet stand flat.
 
-    `foot_pitch`, `toe_pitch` `(2,)`: radians by which the toes point up there; `toe_offset` `(2, 3)`: how much farther than
-    ours its toe lies from the ankle, in the frame of the flat foot; `ankle_height`: of its ankles, scaled metres.
+    `foot_turn`, `toe_turn` `(2, 4)`: rotations that bring a flat foot's frame to our rest pose (sole level, +Z towards the
+    toe); `toe_offset` `(2, 3)`: how much farther than ours its toe lies from the ankle, in the frame of the flat foot;
+    `ankle_height`: of its ankles, scaled metres.
     """
 
-    foot_pitch: Array
-    toe_pitch: Array
+    foot_turn: Array
+    toe_turn: Array
     toe_offset: Array
     ankle_height: float
 
@@ -136,6 +138,10 @@ def _yaw(q: Array) -> Array:
     return rotations.from_yaw(np.arctan2(forward[..., 0], forward[..., 2]))
 
 
+def _turned(q: Array, turn: Array) -> Array:
+    return rotations.multiply(q, np.broadcast_to(turn, q.shape))
+
+
 def _pitched(q: Array, angle: Array) -> Array:
     """q turned about its own lateral axis so that the toes sink by `angle`."""
     return rotations.multiply(q, rotations.from_axis_angle(np.array([1.0, 0, 0]), np.asarray(angle)))
@@ -143,30 +149,54 @@ def _pitched(q: Array, angle: Array) -> Array:
 
 def calibrate_feet(clips: list[SourceMotion]) -> FootCalibration:
     """Measure where feet stand flat: slow, and as low as the feet of that clip usually stand."""
-    rows: list[list[Array]] = [[], []]
-    for clip in clips:
-        moving = np.maximum(speed(clip.ankles), speed(clip.toes))
-        for side in range(2):
-            height = clip.ankles[:, side, 1]
-            still = moving[:, side] < 0.5 * STANCE_SPEED
-            if still.sum() < 10:
-                continue
-            stance = still & (np.abs(height - np.percentile(height[still], 30)) < 0.012)
-            foot = clip.rotations[_SIDES[side] + "Foot"][stance]
-            toe = clip.rotations.get(_SIDES[side] + "ToeBase", clip.rotations[_SIDES[side] + "Foot"])[stance]
-            reach = rotations.rotate(
-                rotations.inverse(_yaw(foot)), clip.toes[stance, side] - clip.ankles[stance, side]
-            )
-            row = np.concatenate(
-                [_elevation(foot)[:, None], _elevation(toe)[:, None], reach, height[stance, None]], axis=1
-            )
-            rows[side].append(np.median(row, axis=0))  # one vote per clip: long idles must not decide
-    sides = [np.median(np.stack(r), axis=0) for r in rows]
-    both = np.stack(sides)
-    # a capture's left and right differ by noise rather than by anatomy
-    return FootCalibration(
-        both[:, 0], both[:, 1], both[:, 2:5] - FOOT_OFFSET, float(both[:, 5].mean())
+    left, right = (_calibrate_foot(clips, side) for side in range(2))
+    # source rigs are symmetric: what differs between the sides is posture and noise
+    turns = []
+    for k in range(2):
+        both = rotations.slerp(left[k], right[k] * _MIRROR_TURN, 0.5)
+        turns.append(np.stack([both, both * _MIRROR_TURN]))
+    return FootCalibration(turns[0], turns[1], np.stack([left[2], right[2]]), float(np.mean([left[3], right[3]])))
+
+
+def _calibrate_foot(clips: list[SourceMotion], side: int) -> tuple[Array, Array, Array, float]:
+    """Foot turn, toe turn, toe offset and ankle height of one side; every clip has one vote, long idles must not decide."""
+    stances = [(clip, mask) for clip in clips if (mask := _flat_stance(clip, side)).sum() >= 10]
+    if not stances:
+        identity = rotations.identity().astype(np.float64)
+        return identity, identity, np.zeros(3), ANKLE_HEIGHT
+    name = _SIDES[side] + "Foot"
+    up = np.array([0.0, 1.0, 0.0])
+
+    def vote(values: list[Array]) -> Array:
+        return np.median(np.stack([np.median(v, axis=0) for v in values]), axis=0)
+
+    level = rotations.normalize(vote([_into(c.rotations[name][m], up) for c, m in stances]))
+    turn = rotations.between(up, level)
+    bone = vote(
+        [_into(rotations.multiply(c.rotations[name][m], turn), c.toes[m, side] - c.ankles[m, side]) for c, m in stances]
     )
+    turn = rotations.multiply(turn, rotations.from_yaw(np.arctan2(bone[0], bone[2])))
+    feet = [rotations.multiply(c.rotations[name][m], turn) for c, m in stances]
+    reach = vote([_into(_yaw(f), c.toes[m, side] - c.ankles[m, side]) for f, (c, m) in zip(feet, stances, strict=True)])
+    toe_turn = rotations.identity().astype(np.float64)
+    if _SIDES[side] + "ToeBase" in stances[0][0].rotations:
+        toes = [c.rotations[_SIDES[side] + "ToeBase"][m] for c, m in stances]
+        relative = [rotations.multiply(rotations.inverse(t), f) for t, f in zip(toes, feet, strict=True)]
+        toe_turn = rotations.normalize(vote([r * np.sign(r[:, :1]) for r in relative]))
+    return turn, toe_turn, reach - FOOT_OFFSET, float(vote([c.ankles[m, side, 1:2] for c, m in stances])[0])
+
+
+def _flat_stance(clip: SourceMotion, side: int) -> NDArray[np.bool_]:
+    height = clip.ankles[:, side, 1]
+    still = np.maximum(speed(clip.ankles[:, side]), speed(clip.toes[:, side])) < 0.5 * STANCE_SPEED
+    if not still.any():
+        return still
+    return still & (np.abs(height - np.percentile(height[still], 30)) < 0.012)
+
+
+def _into(frame: Array, v: Array) -> Array:
+    """World vectors in the frame of rotations `(T, 4)`."""
+    return rotations.rotate(rotations.inverse(frame), np.broadcast_to(v, (len(frame), 3)))
 
 
 def retarget(
@@ -201,9 +231,9 @@ def _world_rotations(source: SourceMotion, feet: FootCalibration) -> Array:
     if "LowerBack" not in given:
         given["LowerBack"] = rotations.slerp(given["Hips"], given["Spine"], 0.5)
     for side, name in enumerate(_SIDES):
-        given[name + "Foot"] = _pitched(given[name + "Foot"], feet.foot_pitch[side])
+        given[name + "Foot"] = _turned(given[name + "Foot"], feet.foot_turn[side])
         if name + "ToeBase" in given:
-            given[name + "ToeBase"] = _pitched(given[name + "ToeBase"], feet.toe_pitch[side])
+            given[name + "ToeBase"] = _turned(given[name + "ToeBase"], feet.toe_turn[side])
     world = np.empty((len(source.hip_centre), len(names), 4))
     for j, name in enumerate(names):
         world[:, j] = given[name] if name in given else world[:, parents[j]]

@@ -28,7 +28,7 @@ class SourceJoint:
     The rotation is that of source joint `name`, or `blend` of the way from `name` to `towards`. `axes`, when given, says
     where the source joint's local X, Y and Z point while the character stands in our rest pose; `along`, when given, is
     the source's child joint whose offset is aligned with our bone (and the twist kept); with neither, the
-    two rest frames agree.
+    two rest frames agree. Feet need no more than a rough frame: `retarget.calibrate_feet` measures the rest.
     """
 
     name: str
@@ -141,9 +141,8 @@ def _cmu_plain() -> SourceSkeleton:
     for side in _SIDES:
         joints[side + "UpLeg"] = SourceJoint(side + "Hip", along=side + "Knee")
         joints[side + "Leg"] = SourceJoint(side + "Knee", along=side + "Ankle")
-        # foot and toe frames hang in line with the shin
-        joints[side + "Foot"] = SourceJoint(side + "Ankle", along=side + "Ankle")
-        joints[side + "ToeBase"] = SourceJoint(side + "Toe", along=side + "Ankle")
+        joints[side + "Foot"] = SourceJoint(side + "Ankle")
+        joints[side + "ToeBase"] = SourceJoint(side + "Toe")
         joints[side + "Shoulder"] = SourceJoint(side + "Collar")
         joints[side + "Arm"] = SourceJoint(side + "Shoulder", along=side + "Elbow")
         joints[side + "ForeArm"] = SourceJoint(side + "Elbow", along=side + "Wrist")
@@ -174,9 +173,6 @@ def _pfnn() -> SourceSkeleton:
     for side in _SIDES:
         joints[side + "UpLeg"] = SourceJoint(side + "UpLeg", along=side + "Leg")
         joints[side + "Leg"] = SourceJoint(side + "Leg", along=side + "Foot")
-        # the rest pose spreads the legs by 20 degrees and the feet lean with them
-        joints[side + "Foot"] = SourceJoint(side + "Foot", along=side + "Foot")
-        joints[side + "ToeBase"] = SourceJoint(side + "ToeBase", along=side + "Foot")
     return SourceSkeleton("pfnn", frozenset({"LHipJoint", "LowerBack"}), joints)
 
 

@@ -117,7 +117,7 @@ Written by `python -m training.data.importer --data DIR --out DIR --report FILE`
 Clips are retargeted by calibrated rest poses, brought to 60 Hz, cut (lead-ins, T-poses, spikes) and their feet locked
 to the ground by two-bone IK. "Skating" is the horizontal travel of joints in contact, cm per frame. Names that end in
 `_t` are copies of clips captured on a floor, put on random hills (up to 20 degrees) or stairs by IK: their feet are
-right, their posture is that of level ground. Names that end in `_m` are mirror images; the tables count originals only.
+right, their posture is that of level ground. Names that end in `_m` are mirror images, which the tables leave out.
 
 **Terrain.** There is about a minute of captured stairs and uneven ground (`cmu`), with a ground fitted to the feet.
 `pfnn_rollouts` is distilled motion of a published network, not capture. No clip shows real climbing over walls.

@@ -17,7 +17,7 @@ SKATING_HEIGHT_M = 0.025  # H
 def toe_heights(positions: Array, terrain: Terrain) -> Array:
     """Heights `(T, 2)` in metres of both toe joints of `(T, 31, 3)` over the terrain."""
     toes = positions[:, TOES]
-    return toes[..., 1] - terrain.height(toes[..., 0], toes[..., 2])
+    return toes[..., 1] - terrain.height(toes[..., 0].astype(np.float64), toes[..., 2].astype(np.float64))
 
 
 def skating(positions: Array, terrain: Terrain, sole_m: float = 0.0) -> Array:

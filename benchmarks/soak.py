@@ -137,7 +137,7 @@ def measure(segment: Segment) -> dict[str, Any]:
     """Figures of one segment."""
     positions = np.stack([pose.positions for pose in segment.poses])
     finite = np.isfinite(positions).all(axis=(1, 2))
-    hips = positions[:, 0]
+    hips = positions[:, 0].astype(np.float64)
     bones = np.linalg.norm(positions[:, 1:] - positions[:, list(SPORT_SKELETON.parents[1:])], axis=-1)
     change = np.abs(bones - np.linalg.norm(SPORT_SKELETON.offsets[1:], axis=-1))
     gaits = np.array(segment.gaits)[1:, None]

@@ -14,6 +14,7 @@ from math import atan2, cos, pi, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.ik import EASE_REACH, MAX_REACH
 from runtime.leg_scalar import (
     LegBones,
     LegPose,
@@ -22,6 +23,7 @@ from runtime.leg_scalar import (
     add,
     between,
     damp,
+    dot,
     from_vector,
     inverse,
     leg_bones,
@@ -35,6 +37,7 @@ from runtime.leg_scalar import (
     to_vector,
     unit,
 )
+from runtime.point_heights import PointHeights
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, Skeleton
 from runtime.terrain import Terrain
 
@@ -55,6 +58,9 @@ class FootLockSettings:
     release_rise_sure: float = 0.12  # the same while the network is sure of the contact
     release_offset: float = 0.2  # m between the held and the incoming point
     release_stretch: float = 0.04  # m that the leg would have to grow
+    trailing: float = (
+        0.15  # m behind the hips from which a foot rolls over its toe instead of pulling the hips down
+    )
     refractory: float = 0.15  # s without a new hold after a forced release
     refractory_lift: float = 0.04  # m: a forced release becomes a small step
     release_halflife: float = 0.07
@@ -63,7 +69,7 @@ class FootLockSettings:
     settle_slower: float = 0.6  # s/m: added to it for every metre that is missing
     flat_halflife: float = 0.07  # of the sole's alignment to the ground
     yaw_halflife: float = 0.10
-    hips_halflife: float = 0.06
+    hips_halflife: float = 0.08
     max_yaw: float = 0.6
     max_drop: float = 0.35  # m that the hips may sink
     sink: float = 0.006  # m that a sole may press into the ground
@@ -118,12 +124,12 @@ class FootLock:
         x, y, z = (float(v) for v in hips_position)
         local = np.asarray(local_rotations, np.float64).tolist()
         chances = np.asarray(contacts, np.float64).tolist()
-        ground = _Ground(terrain)
+        ground = PointHeights(terrain)
         legs = [leg_forward(foot.bones, (x, y, z), local) for foot in self._feet]
         for side, (foot, leg) in enumerate(zip(self._feet, legs, strict=True)):
             foot.observe(leg, chances[2 * side], chances[2 * side + 1], ground, dt)
             foot.choose_anchor(leg, self._drop, self._feet[1 - side].refractory > 0.0)
-            foot.plant(leg, ground, dt)
+            foot.plant(leg, self._drop, ground, dt)
         self._lower_hips(legs, dt)
         result = np.array(local_rotations, copy=True)
         for foot, leg in zip(self._feet, legs, strict=True):
@@ -137,33 +143,12 @@ class FootLock:
         needed = 0.0
         for foot, leg in zip(self._feet, legs, strict=True):
             if foot.anchor:
-                reach = foot.bones.length
-                natural = length(subtract(leg.ankle, leg.hip)) / reach
-                needed = max(needed, _drop_for(leg.hip, foot.ankle, reach * max(0.985, natural)))
+                reach = foot.bones.length * _straightness(leg, foot.bones)
+                needed = max(needed, _drop_for(leg.hip, foot.ankle, reach))
         goal = min(needed, self._settings.max_drop)
         self._drop, self._drop_velocity = damp(
             self._drop, self._drop_velocity, goal, self._settings.hips_halflife, dt
         )
-
-
-class _Ground:
-    """Terrain heights for single points, without array overhead."""
-
-    def __init__(self, terrain: Terrain) -> None:
-        self._item = terrain.heights.item
-        self._nx, self._nz = terrain.heights.shape
-        self._x, self._z = terrain.origin
-        self._cells = 1.0 / terrain.cell_m
-
-    def height(self, x: float, z: float) -> float:
-        """Bilinear height in metres, as `Terrain.height`."""
-        u = min(max((x - self._x) * self._cells, 0.0), self._nx - 1.000001)
-        v = min(max((z - self._z) * self._cells, 0.0), self._nz - 1.000001)
-        i, j = int(u), int(v)
-        u, v, item = u - i, v - j, self._item
-        low = item(i, j) * (1.0 - u) + item(i + 1, j) * u
-        high = item(i, j + 1) * (1.0 - u) + item(i + 1, j + 1) * u
-        return low * (1.0 - v) + high * v
 
 
 class _Foot:
@@ -192,7 +177,7 @@ class _Foot:
         self.heights = (0.0, 0.0)  # incoming toe and ankle over their resting heights
         self.chances = (0.0, 0.0)  # of contact, toe and heel
 
-    def observe(self, leg: LegPose, heel: float, toe: float, ground: _Ground, dt: float) -> None:
+    def observe(self, leg: LegPose, heel: float, toe: float, ground: PointHeights, dt: float) -> None:
         """Read the incoming foot: velocities, heights over rest, and which points are in contact."""
         if self.incoming is None:
             self.incoming = (leg.toe, leg.ankle)
@@ -243,16 +228,19 @@ class _Foot:
         elif max(away / s.release_offset, stretch / s.release_stretch) > (1.5 if other_steps else 1.0):
             self.anchor, self.refractory = "", s.refractory
 
-    def plant(self, leg: LegPose, ground: _Ground, dt: float) -> None:
+    def plant(self, leg: LegPose, drop: float, ground: PointHeights, dt: float) -> None:
         """Set the outgoing toe, ankle and foot rotation."""
         before = (self.toe[1], self.ankle[1])
+        tilt = self.tilt
         self._turn(leg, ground, dt)
+        turned = self.rotation
         sole = rotate(self.rotation, self.bones.offsets[4])
         if self.anchor == "toe":
             rest = self._support(ground) + TOE_HEIGHT
             y = self._settle(self.toe[1], self.rise[0], rest, dt)
             self.toe = (self.point[0], y, self.point[1])
             self.ankle = subtract(self.toe, sole)
+            self._raise_heel(leg, drop)
         elif self.anchor == "heel":
             rest = ground.height(*self.point) + ANKLE_HEIGHT
             y = self._settle(self.ankle[1], self.rise[1], rest, dt)
@@ -264,22 +252,48 @@ class _Foot:
             self.toe = add(leg.toe, self.offset)
             self.ankle = subtract(self.toe, sole)
         self._clear(ground)
+        if (
+            self.rotation != turned
+        ):  # rolling and clearing are part of the tilt, so that it fades when they end
+            self.tilt = to_vector(multiply(self.rotation, multiply(inverse(turned), from_vector(self.tilt))))
+            self.tilt_velocity = scale(subtract(self.tilt, tilt), 1.0 / dt)
         self.rise = ((self.toe[1] - before[0]) / dt, (self.ankle[1] - before[1]) / dt)
         offset = subtract(self.toe, leg.toe)
         if self.anchor:
             self.offset_velocity = scale(subtract(offset, self.offset), 1.0 / dt)
         self.offset = offset
 
+    def _raise_heel(self, leg: LegPose, drop: float) -> None:
+        """Roll a trailing foot over its held toe as far as the leg is too short, as a walker does."""
+        hip = (leg.hip[0], leg.hip[1] - drop, leg.hip[2])
+        reach = self.bones.length * _straightness(leg, self.bones)
+        to_hip, to_ankle = subtract(hip, self.toe), subtract(self.ankle, self.toe)
+        distance, foot = length(to_hip), self.bones.foot_length
+        lack = length(subtract(self.ankle, hip)) - reach
+        behind = (to_hip[0] * -to_ankle[0] + to_hip[2] * -to_ankle[2]) / foot - foot
+        share = min(max(behind / self.settings.trailing, 0.0), 1.0)
+        if lack <= 0.0 or share == 0.0:
+            return
+        wanted = reach + (1.0 - share) * lack
+        cosine = (distance * distance + foot * foot - wanted * wanted) / (2.0 * distance * foot)
+        up, along = scale(to_hip, 1.0 / distance), unit(to_ankle)
+        side = unit(subtract(along, scale(up, dot(along, up))))
+        cosine = min(cosine, 1.0)
+        turned = add(scale(up, cosine), scale(side, sqrt(1.0 - cosine * cosine)))
+        self.rotation = multiply(between(along, turned), self.rotation)
+        self.ankle = add(self.toe, scale(turned, foot))
+
     def _settle(self, y: float, velocity: float, rest: float, dt: float) -> float:
         s = self.settings
         return damp(y, velocity, rest, s.settle_halflife + s.settle_slower * abs(y - rest), dt)[0]
 
-    def _turn(self, leg: LegPose, ground: _Ground, dt: float) -> None:
+    def _turn(self, leg: LegPose, ground: PointHeights, dt: float) -> None:
         """Rotation of the foot: incoming, with its heading held and its sole laid flat while all of it is down."""
         s = self.settings
         ahead = rotate(leg.foot, self.bones.offsets[4])
         level = sqrt(ahead[0] * ahead[0] + ahead[2] * ahead[2]) > 0.04
-        tiptoe = self.heights[1] - self.heights[0] > s.still_height
+        heel_over_toe = -ahead[1] - (ANKLE_HEIGHT - TOE_HEIGHT)  # on level ground
+        tiptoe = min(self.heights[1] - self.heights[0], heel_over_toe) > s.still_height
         whole = bool(self.anchor) and self.toe_down and self.heel_down and level and not tiptoe
         heading = atan2(ahead[0], ahead[2])
         if whole:
@@ -308,7 +322,7 @@ class _Foot:
         self.tilt = (pairs[0][0], pairs[1][0], pairs[2][0])
         self.tilt_velocity = (pairs[0][1], pairs[1][1], pairs[2][1])
 
-    def _normal(self, ground: _Ground) -> Vector:
+    def _normal(self, ground: PointHeights) -> Vector:
         """Upward normal of the ground under the sole; straight up where the sole lies over an edge."""
         x, z, reach = 0.5 * (self.toe[0] + self.ankle[0]), 0.5 * (self.toe[2] + self.ankle[2]), 0.07
         dx = (ground.height(x + reach, z) - ground.height(x - reach, z)) / (2.0 * reach)
@@ -316,7 +330,7 @@ class _Foot:
         steep = sqrt(dx * dx + dz * dz) > self.settings.edge_slope
         return (0.0, 1.0, 0.0) if steep else unit((-dx, 1.0, -dz))
 
-    def _support(self, ground: _Ground) -> float:
+    def _support(self, ground: PointHeights) -> float:
         """Height of the ground that carries a held toe: under the heel when the toe hangs over an edge."""
         under = ground.height(*self.point)
         if not self.heel_down:
@@ -325,7 +339,7 @@ class _Foot:
         over_edge = heel - under > self.settings.edge_slope * self.bones.foot_length
         return heel if over_edge else under
 
-    def _lift(self, leg: LegPose, ground: _Ground) -> float:
+    def _lift(self, leg: LegPose, ground: PointHeights) -> float:
         """Metres by which the swinging foot has to rise over its incoming height: ground below, edges ahead."""
         s = self.settings
         lift = s.refractory_lift if self.refractory > 0.0 else 0.0
@@ -352,7 +366,7 @@ class _Foot:
         self.offset = (pairs[0][0], pairs[1][0], pairs[2][0])
         self.offset_velocity = (pairs[0][1], pairs[1][1], pairs[2][1])
 
-    def _clear(self, ground: _Ground) -> None:
+    def _clear(self, ground: PointHeights) -> None:
         """Raise toe and ankle out of the ground, turning the foot so that it keeps its length."""
         s = self.settings
         toe_floor = ground.height(self.toe[0], self.toe[2]) + TOE_HEIGHT - s.sink
@@ -369,6 +383,11 @@ class _Foot:
             self.ankle, self.toe = ankle, add(ankle, sole)
         else:
             self.toe, self.ankle = toe, subtract(toe, sole)
+
+
+def _straightness(leg: LegPose, bones: LegBones) -> float:
+    """Share of its length that a leg may span: that of the incoming pose, and at least what needs no easing."""
+    return max(MAX_REACH - EASE_REACH, min(length(subtract(leg.ankle, leg.hip)) / bones.length, MAX_REACH))
 
 
 def _from_yaw(yaw: float) -> Quaternion:

@@ -1,0 +1,170 @@
+"""Feet stay where they stand, on any ground, without pops."""
+
+import numpy as np
+import pytest
+from walker import CYCLE_FRAMES, walk
+
+from benchmarks.feet import skating, sole_skating, toe_heights
+from runtime import rotations
+from runtime.foot_lock import FootLock
+from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, J
+from runtime.terrain import Terrain
+from runtime.terrain_library import make_terrain
+
+DT = 1 / 60
+TOES, ANKLES, KNEES = [5, 10], [4, 9], [3, 8]
+
+
+def planted(hips, local, contacts, terrain, lock=None):
+    """World positions `(T, 31, 3)` after the foot lock, and what held the feet."""
+    lock = lock or FootLock()
+    results, held = [], []
+    for frame in zip(hips, local, contacts, strict=True):
+        results.append(lock.apply(*frame, terrain, DT))
+        held.append(lock.held)
+    out_hips = np.stack([r.hips_position for r in results])
+    positions, _ = SPORT_SKELETON.forward_kinematics(out_hips, np.stack([r.local_rotations for r in results]))
+    return positions, held
+
+
+def forward(hips, local):
+    return SPORT_SKELETON.forward_kinematics(hips, local)[0]
+
+
+def slope(rise=0.2):
+    heights = np.repeat(np.linspace(-4, 4, 81)[None] * rise, 81, axis=0)
+    return Terrain("slope", heights.astype(np.float32), 0.1, (-4.0, -4.0))
+
+
+def test_a_clean_walk_on_flat_ground_passes_nearly_unchanged():
+    hips, local, contacts = walk(3 * CYCLE_FRAMES)
+    positions, _ = planted(hips, local, contacts, Terrain.flat())
+    before = forward(hips, local)
+    assert np.abs(positions - before)[:, ANKLES].max() < 0.03
+    others = [j for j in range(J) if j not in (*KNEES, *ANKLES, *TOES)]
+    assert np.abs(positions - before)[:, others].max() < 0.015
+
+
+@pytest.mark.parametrize("drift", [(0.1, 0.0), (0.0, 0.15), (-0.08, -0.1)])
+def test_drifting_roots_do_not_make_feet_skate(drift):
+    hips, local, contacts = walk(6 * CYCLE_FRAMES, drift)
+    ground = Terrain.flat()
+    positions, held = planted(hips, local, contacts, ground)
+    before = sole_skating(forward(hips, local), ground).mean()
+    after = sole_skating(positions, ground).mean()
+    assert before > 0.05
+    assert after < 0.7 * before  # what is left is the swing's own beginning and end
+    assert skating(positions, ground).mean() <= 0.05
+    for side, joint in enumerate(TOES):
+        still = np.array([held[i][side] == held[i - 1][side] == "toe" for i in range(1, len(held))])
+        moved = np.linalg.norm(np.diff(positions[:, joint][:, [0, 2]], axis=0), axis=-1)
+        assert still.mean() > 0.3
+        assert moved[still].max() < 1.5e-3
+
+
+@pytest.mark.parametrize("name", ["hills", "rough", "stairs", "platforms"])
+def test_toes_stay_above_uneven_ground(name):
+    ground = make_terrain(name)
+    hips, local, contacts = walk(10 * CYCLE_FRAMES, terrain=ground)
+    assert toe_heights(forward(hips, local), ground).min() < -0.01  # the incoming feet sink
+    positions, _ = planted(hips, local, contacts, ground)
+    assert np.percentile(toe_heights(positions, ground), 1) > 0.01
+    ankles = positions[:, ANKLES].astype(float)
+    over = ankles[..., 1] - ground.height(ankles[..., 0], ankles[..., 2])
+    assert np.percentile(over, 1) > 0.03
+
+
+def test_bones_keep_their_lengths_and_knees_their_side():
+    ground = make_terrain("stairs")
+    hips, local, contacts = walk(8 * CYCLE_FRAMES, (0.1, 0.1), ground)
+    positions, _ = planted(hips, local, contacts, ground)
+    parents = list(SPORT_SKELETON.parents[1:])
+    lengths = np.linalg.norm(positions[:, 1:] - positions[:, parents], axis=-1)
+    expected = np.linalg.norm(SPORT_SKELETON.offsets[1:], axis=-1)
+    np.testing.assert_allclose(lengths, np.broadcast_to(expected, lengths.shape), atol=1e-4)
+    knees, ends = positions[:, KNEES], (positions[:, [2, 7]] + positions[:, ANKLES]) / 2
+    assert (knees - ends)[..., 2].min() > -0.01  # the walk faces +Z
+
+
+@pytest.mark.parametrize("name", ["flat", "hills"])
+def test_nothing_pops(name):
+    ground = make_terrain(name)
+    hips, local, contacts = walk(8 * CYCLE_FRAMES, (0.08, 0.1), ground)
+    positions, _ = planted(hips, local, contacts, ground)
+    before = forward(hips, local)
+    for joints, room in ((TOES, 0.012), (ANKLES, 0.012), ([0], 0.004)):
+        jerk = np.linalg.norm(np.diff(positions[:, joints], n=2, axis=0), axis=-1)
+        usual = np.linalg.norm(np.diff(before[:, joints], n=2, axis=0), axis=-1)
+        assert jerk.max() < usual.max() + room
+
+
+def standing(frames, lift=0.0):
+    """Upright, both feet flat."""
+    local = rotations.identity((frames, J))
+    hips = np.tile([0.0, 0.1013 + 0.4118 + 0.4233 + ANKLE_HEIGHT - 0.03 + lift, 0.0], (frames, 1))
+    return hips.astype(np.float32), local, np.ones((frames, 4), np.float32)
+
+
+def test_feet_of_a_stander_lie_flat_on_a_slope():
+    ground = slope()
+    positions, _ = planted(*standing(60), ground)
+    toes, ankles = positions[-1, TOES].astype(float), positions[-1, ANKLES].astype(float)
+    assert toes[:, 1] - ground.height(toes[:, 0], toes[:, 2]) == pytest.approx([TOE_HEIGHT] * 2, abs=0.004)
+    assert ankles[:, 1] - ground.height(ankles[:, 0], ankles[:, 2]) == pytest.approx(
+        [ANKLE_HEIGHT] * 2, abs=0.008
+    )
+
+
+def test_hips_sink_smoothly_where_the_ground_falls_away():
+    ground = Terrain("lower", np.full((21, 21), -0.12, np.float32), 0.5, (-5.0, -5.0))
+    hips, local, contacts = standing(60)
+    positions, _ = planted(hips, local, contacts, ground)
+    sunk = hips[:, 1] - positions[:, 0, 1]
+    assert sunk[-1] > 0.08
+    assert np.all(np.diff(sunk) > -1e-4)
+    assert np.diff(sunk).max() < 0.015
+    assert toe_heights(positions, ground)[-1] == pytest.approx([TOE_HEIGHT] * 2, abs=0.01)
+
+
+def test_a_standing_root_that_wanders_off_releases_one_foot_after_the_other():
+    hips, local, contacts = standing(180)
+    hips[:, 0] += np.linspace(0.0, 0.5, 180)
+    positions, held = planted(hips, local, contacts, Terrain.flat())
+    assert any(h == ("", "toe") or h == ("toe", "") for h in held)
+    assert np.abs(positions[:, TOES, 0] - forward(hips, local)[:, TOES, 0]).max() < 0.33
+    speed = np.linalg.norm(np.diff(positions[:, TOES], axis=0), axis=-1) * 60
+    assert speed.max() < 5.0
+
+
+def test_a_raised_foot_follows_the_pose_again():
+    hips, local, contacts = standing(120)
+    hips[:, 0] += np.minimum(np.arange(120), 60) * 0.001  # 6 cm of drift while it stands
+    contacts[60:] = 0.0
+    hips[60:, 1] += np.minimum(np.arange(60) * 0.02, 0.3)  # then it jumps
+    positions, held = planted(hips, local, contacts, Terrain.flat())
+    before = forward(hips, local)
+    assert np.abs(positions - before)[59, TOES].max() > 0.04
+    assert held[-1] == ("", "")
+    feet = ANKLES + TOES
+    np.testing.assert_allclose(positions[-1, feet], before[-1, feet], atol=6e-3)  # a straight leg is eased
+
+
+def test_reset_forgets_and_equal_input_gives_equal_output():
+    hips, local, contacts = walk(2 * CYCLE_FRAMES, (0.1, 0.1))
+    lock = FootLock()
+    first, _ = planted(hips, local, contacts, Terrain.flat(), lock)
+    again, _ = planted(hips + np.float32([3.0, 0.0, 0.0]), local, contacts, Terrain.flat(), lock)
+    lock.reset()
+    third, _ = planted(hips, local, contacts, Terrain.flat(), lock)
+    np.testing.assert_array_equal(first, third)
+    assert not np.array_equal(first, again)
+
+
+def test_types_and_inputs_are_left_as_they_were():
+    hips, local, contacts = standing(1)
+    copies = hips.copy(), local.copy()
+    result = FootLock().apply(hips[0], local[0], contacts[0], slope(), DT)
+    assert result.hips_position.dtype == np.float32
+    assert result.local_rotations.shape == (J, 4)
+    np.testing.assert_array_equal(hips, copies[0])
+    np.testing.assert_array_equal(local, copies[1])

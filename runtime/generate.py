@@ -72,6 +72,7 @@ def generate_clip(
     """
     from runtime.controller import Controller
     from runtime.model import load_model
+    from runtime.prompts.expander import check_prompt
     from runtime.terrain_library import load_terrain
 
     if not 1.0 / FPS <= seconds <= MAX_SECONDS:
@@ -79,8 +80,10 @@ def generate_clip(
     if not 0.0 <= transition_seconds <= 60.0:
         raise UsageError(f"--transition {transition_seconds}: expected 0 to 60 seconds.", "Try 1.")
     script = control_script(path, gait, speed, seed)
-    ground = terrain if isinstance(terrain, Terrain) else load_terrain(terrain)
     events = (PromptEvent(0.0, prompt),) if isinstance(prompt, str) else tuple(prompt)
+    for event in events:
+        check_prompt(event.prompt)
+    ground = terrain if isinstance(terrain, Terrain) else load_terrain(terrain)
     motion_model = load_model(model)
     to_style = open_prompter(motion_model)
     styles = [(event.seconds, to_style(event.prompt)) for event in events]

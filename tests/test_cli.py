@@ -1,0 +1,144 @@
+"""The `sport` command: help, exit codes, and one sentence for every mistake."""
+
+import subprocess
+import sys
+import types
+
+import pytest
+import test_generate
+from walker import WalkerModel
+
+import runtime.generate as generate_module
+import runtime.model
+import sport
+from runtime.assets import PROJECT_ROOT
+from runtime.bvh import read_bvh
+from runtime.clip import load_clip_bvh
+
+
+@pytest.fixture
+def walker(monkeypatch):
+    monkeypatch.setattr(runtime.model, "load_model", lambda folder=None, threads=1: WalkerModel())
+    monkeypatch.setattr(generate_module, "open_prompter", lambda model: test_generate.style_of)
+
+
+@pytest.fixture
+def viewed(monkeypatch):
+    """Options that reach the viewer, in place of a window."""
+    seen = []
+    app = types.ModuleType("viewer.app")
+    app.run = lambda options: seen.append(options) or 0
+    monkeypatch.setitem(sys.modules, "viewer.app", app)
+    return seen
+
+
+def test_help_names_every_command(capsys):
+    with pytest.raises(SystemExit) as end:
+        sport.main(["--help"])
+    assert end.value.code == 0
+    text = capsys.readouterr().out
+    for word in ("view", "generate", "bench", "train", "evaluate", "examples", "--offscreen", "--out"):
+        assert word in text
+
+
+def test_plain_sport_opens_the_viewer(viewed):
+    assert sport.main([]) == 0
+    assert viewed[0].offscreen is False
+    assert viewed[0].terrain is None
+
+
+def test_view_options_arrive(viewed, tmp_path):
+    shot = tmp_path / "shot.png"
+    sport.main(["view", "--offscreen", "--frames", "9", "--screenshot", str(shot), "--size", "640x360",
+                "--terrain", "stairs", "--prompt", "proud", "--seed", "4", "--no-panels"])  # fmt: skip
+    options = viewed[0]
+    assert (options.offscreen, options.frames, options.screenshot) == (True, 9, shot)
+    assert (options.width, options.height, options.terrain, options.prompt) == (640, 360, "stairs", "proud")
+    assert (options.seed, options.panels) == (4, False)
+
+
+def test_generate_writes_a_clip_that_is_the_same_each_time(walker, tmp_path, capsys):
+    arguments = ["generate", "--prompt", "proud", "--path", "circle", "--seconds", "1.5", "--seed", "3"]
+    one, two = tmp_path / "one.bvh", tmp_path / "two.bvh"
+    assert sport.main([*arguments, "--out", str(one)]) == 0
+    assert sport.main([*arguments, "--out", str(two)]) == 0
+    assert one.read_bytes() == two.read_bytes()
+    assert "90 frames" in capsys.readouterr().out
+    assert len(load_clip_bvh(one)) == 90
+    assert sport.main([*arguments, "--fps", "30", "--unit", "m", "--out", str(two)]) == 0
+    motion = read_bvh(two)
+    assert (round(motion.fps), len(motion.positions)) == (30, 45)
+    assert 0.5 < motion.positions[0, 0, 1] < 1.5
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["generate", "--terrain", "lava", "--out", "OUT"], "lava"),
+        (["generate", "--terrain", "none.png", "--out", "OUT"], "none.png"),
+        (["generate", "--prompt", "", "--out", "OUT"], "prompt"),
+        (["generate", "--prompt", "x" * 10_000, "--out", "OUT"], "prompt"),
+        (["generate", "--prompts", "drunk", "--out", "OUT"], "SECONDS:PROMPT"),
+        (["generate", "--gait", "fly", "--out", "OUT"], "--gait"),
+        (["generate", "--path", "up", "--out", "OUT"], "--path"),
+        (["generate", "--seconds", "-1", "--out", "OUT"], "--seconds"),
+        (["generate", "--seconds", "nan", "--out", "OUT"], "--seconds"),
+        (["generate", "--seed", "-1", "--out", "OUT"], "--seed"),
+        (["generate", "--fps", "0", "--out", "OUT"], "frames per second"),
+        (["generate", "--unit", "inch", "--out", "OUT"], "inch"),
+        (["view", "--size", "big"], "--size big"),
+        (["view", "--frames", "0"], "--frames 0"),
+        (["bench", "--frames", "1"], "--frames 1"),
+    ],
+)
+def test_mistakes_are_one_sentence_and_exit_code_2(walker, viewed, arguments, expected, tmp_path, capsys):
+    out = tmp_path / "out.bvh"
+    assert sport.main([str(out) if a == "OUT" else a for a in arguments]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("sport: ")
+    assert expected in error
+    assert error.count("\n") == 1
+    assert not out.exists()
+
+
+def test_a_missing_model_is_named(tmp_path, capsys):
+    folder = tmp_path / "nowhere"
+    assert sport.main(["generate", "--model", str(folder), "--out", str(tmp_path / "x.bvh")]) == 2
+    assert "nowhere" in capsys.readouterr().err
+
+
+def test_unknown_commands_and_missing_options_exit_with_2(capsys):
+    for arguments in (["dance"], ["generate"]):
+        with pytest.raises(SystemExit) as end:
+            sport.main(arguments)
+        assert end.value.code == 2
+    assert "--out" in capsys.readouterr().err
+
+
+def test_training_without_torch_says_what_to_install(monkeypatch, capsys):
+    for name in [name for name in sys.modules if name.split(".")[0] == "training"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "torch", None)  # as if it were not installed
+    assert sport.main(["train", "all", "--out", "x"]) == 2
+    error = capsys.readouterr().err
+    assert "torch" in error
+    assert "pip install -e '.[train]'" in error
+
+
+def test_training_commands_hand_on_their_arguments(monkeypatch):
+    stub = types.ModuleType("training.pipeline")
+    stub.main = lambda argv: len(argv)
+    monkeypatch.setitem(sys.modules, "training.pipeline", stub)
+    assert sport.main(["train", "all", "--out", "x"]) == 3
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys, sport\n"
+        "try:\n    sport.main(['--help'])\nexcept SystemExit:\n    pass\n"
+        "print([m for m in ('numpy', 'onnxruntime', 'torch', 'imgui_bundle', 'trimesh', 'PIL') if m in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=PROJECT_ROOT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip().endswith("[]")

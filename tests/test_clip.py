@@ -1,0 +1,200 @@
+"""Clips, the recorder that is always on, and takes as BVH."""
+
+import numpy as np
+import pytest
+from walker import walk
+
+from runtime import rotations
+from runtime.atomic import atomic_path, write_atomic
+from runtime.bvh import read_bvh
+from runtime.clip import Clip, ClipRecorder, PromptEvent, load_clip_bvh, save_bvh
+from runtime.errors import FileError, UsageError
+from runtime.pose import Pose
+from runtime.skeleton import SPORT_SKELETON, J
+
+
+def make_clip(frames=61, **changes):
+    return Clip(**{"name": "take", "fps": 60.0, **dict(zip(("hips_positions", "local_rotations", "contacts"),
+                walk(frames), strict=True)), **changes})  # fmt: skip
+
+
+def make_pose(x):
+    local = rotations.identity((J,))
+    hips = np.array([x, 1.0, 0.0], np.float32)
+    positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
+    return Pose(hips, local, positions, world, np.zeros(4, np.float32), hips * [1, 0, 1], 0.0)
+
+
+def test_poses_are_forward_kinematics_of_their_frame():
+    clip = make_clip()
+    positions, world = clip.world()
+    pose = clip.pose(7, ground_m=0.25)
+    np.testing.assert_allclose(pose.positions, positions[7], atol=1e-6)
+    np.testing.assert_allclose(pose.world_rotations, world[7], atol=1e-6)
+    assert pose.root_position[1] == pytest.approx(0.25)
+    assert pose.root_yaw == pytest.approx(0.0, abs=1e-6)
+
+
+def test_sampling_interpolates_and_stops_at_the_ends():
+    clip = make_clip()
+    np.testing.assert_allclose(clip.sample(10 / 60).hips_position, clip.hips_positions[10], atol=1e-6)
+    between = clip.sample(10.5 / 60).hips_position
+    np.testing.assert_allclose(between, clip.hips_positions[10:12].mean(0), atol=1e-6)
+    np.testing.assert_allclose(clip.sample(-1.0).hips_position, clip.hips_positions[0])
+    np.testing.assert_allclose(clip.sample(99.0).hips_position, clip.hips_positions[-1])
+
+
+def test_trimming_keeps_both_ends_and_the_prompt_in_force():
+    clip = make_clip(prompts=(PromptEvent(0.0, "a"), PromptEvent(0.25, "b"), PromptEvent(0.75, "c")))
+    part = clip.trim(30, 60)
+    assert len(part) == 31
+    np.testing.assert_array_equal(part.hips_positions, clip.hips_positions[30:61])
+    assert part.prompts == (PromptEvent(0.0, "b"), PromptEvent(0.25, "c"))
+    for first, last in ((-1, 5), (5, 4), (0, 61)):
+        with pytest.raises(UsageError, match="frames 0 to 60"):
+            clip.trim(first, last)
+
+
+@pytest.mark.parametrize(("fps", "frames"), [(30.0, 31), (60.0, 61), (120.0, 121), (24.0, 25)])
+def test_resampling_keeps_the_time(fps, frames):
+    clip = make_clip()
+    other = clip.resampled(fps)
+    assert len(other) == frames
+    assert other.seconds == pytest.approx(1.0)
+    np.testing.assert_allclose(other.hips_positions[-1], clip.hips_positions[-1], atol=1e-5)
+    np.testing.assert_allclose(np.linalg.norm(other.local_rotations, axis=-1), 1.0, atol=1e-5)
+
+
+def test_arrays_of_another_shape_are_refused():
+    clip = make_clip()
+    with pytest.raises(ValueError, match=r"expected \(T, 3\)"):
+        Clip("bad", 60.0, clip.hips_positions[:5], clip.local_rotations, clip.contacts)
+
+
+# --- recorder --------------------------------------------------------------------------------------------------------
+
+
+def test_a_take_is_what_was_added_between_start_and_stop():
+    recorder = ClipRecorder(max_seconds=1.0)
+    for k in range(10):
+        recorder.add(make_pose(k))
+    recorder.start()
+    for k in range(10, 15):
+        recorder.add(make_pose(k))
+    assert recorder.recording
+    assert recorder.take_seconds == pytest.approx(5 / 60)
+    clip = recorder.stop("mine", "hills")
+    assert not recorder.recording
+    assert (clip.name, clip.terrain) == ("mine", "hills")
+    np.testing.assert_array_equal(clip.hips_positions[:, 0], np.arange(10, 15))
+    assert clip.local_rotations.shape == (5, J, 4)
+
+
+def test_the_past_is_kept_for_a_while_and_a_running_take_longer():
+    recorder = ClipRecorder(max_seconds=0.5)
+    for k in range(100):
+        recorder.add(make_pose(k))
+    assert recorder.seconds == pytest.approx(0.5)
+    np.testing.assert_array_equal(recorder.last(0.1).hips_positions[:, 0], np.arange(94, 100))
+    np.testing.assert_array_equal(recorder.last(99.0).hips_positions[:, 0], np.arange(70, 100))
+    recorder.start()
+    for k in range(100, 200):
+        recorder.add(make_pose(k))
+    np.testing.assert_array_equal(recorder.stop().hips_positions[:, 0], np.arange(100, 200))
+    recorder.add(make_pose(200))
+    assert recorder.seconds == pytest.approx(0.5)
+
+
+def test_prompts_are_placed_in_the_take():
+    recorder = ClipRecorder()
+    recorder.mark_prompt("calm")
+    for k in range(30):
+        recorder.add(make_pose(k))
+    recorder.start()
+    for k in range(60):
+        if k == 15:
+            recorder.mark_prompt("drunk")
+        recorder.add(make_pose(k))
+    assert recorder.stop().prompts == (PromptEvent(0.0, "calm"), PromptEvent(0.25, "drunk"))
+
+
+def test_stopping_without_a_take_is_an_error():
+    recorder = ClipRecorder()
+    with pytest.raises(UsageError, match="no take"):
+        recorder.stop()
+    with pytest.raises(UsageError, match="nothing is recorded"):
+        recorder.last(1.0)
+
+
+# --- BVH -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("fps", "unit", "order"), [(60, "cm", "ZYX"), (30, "m", "YXZ"), (120, "cm", "XYZ")])
+def test_a_saved_clip_reads_back(tmp_path, fps, unit, order):
+    clip = make_clip()
+    path = save_bvh(clip, tmp_path / "new" / "take.bvh", fps, unit, order)
+    back, wanted = load_clip_bvh(path), clip.resampled(fps)
+    assert (back.name, back.fps, len(back)) == ("take", fps, len(wanted))
+    np.testing.assert_allclose(back.world()[0], wanted.world()[0], atol=1e-4)
+    np.testing.assert_allclose(back.hips_positions, wanted.hips_positions, atol=1e-5)
+    assert [p.name for p in path.parent.iterdir()] == ["take.bvh"]
+
+
+def test_joint_names_and_channels_are_what_readers_expect(tmp_path):
+    text = save_bvh(make_clip(), tmp_path / "take.bvh").read_text()
+    joints = [line.split() for line in text.splitlines() if line.split()[0] in ("ROOT", "JOINT")]
+    assert [words[1] for words in joints] == [
+        read_bvh(tmp_path / "take.bvh").skeleton.names[k] for k in range(J)
+    ]
+    assert all(len(words) == 2 for words in joints)
+    assert text.count("CHANNELS 6 Xposition Yposition Zposition") == 1
+    assert text.count("End Site") == sum(not c for c in SPORT_SKELETON.children)
+
+
+@pytest.mark.parametrize(("fps", "unit", "order"), [(0, "cm", "ZYX"), (60, "inch", "ZYX"), (60, "cm", "ZZX")])
+def test_unknown_options_are_refused_before_anything_is_written(tmp_path, fps, unit, order):
+    with pytest.raises(UsageError):
+        save_bvh(make_clip(), tmp_path / "take.bvh", fps, unit, order)
+    assert not list(tmp_path.iterdir())
+
+
+def test_missing_joints_are_named(tmp_path):
+    path = save_bvh(make_clip(), tmp_path / "take.bvh")
+    path.write_text(
+        path.read_text().replace("JOINT LThumb", "JOINT Pinky").replace("JOINT Head", "JOINT Skull")
+    )
+    with pytest.raises(FileError, match=r"take\.bvh: joint Head, LThumb is missing"):
+        load_clip_bvh(path)
+
+
+def test_another_rest_pose_is_named(tmp_path):
+    path = save_bvh(make_clip(), tmp_path / "take.bvh")
+    old = "JOINT LeftForeArm\n"
+    head, tail = path.read_text().split(old, 1)
+    path.write_text(head + old + tail.replace("OFFSET 28.13000 0.00000", "OFFSET 0.00000 -28.13000", 1))
+    with pytest.raises(FileError, match="LeftForeArm rests"):
+        load_clip_bvh(path)
+
+
+# --- atomic files ----------------------------------------------------------------------------------------------------
+
+
+def test_an_interrupted_write_leaves_the_old_file(tmp_path):
+    target = tmp_path / "take.bvh"
+    target.write_text("old")
+
+    def interrupted():
+        with atomic_path(target) as temporary:
+            temporary.write_text("half of the n")
+            raise RuntimeError("power cut")
+
+    with pytest.raises(RuntimeError, match="power cut"):
+        interrupted()
+    assert target.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["take.bvh"]
+
+
+def test_a_place_that_cannot_be_written_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileError, match=r"take\.bvh"):
+        write_atomic(tmp_path / "file" / "take.bvh", "x")

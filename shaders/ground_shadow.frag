@@ -20,7 +20,8 @@ float occlusion() {
         vec3 from_heel = position - foot_heel[i].xyz;
         float t = clamp(dot(from_heel, along) / max(dot(along, along), 1e-6), 0.0, 1.0);
         vec3 apart = (from_heel - t * along) / foot_heel[i].w;
-        open *= 1.0 - foot_toe[i].w * exp(-dot(apart, apart));
+        float near = max(1.0 - dot(apart, apart), 0.0);
+        open *= 1.0 - foot_toe[i].w * near * near;
     }
     return open;
 }

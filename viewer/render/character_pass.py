@@ -102,7 +102,7 @@ class CharacterPass:
             return
         slots = np.zeros((len(draws), MAX_JOINTS, 4, 4), np.float32)
         for slot, draw in zip(slots, draws, strict=True):
-            matrices = self._mesh.skin_matrices(draw.pose)
+            matrices = self._mesh.skin_matrices(draw.pose)[:MAX_JOINTS]
             slot[: len(matrices)] = matrices
         self._joints.orphan(slots.nbytes)
         self._joints.write(slots.tobytes())

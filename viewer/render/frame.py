@@ -18,6 +18,7 @@ Array = NDArray[np.floating]
 SUN_DIRECTION = np.array([0.480, 0.768, 0.424])  # unit, towards the sun; 50 degrees high
 FOG_BEGIN_M, FOG_END_M = 7.0, 46.0
 SHADOW_MARGIN_M = 0.35  # flesh around joints
+GROUND_MARGIN_M = 0.45  # darkness around feet and bodies
 SHADOW_REACH_M = 9.0  # of terrain shadows around the character
 
 
@@ -37,7 +38,7 @@ class Frame:
         if not len(self.cast):
             return np.zeros(2), np.zeros(2)
         low, high = self.cast[:, ::2].min(0), self.cast[:, ::2].max(0)
-        spare = np.maximum(SHADOW_MARGIN_M, reach_m - 0.5 * (high - low))
+        spare = np.maximum(GROUND_MARGIN_M, reach_m - 0.5 * (high - low))
         return low - spare, high + spare
 
     def screen_box(self, points: Array, margin_m: float) -> tuple[int, int, int, int]:

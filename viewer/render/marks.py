@@ -18,9 +18,9 @@ STROKE = np.dtype(
 )
 
 # Radii in metres on the ground, in pixels of a picture 720 high on top; colours sRGB.
-FOOT_RADIUS_M = 0.085
-FOOT_STRENGTH = 0.55
-BODY_RADIUS_M = 0.42
+FOOT_RADIUS_M = 0.145
+FOOT_STRENGTH = 0.60
+BODY_RADIUS_M = 0.60
 BODY_STRENGTH = 0.16
 DOT_RADIUS_M = 0.038
 TICK_RADIUS_M = 0.013

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import moderngl
 
 from viewer.render.gl import scissored, set_uniforms
@@ -30,16 +32,13 @@ class SceneTarget:
 
     def __init__(self, ctx: moderngl.Context, quality: Quality) -> None:
         self._ctx = ctx
+        self._quality = quality
         self._samples = min(quality.msaa, ctx.max_samples)
-        self._scale = quality.render_scale
         self._shown_size = (0, 0)
-        self._color: moderngl.Texture | moderngl.Renderbuffer | None = None
-        self._depth: moderngl.Renderbuffer | None = None
-        self._framebuffer: moderngl.Framebuffer | None = None
-        self._color_only: moderngl.Framebuffer | None = (
-            None  # a blit would copy depth too, which may not match
-        )
-        self._smooth = quality.smooth_edges and not self._samples
+        self._scene: moderngl.Framebuffer | None = None
+        self._resolved: moderngl.Framebuffer | None = None  # its colour alone, one sample a pixel
+        self._picture: moderngl.Texture | None = None  # that colour, to read
+        self._attachments: list[moderngl.Texture | moderngl.Renderbuffer] = []
         self._programs = [
             load_program(ctx, "sky.vert", name) for name in ("stretch.frag", "smooth_edges.frag")
         ]
@@ -47,41 +46,44 @@ class SceneTarget:
 
     def begin(self, shown_size: tuple[int, int]) -> moderngl.Framebuffer:
         """The scene's framebuffer for a picture of `shown_size` pixels, made anew when the size has changed."""
-        if self._framebuffer is None or shown_size != self._shown_size:
+        if self._scene is None or shown_size != self._shown_size:
             self._free()
             self._shown_size = shown_size
-            size = (max(round(shown_size[0] * self._scale), 1), max(round(shown_size[1] * self._scale), 1))
-            if self._samples:
-                self._color = self._ctx.renderbuffer(size, 4, samples=self._samples)
-            else:
-                self._color = self._ctx.texture(size, 4)
-            self._depth = self._ctx.depth_renderbuffer(size, samples=self._samples)
-            self._framebuffer = self._ctx.framebuffer([self._color], self._depth)
-            self._color_only = self._ctx.framebuffer([self._color])
-        return self._framebuffer
+            size = scene_size(shown_size, self._quality)
+            self._picture = self._ctx.texture(size, 4)
+            depth = self._ctx.depth_renderbuffer(size, samples=self._samples)
+            color = self._ctx.renderbuffer(size, 4, samples=self._samples) if self._samples else self._picture
+            self._attachments = [self._picture, depth, *([color] if self._samples else [])]
+            self._scene = self._ctx.framebuffer([color], depth)
+            self._resolved = self._ctx.framebuffer([self._picture])
+        return self._scene
 
     def present(self, target: moderngl.Framebuffer, edges: tuple[int, int, int, int]) -> None:
-        """Copy, resolve or stretch the scene into `target`; soften edges in the scene's pixels `edges` (x, y, w, h)."""
-        assert self._framebuffer is not None
-        assert self._color_only is not None
-        same_size = self._framebuffer.size == target.size
-        if same_size:
-            self._ctx.copy_framebuffer(target, self._color_only)
+        """Copy or stretch the scene into `target`; soften edges in the scene's pixels `edges` (x, y, w, h)."""
+        assert self._scene is not None
+        assert self._resolved is not None
+        assert self._picture is not None
+        if self._samples:
+            self._ctx.copy_framebuffer(self._resolved, self._scene)
+        same_size = self._scene.size == target.size
+        if same_size:  # not from the scene itself: its depth might not fit the target's
+            self._ctx.copy_framebuffer(target, self._resolved)
         target.use()
         self._ctx.enable_only(moderngl.NOTHING)
-        if isinstance(self._color, moderngl.Texture):
-            self._color.use(0)
-            if not same_size:
-                self._stretch.render(moderngl.TRIANGLES, vertices=3)
-            elif self._smooth and edges[2] * edges[3] > 0:
-                set_uniforms(self._programs[1], {"texel": (1 / target.width, 1 / target.height)})
-                with scissored(target, edges):
-                    self._soften.render(moderngl.TRIANGLES, vertices=3)
+        self._picture.use(0)
+        if not same_size:
+            self._stretch.render(moderngl.TRIANGLES, vertices=3)
+        elif self._quality.smooth_edges and not self._samples and edges[2] * edges[3] > 0:
+            set_uniforms(self._programs[1], {"texel": (1 / target.width, 1 / target.height)})
+            with scissored(target, edges):
+                self._soften.render(moderngl.TRIANGLES, vertices=3)
 
     def _free(self) -> None:
-        for item in (self._color_only, self._framebuffer, self._depth, self._color):
-            if item is not None:
-                item.release()
+        for framebuffer in (self._scene, self._resolved):
+            if framebuffer is not None:
+                framebuffer.release()
+        for attachment in self._attachments:
+            attachment.release()
 
     def release(self) -> None:
         """Free the GPU objects."""
@@ -90,3 +92,12 @@ class SceneTarget:
             array.release()
         for program in self._programs:
             program.release()
+
+
+def scene_size(shown_size: tuple[int, int], quality: Quality) -> tuple[int, int]:
+    """Pixels to render for a picture of `shown_size` pixels."""
+    width, height = (side * quality.render_scale for side in shown_size)
+    if quality.max_pixels and width * height > quality.max_pixels:
+        shrink = math.sqrt(quality.max_pixels / (width * height))
+        width, height = width * shrink, height * shrink
+    return max(round(width), 1), max(round(height), 1)

@@ -6,18 +6,20 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from render_scene import hills
 
 from viewer.camera import FollowCamera, OrbitCamera, spring
 
+untimed = settings(deadline=None)  # a busy machine must not fail them
 yaws = st.floats(-math.pi, math.pi)
 pitches = st.floats(-0.3, 1.4)
 distances = st.floats(0.7, 40.0)
 ndc = st.floats(-0.95, 0.95)
 
 
+@untimed
 @given(yaws, pitches, distances)
 def test_view_is_a_rigid_motion_that_looks_at_the_target(yaw: float, pitch: float, distance: float) -> None:
     camera = OrbitCamera((1.0, 2.0, -3.0), yaw, pitch, distance)
@@ -27,6 +29,7 @@ def test_view_is_a_rigid_motion_that_looks_at_the_target(yaw: float, pitch: floa
     np.testing.assert_allclose(view @ [1.0, 2.0, -3.0, 1.0], [0, 0, -distance, 1], atol=1e-4 * distance)
 
 
+@untimed
 @given(yaws, pitches, distances)
 def test_heading_is_the_ground_direction_of_the_view(yaw: float, pitch: float, distance: float) -> None:
     camera = OrbitCamera((0.0, 1.0, 0.0), yaw, pitch, distance)
@@ -36,6 +39,7 @@ def test_heading_is_the_ground_direction_of_the_view(yaw: float, pitch: float, d
     )
 
 
+@untimed
 @given(yaws, pitches, ndc, ndc, st.floats(0.5, 3.0))
 def test_ray_goes_through_the_point_that_projects_there(yaw, pitch, x, y, aspect) -> None:
     camera = OrbitCamera((0.5, 1.0, 0.2), yaw, pitch, 5.0)
@@ -65,6 +69,7 @@ def test_orbit_drags_the_scene() -> None:
     assert camera.pitch == camera.MAX_PITCH
 
 
+@untimed
 @given(yaws, pitches, st.floats(-200, 200), st.floats(-200, 200))
 def test_pan_keeps_the_target_under_the_pointer(yaw: float, pitch: float, dx: float, dy: float) -> None:
     camera = OrbitCamera((0.0, 1.0, 0.0), yaw, pitch, 4.0)
@@ -84,6 +89,7 @@ def test_zoom_stays_in_range() -> None:
     assert camera.distance == camera.MAX_DISTANCE
 
 
+@untimed
 @given(st.floats(-5, 5), st.floats(-5, 5), st.floats(-5, 5), st.floats(0.02, 1.0), st.floats(0.001, 0.2))
 def test_spring_does_not_depend_on_the_frame_rate(value, velocity, goal, half_life, dt) -> None:
     arguments = np.array(goal), half_life

@@ -38,8 +38,9 @@ class Terrain:
     def height(self, x: Array | float, z: Array | float) -> Array:
         """Bilinear height in metres at x, z (any equal shapes)."""
         nx, nz = self.heights.shape
-        u = np.clip((np.asarray(x) - self.origin[0]) / self.cell_m, 0.0, nx - 1.000001)
-        v = np.clip((np.asarray(z) - self.origin[1]) / self.cell_m, 0.0, nz - 1.000001)
+        # float64: in float32 the upper clip bound would round up onto the edge
+        u = np.clip((np.asarray(x, np.float64) - self.origin[0]) / self.cell_m, 0.0, nx - 1.000001)
+        v = np.clip((np.asarray(z, np.float64) - self.origin[1]) / self.cell_m, 0.0, nz - 1.000001)
         i, j = u.astype(np.int64), v.astype(np.int64)
         fu, fv = u - i, v - j
         h = self.heights

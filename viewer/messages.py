@@ -38,6 +38,7 @@ class Messages:
     """The current message and the recent ones, newest last."""
 
     clock: Callable[[], float] = time.monotonic
+    logged: bool = True  # False while the caller raises what goes wrong, so that it is not told twice
     recent: deque[Message] = field(default_factory=lambda: deque(maxlen=50))
 
     def post(self, text: str, level: Level = Level.NOTE) -> None:
@@ -47,7 +48,8 @@ class Messages:
         if last is not None and (last.text, last.level) == (message.text, level):
             self.recent[-1] = message
             return
-        _LOG.log(_LOG_LEVELS[level], "%s", message.text)
+        if self.logged:
+            _LOG.log(_LOG_LEVELS[level], "%s", message.text)
         self.recent.append(message)
 
     def note(self, text: str) -> None:

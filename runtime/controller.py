@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from runtime import features, rotations
 from runtime.controls import Controls, Gait
-from runtime.features import FPS, FUTURE_PHASE_OFFSETS, GAITS, InputParts, split_output
+from runtime.features import FPS, GAITS, InputParts, split_output
 from runtime.foot_lock import FootLock
 from runtime.model import MotionModel, Style
+from runtime.phase import advance_phase
 from runtime.pose import Pose
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain import Terrain
@@ -223,12 +224,7 @@ class Controller:
         positions, _ = SPORT_SKELETON.forward_kinematics(*self._unlocked)
         body.joints = features.relative_joints(positions, t.xz[PRESENT], np.array(self._ground), np.array(yaw))
         body.velocities = y.joint_velocities
-        body.phase[:PRESENT] = body.phase[1 : PRESENT + 1]
-        dense = np.arange(0, PRESENT + 1)
-        flat = y.phase.reshape(len(FUTURE_PHASE_OFFSETS), -1)
-        body.phase[PRESENT:] = np.stack(
-            [np.interp(dense, FUTURE_PHASE_OFFSETS, column) for column in flat.T], axis=-1
-        ).reshape(-1, features.C, 2)
+        body.phase = advance_phase(body.phase, y.phase)
         velocity = features.to_world(y.root[:2], yaw)
         velocity = self._pulled(velocity)
         next_yaw = yaw + y.root[2] * DT

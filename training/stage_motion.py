@@ -19,6 +19,7 @@ from training.networks.decoder import blend_codes
 from training.networks.diffusion import Schedule, add_noise, analytic_variance, noise_estimate
 from training.networks.generator import Generator
 from training.presets import ModelConfig
+from training.rollouts import RolloutLanes, normalised
 from training.session import MovingAverage, Session, StageState, save_checkpoint, train
 
 _FEET = [SPORT_SKELETON.index(n) for n in ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")]
@@ -76,29 +77,6 @@ def _corrupt(x: Tensor, level: float) -> Tensor:
     return x + noise
 
 
-def feed_back(data: MotionData, x: Tensor, y: Tensor) -> Tensor:
-    """x of the next frame with the pose and future phases replaced by the prediction y (both normalised)."""
-    normal = data.normal
-    real = y * normal.y_deviation + normal.y_mean
-    x = x * normal.x_deviation + normal.x_mean
-    for name in ("joint_positions", "joint_velocities"):
-        x[:, INPUT[name]] = real[:, OUTPUT[name]]
-    phase = OUTPUT["phase"]
-    x[:, INPUT["phase"].stop - (phase.stop - phase.start) : INPUT["phase"].stop] = real[:, phase]
-    return (x - normal.x_mean) / normal.x_deviation
-
-
-@torch.no_grad()
-def rolled_input(
-    data: MotionData, predict: Callable[[Tensor, Tensor], Tensor], rows: Tensor, patch: Tensor, z: Tensor, ahead: int
-) -> Tensor:
-    """x of frames `rows + ahead` as an autoregressive rollout of `ahead` frames would make it."""
-    x = data.input(rows, patch)
-    for k in range(1, ahead + 1):
-        x = feed_back(data, data.input(rows + k, patch), predict(x, z))
-    return x
-
-
 def stage2_loss(data: MotionData, target: Tensor, predicted: Tensor) -> dict[str, Tensor]:
     """Eq. 10 to 13: weighted MSE of M and the contact term; the squared foot velocity is that of the predicted j^v."""
     weights = loss_weights(target.device)
@@ -113,12 +91,31 @@ def stage2_loss(data: MotionData, target: Tensor, predicted: Tensor) -> dict[str
 
 
 CONTACT_WEIGHT = 0.1
-ROLL_AHEAD = 4  # frames of rollout that stay free at each clip's end
+LANES = 0.5  # share of a batch that goes on from the network's own output
+LANE_FRAMES = 30.0  # mean length of such a rollout
 
 
-def _rollout_length(step: int, steps: int) -> int:
-    """No rollouts at first, then one to three frames for half of the batches."""
-    return 0 if step < 0.4 * steps or step % 2 else 1 + (step // 2) % 3
+@dataclass
+class MixedBatch:
+    """Captured frames with noise, then rollout lanes."""
+
+    rows: Tensor
+    patch: Tensor
+    z: Tensor
+    x: Tensor  # normalised
+    target: Tensor  # normalised y
+
+
+def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes, noise: float) -> MixedBatch:
+    """The first part of `rows` as captured, the rest replaced by the lanes."""
+    fresh = rows[: len(rows) - len(lanes.rows)]
+    patch = data.patch(fresh)
+    x = torch.cat([
+        _corrupt(data.input(fresh, patch), noise),
+        _corrupt(normalised(lanes.inputs(), data.normal), 0.2 * noise),
+    ])
+    rows, patch = torch.cat([fresh, lanes.rows]), torch.cat([patch, lanes.patch])
+    return MixedBatch(rows, patch, data.styles(rows), x, data.output(rows, patch))
 
 
 def run_stage2(
@@ -131,21 +128,16 @@ def run_stage2(
     parameters = [p for n, p in module.named_parameters() if not n.startswith("denoiser")]
     optimizer = torch.optim.AdamW(parameters, lr=1e-3, weight_decay=1e-4)
     state = StageState(module, optimizer, MovingAverage(module, 0.9995))
-    rows = random_rows(data.weights, batch, ROLL_AHEAD, data.frames.last, session.generator(4))
-
-    def predict(x: Tensor, z: Tensor) -> Tensor:
-        module.eval()
-        y = module.decode_mixture(x, z)[0].float()
-        module.train()
-        return y
+    rows = random_rows(data.weights, batch, 1, data.frames.last, session.generator(4))
+    fresh = random_rows(data.weights, batch, 2, data.frames.last, session.generator(8))
+    lanes = RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh)
 
     def losses(item: object, step: int) -> dict[str, Tensor]:
         assert isinstance(item, Tensor)
-        ahead = _rollout_length(step, steps)
-        patch, z = data.patch(item), data.styles(item)
-        x = rolled_input(data, predict, item, patch, z, ahead)
-        y, _, _ = module.decode_mixture(_corrupt(x, 0.05 if ahead else 0.25), z)
-        result = stage2_loss(data, data.output(item + ahead, patch), y.float())
+        mixed = mixed_batch(data, item, lanes, 0.25)
+        y = module.decode_mixture(mixed.x, mixed.z)[0].float()
+        lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
+        result = stage2_loss(data, mixed.target, y)
         return result | {"total": result["rec"] + CONTACT_WEIGHT * result["contact"]}
 
     train(session, "stage2", state, rows, losses, steps, _warm_restarts(steps, 1e-3), batch, max_minutes)
@@ -196,27 +188,28 @@ def run_stage3(
     state = StageState(module, optimizer, MovingAverage(module, 0.9995))
     schedule = Schedule.linear(config.diffusion_steps)
     tau = torch.as_tensor(schedule.subsequence(config.inference_steps), device=session.device)
-    rows = random_rows(data.weights, batch, ROLL_AHEAD, data.frames.last, session.generator(6))
+    rows = random_rows(data.weights, batch, 1, data.frames.last, session.generator(6))
+    fresh = random_rows(data.weights, batch, 2, data.frames.last, session.generator(9))
+    lanes = RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh)
 
     def losses(item: object, step: int) -> dict[str, Tensor]:
         assert isinstance(item, Tensor)
         module.eval()  # dropout stays off in the frozen part; the denoiser has none
-        ahead = step % (ROLL_AHEAD - 1)
         with torch.no_grad():
-            patch, z = data.patch(item), data.styles(item)
-            x = rolled_input(data, lambda x, z: module.decode_mixture(x, z)[0].float(), item, patch, z, ahead)
-            e, alpha = module.embed(_corrupt(x, 0.05 if ahead else 0.2), z)
+            mixed = mixed_batch(data, item, lanes, 0.2)
+            e, alpha = module.embed(mixed.x, mixed.z)
             codes = (module.mixture_decoder.codes(e) - module.code_mean) / module.code_deviation
             n = tau[torch.randint(len(tau), (batch,), device=item.device)]
             anywhere = torch.randint(1, config.diffusion_steps + 1, (batch,), device=item.device)
             n = torch.where(torch.rand(batch, device=item.device) < 0.3, anywhere, n)
             noisy = add_noise(schedule, codes.float(), n, torch.randn(codes.shape, device=item.device))
         predicted = module.denoiser(noisy, e, n).float()
+        y = blend_codes(module.clean_codes(predicted), alpha.float())
+        lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
         result = {"codes": mse_loss(predicted, codes.float())}
         total = result["codes"]
         if step > 0.25 * steps:
-            y = blend_codes(module.clean_codes(predicted), alpha.float())
-            result |= stage2_loss(data, data.output(item + ahead, patch), y)
+            result |= stage2_loss(data, mixed.target, y)
             total = 0.1 * total + result["rec"] + CONTACT_WEIGHT * result["contact"]
         return result | {"total": total}
 

@@ -1,0 +1,87 @@
+"""Lanes of autoregressive rollouts that go on from one training step to the next.
+
+A network trained on captured frames alone drifts, or comes to rest, once it sees its own output. Here part of every
+batch are lanes: each holds a clip frame and the pose and phases that the network itself produced for the frame before.
+The forward pass that trains a lane also moves it on, so that rollouts of any length cost nothing extra.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import torch
+from torch import Tensor
+
+from runtime import features
+from runtime.features import INPUT, OUTPUT
+from training.batches import Frames, Normalisation
+
+PRESENT = 60
+_POSE = ("joint_positions", "joint_velocities")
+
+
+class RolloutLanes:
+    """`lanes` rollouts; each ends by chance after `mean_frames` on average, or with its clip."""
+
+    def __init__(self, frames: Frames, lanes: int, mean_frames: float, fresh: Iterator[Tensor]) -> None:
+        self.frames = frames
+        self.mean_frames = mean_frames
+        self._fresh = fresh
+        device = frames.phase.device
+        self.rows = torch.zeros(lanes, dtype=torch.long, device=device)
+        self.patch = torch.zeros(lanes, dtype=torch.long, device=device)
+        self.pose = {name: torch.zeros(lanes, 93, device=device) for name in _POSE}
+        self.phase = torch.zeros(lanes, 2 * PRESENT + 1, 2 * features.C, device=device)
+        self._restart(torch.ones(lanes, dtype=torch.bool, device=device))
+
+    def _restart(self, ended: Tensor) -> None:
+        count = int(ended.sum())
+        if not count:
+            return
+        rows = next(self._fresh)[:count]
+        ended = ended.nonzero()[:, 0][: len(rows)]
+        self.rows[ended] = rows
+        self.patch[ended] = (torch.rand(len(rows), device=rows.device) * self.frames.patches[rows]).long()
+        x = self.frames.inputs(rows, self.patch[ended])
+        for name in _POSE:
+            self.pose[name][ended] = x[:, INPUT[name]]
+        index = rows[:, None] - 1 + torch.arange(-PRESENT, PRESENT + 1, device=rows.device)
+        index = torch.minimum(torch.maximum(index, self.frames.first[rows, None]), self.frames.last[rows, None])
+        self.phase[ended] = self.frames.phase[index].flatten(2)
+
+    def inputs(self) -> Tensor:
+        """x `(lanes, 472)`: the captured trajectory, the lane's own pose and phases."""
+        x = self.frames.inputs(self.rows, self.patch)
+        for name in _POSE:
+            x[:, INPUT[name]] = self.pose[name]
+        x[:, INPUT["phase"]] = self.phase[:, :: features.SAMPLE_STEP].flatten(1)
+        return x
+
+    @torch.no_grad()
+    def advance(self, y: Tensor) -> None:
+        """Move every lane on by one frame with the network's real-valued y `(lanes, 473)`."""
+        for name in _POSE:
+            self.pose[name] = y[:, OUTPUT[name]].detach().clone()
+        samples = y[:, OUTPUT["phase"]].detach().unflatten(1, (-1, 2 * features.C))
+        moved = torch.cat([self.phase[:, 1:], self.phase[:, -1:]], dim=1)
+        moved[:, PRESENT:] = _dense(samples)
+        self.phase = moved
+        self.rows = self.rows + 1
+        ended = self.rows >= self.frames.last[self.rows.clamp_max(len(self.frames.last) - 1)]
+        chance = torch.rand(len(self.rows), device=self.rows.device) < 1.0 / self.mean_frames
+        lost = ~torch.isfinite(y).all(1) | (self.pose["joint_positions"].abs().amax(1) > 4.0)
+        self._restart(ended | chance | lost)
+
+
+def _dense(samples: Tensor) -> Tensor:
+    """Every frame `(B, 61, n)` of the seven samples `(B, 7, n)`, linear as in the runtime."""
+    step = features.SAMPLE_STEP
+    frames = torch.arange((samples.shape[1] - 1) * step + 1, device=samples.device)
+    low = (frames // step).clamp_max(samples.shape[1] - 2)
+    t = (frames - low * step)[None, :, None] / step
+    return (1 - t) * samples[:, low] + t * samples[:, low + 1]
+
+
+def normalised(x: Tensor, normal: Normalisation) -> Tensor:
+    """x in the networks' units."""
+    return (x - normal.x_mean) / normal.x_deviation

@@ -14,7 +14,7 @@ PRESENT = 60  # index of the current frame in the dense ±60 frame window
 LENGTH = 2 * PRESENT + 1
 
 # How strongly the stick overrules the network along the coming second: 1 - (1 - t)^bias at time t of it.
-POSITION_BIAS = 1.0
+POSITION_BIAS = 8.0
 DIRECTION_BIAS = 3.0
 VELOCITY_HALF_LIFE = 0.09  # seconds in which the asked velocity covers half of a change of the stick
 FACING_HALF_LIFE = 0.09
@@ -43,7 +43,7 @@ class Trajectory:
         self.wished_yaw = float(yaw)
 
     @property
-    def samples(self) -> Array:
+    def samples(self) -> NDArray[np.integer]:
         """Indices of the network's 12 samples."""
         return TRAJECTORY_OFFSETS + PRESENT
 

@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from runtime.features import FPS, INPUT_SIZE, LAYOUT_VERSION
 from runtime.skeleton import SPORT_SKELETON
 from training.batches import Normalisation
+from training.model_card import model_card
 from training.networks.content import ContentEncoder
 from training.networks.decoder import blend_codes
 from training.networks.diffusion import ReverseStep
@@ -87,6 +88,7 @@ class Trained:
     start: dict[str, list[float]]  # y and phase of a standing frame
     credits: list[str]
     notes: dict[str, object]
+    curves: dict[str, str]  # stage to its last losses
 
 
 def export_model(trained: Trained, folder: Path) -> None:
@@ -161,3 +163,4 @@ def _write_metadata(trained: Trained, folder: Path, errors: dict[str, float]) ->
         "notes": trained.notes,
     }
     (folder / "metadata.json").write_text(json.dumps(metadata, indent=1) + "\n", encoding="utf-8")
+    (folder / "README.md").write_text(model_card(metadata, trained.curves), encoding="utf-8")

@@ -132,6 +132,7 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
         trained = Trained(
             config, content, generator, data.normal, centre, deviation, torch.as_tensor(speeds), steps, sigma,
             start_state(table, phase), [CREDITS[s] for s in sorted(set(table.sources))], _notes(args, table),
+            last_losses(args.out),
         )
         export_model(trained, args.out / "model")
         log.info("exported to %s", args.out / "model")
@@ -231,12 +232,21 @@ def start_state(table: FrameTable, phase: np.ndarray) -> dict[str, list[float]]:
     }
 
 
+def last_losses(folder: Path) -> dict[str, str]:
+    """The last line of every stage's loss file."""
+    return {p.stem: p.read_text(encoding="utf-8").strip() for p in sorted((folder / "logs").glob("*.txt"))}
+
+
 def _notes(args: argparse.Namespace, table: FrameTable) -> dict[str, object]:
     return {
         "frames": len(table),
         "clips": len(table.styles),
         "styles": sorted(set(table.styles)),
-        "steps": {k: getattr(args, k) for k in vars(Steps())},
+        "steps": {
+            stage: int(load_checkpoint(args.out / f"{stage}.pt")["step"])
+            for stage in ("phase", "content", "stage2", "stage3")
+            if (args.out / f"{stage}.pt").exists()
+        },
         "seed": args.seed,
         "licence": "non-commercial: trained also on CC BY-NC and academic data"
         if set(table.sources) & {"bandai_namco", "pfnn", "pfnn_rollouts"}

@@ -124,6 +124,7 @@ def train(
     checkpoint = session.out / f"{name}.pt"
     if state.restore(checkpoint):
         log.info("%s: resumed at step %d", name, state.step)
+    (session.out / "logs").mkdir(parents=True, exist_ok=True)
     writer = _writer(session.out / "logs" / name)
     started = saved = shown = time.monotonic()
     first = state.step
@@ -154,6 +155,8 @@ def train(
             )
             for key, value in sums.items():
                 writer(key, value, state.step)
+            last = f"step {state.step} of {steps}, losses {text}\n"
+            (session.out / "logs" / f"{name}.txt").write_text(last, encoding="utf-8")
         if now - saved > session.checkpoint_seconds:
             saved = now
             state.save(checkpoint)

@@ -10,7 +10,6 @@ from runtime.features import FUTURE_PHASE_OFFSETS, PHASE_OFFSETS
 Array = NDArray[np.floating]
 
 PRESENT = int(-PHASE_OFFSETS[0])  # index of the current frame in the dense window of 121 frames
-INERTIA = 0.5  # share of the earlier forecast in the new window
 
 
 def dense_future(samples: Array) -> Array:
@@ -31,11 +30,7 @@ def dense_future(samples: Array) -> Array:
 
 
 def advance_phase(window: Array, samples: Array) -> Array:
-    """The dense window `(121, C, 2)` one frame on, with the network's forecast `(7, C, 2)` of present and future.
-
-    The forecast of the frame before, moved on by one frame, keeps half of the say (as in DeepPhase, where the
-    phase is advanced by its own frequency): the network alone can rest at one phase while it forecasts motion.
-    """
+    """The dense window `(121, C, 2)` one frame on, with the network's forecast `(7, C, 2)` of present and future."""
     moved = np.concatenate([window[1:], window[-1:]])
-    moved[PRESENT:] = INERTIA * moved[PRESENT:] + (1.0 - INERTIA) * dense_future(samples)
+    moved[PRESENT:] = dense_future(samples)
     return moved

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import features
+from runtime.controls import Gait
 from runtime.errors import FileError
 from runtime.features import FPS, InputParts, OutputParts
 from runtime.skeleton import SPORT_SKELETON
@@ -235,4 +236,15 @@ def sampling_weights(table: FrameTable, terrain_share: float = 0.3) -> Array:
     chosen = usable & rollouts
     if chosen.any():
         weights[chosen] = terrain_share / chosen.sum()
+    weights *= np.where(_starts_or_stops(table), TRANSITION_BOOST, 1.0)
     return weights / weights.sum()
+
+
+TRANSITION_BOOST = 4.0  # starting and stopping is a small part of the capture and much of what a player does
+
+
+def _starts_or_stops(table: FrameTable) -> NDArray[np.bool_]:
+    """Frames `(N,)` whose ±1 s window holds both standing and moving."""
+    gait = table.x[:, features.INPUT["gait"]].reshape(len(table), features.L, features.GAITS)
+    standing = gait[:, :, Gait.STAND]
+    return (standing.min(1) < 0.3) & (standing.max(1) > 0.7)

@@ -79,7 +79,7 @@ def main(argv: list[str] | None = None) -> int:
         logging.getLogger(chatty).setLevel(logging.WARNING)
     args.out.mkdir(parents=True, exist_ok=True)
     wanted = STAGES if args.stage == "all" else (args.stage,)
-    if "import" in wanted:
+    if "import" in wanted and args.clips is None:
         _import(args)
     if set(wanted) - {"import"}:
         _train(args, set(wanted))

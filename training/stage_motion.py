@@ -92,7 +92,7 @@ def stage2_loss(data: MotionData, target: Tensor, predicted: Tensor) -> dict[str
 
 CONTACT_WEIGHT = 0.1
 LANES = 0.5  # share of a batch that goes on from the network's own output
-LANE_FRAMES = 30.0  # mean length of such a rollout
+LANE_FRAMES = 45.0  # mean length of such a rollout
 
 
 @dataclass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from runtime.bvh import format_bvh, parse_bvh
 from runtime.errors import FileError
 from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, Skeleton
 from training.data import cutting, labels, relief
+from training.data.catalog import ClipSource
 from training.data.clip_files import TrainingClip
 from training.data.foot_cleaning import bridge, clean_feet, stretches
 from training.data.height_patches import Patches, wrapped_height
@@ -25,7 +27,7 @@ from training.data.retarget import (
     retarget,
     sample_times,
 )
-from training.data.source_skeletons import known_skeletons, recognise
+from training.data.source_skeletons import known_skeletons, of_capture, recognise
 
 # a 100STYLE-like rig, 10 % larger than ours, with longer feet; name, parent, offset in cm
 RIG = [
@@ -98,6 +100,61 @@ def test_retarget_keeps_sides_posture_and_ground() -> None:
     np.testing.assert_allclose(standing, ANKLE_HEIGHT, atol=0.012)
     np.testing.assert_allclose(world[0, index("LeftFoot"), 0], 1.0, atol=0.01)  # sole level in stance
     np.testing.assert_allclose(positions[0, 0, 1], REST_HIPS_HEIGHT, atol=0.03)
+
+
+def pitch(world: np.ndarray, name: str) -> np.ndarray:
+    """Degrees by which a joint's +Z points above the horizon."""
+    forward = rotations.rotate(world[:, index(name)], np.array([0.0, 0.0, 1.0]))
+    return np.rad2deg(np.arcsin(forward[:, 1]))
+
+
+def test_head_lift_tilts_face_and_neck_and_nothing_else() -> None:
+    motion = parse_bvh(march())
+    plain = recognise(motion, "march")
+    lifted = of_capture(plain, "100style")
+    assert (plain.head_lift_degrees, lifted.head_lift_degrees) == (0.0, 16.0)
+    feet = calibrate_feet([load_source(motion, plain)])
+    before, after = (retarget(load_source(motion, s), feet, None, flex_toes=False) for s in (plain, lifted))
+    (_, world_before), (_, world_after) = (
+        SPORT_SKELETON.forward_kinematics(r.hips, r.local) for r in (before, after)
+    )
+    np.testing.assert_allclose(pitch(world_after, "Head") - pitch(world_before, "Head"), 16.0, atol=0.01)
+    np.testing.assert_allclose(pitch(world_after, "Neck1") - pitch(world_before, "Neck1"), 16.0 / 3, atol=0.01)
+    others = [j for j in range(31) if j not in (index("Neck1"), index("Head"))]
+    np.testing.assert_array_equal(after.local[:, others], before.local[:, others])
+    np.testing.assert_array_equal(after.hips, before.hips)
+
+
+def test_head_lift_is_local_so_a_turned_head_keeps_its_symmetry() -> None:
+    x, y = np.array([1.0, 0, 0]), np.array([0, 1.0, 0])
+    motion = parse_bvh(march())
+    source = load_source(motion, of_capture(recognise(motion, "march"), "100style"))
+    feet = calibrate_feet([source])
+    neck, head = (rotations.from_axis_angle(y, np.array(a)) for a in (0.5, 0.9))  # neck turned left, head farther
+    turned = dict(source.rotations)
+    turned["Neck1"], turned["Head"] = (np.tile(q, (len(source.ankles), 1)) for q in (neck, head))
+    result = retarget(replace(source, rotations=turned), feet, None, flex_toes=False)
+    theta = np.deg2rad(16.0)
+    for joint, local, share in (("Neck1", neck, 1 / 3), ("Head", rotations.from_axis_angle(y, np.array(0.4)), 2 / 3)):
+        expected = rotations.multiply(local, rotations.from_axis_angle(x, np.array(-share * theta)))
+        assert rotations.angle_between(result.local[:, index(joint)], expected).max() < 1e-3
+
+
+def test_head_lift_belongs_to_the_capture(tmp_path: Path) -> None:
+    skeletons = {s.name: s for s in known_skeletons()}
+    expected = {
+        ("100style", "100style_Angry_FW", "100style"): 16.0,
+        ("bandai_namco", "bandai1_walk_normal_001", "bandai_namco"): 0.0,
+        ("bandai_namco", "bandai2_walk_normal_001", "bandai_namco"): 7.0,
+        ("cmu", "cmu_02_01", "cmu_daz"): 0.0,
+        ("cmu", "cmu_131_01", "cmu_plain"): 0.0,
+        ("jlpm", "jlpm_a", "jlpm"): 5.0,
+        ("pfnn", "pfnn_a", "pfnn"): 20.0,
+        ("pfnn_rollouts", "rollout_a", "pfnn"): 0.0,
+    }
+    for (source, name, skeleton), degrees in expected.items():
+        clip = ClipSource(tmp_path / f"{name}.bvh", name, source, "neutral", "walk forward")
+        assert of_capture(skeletons[skeleton], clip.capture).head_lift_degrees == degrees, name
 
 
 def test_root_travel_scales_with_leg_length() -> None:
@@ -268,9 +325,12 @@ def test_import_writes_the_contract(tmp_path: Path) -> None:
         assert clip["gait"].shape == (frames, 6)
         assert (str(clip["style"]), str(clip["content"])) == ("angry", "walk forward")
         assert clip["patch_heights"].dtype == np.float16
+        _, world = SPORT_SKELETON.forward_kinematics(clip["hips_positions"], clip["local_rotations"])
+        np.testing.assert_allclose(pitch(world, "Head"), 16.0, atol=0.1)  # the rig looks straight ahead
         assert np.all(np.sum(clip["local_rotations"][1:] * clip["local_rotations"][:-1], -1) > 0)
     assert any("Angry_ID" in r.name and "HIERARCHY" in r.reason for r in report.refused)
     assert "| angry |" in report.markdown()
+    assert "`bandai2` 7," in report.markdown()
     assert Report.load(tmp_path / "out" / "report.json").markdown() == report.markdown()
 
 

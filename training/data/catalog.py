@@ -52,6 +52,13 @@ class ClipSource:
     tier: str = "exact"
     terrain: str = "flat"  # "flat", "rollout" (known height map) or "contacts" (to be fitted)
 
+    @property
+    def capture(self) -> str:
+        """The clips of one skeleton and one capture, which share their calibration: the source or a part of it."""
+        if self.source == "bandai_namco":
+            return self.name.split("_")[0]
+        return "cmu_plain" if self.name.startswith("cmu_131") else self.source
+
 
 @dataclass(frozen=True)
 class Refusal:

@@ -19,7 +19,7 @@ from training.data.foot_cleaning import clean_feet
 from training.data.height_patches import Patches
 from training.data.report import ClipSummary, summarise
 from training.data.retarget import FPS, FootCalibration, SourceMotion, load_source, retarget
-from training.data.source_skeletons import SourceSkeleton, recognise
+from training.data.source_skeletons import SourceSkeleton, of_capture, recognise
 
 Array = NDArray[np.floating]
 
@@ -60,9 +60,7 @@ class _Motion:
 def load(clip: ClipSource) -> tuple[SourceSkeleton, SourceMotion]:
     """Read a file and bring it to 60 Hz; FileError when it cannot be read or its skeleton is unknown."""
     motion = read_bvh(clip.path)
-    skeleton = recognise(motion, clip.path.name)
-    if clip.source == "pfnn_rollouts":
-        skeleton = replace(skeleton, fixed_scale=0.01)  # the terrain is in centimetres
+    skeleton = of_capture(recognise(motion, clip.path.name), clip.capture)
     return skeleton, load_source(motion, skeleton, first_frame=CMU_FIRST_FRAME if clip.source == "cmu" else 0)
 
 

@@ -79,7 +79,7 @@ def _clean_foot(
     """Targets of one ankle `(T, 3)` and rotations of that foot `(T, 4)`; `contact` `(T, 2)` is heel, toe."""
     from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
-    planted = contact.any(1)
+    planted = np.any(contact, axis=1)
     slide = _slide_correction(ankle, toe, contact)
     ankle, toe = ankle + slide, toe + slide
     under_ankle, under_toe = ground(ankle[:, 0], ankle[:, 2]), ground(toe[:, 0], toe[:, 2])
@@ -110,7 +110,7 @@ def _slide_correction(ankle: Array, toe: Array, contact: NDArray[np.bool_]) -> A
     steps = np.stack([np.diff(ankle, axis=0), np.diff(toe, axis=0)], axis=1)
     moved = np.sum(steps * weights[1:, :, None], axis=1) * np.array([1.0, 0.0, 1.0])
     correction = np.zeros_like(ankle)
-    planted = contact.any(1)
+    planted = np.any(contact, axis=1)
     for start, end in stretches(planted):
         drift = np.concatenate([np.zeros((1, 3)), np.cumsum(moved[start : end - 1], axis=0)])
         correction[start:end] = drift.mean(0) - drift

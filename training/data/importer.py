@@ -29,7 +29,7 @@ def import_all(data: Path, out: Path, workers: int = 2) -> Report:
     folder.mkdir(parents=True, exist_ok=True)
     held = cutting.held_out_names([(c.name, c.style, c.content) for c in clips])
     calibrations = {key: _calibrate(group) for key, group in _groups(clips).items()}
-    jobs = [ImportJob(c, calibrations[_group_key(c)], c.name in held, folder) for c in clips]
+    jobs = [ImportJob(c, calibrations[c.capture], c.name in held, folder) for c in clips]
     report = Report(refused=list(refused))
     for summaries, refusals in _run(jobs, workers):
         report.clips += summaries
@@ -70,17 +70,10 @@ def _run(jobs: list[ImportJob], workers: int) -> Iterable[tuple[list[ClipSummary
         yield from pool.map(import_clip, jobs, chunksize=8)
 
 
-def _group_key(clip: ClipSource) -> str:
-    """Clips whose feet are calibrated together: one skeleton, one capture."""
-    if clip.source == "bandai_namco":
-        return clip.name.split("_")[0]
-    return "cmu_plain" if clip.name.startswith("cmu_131") else clip.source
-
-
 def _groups(clips: list[ClipSource]) -> dict[str, list[ClipSource]]:
     groups: dict[str, list[ClipSource]] = {}
     for clip in clips:
-        groups.setdefault(_group_key(clip), []).append(clip)
+        groups.setdefault(clip.capture, []).append(clip)
     return groups
 
 

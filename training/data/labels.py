@@ -64,7 +64,7 @@ def _hysteresis(
     return median_filter(state.astype(np.uint8), size=(5, 1), mode="nearest")
 
 
-def label_gait(hips: Array, contacts: Array, ground: Array, content: str) -> Array:
+def label_gait(hips: Array, contacts: Array | NDArray[np.uint8], ground: Array, content: str) -> Array:
     """Soft one-hot gait `(T, 6)` from root speed, hips height over `ground` `(T,)`, contacts and what the clip shows."""
     pace = np.linalg.norm(np.gradient(smooth(hips[:, [0, 2]], 0.35), axis=0), axis=-1) * FPS
     flight = smooth(contacts.sum(1) == 0, 0.8)
@@ -81,7 +81,7 @@ def label_gait(hips: Array, contacts: Array, ground: Array, content: str) -> Arr
     return soften(np.eye(len(Gait))[gait])
 
 
-def _airborne(hips: Array, contacts: Array) -> NDArray[np.bool_]:
+def _airborne(hips: Array, contacts: Array | NDArray[np.uint8]) -> NDArray[np.bool_]:
     """Frames from the crouch before a take-off to the recovery after the landing."""
     from scipy.ndimage import binary_dilation, binary_opening
 

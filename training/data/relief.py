@@ -98,7 +98,7 @@ def _level_under_feet(heights: Array, origin: tuple[float, float], positions: Ar
     feet = positions[:, FOOT_JOINTS][..., [0, 2]]
     level = np.zeros((len(positions), 4))
     for side in range(2):
-        planted = contacts[:, 2 * side : 2 * side + 2].any(1)
+        planted = np.any(contacts[:, 2 * side : 2 * side + 2], axis=1)
         for start, end in stretches(planted):
             middle = feet[start:end, 2 * side : 2 * side + 2].mean((0, 1))
             i, j = np.round((middle - origin) / _RELIEF_CELL_M).astype(int)
@@ -118,7 +118,7 @@ def root_lift(positions: Array, contacts: NDArray[np.uint8], patches: Patches) -
     sides = []
     for side in range(2):
         pair = slice(2 * side, 2 * side + 2)
-        planted = contacts[:, pair].any(1)
+        planted = np.any(contacts[:, pair], axis=1)
         if not planted.any():
             planted = np.ones(len(planted), bool)
         sides.append(bridge(under[:, pair].mean(1, keepdims=True), planted, hold_slope=False)[:, 0])

@@ -22,6 +22,8 @@ HIP_CENTRE = np.array([0.0, *SPORT_SKELETON.offsets[2][1:]], np.float64)  # hips
 STANCE_SPEED = 0.25  # m/s
 TOE_FLEX_LIMIT = np.deg2rad(50.0)
 _SIDES = ("Left", "Right")
+# of the tilt that levels the gaze: shared out, the neck shows no kink
+_HEAD_LIFT_SHARES = {SPORT_SKELETON.index("Neck1"): 1 / 3, SPORT_SKELETON.index("Head"): 2 / 3}
 _MIRROR_TURN = np.array([1.0, 1.0, -1.0, -1.0])  # of a quaternion, through the plane X = 0
 
 
@@ -30,13 +32,14 @@ class SourceMotion:
     """World-space motion of a source at 60 Hz, scaled to our leg length, with rest-pose corrections applied.
 
     `rotations` holds our world rotation `(T, 4)` per driven joint. `hip_centre` `(T, 3)`, `ankles` and `toes` `(T, 2, 3)`
-    are metres in the source's own height over the ground.
+    are metres in the source's own height over the ground. `head_lift`: radians by which the face is to be tilted up.
     """
 
     rotations: dict[str, Array]
     hip_centre: Array
     ankles: Array
     toes: Array
+    head_lift: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ def load_source(motion: BvhMotion, skeleton: SourceSkeleton, first_frame: int = 
     scale = skeleton.fixed_scale or LEG_LENGTH / leg
     if skeleton.toe_is_end_site:
         ends = np.stack([motion.end_offsets[j] for j in feet])
-        toes = positions[:, feet] + rotations.rotate(world[:, feet], ends)
+        toes: Array = positions[:, feet] + rotations.rotate(world[:, feet], ends)
     else:
         toes = positions[:, [index(skeleton.joints[side + "ToeBase"].name) for side in _SIDES]]
     times = sample_times(len(positions), motion.fps)
@@ -91,6 +94,7 @@ def load_source(motion: BvhMotion, skeleton: SourceSkeleton, first_frame: int = 
         resample_positions(positions[:, thighs].mean(1) * scale, times),
         resample_positions(positions[:, feet] * scale, times),
         resample_positions(toes * scale, times),
+        float(np.deg2rad(skeleton.head_lift_degrees)),
     )
 
 
@@ -142,8 +146,8 @@ def _turned(q: Array, turn: Array) -> Array:
     return rotations.multiply(q, np.broadcast_to(turn, q.shape))
 
 
-def _pitched(q: Array, angle: Array) -> Array:
-    """q turned about its own lateral axis so that the toes sink by `angle`."""
+def _pitched(q: Array, angle: Array | float) -> Array:
+    """q turned about its own lateral axis so that its +Z (toes, face) sinks by `angle`."""
     return rotations.multiply(q, rotations.from_axis_angle(np.array([1.0, 0, 0]), np.asarray(angle)))
 
 
@@ -152,8 +156,8 @@ def calibrate_feet(clips: list[SourceMotion]) -> FootCalibration:
     left, right = (_calibrate_foot(clips, side) for side in range(2))
     # source rigs are symmetric: what differs between the sides is posture and noise
     turns = []
-    for k in range(2):
-        both = rotations.slerp(left[k], right[k] * _MIRROR_TURN, 0.5)
+    for one, other in zip(left[:2], right[:2], strict=True):
+        both = rotations.slerp(one, other * _MIRROR_TURN, 0.5)
         turns.append(np.stack([both, both * _MIRROR_TURN]))
     return FootCalibration(turns[0], turns[1], np.stack([left[2], right[2]]), float(np.mean([left[3], right[3]])))
 
@@ -178,7 +182,7 @@ def _calibrate_foot(clips: list[SourceMotion], side: int) -> tuple[Array, Array,
     turn = rotations.multiply(turn, rotations.from_yaw(np.arctan2(bone[0], bone[2])))
     feet = [rotations.multiply(c.rotations[name][m], turn) for c, m in stances]
     reach = vote([_into(_yaw(f), c.toes[m, side] - c.ankles[m, side]) for f, (c, m) in zip(feet, stances, strict=True)])
-    toe_turn = rotations.identity().astype(np.float64)
+    toe_turn: Array = rotations.identity().astype(np.float64)
     if _SIDES[side] + "ToeBase" in stances[0][0].rotations:
         toes = [c.rotations[_SIDES[side] + "ToeBase"][m] for c, m in stances]
         relative = [rotations.multiply(rotations.inverse(t), f) for t, f in zip(toes, feet, strict=True)]
@@ -220,6 +224,8 @@ def retarget(
         flex = np.clip(-_elevation(foot), 0.0, TOE_FLEX_LIMIT)
         near = np.clip((0.09 - (toes[..., 1] + height_offset)) / 0.05, 0.0, 1.0)
         local[:, [5, 10]] = _pitched(np.broadcast_to([1.0, 0, 0, 0], foot.shape), -flex * near)
+    for joint, share in _HEAD_LIFT_SHARES.items():
+        local[:, joint] = _pitched(local[:, joint], -share * source.head_lift)
     local = rotations.continuous(rotations.normalize(local))
     return Retargeted(hips.astype(np.float32), local.astype(np.float32))
 

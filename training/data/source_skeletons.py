@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,12 @@ _SIDES = ("Left", "Right")
 # what each bone points along in the rest pose of the SPORT skeleton
 _ARM_DIRECTION = {"Left": np.array([1.0, 0, 0]), "Right": np.array([-1.0, 0, 0])}
 _LEG_DIRECTION = np.array([0.0, -1.0, 0.0])
+
+# Degrees by which faces are tilted up, by capture. Measured as the median face pitch (elevation of the head's +Z) over
+# neutral walks after retargeting: -22 in 100STYLE, -12 to -14 in the second Bandai Namco data set, -11 in JLPM, -23 (walking
+# frames) to -29 (all) in the few takes of PFNN, so that everybody looked at the ground. The tilt brings it to about -6
+# (PFNN: -3 to -9). The other captures, at -2 to +3, stay as they are.
+HEAD_LIFT_DEGREES: Mapping[str, float] = MappingProxyType({"100style": 16.0, "bandai2": 7.0, "pfnn": 20.0, "jlpm": 5.0})
 
 
 @dataclass(frozen=True)
@@ -48,6 +55,7 @@ class SourceSkeleton:
     has_toe_rotation: bool = True
     toe_is_end_site: bool = False  # no toe joint: the foot's End Site marks the ball
     fixed_scale: float | None = None  # metres per file unit; None: by the ratio of leg lengths
+    head_lift_degrees: float = 0.0  # tilt of neck and head that levels the gaze, see HEAD_LIFT_DEGREES
     notes: str = field(default="")
 
     def corrections(self, motion: BvhMotion) -> dict[str, Array]:
@@ -179,6 +187,16 @@ def _pfnn() -> SourceSkeleton:
 def known_skeletons() -> tuple[SourceSkeleton, ...]:
     """Every hierarchy the importer can retarget without a map from the user."""
     return (_style100(), _bandai(), _daz(), _cmu_plain(), _jlpm(), _pfnn())
+
+
+def of_capture(skeleton: SourceSkeleton, capture: str) -> SourceSkeleton:
+    """`skeleton` with the constants of one capture (`ClipSource.capture`), which a hierarchy alone does not tell."""
+    return replace(
+        skeleton,
+        head_lift_degrees=HEAD_LIFT_DEGREES.get(capture, 0.0),
+        # the terrain of the rollouts is in centimetres
+        fixed_scale=0.01 if capture == "pfnn_rollouts" else skeleton.fixed_scale,
+    )
 
 
 def recognise(motion: BvhMotion, file_name: str) -> SourceSkeleton:

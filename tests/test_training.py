@@ -1,0 +1,149 @@
+"""Frames from clips, rollout lanes, and the whole pipeline on two small synthetic clips."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("onnxscript")
+
+from runtime import features, rotations  # noqa: E402
+from runtime.controller import Controller  # noqa: E402
+from runtime.controls import Controls  # noqa: E402
+from runtime.features import INPUT, OUTPUT  # noqa: E402
+from runtime.model import load_model  # noqa: E402
+from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON, J  # noqa: E402
+from runtime.terrain import Terrain  # noqa: E402
+from training.batches import Frames  # noqa: E402
+from training.frames import clip_frames, load_frames, sampling_weights  # noqa: E402
+from training.pipeline import main  # noqa: E402
+from training.rollouts import RolloutLanes  # noqa: E402
+
+SPEED = 1.2  # m/s
+LENGTH = 260
+
+
+def write_clip(path: Path, style: str, yaw: float, slope: float = 0.0, held_out: bool = False) -> None:
+    """A figure with swinging legs that glides straight ahead, on a plane of the given slope along +Z."""
+    t = np.arange(LENGTH) / features.FPS
+    local = np.tile(rotations.identity((J,)), (LENGTH, 1, 1)).astype(np.float64)
+    swing = 0.5 * np.sin(2 * np.pi * t)
+    for name, sign in (("LeftUpLeg", 1.0), ("RightUpLeg", -1.0)):
+        local[:, SPORT_SKELETON.index(name)] = rotations.from_axis_angle(np.array([1.0, 0, 0]), sign * swing)
+    local[:, 0] = rotations.from_yaw(np.full(LENGTH, yaw))
+    forward = np.array([np.sin(yaw), np.cos(yaw)])
+    hips = np.stack([SPEED * t * forward[0], np.full(LENGTH, REST_HIPS_HEIGHT), SPEED * t * forward[1]], -1)
+    hips[:, 1] += slope * hips[:, 2]
+    grid = np.arange(-20, 21, dtype=np.float32)
+    gait = np.zeros((LENGTH, 6), np.float32)
+    gait[:, 1] = 1.0
+    np.savez(
+        path, hips_positions=hips.astype(np.float32), local_rotations=local.astype(np.float32),
+        contacts=np.ones((LENGTH, 4), np.uint8), gait=gait, style=style, content="walk", source="jlpm",
+        split="held_out" if held_out else "train", mirrored=False, tier="exact",
+        patch_heights=np.broadcast_to(slope * grid, (1, 41, 41)).astype(np.float16),
+        patch_origin=np.array([-20.0, -20.0]), patch_cell=1.0,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def clips(tmp_path):
+    folder = tmp_path / "clips"
+    folder.mkdir()
+    write_clip(folder / "a.npz", "neutral", 0.0)
+    write_clip(folder / "b.npz", "angry", 1.1)
+    write_clip(folder / "c.npz", "neutral", 0.0, slope=0.2)
+    write_clip(folder / "d.npz", "angry", 0.3, held_out=True)
+    return folder
+
+
+@pytest.mark.parametrize("name", ["a", "b"])
+def test_root_relative_features_do_not_know_where_the_clip_heads(clips, name):
+    frames = clip_frames(clips / f"{name}.npz")
+    middle = LENGTH // 2
+    y = features.split_output(frames.y[middle].astype(np.float32))
+    assert y.root == pytest.approx([0.0, SPEED, 0.0], abs=5e-3)
+    assert y.trajectory_positions[-1] == pytest.approx([0.0, SPEED * 50 / 60], abs=5e-3)
+    x = frames.x[middle].astype(np.float32)
+    path = x[INPUT["trajectory_positions"]].reshape(12, 2)
+    assert path[:, 1] == pytest.approx(SPEED * features.TRAJECTORY_OFFSETS / 60, abs=5e-3)
+    assert y.joint_positions[0] == pytest.approx([0.0, REST_HIPS_HEIGHT, 0.0], abs=5e-3)
+    assert np.linalg.norm(y.joint_velocities[0]) == pytest.approx(SPEED, abs=5e-3)
+
+
+def test_next_input_holds_the_pose_of_this_output(clips):
+    """What the runtime feeds back is what training showed: x_{i+1} carries j_i of y_i."""
+    frames = clip_frames(clips / "b.npz")
+    for name in ("joint_positions", "joint_velocities"):
+        assert np.array_equal(frames.x[101][INPUT[name]], frames.y[100][OUTPUT[name]])
+
+
+def test_heights_are_relative_to_the_mean_ground_of_the_window(clips):
+    frames = clip_frames(clips / "c.npz")
+    middle = LENGTH // 2
+    heights = frames.heights[middle, 0].astype(np.float32).reshape(12, 3)
+    assert heights[:, 1].mean() == pytest.approx(0.0, abs=2e-3)
+    run = SPEED * 10 / 60
+    assert np.diff(heights[:, 1]) == pytest.approx(np.full(11, 0.2 * run), abs=3e-3)
+
+
+def test_held_out_clips_are_never_drawn(clips):
+    table = load_frames(clips, workers=1)
+    weights = sampling_weights(table)
+    assert weights.sum() == pytest.approx(1.0)
+    assert weights[table.held_out[table.clip]].sum() == 0
+    assert weights[table.start[:-1]].sum() == 0
+
+
+def _frames(clips) -> Frames:
+    table = load_frames(clips, workers=1)
+    phase = np.random.default_rng(0).normal(size=(len(table), 5, 2)).astype(np.float32)
+    return Frames.of(table, phase, np.zeros(len(table.styles), np.int64), torch.device("cpu"))
+
+
+def test_a_lane_that_predicts_the_truth_sees_captured_frames(clips):
+    frames = _frames(clips)
+    rows = torch.tensor([100, 400])
+    lanes = RolloutLanes(frames, 2, 1e9, iter([rows, rows]))
+    for k in range(5):
+        expected = frames.inputs(rows + k, lanes.patch)
+        ours = lanes.inputs()
+        pose = slice(0, INPUT["gait"].stop)
+        assert torch.allclose(ours[:, pose], expected[:, pose], atol=2e-3)
+        lanes.advance(frames.outputs(rows + k, lanes.patch))
+
+
+def test_lanes_restart_at_the_end_of_their_clip(clips):
+    frames = _frames(clips)
+    end = int(frames.last[0])
+    lanes = RolloutLanes(frames, 1, 1e9, iter([torch.tensor([end - 1]), torch.tensor([50])]))
+    lanes.advance(torch.zeros(1, 473))
+    assert lanes.rows.tolist() == [50]
+
+
+def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(clips, tmp_path):
+    out = tmp_path / "run"
+    steps = ["--phase-steps", "2", "--content-steps", "2", "--stage2-steps", "3", "--stage3-steps", "3"]
+    common = ["--preset", "tiny", "--clips", str(clips), "--out", str(out), "--batch", "32", "--device", "cpu"]
+    assert main(["all", *common, *steps]) == 0
+    model = load_model(out / "model")
+    assert (out / "model" / "README.md").read_text().startswith("# Model")
+    poses = []
+    for _ in range(2):
+        controller = Controller(model, Terrain.flat(), seed=3)
+        poses.append([controller.step(Controls((0.0, 1.0))) for _ in range(20)])
+    for first, second in zip(*poses, strict=True):
+        assert np.isfinite(first.positions).all()
+        assert first.local_rotations.tobytes() == second.local_rotations.tobytes()
+
+
+def test_a_stage_resumes_where_it_stopped(clips, tmp_path, caplog):
+    out = tmp_path / "run"
+    common = ["--preset", "tiny", "--clips", str(clips), "--out", str(out), "--batch", "32", "--device", "cpu"]
+    main(["phase", *common, "--phase-steps", "2"])
+    (out / "phase.npy").unlink()
+    (out / "phase_final.pt").unlink()
+    with caplog.at_level("INFO"):
+        main(["phase", *common, "--phase-steps", "3"])
+    assert "resumed at step 2" in caplog.text

@@ -6,8 +6,9 @@ import argparse
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NoReturn
 
-from runtime.errors import SportError, UsageError
+from runtime.errors import UsageError, run_command
 
 _DESCRIPTION = "Type a prompt, drive the character over uneven ground, take home the clip as BVH."
 _EXAMPLES = """examples:
@@ -28,22 +29,27 @@ _TRAINING = {
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; the exit code: 0, 1 for a failed check, 2 when the user can mend what is wrong."""
     arguments = list(sys.argv[1:] if argv is None else argv) or ["view"]
-    try:
-        if arguments[0] in _TRAINING:
-            return _training(arguments[0], arguments[1:])
-        options = build_parser().parse_args(arguments)
-        command: Callable[[argparse.Namespace], int] = options.command
-        return command(options)
-    except SportError as error:
-        print(f"sport: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        return 130
+    return run_command("sport", lambda: _run(arguments))
+
+
+def _run(arguments: list[str]) -> int:
+    if arguments[0] in _TRAINING:
+        return _training(arguments[0], arguments[1:])
+    options = build_parser().parse_args(arguments)
+    command: Callable[[argparse.Namespace], int] = options.command
+    return command(options)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Tells a mistake in one sentence, as every other error of the command, not with a page of usage."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message}. See {self.prog} --help.\n")
 
 
 def build_parser() -> argparse.ArgumentParser:
     """The command line, without importing what the subcommands need."""
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="sport",
         description=_DESCRIPTION,
         epilog=_EXAMPLES,
@@ -157,10 +163,12 @@ def _add_generate(commands: argparse._SubParsersAction[argparse.ArgumentParser])
 
 
 def _generate(options: argparse.Namespace) -> int:
+    from runtime.atomic import check_target
     from runtime.clip import check_bvh_options, save_bvh
     from runtime.generate import DEFAULT_PROMPT, generate_clip, parse_prompts
 
     check_bvh_options(options.fps, options.unit)
+    check_target(options.out)
     if options.seed < 0:
         raise UsageError(f"--seed {options.seed}: expected 0 or more.", "Choose another seed.")
     prompt = DEFAULT_PROMPT if options.prompt is None else options.prompt

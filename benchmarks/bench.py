@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from runtime.assets import PROJECT_ROOT
+from runtime.atomic import check_target, write_atomic
 from runtime.errors import SportError, UsageError
 
 WARM_UP = 60  # frames
@@ -46,11 +47,11 @@ def run(json_path: Path | None, frames: int = 1000, model: Path | None = None) -
     """Measure, print a table and write `json_path`; the exit code."""
     if not 10 <= frames <= 1_000_000:
         raise UsageError(f"--frames {frames}: expected 10 to 1000000.", "Choose another number.")
+    if json_path is not None:
+        check_target(json_path)
     figures = measure(frames, model)
     print_table(figures)
     if json_path is not None:
-        from runtime.atomic import write_atomic
-
         write_atomic(json_path, json.dumps(figures, indent=1) + "\n")
     return 0
 

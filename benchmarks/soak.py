@@ -17,8 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.feet import skating, sole_skating, toe_heights
+from runtime.atomic import check_target, write_atomic
 from runtime.controller import Controller
 from runtime.controls import Controls, Gait
+from runtime.errors import run_command
 from runtime.generate import FPS, open_prompter
 from runtime.model import load_model
 from runtime.pose import Pose
@@ -67,13 +69,13 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--model", type=Path, help="folder of an exported model")
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     options = parser.parse_args(argv)
+    if options.json is not None:
+        check_target(options.json)
     begin = time.perf_counter()
     report = soak(options.minutes * 60.0, options.seed, options.model)
     report["wall_seconds"] = time.perf_counter() - begin
     print_report(report)
     if options.json is not None:
-        from runtime.atomic import write_atomic
-
         write_atomic(options.json, json.dumps(report, indent=1) + "\n")
     return 1 if report["missed"] else 0
 
@@ -253,4 +255,4 @@ def print_report(report: dict[str, Any]) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_command("soak", main))

@@ -20,13 +20,7 @@ def atomic_path(target: str | Path) -> Iterator[Path]:
     Missing folders are made. FileError names the target when it cannot be written; the old file then stays as it was.
     """
     target = Path(target)
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent)
-        os.close(handle)
-    except OSError as error:
-        raise FileError(f"{target}: {error.strerror or error}.", _REMEDY) from error
-    temporary = Path(name)
+    temporary = _temporary_beside(target)
     try:
         yield temporary
         with temporary.open("rb") as file:
@@ -37,6 +31,25 @@ def atomic_path(target: str | Path) -> Iterator[Path]:
         raise FileError(f"{target}: {error.strerror or error}.", _REMEDY) from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def check_target(target: str | Path) -> None:
+    """FileError when `target` cannot be written: to be asked before the work that it is to hold, not after."""
+    _temporary_beside(Path(target)).unlink()
+
+
+def _temporary_beside(target: Path) -> Path:
+    if target.is_dir():
+        raise FileError(f"{target}: this is a folder.", "Add the name of a file.")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{target.stem[:80]}-", suffix=target.suffix, dir=target.parent)
+        os.close(handle)
+    except FileExistsError as error:
+        raise FileError(f"{target}: {error.filename or target.parent} is not a folder.", _REMEDY) from error
+    except (OSError, ValueError) as error:
+        raise FileError(f"{target}: {getattr(error, 'strerror', None) or error}.", _REMEDY) from error
+    return Path(name)
 
 
 def write_atomic(target: str | Path, content: str | bytes) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable
+
 
 class SportError(Exception):
     """Base of all errors a user can cause or mend.
@@ -38,3 +41,14 @@ class DisplayError(SportError):
 
 class UsageError(SportError):
     """A command line option or setting has a value that cannot be used."""
+
+
+def run_command(name: str, command: Callable[[], int | None]) -> int:
+    """Exit code of a command line: a SportError is one sentence on stderr and 2, Ctrl+C is 130."""
+    try:
+        return command() or 0
+    except SportError as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130

@@ -86,7 +86,9 @@ def _read_npy(path: Path, height_m: float) -> Array:
     try:
         array = np.load(path, mmap_mode="r", allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
-        raise FileError(f"{path}: not a readable NPY array ({error}).", remedy) from error
+        # numpy takes whatever is no NPY for a pickle and recommends to load it unsafely
+        reason = "no numbers in it" if "pickle" in str(error) else error
+        raise FileError(f"{path}: not a readable NPY array ({reason}).", remedy) from error
     if not isinstance(array, np.ndarray) or array.ndim != 2 or array.dtype.kind not in "fiu":
         kind = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else "an archive"
         raise FileError(f"{path}: expected a two-dimensional array of numbers, got {kind}.", remedy)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from runtime import features
 from runtime.clip import Clip
-from runtime.errors import UsageError
+from runtime.errors import UsageError, run_command
 from runtime.terrain import Terrain
 
 VIEW_TURN = 2.5  # radians from the character's facing: a three-quarter view from the front
@@ -94,4 +94,4 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(run_command("contact sheet", main))

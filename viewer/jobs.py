@@ -71,11 +71,13 @@ class Jobs:
         try:
             job.done(job.future.result())
         except Exception as error:  # whatever a loader meets becomes a message; the window lives on
-            if not isinstance(error, SportError):
+            if isinstance(error, SportError):
+                known = error
+            else:
                 _LOG.exception("job %s failed", job.slot)
-            self.messages.error(error if isinstance(error, SportError) else f"{job.slot}: {type(error).__name__}: {error}")
-            if isinstance(error, SportError) and self.first_error is None:
-                self.first_error = error
+                known = SportError(f"{job.slot}: {type(error).__name__}: {error}.", "Please report this defect.")
+            self.messages.error(known)
+            self.first_error = self.first_error or known
             if job.failed is not None:
                 job.failed(error)
 

@@ -45,6 +45,8 @@ class ViewOptions:
                 raise UsageError(f"{name} {value}: expected {MIN_SIDE} to {MAX_SIDE} pixels.", "Choose another size.")
         if self.frames is not None and not 1 <= self.frames <= MAX_FRAMES:
             raise UsageError(f"--frames {self.frames}: expected 1 to {MAX_FRAMES}.", "Choose another number.")
+        if self.seed < 0:
+            raise UsageError(f"--seed {self.seed}: expected 0 or more.", "Choose another seed.")
         if self.ui_scale is not None and not 0.5 <= self.ui_scale <= 4.0:
             raise UsageError(f"--ui-scale {self.ui_scale}: expected 0.5 to 4.", "Choose another scale.")
         if self.camera not in (None, "follow", "orbit"):

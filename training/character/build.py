@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.errors import run_command
 from runtime.gltf import Character
 from runtime.gltf_joints import align
 from runtime.gltf_writer import write_character
@@ -89,4 +90,4 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(run_command("character", main))

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.errors import run_command
 from runtime.skeleton import PART_JOINTS, SPORT_SKELETON
 from runtime.terrain import Terrain
 
@@ -112,4 +113,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(run_command("contact sheet", main))

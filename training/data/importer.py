@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from runtime import rotations
-from runtime.errors import FileError, SportError
+from runtime.errors import FileError, SportError, run_command
 from training.data import cutting
 from training.data.catalog import SOURCES, ClipSource, Refusal, list_clips, source_folder
 from training.data.clip_import import ImportJob, import_clip, load
@@ -113,4 +113,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(run_command("import", main))

@@ -14,7 +14,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from runtime.errors import UsageError
+from runtime.errors import UsageError, run_command
 from training.text.clip_measures import measure_clips, styles_of
 from training.text.measure import BodyMeasures
 from training.text.wording import describe
@@ -72,4 +72,4 @@ def _write(path: Path, value: dict[str, Any]) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(run_command("captions", main))

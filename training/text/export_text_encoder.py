@@ -17,6 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.errors import run_command
+
 MAX_TOKENS = 128
 MAX_BYTES = 30_000_000
 
@@ -142,4 +144,4 @@ def main(argv: list[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(run_command("text encoder", main))

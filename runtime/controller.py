@@ -27,7 +27,11 @@ STAND_SPEED = 0.12  # m/s; slower wishes mean standing
 CROUCH_SPEED = 0.8  # m/s at full stick
 JUMP_SECONDS = 0.7
 NOISE_HALF_LIFE = 0.5  # seconds; the diffusion noise drifts instead of flickering from frame to frame
-SPEED_PULL_HALF_LIFE = 0.35  # seconds in which the root's speed error against the wish halves
+# The network has a pace of its own for each style; the regulator asks it for more or less until the root's speed is
+# the one the stick asks for.
+REGULATOR_RATE = 1.5  # change of the gain per second and relative speed error
+REGULATOR_RANGE = (0.6, 1.8)
+SPEED_HALF_LIFE = 0.25  # seconds, smoothing of the measured speed (a stride speeds up and slows down)
 
 
 @dataclass(frozen=True)
@@ -70,16 +74,18 @@ class Controller:
         y = split_output(np.array(start["output"], np.float64))
         phase = np.array(start["phase"], np.float64).reshape(-1, features.C, 2)
         dense = np.arange(-PRESENT, PRESENT + 1)
-        interpolated = [
-            np.interp(dense, features.PHASE_OFFSETS, p) for p in phase.reshape(len(phase), -1).T
-        ]
+        interpolated = [np.interp(dense, features.PHASE_OFFSETS, p) for p in phase.reshape(len(phase), -1).T]
         self._body = _Body(
-            y.joint_positions, np.zeros_like(y.joint_velocities), np.stack(interpolated, -1).reshape(-1, features.C, 2)
+            y.joint_positions,
+            np.zeros_like(y.joint_velocities),
+            np.stack(interpolated, -1).reshape(-1, features.C, 2),
         )
         self._trajectory = Trajectory(x, z, yaw)
         self._random = np.random.default_rng(self.seed)
         self._noise = self._random.standard_normal((1, *self.model.noise_shape), np.float32)
         self._jump_left = 0.0
+        self._measured_speed = 0.0
+        self._speed_gain = 1.0
         self._foot_lock.reset()
         self._ground = float(self.terrain.height(x, z))
         self.pose = self._pose(y, np.zeros(4))
@@ -150,8 +156,7 @@ class Controller:
         velocity = move * speed
         self.asked_speed = amount * speed
         moving = self.asked_speed > STAND_SPEED
-        if not moving:
-            velocity = np.zeros(2)
+        velocity = velocity * self._regulated(moving) if moving else np.zeros(2)
         gait = controls.gait
         if gait == Gait.JUMP:
             self._jump_left = JUMP_SECONDS
@@ -168,6 +173,16 @@ class Controller:
         elif moving:
             facing = float(np.arctan2(*velocity))
         self._trajectory.steer(velocity, facing, one_hot)
+
+    def _regulated(self, moving: bool) -> float:
+        """Gain on the wish that brings the measured speed to the asked one (integral regulator)."""
+        if not moving:
+            self._speed_gain = 1.0
+            return 1.0
+        error = (self.asked_speed - self._measured_speed) / max(self.asked_speed, STAND_SPEED)
+        gain = self._speed_gain + REGULATOR_RATE * float(np.clip(error, -1.0, 1.0)) * DT
+        self._speed_gain = float(np.clip(gain, *REGULATOR_RANGE))
+        return self._speed_gain
 
     def _input(self) -> tuple[Array, float]:
         t = self._trajectory
@@ -210,8 +225,13 @@ class Controller:
         positions, world = SPORT_SKELETON.forward_kinematics(hips, np.asarray(local))
         root = np.array([xz[0], float(self.terrain.height(xz[0], xz[1])), xz[1]], np.float32)
         return Pose(
-            np.asarray(hips, np.float32), np.asarray(local, np.float32), positions.astype(np.float32),
-            world.astype(np.float32), np.asarray(contacts, np.float32), root, float(yaw),
+            np.asarray(hips, np.float32),
+            np.asarray(local, np.float32),
+            positions.astype(np.float32),
+            world.astype(np.float32),
+            np.asarray(contacts, np.float32),
+            root,
+            float(yaw),
         )
 
     def _feed_back(self, y: features.OutputParts) -> None:
@@ -222,11 +242,15 @@ class Controller:
         t, body = self._trajectory, self._body
         yaw = t.yaw[PRESENT]
         positions, _ = SPORT_SKELETON.forward_kinematics(*self._unlocked)
-        body.joints = features.relative_joints(positions, t.xz[PRESENT], np.array(self._ground), np.array(yaw))
+        body.joints = features.relative_joints(
+            positions, t.xz[PRESENT], np.array(self._ground), np.array(yaw)
+        )
         body.velocities = y.joint_velocities
         body.phase = advance_phase(body.phase, y.phase)
         velocity = features.to_world(y.root[:2], yaw)
-        velocity = self._pulled(velocity)
+        velocity = self._calmed(velocity)
+        speed = float(np.linalg.norm(velocity))
+        self._measured_speed += (speed - self._measured_speed) * (1 - decay(SPEED_HALF_LIFE))
         next_yaw = yaw + y.root[2] * DT
         t.advance(
             velocity * DT,
@@ -235,7 +259,7 @@ class Controller:
             features.to_world(y.trajectory_directions, next_yaw),
         )
 
-    def _pulled(self, velocity: Array) -> Array:
+    def _calmed(self, velocity: Array) -> Array:
         """The network's root velocity; standing still, it is damped so that idle characters do not creep."""
         standing = float(self._trajectory.gait[PRESENT, Gait.STAND])
         return velocity * (1.0 - standing**4)

@@ -186,7 +186,7 @@ def _generator(path: Path, config: ModelConfig) -> Generator:
     return module
 
 
-def style_speeds(table: FrameTable, texts: StyleTexts, z: np.ndarray, ridge: float = 3.0) -> np.ndarray:
+def style_speeds(table: FrameTable, texts: StyleTexts, z: np.ndarray, ridge: float = 0.03) -> np.ndarray:
     """Ridge regression `(385, 2)` from Z^t to the styles' natural walking and jogging speeds in m/s."""
     present = INPUT["gait"].start + 6 * (L // 2)
     gait = table.x[:, present : present + 6].astype(np.float32)

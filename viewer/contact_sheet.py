@@ -1,6 +1,6 @@
 """Contact sheets: one row of pictures per clip, drawn by the viewer's own renderer.
 
-    python -m viewer.contact_sheet angry.bvh drunk.bvh --terrain flat --out sheet.png
+python -m viewer.contact_sheet angry.bvh drunk.bvh --terrain flat --out sheet.png
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from runtime.clip import Clip
 from runtime.errors import UsageError, run_command
 from runtime.terrain import Terrain
 
-VIEW_TURN = 2.5  # radians from the character's facing: a three-quarter view from the front
+FRONT_TURN = 2.5  # radians from the character's facing: a three-quarter view from the front
+BACK_TURN = 0.75  # from behind, for terrain that would hide the character
 
 
 def draw_sheet(
@@ -27,6 +28,7 @@ def draw_sheet(
     interval_seconds: float = 0.15,
     start_seconds: float = 3.0,
     cell: tuple[int, int] = (200, 250),
+    turn: float = FRONT_TURN,
 ) -> NDArray[np.uint8]:
     """Pictures `(H, W, 3)`: row r is clip r at `columns` moments from `start_seconds` on."""
     from runtime.assets import asset_path
@@ -51,7 +53,7 @@ def draw_sheet(
             yaw = float(features.facing_yaw(pose.positions))
             x, _, z = pose.hips_position
             ground = float(terrain.height(x, z))
-            camera = Camera((x, ground + 0.88, z), yaw + VIEW_TURN, 0.12, 3.6)
+            camera = Camera((x, ground + 0.88, z), yaw + turn, 0.12 if turn == FRONT_TURN else 0.3, 3.6)
             renderer.render(target.framebuffer, camera, pose, Overlays())
             row.append(target.read())
         rows.append(np.concatenate(row, axis=1))
@@ -83,12 +85,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--terrain", default="flat")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--labels", nargs="*", help="default: the file names")
+    parser.add_argument("--behind", action="store_true", help="look from behind (for stairs and hills)")
     parser.add_argument("--columns", type=int, default=8)
     parser.add_argument("--interval", type=float, default=0.15, help="seconds between two pictures")
     parser.add_argument("--start", type=float, default=3.0, help="seconds")
     args = parser.parse_args(argv)
     clips = [load_clip_bvh(path) for path in args.clips]
-    sheet = draw_sheet(clips, load_terrain(args.terrain), args.columns, args.interval, args.start)
+    turn = BACK_TURN if args.behind else FRONT_TURN
+    sheet = draw_sheet(clips, load_terrain(args.terrain), args.columns, args.interval, args.start, turn=turn)
     save_png(args.out, label_rows(sheet, args.labels or [p.stem for p in args.clips]))
     return 0
 

@@ -143,6 +143,14 @@ def _add_generate(commands: argparse._SubParsersAction[argparse.ArgumentParser])
     style = generate.add_mutually_exclusive_group()
     style.add_argument("--prompt", metavar="TEXT", help="how the character moves")
     style.add_argument("--prompts", metavar="LIST", help='prompts with times: "0:walk calmly; 4:drunk"')
+    style.add_argument("--parts", type=Path, metavar="JSON", help="file that says what six body parts do")
+    generate.add_argument(
+        "--expander",
+        choices=("library", "gpt"),
+        default="library",
+        help="what turns a prompt into body parts: the shipped library (default), or a language model: "
+        "OPENAI_API_KEY, OPENAI_BASE_URL, SPORT_GPT_MODEL",
+    )
     generate.add_argument("--terrain", default="flat", metavar="NAME|FILE", help="default: flat")
     generate.add_argument(
         "--path", default="forward", metavar="PATH", help="forward, circle, figure8 or random"
@@ -165,15 +173,19 @@ def _add_generate(commands: argparse._SubParsersAction[argparse.ArgumentParser])
 def _generate(options: argparse.Namespace) -> int:
     from runtime.atomic import check_target
     from runtime.clip import check_bvh_options, save_bvh
-    from runtime.generate import DEFAULT_PROMPT, generate_clip, parse_prompts
+    from runtime.generate import DEFAULT_PROMPT, generate_clip, load_parts, parse_prompts
 
     check_bvh_options(options.fps, options.unit)
     check_target(options.out)
     if options.seed < 0:
         raise UsageError(f"--seed {options.seed}: expected 0 or more.", "Choose another seed.")
     prompt = DEFAULT_PROMPT if options.prompt is None else options.prompt
+    if options.prompts is not None:
+        prompt = parse_prompts(options.prompts)
+    elif options.parts is not None:
+        prompt = load_parts(options.parts)
     clip = generate_clip(
-        parse_prompts(options.prompts) if options.prompts is not None else prompt,
+        prompt,
         options.terrain,
         options.path,
         options.gait,
@@ -183,6 +195,8 @@ def _generate(options: argparse.Namespace) -> int:
         transition_seconds=options.transition,
         model=options.model,
         name=options.out.stem,
+        expander=options.expander,
+        report=lambda remark: print(f"sport: {remark}", file=sys.stderr),
     )
     save_bvh(clip, options.out, options.fps, options.unit)
     print(f"{options.out}: {len(clip)} frames, {len(clip) / clip.fps:.1f} s")

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.clip import Clip, PromptEvent
-from runtime.errors import PromptError, SportError, UsageError
+from runtime.errors import FileError, PromptError, SportError, UsageError
 from runtime.paths import ControlScript, Place, control_script
 from runtime.pose import Pose
 from runtime.terrain import Terrain
@@ -19,24 +19,80 @@ from runtime.terrain import Terrain
 if TYPE_CHECKING:
     from runtime.controller import Controller
     from runtime.model import MotionModel
+    from runtime.prompts.expander import Expander
+    from runtime.prompts.parts import PartDescriptions
+    from runtime.prompts.text_encoder import TextEncoder
 
 Array = NDArray[np.floating]
-PromptToStyle = Callable[[str], Array]  # a prompt to Z^t (6, 64)
+PromptToStyle = Callable[["str | PartDescriptions"], Array]  # a prompt or six descriptions to Z^t (6, 64)
 
 FPS = 60
 MAX_SECONDS = 3600.0
 DEFAULT_PROMPT = "a person walks normally"
 
 
-def open_prompter(model: MotionModel) -> PromptToStyle:
-    """The offline way from a prompt to Z^t `(6, 64)`: library expansion, sentence embedding, body-part network."""
+EXPANDERS = ("library", "gpt")
+MAX_PARTS_BYTES = 100_000
+
+
+def open_prompter(
+    model: MotionModel, expander: str = "library", report: Callable[[str], None] = lambda _: None
+) -> PromptToStyle:
+    """The way from a prompt to Z^t `(6, 64)`: expansion, sentence embedding, body-part network.
+
+    `expander` is one of EXPANDERS; `report` is told what an expansion remarks, such as how near the library came.
+    """
     from runtime.prompts.content import PromptEncoder
-    from runtime.prompts.library import LibraryExpander
+    from runtime.prompts.parts import PartDescriptions
     from runtime.prompts.text_encoder import TextEncoder
 
     text_encoder = TextEncoder()
-    expander, encoder = LibraryExpander(text_encoder), PromptEncoder(text_encoder, model.prompt_path)
-    return lambda prompt: encoder.encode(expander.expand(prompt).descriptions)
+    expanding = _open_expander(expander, text_encoder)
+    encoder = PromptEncoder(text_encoder, model.prompt_path)
+
+    def to_style(prompt: str | PartDescriptions) -> Array:
+        if isinstance(prompt, PartDescriptions):
+            return encoder.encode(prompt)
+        expansion = expanding.expand(prompt)
+        if expansion.note:
+            report(f"“{prompt}”: {expansion.note}")
+        return encoder.encode(expansion.descriptions)
+
+    return to_style
+
+
+def _open_expander(name: str, text_encoder: TextEncoder) -> Expander:
+    if name == "library":
+        from runtime.prompts.library import LibraryExpander
+
+        return LibraryExpander(text_encoder)
+    if name == "gpt":
+        from runtime.prompts.gpt import GptExpander
+
+        return GptExpander()
+    raise UsageError(f"--expander {name}: there is no such expander.", f"Choose {' or '.join(EXPANDERS)}.")
+
+
+def load_parts(path: Path) -> PartDescriptions:
+    """Six descriptions from a JSON file with one string for each body part; FileError or PromptError names what is wrong."""
+    from runtime.prompts.parts import PartDescriptions
+    from runtime.skeleton import PART_NAMES
+
+    form = f"Write a JSON object with {', '.join(PART_NAMES)}."
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_PARTS_BYTES + 1)
+        text = data.decode("utf-8-sig")
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror or error}.", "Choose a file that can be read.") from error
+    except UnicodeDecodeError as error:
+        raise FileError(f"{path}: not text in UTF-8.", form) from error
+    if len(data) > MAX_PARTS_BYTES:
+        raise FileError(f"{path}: larger than {MAX_PARTS_BYTES} bytes.", form)
+    try:
+        return PartDescriptions.from_json(text)
+    except PromptError as error:
+        raise PromptError(f"{path}: {error.problem}", error.remedy) from error
 
 
 def parse_prompts(script: str) -> tuple[PromptEvent, ...]:
@@ -53,7 +109,7 @@ def parse_prompts(script: str) -> tuple[PromptEvent, ...]:
 
 
 def generate_clip(
-    prompt: str | Sequence[PromptEvent] = DEFAULT_PROMPT,
+    prompt: str | PartDescriptions | Sequence[PromptEvent] = DEFAULT_PROMPT,
     terrain: str | Path | Terrain = "flat",
     path: str = "forward",
     gait: str = "walk",
@@ -64,15 +120,17 @@ def generate_clip(
     transition_seconds: float = 1.0,
     model: Path | None = None,
     name: str = "clip",
+    expander: str = "library",
+    report: Callable[[str], None] = lambda _: None,
 ) -> Clip:
     """Generate a clip of `seconds` at 60 frames a second; equal arguments give equal bytes.
 
-    `prompt` is one prompt or several with times, `terrain` a name, file or terrain, `path` and `gait` are those of
-    `runtime.paths`. `model` is a model folder, by default the shipped one. SportError names what cannot be used.
+    `prompt` is one prompt, six descriptions, or several prompts with times, `terrain` a name, file or terrain, `path` and
+    `gait` are those of `runtime.paths`. `model` is a model folder, by default the shipped one; `expander` and `report` are
+    those of `open_prompter`. SportError names what cannot be used.
     """
     from runtime.controller import Controller
     from runtime.model import load_model
-    from runtime.prompts.expander import check_prompt
     from runtime.terrain_library import load_terrain
 
     if not 1.0 / FPS <= seconds <= MAX_SECONDS:
@@ -80,16 +138,27 @@ def generate_clip(
     if not 0.0 <= transition_seconds <= 60.0:
         raise UsageError(f"--transition {transition_seconds}: expected 0 to 60 seconds.", "Try 1.")
     script = control_script(path, gait, speed, seed)
-    events = (PromptEvent(0.0, prompt),) if isinstance(prompt, str) else tuple(prompt)
-    for event in events:
-        check_prompt(event.prompt)
+    events, asked = _events(prompt)
     ground = terrain if isinstance(terrain, Terrain) else load_terrain(terrain)
     motion_model = load_model(model)
-    to_style = open_prompter(motion_model)
-    styles = [(event.seconds, to_style(event.prompt)) for event in events]
+    to_style = open_prompter(motion_model, expander, report)
+    styles = [(event.seconds, to_style(words)) for event, words in zip(events, asked, strict=True)]
     controller = Controller(motion_model, ground, seed)
     poses = simulate(controller, script, styles, round(seconds * FPS), transition_seconds)
     return clip_of(poses, name, events, str(terrain) if not isinstance(terrain, Terrain) else terrain.name)
+
+
+def _events(
+    prompt: str | PartDescriptions | Sequence[PromptEvent],
+) -> tuple[tuple[PromptEvent, ...], list[str | PartDescriptions]]:
+    """The clip's prompt events, and for each what is to be expanded or encoded."""
+    from runtime.prompts.expander import check_prompt
+    from runtime.prompts.parts import PartDescriptions
+
+    if isinstance(prompt, PartDescriptions):
+        return (PromptEvent(0.0, prompt.to_json()),), [prompt]
+    events = (PromptEvent(0.0, prompt),) if isinstance(prompt, str) else tuple(prompt)
+    return events, [check_prompt(event.prompt) for event in events]
 
 
 def simulate(

@@ -19,7 +19,7 @@ from runtime.clip import load_clip_bvh
 @pytest.fixture
 def walker(monkeypatch):
     monkeypatch.setattr(runtime.model, "load_model", lambda folder=None, threads=1: WalkerModel())
-    monkeypatch.setattr(generate_module, "open_prompter", lambda model: test_generate.style_of)
+    monkeypatch.setattr(generate_module, "open_prompter", lambda model, *_: test_generate.style_of)
 
 
 @pytest.fixture

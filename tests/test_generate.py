@@ -23,7 +23,7 @@ def style_of(prompt):
 @pytest.fixture
 def walker(monkeypatch):
     monkeypatch.setattr(runtime.model, "load_model", lambda folder=None, threads=1: WalkerModel())
-    monkeypatch.setattr(generate_module, "open_prompter", lambda model: style_of)
+    monkeypatch.setattr(generate_module, "open_prompter", lambda model, *_: style_of)
 
 
 def follow(script, seconds, speed=1.4):

@@ -78,17 +78,19 @@ def default_services() -> Services:
 
 
 def load_model(directory: Path | None, terrain: Terrain, seed: int) -> Loaded:
-    """The exported model of `directory` (the shipped one by default) with its prompt encoder."""
+    """The exported model of `directory` (the shipped one by default) with its prompt encoder.
+
+    Where the environment names a language model, that one expands prompts, with the library behind it.
+    """
     from runtime.controller import Controller
     from runtime.model import load_model as load
     from runtime.prompts.content import PromptEncoder
-    from runtime.prompts.library import LibraryExpander
-    from runtime.prompts.service import PromptWorker
+    from runtime.prompts.fallback import start_prompt_worker
     from runtime.prompts.text_encoder import TextEncoder
 
     model = load(directory)
     text_encoder = TextEncoder()
-    worker = PromptWorker(LibraryExpander(text_encoder), PromptEncoder(text_encoder, model.prompt_path))
+    worker = start_prompt_worker(text_encoder, PromptEncoder(text_encoder, model.prompt_path))
     return Loaded(Controller(model, terrain, seed), worker, model.name, model.provider)
 
 

@@ -46,10 +46,11 @@ class MotionModel:
             int(config["experts"]),
             int(config["output_size"]),
         )
-        graphs = {name: read_graph(folder, name, metadata) for name in ("prompt", "style", "step")}
-        self._step = open_graph(folder / "step.onnx", graphs["step"], threads)
-        self._style = open_graph(folder / "style.onnx", graphs["style"], threads)
-        check_graphs(folder, self._style, self._step, self.noise_shape)
+        prompt, self._style, self._step = (
+            open_graph(folder / f"{name}.onnx", read_graph(folder, name, metadata), threads)
+            for name in ("prompt", "style", "step")
+        )
+        check_graphs(folder, prompt, self._style, self._step, self.noise_shape)
         self.provider = self._step.get_providers()[0].removesuffix("ExecutionProvider")
 
     @property

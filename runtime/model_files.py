@@ -115,11 +115,15 @@ def open_graph(path: Path, data: bytes, threads: int) -> onnxruntime.InferenceSe
 
 def check_graphs(
     folder: Path,
+    prompt: onnxruntime.InferenceSession,
     style: onnxruntime.InferenceSession,
     step: onnxruntime.InferenceSession,
     noise_shape: tuple[int, int, int],
 ) -> None:
-    """ModelError when the two graphs do not fit this program, the metadata or each other."""
+    """ModelError when the graphs do not fit this program, the metadata or each other."""
+    prompt_path = folder / "prompt.onnx"
+    _check_shapes(prompt_path, prompt.get_inputs(), {"embeddings": [None, 6, None]})
+    _check_shapes(prompt_path, prompt.get_outputs(), {"z": [None, 6, 64]})
     style_path, step_path = folder / "style.onnx", folder / "step.onnx"
     _check_shapes(style_path, style.get_inputs(), {"z": [6, 64]})
     _check_shapes(style_path, style.get_outputs(), {**dict.fromkeys(FOLDED), "speeds": [2]})

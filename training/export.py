@@ -132,6 +132,7 @@ def _export(module: nn.Module, example: tuple, inputs: list[str], outputs: list[
             dynamo=True, dynamic_shapes=shapes, external_data=False, verbose=False,
         )
         expected = module(*example)
+    strip_traces(path)
     import onnxruntime
 
     session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
@@ -142,6 +143,21 @@ def _export(module: nn.Module, example: tuple, inputs: list[str], outputs: list[
     if error > 1e-4 * max(1.0, scale):
         raise RuntimeError(f"{path}: ONNX differs from torch by {error:.2e}")
     return error
+
+
+def strip_traces(path: Path) -> None:
+    """Take the exporter's stack traces out of a graph: they hold the paths of this machine."""
+    import onnx
+
+    model = onnx.load(str(path))
+    graph = model.graph
+    parts = [model, graph, *graph.node, *graph.input, *graph.output, *graph.value_info, *graph.initializer]
+    for function in model.functions:
+        parts += [function, *function.node, *function.value_info]
+    for part in parts:
+        part.ClearField("metadata_props")
+        part.ClearField("doc_string")
+    onnx.save(model, str(path))
 
 
 def _write_metadata(trained: Trained, folder: Path, errors: dict[str, float]) -> None:

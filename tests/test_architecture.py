@@ -1,0 +1,164 @@
+"""The arrows of docs/architecture.md, imports without side effects, and files that stay readable and movable."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from runtime.assets import PROJECT_ROOT
+
+MAX_LINES = 450
+MAX_FUNCTION_LINES = 80
+PACKAGES = ("runtime", "viewer", "training", "benchmarks")
+HEAVY = (
+    "onnxruntime",
+    "tokenizers",
+    "trimesh",
+    "pygltflib",
+    "PIL",
+    "scipy",
+    "skimage",
+    "matplotlib",
+    "torch",
+    "onnx",
+    "av",
+    "openai",
+)
+WINDOW = ("imgui_bundle", "glfw", "moderngl")
+# what each package may import of the project, and the top-level packages of others that it may use at all
+ARROWS = {
+    "runtime": {"runtime"},
+    "viewer": {"viewer", "runtime"},
+    "training": {"training", "runtime"},
+    "benchmarks": {"benchmarks", "viewer", "runtime"},
+}
+LIBRARIES = {
+    "runtime": {"numpy", "onnxruntime", "tokenizers", "pygltflib", "PIL", "trimesh", "openai"},
+    "viewer": {"numpy", "PIL", *WINDOW},
+    "benchmarks": {"numpy"},
+}
+TEXT_SUFFIXES = {".json", ".md", ".txt", ".toml", ".py", ".glsl", ".vert", ".frag", ".sh", ""}
+ABSOLUTE_PATH = re.compile(
+    rb"(?<![\w.:/~$}])/(?:home|root|work|tmp|Users|mnt|opt|private)/\w+|[A-Z]:\\\\?Users"
+)
+
+
+def sources(package: str) -> list[Path]:
+    return sorted((PROJECT_ROOT / package).rglob("*.py"))
+
+
+def imported(path: Path) -> set[str]:
+    """Top-level names of everything a file imports, inside functions too."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            found.add((node.module or "").split(".")[0])
+    return found
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_arrows_point_one_way(package: str) -> None:
+    own = {*PACKAGES, "sport", "tests"}
+    for path in sources(package):
+        names = imported(path)
+        assert names & own <= ARROWS[package], path
+        if package in LIBRARIES:
+            others = names - own - set(sys.stdlib_module_names) - {"__future__"}
+            assert others <= LIBRARIES[package], path
+
+
+WATCHED_IMPORT = """
+import importlib, json, sys, threading
+touched = []
+def watch(event, args):
+    if event == "open" and not str(args[0]).endswith((".py", ".pyc")):
+        touched.append(f"open {args[0]}")
+    elif event.split(".")[0] in ("socket", "subprocess", "shutil", "tempfile") or event in ("os.mkdir", "os.system"):
+        touched.append(event)
+importlib.import_module("numpy")
+for library in sys.argv[2:]:
+    importlib.import_module(library)
+before = set(sys.modules)
+sys.addaudithook(watch)
+for name in sys.argv[1].split():
+    importlib.import_module(name)
+print(json.dumps([sorted({m.split(".")[0] for m in set(sys.modules) - before}), touched, threading.active_count()]))
+"""
+
+
+@pytest.mark.parametrize(("package", "libraries"), [("runtime", ()), ("viewer", WINDOW)])
+def test_importing_has_no_side_effects(package: str, libraries: tuple[str, ...]) -> None:
+    """No module opens a window, file, process or socket, starts a thread, or loads what it may never need."""
+    names = [".".join(p.relative_to(PROJECT_ROOT).with_suffix("").parts) for p in sources(package)]
+    kept = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    command = [sys.executable, "-c", WATCHED_IMPORT, " ".join(names), *libraries]
+    done = subprocess.run(command, cwd=PROJECT_ROOT, env=kept, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    loaded, touched, threads = json.loads(done.stdout)
+    assert touched == []
+    assert threads == 1
+    assert not set(loaded) & (set(HEAVY) | {"training"})
+
+
+def test_runtime_and_prompts_need_no_window_library() -> None:
+    """A headless server generates clips without the packages that draw."""
+    for path in (*sources("runtime"), PROJECT_ROOT / "sport.py"):
+        assert not imported(path) & set(WINDOW), path
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_files_and_functions_stay_readable(package: str) -> None:
+    for path in [*sources(package), PROJECT_ROOT / "sport.py"]:
+        text = path.read_text(encoding="utf-8")
+        assert text.count("\n") <= MAX_LINES, path
+        tree = ast.parse(text)
+        assert ast.get_docstring(tree), f"{path}: what is it about?"
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                lines = (node.end_lineno or 0) - node.lineno + 1
+                assert lines <= MAX_FUNCTION_LINES, f"{path}: {node.name} has {lines} lines"
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_modules_hold_no_state(package: str) -> None:
+    """No `global` statement, no bare except, and no exception that is swallowed whole."""
+    for path in sources(package):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            assert not isinstance(node, ast.Global), f"{path}:{node.lineno}"
+            assert not (isinstance(node, ast.ExceptHandler) and node.type is None), f"{path}:{node.lineno}"
+
+
+def shipped() -> list[Path]:
+    folders = ("assets", "shaders", "docs", *PACKAGES)
+    files = [p for folder in folders for p in sorted((PROJECT_ROOT / folder).rglob("*")) if p.is_file()]
+    files += [
+        p for p in PROJECT_ROOT.iterdir() if p.is_file() and p.suffix in TEXT_SUFFIXES and p.name != ".git"
+    ]
+    return [p for p in files if "__pycache__" not in p.parts]
+
+
+def test_nothing_shipped_names_a_path_of_the_machine_it_was_made_on() -> None:
+    """Texts, and the networks too: the exporter writes stack traces into graphs if it is let."""
+    for path in shipped():
+        if path.suffix in TEXT_SUFFIXES or path.suffix in (".onnx", ".glb"):
+            found = ABSOLUTE_PATH.search(path.read_bytes())
+            assert found is None, f"{path}: {found.group()[:80]!r}" if found else ""
+
+
+def test_shaders_and_assets_are_named_by_the_code_that_reads_them() -> None:
+    """What ships is used: a shader that no source names would be dead weight."""
+    code = "\n".join(p.read_text(encoding="utf-8") for p in sources("viewer"))
+    shaders = sorted((PROJECT_ROOT / "shaders").iterdir())
+    glsl = "\n".join(p.read_text(encoding="utf-8") for p in shaders)
+    for shader in shaders:
+        assert shader.stem in code or f'"{shader.name}"' in glsl, shader

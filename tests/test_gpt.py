@@ -643,7 +643,9 @@ def test_settings_that_cannot_be_used_are_named_without_the_secret(environment, 
 
 def test_wrong_settings_leave_the_library(monkeypatch, tmp_path):
     monkeypatch.setenv("OPENAI_BASE_URL", "nonsense")
-    expansion = FallbackExpander(GptExpander(cache=tmp_path), Library()).expand("proud")
+    gpt = GptExpander(cache=tmp_path)
+    gpt.prepare()  # while the program starts: nothing to say yet
+    expansion = FallbackExpander(gpt, Library()).expand("proud")
     assert expansion.source == "library"
     assert "OPENAI_BASE_URL" in expansion.note
 

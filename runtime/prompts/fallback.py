@@ -71,8 +71,13 @@ class CancellingWorker(PromptWorker):
 def start_prompt_worker(
     text_encoder: TextEncoderLike, encoder: PromptEncoder, environment: Mapping[str, str] | None = None
 ) -> PromptWorker:
-    """The worker that the environment asks for: a language model with the library behind it, or the library alone."""
+    """The worker that the environment asks for: a language model with the library behind it, or the library alone.
+
+    Takes some tenths of a second with a language model, for its imports.
+    """
     library = LibraryExpander(text_encoder)
     if not gpt_configured(environment):
         return PromptWorker(library, encoder)
-    return CancellingWorker(FallbackExpander(GptExpander(), library), encoder)
+    gpt = GptExpander()
+    gpt.prepare()
+    return CancellingWorker(FallbackExpander(gpt, library), encoder)

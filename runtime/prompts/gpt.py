@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import logging
 import threading
@@ -9,7 +10,7 @@ import time
 from functools import cached_property
 from pathlib import Path
 
-from runtime.errors import PromptError
+from runtime.errors import PromptError, SportError
 from runtime.prompts.expander import Expansion, check_prompt
 from runtime.prompts.gpt_cache import AnswerCache, cache_directory
 from runtime.prompts.gpt_client import INSTALL, ChatClient, EndpointError
@@ -58,6 +59,16 @@ class GptExpander:
         finally:
             with self._lock:
                 self._stops.discard(stop)
+
+    def prepare(self) -> None:
+        """Import and open what the first prompt needs: Python's import would hold up frames for tens of milliseconds.
+
+        Says nothing of what is missing or wrong; the first `expand` does.
+        """
+        with contextlib.suppress(SportError):
+            self._check_ready()
+            self._client.prepare()
+            _ = self._cache.version
 
     def cancel(self) -> None:
         """Let every `expand` in progress end at once, by PromptCancelledError."""

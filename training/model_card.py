@@ -25,11 +25,11 @@ def model_card(metadata: dict[str, Any], curves: dict[str, str]) -> str:
         f" {len(notes['styles'])} styles: {', '.join(notes['styles'])}.",
         "",
         "## Licence and credits",
-        f"{notes['licence'].capitalize()}.",
+        f"{notes['licence'][:1].upper()}{notes['licence'][1:]}.",
         *[f"- {credit}" for credit in metadata["credits"]],
         "",
         "## Training",
-        f"Seed {notes['seed']}; configured steps of the stages: "
+        f"Seed {notes['seed']}; steps of the stages: "
         + ", ".join(f"{k} {v}" for k, v in notes["steps"].items())
         + ".",
         *[f"- {stage}: {text}" for stage, text in curves.items()],

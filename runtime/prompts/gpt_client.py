@@ -192,7 +192,8 @@ class ChatClient:
     def _refusal(self, error: Any) -> EndpointError:
         """What a status other than 200 means; `error` is an openai.APIStatusError."""
         status = int(error.status_code)
-        said = self._clean(error.message)
+        body = error.body if isinstance(error.body, dict) else {}
+        said = self._clean(body.get("message") or error.message)
         if status in (401, 403):
             # what it says may repeat the key
             return self._error(f"refuses the key ({status}).", f"Check {KEY}.", status=status)

@@ -102,7 +102,8 @@ def _frames(clips) -> Frames:
     return Frames.of(table, phase, np.zeros(len(table.styles), np.int64), torch.device("cpu"))
 
 
-def test_a_lane_that_predicts_the_truth_sees_captured_frames(clips):
+def test_a_lane_that_predicts_the_truth_sees_captured_frames(clips, monkeypatch):
+    monkeypatch.setattr("training.rollouts.FOREIGN_POSE", 0.0)
     frames = _frames(clips)
     rows = torch.tensor([100, 400])
     lanes = RolloutLanes(frames, 2, 1e9, iter([rows, rows]))
@@ -112,6 +113,18 @@ def test_a_lane_that_predicts_the_truth_sees_captured_frames(clips):
         pose = slice(0, INPUT["gait"].stop)
         assert torch.allclose(ours[:, pose], expected[:, pose], atol=2e-3)
         lanes.advance(frames.outputs(rows + k, lanes.patch))
+
+
+def test_lanes_can_begin_in_the_pose_of_another_clip(clips, monkeypatch):
+    monkeypatch.setattr("training.rollouts.FOREIGN_POSE", 1.0)
+    frames = _frames(clips)
+    rows = torch.arange(100, 164)
+    lanes = RolloutLanes(frames, 64, 1e9, iter([rows]))
+    pose = INPUT["joint_positions"]
+    own = frames.inputs(rows, lanes.patch)[:, pose]
+    begun = lanes.inputs()[:, pose]
+    assert not torch.allclose(begun, own)
+    assert torch.allclose(begun.sum(0), own.sum(0), atol=0.1)  # the same poses in another order
 
 
 def test_lanes_restart_at_the_end_of_their_clip(clips):

@@ -18,6 +18,9 @@ from training.batches import Frames, Normalisation
 
 PRESENT = 60
 _POSE = ("joint_positions", "joint_velocities")
+# Share of lanes that begin in the pose of another clip. Capture holds no change of style: without these lanes the
+# network would stay in the pose it finds itself in, whatever the prompt says.
+FOREIGN_POSE = 0.35
 
 
 class RolloutLanes:
@@ -43,8 +46,11 @@ class RolloutLanes:
         self.rows[ended] = rows
         self.patch[ended] = (torch.rand(len(rows), device=rows.device) * self.frames.patches[rows]).long()
         x = self.frames.inputs(rows, self.patch[ended])
+        foreign = torch.rand(len(rows), device=rows.device) < FOREIGN_POSE
+        order = torch.arange(len(rows), device=rows.device)
+        order = torch.where(foreign, order[torch.randperm(len(rows), device=rows.device)], order)
         for name in _POSE:
-            self.pose[name][ended] = x[:, INPUT[name]]
+            self.pose[name][ended] = x[order][:, INPUT[name]]
         index = rows[:, None] - 1 + torch.arange(-PRESENT, PRESENT + 1, device=rows.device)
         index = torch.minimum(torch.maximum(index, self.frames.first[rows, None]), self.frames.last[rows, None])
         self.phase[ended] = self.frames.phase[index].flatten(2)

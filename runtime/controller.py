@@ -29,8 +29,9 @@ JUMP_SECONDS = 0.7
 NOISE_HALF_LIFE = 0.5  # seconds; the diffusion noise drifts instead of flickering from frame to frame
 # The network has a pace of its own for each style; the regulator asks it for more or less until the root's speed is
 # the one the stick asks for.
-REGULATOR_RATE = 1.5  # change of the gain per second and relative speed error
-REGULATOR_RANGE = (0.6, 1.8)
+REGULATOR_RATE = 2.5  # change of the gain per second and relative speed error
+REGULATOR_RANGE = (0.35, 2.0)
+STRIDE_WARP = (0.8, 1.25)  # what is left of the difference is taken up by longer or shorter strides, this much at most
 SPEED_HALF_LIFE = 0.25  # seconds, smoothing of the measured speed (a stride speeds up and slows down)
 
 
@@ -251,6 +252,7 @@ class Controller:
         velocity = self._calmed(velocity)
         speed = float(np.linalg.norm(velocity))
         self._measured_speed += (speed - self._measured_speed) * (1 - decay(SPEED_HALF_LIFE))
+        velocity = velocity * self._stride_warp()
         next_yaw = yaw + y.root[2] * DT
         t.advance(
             velocity * DT,
@@ -258,6 +260,11 @@ class Controller:
             features.to_world(y.trajectory_positions, next_yaw),
             features.to_world(y.trajectory_directions, next_yaw),
         )
+
+    def _stride_warp(self) -> float:
+        """Scale of the root's displacement towards the asked speed; the foot lock keeps the feet planted."""
+        walks = self._measured_speed > 0.5 * self.asked_speed > 0.5 * STAND_SPEED
+        return float(np.clip(self.asked_speed / self._measured_speed, *STRIDE_WARP)) if walks else 1.0
 
     def _calmed(self, velocity: Array) -> Array:
         """The network's root velocity; standing still, it is damped so that idle characters do not creep."""

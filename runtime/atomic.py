@@ -43,7 +43,9 @@ def _temporary_beside(target: Path) -> Path:
         raise FileError(f"{target}: this is a folder.", "Add the name of a file.")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{target.stem[:80]}-", suffix=target.suffix, dir=target.parent)
+        handle, name = tempfile.mkstemp(
+            prefix=f".{target.stem[:80]}-", suffix=target.suffix, dir=target.parent
+        )
         os.close(handle)
     except FileExistsError as error:
         raise FileError(f"{target}: {error.filename or target.parent} is not a folder.", _REMEDY) from error

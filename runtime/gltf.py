@@ -61,10 +61,14 @@ class Character:
                 pivots[..., k, :] = self._hips(positions, turns[..., k, :])
             else:
                 carrier = a.anchor[k]
-                pivots[..., k, :] = pivots[..., carrier, :] + rotations.rotate(turns[..., carrier, :], a.arms[k])
+                pivots[..., k, :] = pivots[..., carrier, :] + rotations.rotate(
+                    turns[..., carrier, :], a.arms[k]
+                )
         rigid = np.flatnonzero(a.source < 0)
         turns[..., rigid, :] = turns[..., a.driver[rigid], :]
-        pivots[..., rigid, :] = pivots[..., a.driver[rigid], :] + rotations.rotate(turns[..., rigid, :], a.arms[rigid])
+        pivots[..., rigid, :] = pivots[..., a.driver[rigid], :] + rotations.rotate(
+            turns[..., rigid, :], a.arms[rigid]
+        )
         return pivots, turns
 
     def _hips(self, positions: Array, hips_turn: Array) -> Array:
@@ -84,7 +88,9 @@ class Character:
 
     def skin_matrices(self, pose: Pose) -> Array:
         """Skinning matrices `(K, 4, 4)` float32 that carry bind-pose vertices to world space in `pose`."""
-        return (self.joint_matrices(pose.positions, pose.world_rotations) @ self.inverse_bind).astype(np.float32)
+        return (self.joint_matrices(pose.positions, pose.world_rotations) @ self.inverse_bind).astype(
+            np.float32
+        )
 
 
 def skin_vertices(character: Character, matrices: Array) -> Array:
@@ -101,7 +107,9 @@ def read_joint_map(path: str | Path) -> dict[str, str]:
     except OSError as error:
         raise FileError(f"{path}: {error.strerror or error}.", "Check the path.") from error
     except ValueError as error:
-        raise FileError(f"{path}: not JSON ({error}).", 'Expected {"LeftArm": "name in the file", ...}.') from error
+        raise FileError(
+            f"{path}: not JSON ({error}).", 'Expected {"LeftArm": "name in the file", ...}.'
+        ) from error
     unknown = sorted(set(data) - set(SPORT_SKELETON.names)) if isinstance(data, dict) else ["a JSON object"]
     if unknown or not all(isinstance(value, str) for value in data.values()):
         raise FileError(
@@ -124,7 +132,9 @@ def load_character(path: str | Path, joint_map: Mapping[str, str] | None = None)
         problem = f"{type(error).__name__}: {error}"[:160]
         raise FileError(f"{file.name}: damaged glTF structure ({problem}).", REMEDY) from error
     if len(data.joint_nodes) > MAX_JOINTS:
-        raise FileError(f"{file.name}: {len(data.joint_nodes)} joints; at most {MAX_JOINTS} are supported.", REMEDY)
+        raise FileError(
+            f"{file.name}: {len(data.joint_nodes)} joints; at most {MAX_JOINTS} are supported.", REMEDY
+        )
     return _assemble(file, data, joint_map or {})
 
 
@@ -149,7 +159,9 @@ def _assemble(file: GltfFile, data: MeshData, joint_map: Mapping[str, str]) -> C
     )
 
 
-def _find_joints(file: GltfFile, data: MeshData, names: tuple[str, ...], joint_map: Mapping[str, str]) -> dict[str, int]:
+def _find_joints(
+    file: GltfFile, data: MeshData, names: tuple[str, ...], joint_map: Mapping[str, str]
+) -> dict[str, int]:
     found = match_joints(names) | data.humanoid
     for joint, name in joint_map.items():
         if joint not in SPORT_SKELETON.names or name not in names:

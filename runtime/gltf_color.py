@@ -49,7 +49,9 @@ def _texture_colors(file: GltfFile, primitive: Primitive, info: TextureInfo, wha
         return np.ones((count, 3), np.float32)
     uv = read_accessor(file, channel, f"texture coordinates of {what}").astype(np.float64)
     if uv.shape != (count, 2):
-        raise FileError(f"{file.name}: the texture coordinates of {what} do not fit its {count} vertices.", REMEDY)
+        raise FileError(
+            f"{file.name}: the texture coordinates of {what} do not fit its {count} vertices.", REMEDY
+        )
     pixels = _texture_pixels(file, info.index)
     height, width = pixels.shape[:2]
     at = np.floor((uv % 1.0) * (width, height)).astype(np.int64)
@@ -66,7 +68,9 @@ def _texture_pixels(file: GltfFile, index: int) -> NDArray[np.uint8]:
         raise FileError(f"{file.name}: texture {index} is missing.", REMEDY)
     source = textures[index].source
     if source is None or not 0 <= source < len(images):
-        raise FileError(f"{file.name}: the image of texture {index} is missing.", "Export textures as PNG or JPEG.")
+        raise FileError(
+            f"{file.name}: the image of texture {index} is missing.", "Export textures as PNG or JPEG."
+        )
     image = images[source]
     if image.bufferView is not None:
         data = buffer_view_bytes(file, image.bufferView, f"image {source}")
@@ -77,10 +81,14 @@ def _texture_pixels(file: GltfFile, index: int) -> NDArray[np.uint8]:
     try:
         with Image.open(io.BytesIO(data)) as picture:
             if picture.width * picture.height > MAX_TEXTURE_PIXELS:
-                raise FileError(f"{file.name}: image {source} is larger than 8192 x 8192.", "Reduce its textures.")
+                raise FileError(
+                    f"{file.name}: image {source} is larger than 8192 x 8192.", "Reduce its textures."
+                )
             picture.draft("RGB", (SAMPLED_PIXELS, SAMPLED_PIXELS))
             small = picture.convert("RGB")
             small.thumbnail((SAMPLED_PIXELS, SAMPLED_PIXELS))
             return np.asarray(small)
     except (UnidentifiedImageError, Image.DecompressionBombError, OSError, ValueError, SyntaxError) as error:
-        raise FileError(f"{file.name}: image {source} is damaged ({error}).", "Export textures as PNG or JPEG.") from error
+        raise FileError(
+            f"{file.name}: image {source} is damaged ({error}).", "Export textures as PNG or JPEG."
+        ) from error

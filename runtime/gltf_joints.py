@@ -41,8 +41,10 @@ _SMPL = {
     "{S}HandIndex1": "{s}middle1", "{S}UpLeg": "{s}hip", "{S}Leg": "{s}knee", "{S}Foot": "{s}ankle",
     "{S}ToeBase": "{s}foot",
 }  # fmt: skip
-_VROID = {key: "jbip" + re.sub(r"^c(?=\{)", "", ("c" if "{" not in value else "") + value.replace("{s}", "{i}"))
-          for key, value in _VRM.items()}
+_VROID = {
+    key: "jbip" + re.sub(r"^c(?=\{)", "", ("c" if "{" not in value else "") + value.replace("{s}", "{i}"))
+    for key, value in _VRM.items()
+}
 
 
 def _both_sides(table: Mapping[str, str]) -> dict[str, str]:
@@ -119,8 +121,9 @@ def align(found: Mapping[str, int], parents: Sequence[int], rest_world: Array, v
     hips = found["Hips"]
     driver = _drivers(parents, source, hips)
     order = _ancestors_first([int(k) for k in np.flatnonzero(source >= 0)], parents, hips)
-    anchor = np.array([driver[p] if source[k] >= 0 and (p := parents[k]) >= 0 else driver[k]
-                       for k in range(len(parents))])
+    anchor = np.array(
+        [driver[p] if source[k] >= 0 and (p := parents[k]) >= 0 else driver[k] for k in range(len(parents))]
+    )
     turns = _turns(found, order, anchor, source, position)
     legs = 0.5 * (position[found["LeftUpLeg"]] + position[found["RightUpLeg"]])
     ankle = 0.5 * (position[found["LeftFoot"]] + position[found["RightFoot"]])
@@ -131,8 +134,18 @@ def align(found: Mapping[str, int], parents: Sequence[int], rest_world: Array, v
     )
     sole = float((vertices @ facing[1]).min()) * scale
     lift = 0.0 if native else float(np.clip(ankle[1] - sole - ANKLE_HEIGHT, -0.2, 0.2))
-    return Alignment(order, source, driver, anchor, turns, position - position[anchor],
-                     scale * facing @ rest_world[:, :3, :3], position[hips] - legs, lift, native)
+    return Alignment(
+        order,
+        source,
+        driver,
+        anchor,
+        turns,
+        position - position[anchor],
+        scale * facing @ rest_world[:, :3, :3],
+        position[hips] - legs,
+        lift,
+        native,
+    )
 
 
 def _canonical_axes(found: Mapping[str, int], position: Array) -> Array:
@@ -153,7 +166,9 @@ def _leg_scale(found: Mapping[str, int], position: Array) -> float:
         hip, knee, ankle = (position[found[side + bone]] for bone in ("UpLeg", "Leg", "Foot"))
         length += 0.5 * float(np.linalg.norm(hip - knee) + np.linalg.norm(knee - ankle))
     ours = np.linalg.norm(SPORT_SKELETON.offsets, axis=1)
-    return float(ours[SPORT_SKELETON.index("LeftLeg")] + ours[SPORT_SKELETON.index("LeftFoot")]) / max(length, 1e-6)
+    return float(ours[SPORT_SKELETON.index("LeftLeg")] + ours[SPORT_SKELETON.index("LeftFoot")]) / max(
+        length, 1e-6
+    )
 
 
 def _drivers(parents: Sequence[int], source: NDArray[np.int64], hips: int) -> NDArray[np.int64]:
@@ -176,15 +191,20 @@ def _ancestors_first(joints: list[int], parents: Sequence[int], hips: int) -> tu
 _AIM = {"Arm": "ForeArm", "ForeArm": "Hand", "Hand": "HandIndex1", "UpLeg": "Leg", "Leg": "Foot"}
 
 
-def _turns(found: Mapping[str, int], order: Sequence[int], anchor: NDArray[np.int64], source: NDArray[np.int64],
-           position: Array) -> Array:
+def _turns(
+    found: Mapping[str, int],
+    order: Sequence[int],
+    anchor: NDArray[np.int64],
+    source: NDArray[np.int64],
+    position: Array,
+) -> Array:
     """Rest alignment `(K, 4)`: limb bones turn onto the SPORT rest directions, feet only about the vertical."""
     turns = rotations.identity((len(source),)).astype(np.float64)
     ours = SPORT_SKELETON.rest_positions
     for k in order:
         name = SPORT_SKELETON.names[source[k]]
         side = next((s for s in _SIDED if name.startswith(s)), "")
-        bone = name[len(side):]
+        bone = name[len(side) :]
         if not side or bone in ("Shoulder", "HipJoint"):
             continue
         inherited = turns[anchor[k]]

@@ -86,7 +86,9 @@ def _local_matrix(file: GltfFile, i: int) -> Array:
         given = getattr(node, name)
         array = np.array(default if given is None else given, np.float64)
         if array.shape != (len(default),) or not np.all(np.abs(array) < MAX_VALUE):
-            raise FileError(f"{file.name}: the {name} of node {i} is not {len(default)} finite numbers.", REMEDY)
+            raise FileError(
+                f"{file.name}: the {name} of node {i} is not {len(default)} finite numbers.", REMEDY
+            )
         return array
 
     node = file.gltf.nodes[i]
@@ -120,7 +122,9 @@ def read_meshes(file: GltfFile) -> MeshData:
     """Merge every skinned primitive of the file; FileError when there is none or it is damaged."""
     nodes = file.gltf.nodes or []
     if not file.gltf.skins:
-        raise FileError(f"{file.name}: it has no skin.", "Export the character with its skeleton and skin weights.")
+        raise FileError(
+            f"{file.name}: it has no skin.", "Export the character with its skeleton and skin weights."
+        )
     world = node_world_matrices(file)
     palette = _Palette()
     parts: list[MeshData] = []
@@ -176,7 +180,9 @@ def _skin_slots(file: GltfFile, index: int, palette: _Palette) -> NDArray[np.int
     else:
         values = read_accessor(file, skin.inverseBindMatrices, f"inverse bind matrices of skin {index}")
         if values.shape[1] != 16 or len(values) < len(joints):
-            raise FileError(f"{file.name}: skin {index} has {len(joints)} joints but {len(values)} bind matrices.", REMEDY)
+            raise FileError(
+                f"{file.name}: skin {index} has {len(joints)} joints but {len(values)} bind matrices.", REMEDY
+            )
         inverse = values.reshape(-1, 4, 4).transpose(0, 2, 1)
     return np.array([palette.add(j, m) for j, m in zip(joints, inverse, strict=False)])
 
@@ -192,7 +198,9 @@ def _read_primitive(
     else:
         indices = read_accessor(file, primitive.indices, f"indices of {what}").ravel().astype(np.int64)
     if len(indices) % 3 or indices.min() < 0 or indices.max() >= len(positions):
-        raise FileError(f"{file.name}: the indices of {what} do not fit its {len(positions)} vertices.", REMEDY)
+        raise FileError(
+            f"{file.name}: the indices of {what} do not fit its {len(positions)} vertices.", REMEDY
+        )
     triangles = indices.reshape(-1, 3)
     if attributes.NORMAL is None:
         normals = vertex_normals(positions, triangles)
@@ -206,8 +214,14 @@ def _read_primitive(
         positions = (positions @ rigid[:3, :3].T + rigid[:3, 3]).astype(np.float32)
         normals = normals @ np.linalg.inv(rigid[:3, :3])
     unit = rotations.normalize(normals.astype(np.float64)).astype(np.float32)
-    return MeshData(positions, unit,
-                    primitive_colors(file, primitive, what, len(positions)), joints, weights, triangles.astype(np.uint32))
+    return MeshData(
+        positions,
+        unit,
+        primitive_colors(file, primitive, what, len(positions)),
+        joints,
+        weights,
+        triangles.astype(np.uint32),
+    )
 
 
 def _vectors(file: GltfFile, index: int | None, what: str, width: int) -> Array:
@@ -220,7 +234,9 @@ def _vectors(file: GltfFile, index: int | None, what: str, width: int) -> Array:
 def _matching(file: GltfFile, index: int | None, what: str, widths: tuple[int, ...], count: int) -> Array:
     values = read_accessor(file, index, what)
     if len(values) != count or values.shape[1] not in widths:
-        raise FileError(f"{file.name}: {what} is {values.shape[0]} x {values.shape[1]}; expected {count} rows.", REMEDY)
+        raise FileError(
+            f"{file.name}: {what} is {values.shape[0]} x {values.shape[1]}; expected {count} rows.", REMEDY
+        )
     return values
 
 
@@ -234,7 +250,9 @@ def vertex_normals(positions: Array, triangles: Array) -> Array:
     return rotations.normalize(normals)
 
 
-def _influences(file: GltfFile, attributes: Any, slots: NDArray[np.int64], what: str, count: int) -> tuple[Array, Array]:
+def _influences(
+    file: GltfFile, attributes: Any, slots: NDArray[np.int64], what: str, count: int
+) -> tuple[Array, Array]:
     joints, weights = [], []
     for channel in ("0", "1"):  # up to eight influences; the four strongest are kept
         j = getattr(attributes, f"JOINTS_{channel}", None)
@@ -246,10 +264,13 @@ def _influences(file: GltfFile, attributes: Any, slots: NDArray[np.int64], what:
     used = all_weights > 0
     if all_joints.min() < 0 or np.any(all_joints[used] >= len(slots)):
         raise FileError(
-            f"{file.name}: {what} uses joint {int(all_joints[used].max())}; its skin has {len(slots)} joints.", REMEDY
+            f"{file.name}: {what} uses joint {int(all_joints[used].max())}; its skin has {len(slots)} joints.",
+            REMEDY,
         )
     if all_weights.min() < 0 or not np.all(used.any(axis=1)):
-        raise FileError(f"{file.name}: {what} has negative weights or vertices without a joint.", "Normalise the weights.")
+        raise FileError(
+            f"{file.name}: {what} has negative weights or vertices without a joint.", "Normalise the weights."
+        )
     best = np.argsort(-all_weights, axis=1, kind="stable")[:, :4]
     kept = np.take_along_axis(all_weights, best, axis=1)
     index = np.take_along_axis(np.where(used, all_joints, 0), best, axis=1)
@@ -261,6 +282,7 @@ def _merge(file: GltfFile, parts: list[MeshData]) -> MeshData:
         raise FileError(f"{file.name}: more than {MAX_VERTICES} vertices.", "Reduce the mesh.")
     base = np.cumsum([0] + [len(p.positions) for p in parts[:-1]])
     triangles = [p.triangles + np.uint32(b) for p, b in zip(parts, base, strict=True)]
+
     def join(name: str) -> Array:
         return np.concatenate([getattr(p, name) for p in parts])
 

@@ -21,14 +21,32 @@ Array = NDArray[Any]
 
 MAX_FILE_BYTES = 256 * 1024 * 1024
 MAX_VALUE = 1e9  # of any coordinate or matrix element
-REMEDY = "Export the character again as glTF binary (.glb) with mesh, skin and skeleton, or choose another file."
-_COMPONENTS: dict[int, type] = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16,
-                                5125: np.uint32, 5126: np.float32}
+REMEDY = (
+    "Export the character again as glTF binary (.glb) with mesh, skin and skeleton, or choose another file."
+)
+_COMPONENTS: dict[int, type] = {
+    5120: np.int8,
+    5121: np.uint8,
+    5122: np.int16,
+    5123: np.uint16,
+    5125: np.uint32,
+    5126: np.float32,
+}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _COMPRESSION = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
 # what dataclass decoding and numpy raise on JSON of the wrong shape or values out of range
-STRUCTURE_ERRORS = (KeyError, TypeError, ValueError, IndexError, AttributeError, AssertionError,
-                    OverflowError, RecursionError, struct.error, np.linalg.LinAlgError)
+STRUCTURE_ERRORS = (
+    KeyError,
+    TypeError,
+    ValueError,
+    IndexError,
+    AttributeError,
+    AssertionError,
+    OverflowError,
+    RecursionError,
+    struct.error,
+    np.linalg.LinAlgError,
+)
 
 
 @dataclass(frozen=True)
@@ -66,7 +84,9 @@ def open_gltf(path: Path) -> GltfFile:
         raise FileError(f"{path}: the glTF container holds no JSON chunk.", REMEDY)
     used = _COMPRESSION & set(gltf.extensionsRequired or [])
     if used:
-        raise FileError(f"{path}: compressed with {', '.join(sorted(used))}.", "Export it without mesh compression.")
+        raise FileError(
+            f"{path}: compressed with {', '.join(sorted(used))}.", "Export it without mesh compression."
+        )
     if any(not isinstance(item, Buffer) for item in gltf.buffers or []):
         raise FileError(f"{path}: its list of buffers is damaged.", REMEDY)
     return GltfFile(path, gltf, _load_buffers(path, gltf))
@@ -94,7 +114,9 @@ def _check_header(data: bytes, path: Path) -> None:
     if version != 2:
         raise FileError(f"{path}: glTF version {version}; expected 2.", REMEDY)
     if length > len(data):
-        raise FileError(f"{path}: cut off, {len(data)} of {length} bytes are there.", "Copy or export the file again.")
+        raise FileError(
+            f"{path}: cut off, {len(data)} of {length} bytes are there.", "Copy or export the file again."
+        )
 
 
 def _load_buffers(path: Path, gltf: GLTF2) -> tuple[bytes, ...]:
@@ -111,7 +133,9 @@ def _load_buffers(path: Path, gltf: GLTF2) -> tuple[bytes, ...]:
         else:
             data = read_sibling(path, unquote(uri), "buffer")
         if len(data) < (buffer.byteLength or 0):
-            raise FileError(f"{path}: buffer {i} has {len(data)} bytes; expected {buffer.byteLength}.", REMEDY)
+            raise FileError(
+                f"{path}: buffer {i} has {len(data)} bytes; expected {buffer.byteLength}.", REMEDY
+            )
         buffers.append(bytes(data))
     return tuple(buffers)
 
@@ -153,10 +177,14 @@ def read_accessor(file: GltfFile, index: int | None, what: str) -> Array:
     if accessor.componentType not in _COMPONENTS or accessor.type not in _WIDTHS:
         raise FileError(f"{file.name}: {what} has an unknown component or element type.", REMEDY)
     if accessor.sparse is not None:
-        raise FileError(f"{file.name}: {what} is a sparse accessor.", "Export the character without sparse accessors.")
+        raise FileError(
+            f"{file.name}: {what} is a sparse accessor.", "Export the character without sparse accessors."
+        )
     values = _accessor_values(file, accessor, what)
     if accessor.componentType == 5126 and not np.all(np.abs(values) < MAX_VALUE):
-        raise FileError(f"{file.name}: {what} holds values that are not finite or above {MAX_VALUE:.0e}.", REMEDY)
+        raise FileError(
+            f"{file.name}: {what} holds values that are not finite or above {MAX_VALUE:.0e}.", REMEDY
+        )
     if accessor.normalized and values.dtype.kind in "iu":
         return np.maximum(values.astype(np.float32) / np.iinfo(values.dtype).max, -1.0)
     return values

@@ -55,7 +55,9 @@ def save_animated_glb(character: Character, clip: ClipLike, path: str | Path) ->
     local = np.asarray(clip.local_rotations, np.float64)
     hips = np.asarray(clip.hips_positions, np.float64)
     if len(local) < 1 or len(hips) != len(local):
-        raise FileError(f"{path}: the clip has {len(local)} frames; at least one is needed.", "Record a clip first.")
+        raise FileError(
+            f"{path}: the clip has {len(local)} frames; at least one is needed.", "Record a clip first."
+        )
     positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
     gltf, blob = _document(character, Path(path).stem)
     gltf.animations = [_animation(gltf, blob, character, positions, world, clip.fps)]
@@ -83,11 +85,15 @@ def _document(character: Character, name: str) -> tuple[GLTF2, bytearray]:
         name=name, pbrMetallicRoughness=g.PbrMetallicRoughness(metallicFactor=0.0, roughnessFactor=0.6)
     )
     gltf.materials = [material]
-    gltf.meshes = [g.Mesh(name=name, primitives=[g.Primitive(attributes=attributes, indices=indices, material=0)])]
+    gltf.meshes = [
+        g.Mesh(name=name, primitives=[g.Primitive(attributes=attributes, indices=indices, material=0)])
+    ]
     inverse = np.asarray(character.inverse_bind, np.float32).transpose(0, 2, 1).reshape(-1, 16)
     inverse = inverse.copy()
     inverse[:, [3, 7, 11]], inverse[:, 15] = 0.0, 1.0  # the format wants the last row exact
-    gltf.skins = [g.Skin(inverseBindMatrices=put(gltf, blob, inverse), joints=list(range(len(character.joint_names))))]
+    gltf.skins = [
+        g.Skin(inverseBindMatrices=put(gltf, blob, inverse), joints=list(range(len(character.joint_names))))
+    ]
     _add_nodes(gltf, character, name)
     return gltf, blob
 
@@ -143,7 +149,9 @@ def _animation(
 
     def add(node: int, path: str, values: Array) -> None:
         output = _accessor(gltf, blob, values.astype(np.float32))
-        animation.samplers.append(g.AnimationSampler(input=time_accessor, output=output, interpolation="LINEAR"))
+        animation.samplers.append(
+            g.AnimationSampler(input=time_accessor, output=output, interpolation="LINEAR")
+        )
         target = g.AnimationChannelTarget(node=node, path=path)
         animation.channels.append(g.AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
 
@@ -161,7 +169,12 @@ def _animation(
 
 
 def _accessor(
-    gltf: GLTF2, blob: bytearray, values: Array, target: int | None = None, *, normalized: bool = False,
+    gltf: GLTF2,
+    blob: bytearray,
+    values: Array,
+    target: int | None = None,
+    *,
+    normalized: bool = False,
     bounds: bool = False,
 ) -> int:
     """Append `values` `(count, width)` to the buffer and return the index of its new accessor."""
@@ -206,4 +219,6 @@ def _save(gltf: GLTF2, blob: bytearray, path: Path) -> None:
             Path(temporary).unlink(missing_ok=True)
             raise
     except OSError as error:
-        raise FileError(f"{path}: cannot be written ({error.strerror or error}).", "Choose another folder.") from error
+        raise FileError(
+            f"{path}: cannot be written ({error.strerror or error}).", "Choose another folder."
+        ) from error

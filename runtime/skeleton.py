@@ -35,16 +35,12 @@ class Skeleton:
     @cached_property
     def children(self) -> tuple[tuple[int, ...], ...]:
         """Direct children of each joint."""
-        return tuple(
-            tuple(c for c, p in enumerate(self.parents) if p == j) for j in range(len(self))
-        )
+        return tuple(tuple(c for c, p in enumerate(self.parents) if p == j) for j in range(len(self)))
 
     @cached_property
     def rest_positions(self) -> Array:
         """Joint positions `(J, 3)` of the rest pose with the root at the origin."""
-        return self.forward_kinematics(
-            np.zeros(3, np.float32), rotations.identity((len(self),))
-        )[0]
+        return self.forward_kinematics(np.zeros(3, np.float32), rotations.identity((len(self),)))[0]
 
     def forward_kinematics(self, root_position: Array, local: Array) -> tuple[Array, Array]:
         """World positions `(..., J, 3)` and rotations `(..., J, 4)`.
@@ -78,9 +74,7 @@ class Skeleton:
     def local_rotations(self, world: Array) -> Array:
         """Rotations relative to the parent `(..., J, 4)` of world rotations `(..., J, 4)`."""
         parents = np.array(self.parents)
-        local = rotations.multiply(
-            rotations.inverse(world[..., np.maximum(parents, 0), :]), world
-        )
+        local = rotations.multiply(rotations.inverse(world[..., np.maximum(parents, 0), :]), world)
         root = parents < 0
         local[..., root, :] = world[..., root, :]
         return local
@@ -161,6 +155,7 @@ def mirror_motion(hips: Array, local: Array) -> tuple[Array, Array]:
     """Reflect a motion of the SPORT skeleton through the plane X = 0: `hips` `(..., 3)`, `local` `(..., 31, 4)`."""
     mirrored = local[..., MIRROR_JOINTS, :] * np.array([1, 1, -1, -1], np.float32)
     return hips * np.array([-1, 1, 1], np.float32), mirrored
+
 
 # Heights of ankle and toe joint over the ground when the sole stands flat, metres (medians of captured stances).
 ANKLE_HEIGHT = 0.066

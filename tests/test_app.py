@@ -142,7 +142,9 @@ def test_minimised_window_draws_nothing_and_comes_back(start: Start, monkeypatch
     assert app.frames_shown == drawn + 1
 
 
-def test_without_a_display_the_error_names_the_remedy(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_without_a_display_the_error_names_the_remedy(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(DisplayError, match="--offscreen"):
@@ -151,7 +153,14 @@ def test_without_a_display_the_error_names_the_remedy(monkeypatch: pytest.Monkey
 
 @pytest.mark.parametrize(
     "options",
-    [{"width": 5}, {"frames": 0}, {"ui_scale": 9.0}, {"camera": "side"}, {"controls": "jump"}, {"frames_directory": Path("x")}],
+    [
+        {"width": 5},
+        {"frames": 0},
+        {"ui_scale": 9.0},
+        {"camera": "side"},
+        {"controls": "jump"},
+        {"frames_directory": Path("x")},
+    ],
 )
 def test_options_are_checked_before_a_window_opens(options: dict[str, Any]) -> None:
     with pytest.raises(UsageError, match="--"):
@@ -309,7 +318,9 @@ def test_offscreen_a_wrong_option_is_an_error(tmp_path: Path) -> None:
 
 def test_offscreen_a_prompt_that_cannot_be_used_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(SportError, match="empty"):
-        App(ViewOptions(offscreen=True, terrain="flat", prompt=" "), fake_services(), InjectedPads(), tmp_path)
+        App(
+            ViewOptions(offscreen=True, terrain="flat", prompt=" "), fake_services(), InjectedPads(), tmp_path
+        )
 
 
 def test_terrain_reaches_model_and_renderer(start: Start) -> None:
@@ -479,7 +490,9 @@ def test_unsaved_takes_are_rescued_when_the_program_ends(start: Start, tmp_path:
     assert app.takes.rescue() == []
 
 
-def test_a_defect_does_not_cost_the_take(start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_defect_does_not_cost_the_take(
+    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def frame(app: App) -> None:
         if app.frames_shown == 0:
             app.state.settings.export_folder = str(tmp_path / "clips")
@@ -512,7 +525,13 @@ def test_every_clip_panel_state_can_be_drawn(start: Start) -> None:
 def test_screenshot_and_frames_are_written(start: Start, tmp_path: Path) -> None:
     from PIL import Image
 
-    app = start(width=128, height=96, screenshot=tmp_path / "a" / "out.png", frames=2, frames_directory=tmp_path / "film")
+    app = start(
+        width=128,
+        height=96,
+        screenshot=tmp_path / "a" / "out.png",
+        frames=2,
+        frames_directory=tmp_path / "film",
+    )
     while not app.finished:
         app.frame()
     assert app.end() == 0
@@ -538,7 +557,15 @@ def test_settings_survive_and_damage_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("blend_seconds", "long"), ("blend_seconds", 99), ("export_fps", 25), ("vsync", 1), ("terrain", 5), ("camera", "side"), ("width", math.inf)],
+    [
+        ("blend_seconds", "long"),
+        ("blend_seconds", 99),
+        ("export_fps", 25),
+        ("vsync", 1),
+        ("terrain", 5),
+        ("camera", "side"),
+        ("width", math.inf),
+    ],
 )
 def test_one_bad_setting_keeps_the_others(tmp_path: Path, name: str, value: Any) -> None:
     (tmp_path / "settings.json").write_text(json.dumps({name: value, "dead_zone": 0.3}), encoding="utf-8")
@@ -577,7 +604,9 @@ def test_errors_stay_and_notes_fade() -> None:
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.25, 2.0])
-@pytest.mark.parametrize("size", [(1280, 720), (1920, 1080), (960, 540), (640, 360), (2560, 1440), (200, 2000)])
+@pytest.mark.parametrize(
+    "size", [(1280, 720), (1920, 1080), (960, 540), (640, 360), (2560, 1440), (200, 2000)]
+)
 def test_panels_never_overlap(size: tuple[int, int], scale: float) -> None:
     for scene_height in (0.0, 250.0 * scale, 480.0 * scale):
         layout = arrange(*size, scale, True, True, scene_height)

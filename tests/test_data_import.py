@@ -66,7 +66,9 @@ def march(fps: float = 60.0, metres_per_second: float = 0.6) -> str:
         local[:, NAMES.index(f"{side}Knee")] = rotations.from_axis_angle(x, 1.2 * phase)
         local[:, NAMES.index(f"{side}Ankle")] = rotations.from_axis_angle(x, -0.6 * phase)
         angle = -1.3 * s if side == "Right" else 0.5
-        local[:, NAMES.index(f"{side}Shoulder")] = rotations.from_axis_angle(np.array([0, 0, 1.0]), np.array(angle))
+        local[:, NAMES.index(f"{side}Shoulder")] = rotations.from_axis_angle(
+            np.array([0, 0, 1.0]), np.array(angle)
+        )
     hips = np.stack([np.zeros_like(t), np.full_like(t, 1.05), metres_per_second * t], -1)
     return format_bvh(skeleton, hips, local, fps, order="YXZ")
 
@@ -88,7 +90,9 @@ def index(name: str) -> int:
 def test_retarget_keeps_sides_posture_and_ground() -> None:
     _, positions, world = retargeted(march(metres_per_second=0.0))
     assert np.all(positions[:, index("LeftHand"), 0] > positions[:, index("RightHand"), 0])
-    assert np.all(positions[:, index("LeftHand"), 1] > positions[:, index("LeftArm"), 1] + 0.1)  # the raised arm
+    assert np.all(
+        positions[:, index("LeftHand"), 1] > positions[:, index("LeftArm"), 1] + 0.1
+    )  # the raised arm
     assert np.all(positions[:, index("RightHand"), 1] < positions[:, index("RightArm"), 1] - 0.3)
     knee_forward = positions[:, index("LeftLeg"), 2] - 0.5 * (
         positions[:, index("LeftUpLeg"), 2] + positions[:, index("LeftFoot"), 2]
@@ -119,7 +123,9 @@ def test_head_lift_tilts_face_and_neck_and_nothing_else() -> None:
         SPORT_SKELETON.forward_kinematics(r.hips, r.local) for r in (before, after)
     )
     np.testing.assert_allclose(pitch(world_after, "Head") - pitch(world_before, "Head"), 16.0, atol=0.01)
-    np.testing.assert_allclose(pitch(world_after, "Neck1") - pitch(world_before, "Neck1"), 16.0 / 3, atol=0.01)
+    np.testing.assert_allclose(
+        pitch(world_after, "Neck1") - pitch(world_before, "Neck1"), 16.0 / 3, atol=0.01
+    )
     others = [j for j in range(31) if j not in (index("Neck1"), index("Head"))]
     np.testing.assert_array_equal(after.local[:, others], before.local[:, others])
     np.testing.assert_array_equal(after.hips, before.hips)
@@ -130,12 +136,17 @@ def test_head_lift_is_local_so_a_turned_head_keeps_its_symmetry() -> None:
     motion = parse_bvh(march())
     source = load_source(motion, of_capture(recognise(motion, "march"), "100style"))
     feet = calibrate_feet([source])
-    neck, head = (rotations.from_axis_angle(y, np.array(a)) for a in (0.5, 0.9))  # neck turned left, head farther
+    neck, head = (
+        rotations.from_axis_angle(y, np.array(a)) for a in (0.5, 0.9)
+    )  # neck turned left, head farther
     turned = dict(source.rotations)
     turned["Neck1"], turned["Head"] = (np.tile(q, (len(source.ankles), 1)) for q in (neck, head))
     result = retarget(replace(source, rotations=turned), feet, None, flex_toes=False)
     theta = np.deg2rad(16.0)
-    for joint, local, share in (("Neck1", neck, 1 / 3), ("Head", rotations.from_axis_angle(y, np.array(0.4)), 2 / 3)):
+    for joint, local, share in (
+        ("Neck1", neck, 1 / 3),
+        ("Head", rotations.from_axis_angle(y, np.array(0.4)), 2 / 3),
+    ):
         expected = rotations.multiply(local, rotations.from_axis_angle(x, np.array(-share * theta)))
         assert rotations.angle_between(result.local[:, index(joint)], expected).max() < 1e-3
 
@@ -186,12 +197,19 @@ def test_every_axis_map_is_a_rotation() -> None:
             if joint.axes:
                 c = skeleton.corrections(motion)[target] if skeleton.name == "100style" else None
                 assert c is None or np.isclose(np.linalg.norm(c), 1.0)
-                x, y, z = (np.eye(3)["XYZ".index(w[1])] * (1 if w[0] == "+" else -1) for w in joint.axes.split())
+                x, y, z = (
+                    np.eye(3)["XYZ".index(w[1])] * (1 if w[0] == "+" else -1) for w in joint.axes.split()
+                )
                 np.testing.assert_allclose(np.cross(x, y), z, err_msg=f"{skeleton.name} {target}")
 
 
 def test_unknown_skeleton_is_named() -> None:
-    text = format_bvh(Skeleton(("a",), (-1,), np.zeros((1, 3), np.float32)), np.zeros((2, 3)), rotations.identity((2, 1)), 60)
+    text = format_bvh(
+        Skeleton(("a",), (-1,), np.zeros((1, 3), np.float32)),
+        np.zeros((2, 3)),
+        rotations.identity((2, 1)),
+        60,
+    )
     with pytest.raises(FileError, match=r"odd\.bvh.*known skeletons"):
         recognise(parse_bvh(text), "odd.bvh")
 
@@ -294,7 +312,9 @@ def test_mirror_is_an_involution_and_moves_the_ground() -> None:
     assert mirrored.mirrored
     x, z = np.array([1.2, 2.1]), np.array([-1.9, -1.3])
     for k in range(2):
-        np.testing.assert_allclose(mirrored.patches.terrain(k).height(-x, z), patches.terrain(k).height(x, z), atol=1e-5)
+        np.testing.assert_allclose(
+            mirrored.patches.terrain(k).height(-x, z), patches.terrain(k).height(x, z), atol=1e-5
+        )
     twice = mirrored.mirror()
     assert rotations.angle_between(twice.local, clip.local).max() < 1e-3
     np.testing.assert_array_equal(twice.contacts, clip.contacts)
@@ -304,7 +324,9 @@ def test_mirror_is_an_involution_and_moves_the_ground() -> None:
 def test_wrapped_height_repeats() -> None:
     heights = np.random.default_rng(2).normal(size=(8, 6))
     x, z = np.array([0.13, -0.4]), np.array([0.2, 0.05])
-    np.testing.assert_allclose(wrapped_height(heights, 0.1, x, z), wrapped_height(heights, 0.1, x + 0.8, z - 0.6))
+    np.testing.assert_allclose(
+        wrapped_height(heights, 0.1, x, z), wrapped_height(heights, 0.1, x + 0.8, z - 0.6)
+    )
     np.testing.assert_allclose(wrapped_height(heights, 0.1, np.zeros(1), np.zeros(1)), heights[4, 3])
 
 
@@ -315,7 +337,12 @@ def test_import_writes_the_contract(tmp_path: Path) -> None:
     (folder / "Angry_ID.bvh").write_text("not a BVH", encoding="utf-8")
     report = import_all(tmp_path / "data", tmp_path / "out", workers=1)
     names = sorted(p.stem for p in (tmp_path / "out" / "clips").iterdir())
-    assert names == ["100style_Angry_FW", "100style_Angry_FW_m", "100style_Angry_FW_t", "100style_Angry_FW_t_m"]
+    assert names == [
+        "100style_Angry_FW",
+        "100style_Angry_FW_m",
+        "100style_Angry_FW_t",
+        "100style_Angry_FW_t_m",
+    ]
     with np.load(tmp_path / "out" / "clips" / "100style_Angry_FW.npz", allow_pickle=False) as clip:
         frames = len(clip["hips_positions"])
         assert frames > 200

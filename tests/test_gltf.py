@@ -112,7 +112,9 @@ def test_skin_matrices_are_forward_kinematics(mannequin: Character, seed: int) -
 def test_hanging_arms_keep_their_volume(mannequin: Character) -> None:
     local = rotations.identity((31,)).astype(np.float64)
     for side, sign in (("Left", -1.0), ("Right", 1.0)):
-        local[JOINTS.index(side + "Arm")] = rotations.from_axis_angle(np.array([0, 0, 1.0]), np.deg2rad(78 * sign))
+        local[JOINTS.index(side + "Arm")] = rotations.from_axis_angle(
+            np.array([0, 0, 1.0]), np.deg2rad(78 * sign)
+        )
     hips = np.array([0.0, REST_HIPS_HEIGHT, 0.0])
     positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
     pose = Pose(hips, local, positions, world, np.zeros(4), hips * (1, 0, 1), 0.0)
@@ -161,7 +163,9 @@ def user_character(names: tuple[str, ...] | None = None) -> Character:
         positions=(base + sole).astype(np.float32),
         normals=np.tile(np.float32([0, 1, 0]), (count, 1)),
         colors=np.full((count, 3), 0.5, np.float32),
-        joint_indices=np.stack([np.repeat(np.arange(len(order)), 3)] + [np.zeros(count, int)] * 3, 1).astype(np.uint16),
+        joint_indices=np.stack([np.repeat(np.arange(len(order)), 3)] + [np.zeros(count, int)] * 3, 1).astype(
+            np.uint16
+        ),
         joint_weights=np.tile(np.float32([1, 0, 0, 0]), (count, 1)),
         triangles=np.arange(count, dtype=np.uint32).reshape(-1, 3),
         joint_names=names or tuple("mixamorig:" + n for n in order),
@@ -181,7 +185,9 @@ def mixamo(tmp_path: Path) -> Character:
 
 def joint_positions(character: Character, pose: Pose) -> dict[str, np.ndarray]:
     matrices = character.joint_matrices(pose.positions, pose.world_rotations)
-    return {n.removeprefix("mixamorig:"): m[:3, 3] for n, m in zip(character.joint_names, matrices, strict=True)}
+    return {
+        n.removeprefix("mixamorig:"): m[:3, 3] for n, m in zip(character.joint_names, matrices, strict=True)
+    }
 
 
 def test_mixamo_joints_are_found(mixamo: Character) -> None:
@@ -224,13 +230,17 @@ def test_unmapped_joints_keep_their_rest_relative_to_the_parent(mixamo: Characte
     for seed in (None, 1):
         pose = make_pose(seed)
         m = mixamo.joint_matrices(pose.positions, pose.world_rotations).astype(float)
-        assert np.allclose(np.linalg.inv(m[head]) @ m[top], before, atol=1e-2)  # centimetres in the joint's own frame
+        assert np.allclose(
+            np.linalg.inv(m[head]) @ m[top], before, atol=1e-2
+        )  # centimetres in the joint's own frame
 
 
 def test_turned_and_z_up_characters_face_forward(tmp_path: Path) -> None:
     user = user_character()
     turn = np.eye(4)
-    turn[:3, :3] = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]) @ np.diag([-1, 1, -1])  # Z up and facing backwards
+    turn[:3, :3] = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]) @ np.diag(
+        [-1, 1, -1]
+    )  # Z up and facing backwards
     world = turn @ user.rest_world
     positions = user.positions @ turn[:3, :3].T
     turned = dataclasses.replace(user, rest_world=world, inverse_bind=np.linalg.inv(world).astype(np.float32),
@@ -238,7 +248,9 @@ def test_turned_and_z_up_characters_face_forward(tmp_path: Path) -> None:
     write_character(tmp_path / "turned.glb", turned)
     write_character(tmp_path / "plain.glb", user)
     pose = make_pose(2)
-    a = skin_vertices(load_character(tmp_path / "turned.glb"), load_character(tmp_path / "turned.glb").skin_matrices(pose))
+    a = skin_vertices(
+        load_character(tmp_path / "turned.glb"), load_character(tmp_path / "turned.glb").skin_matrices(pose)
+    )
     plain = load_character(tmp_path / "plain.glb")
     assert np.allclose(a, skin_vertices(plain, plain.skin_matrices(pose)), atol=1e-3)
 
@@ -288,7 +300,9 @@ def load_with_names(folder: Path, user: Character) -> Character:
 
 
 @pytest.mark.parametrize("own", [True, False])
-def test_animated_glb_holds_the_clip(mannequin: Character, mixamo: Character, tmp_path: Path, own: bool) -> None:
+def test_animated_glb_holds_the_clip(
+    mannequin: Character, mixamo: Character, tmp_path: Path, own: bool
+) -> None:
     character = mannequin if own else mixamo
     poses = [make_pose(seed) for seed in range(3)]
     clip = SimpleNamespace(
@@ -319,13 +333,17 @@ def play(path: Path, frame: int) -> np.ndarray:
     for channel in animation["channels"]:
         sampler = animation["samplers"][channel["sampler"]]
         assert values(sampler["input"])[frame, 0] == pytest.approx(frame / 30)
-        nodes[channel["target"]["node"]][channel["target"]["path"]] = values(sampler["output"])[frame].tolist()
+        nodes[channel["target"]["node"]][channel["target"]["path"]] = values(sampler["output"])[
+            frame
+        ].tolist()
     parent = {c: i for i, node in enumerate(nodes) for c in node.get("children", [])}
 
     def world(i: int) -> np.ndarray:
         x, y, z, w = nodes[i]["rotation"]
         local = np.eye(4)
-        local[:3, :3] = rotations.to_matrix(np.array([w, x, y, z])) * np.array(nodes[i].get("scale", [1, 1, 1]))
+        local[:3, :3] = rotations.to_matrix(np.array([w, x, y, z])) * np.array(
+            nodes[i].get("scale", [1, 1, 1])
+        )
         local[:3, 3] = nodes[i]["translation"]
         return world(parent[i]) @ local if i in parent else local
 
@@ -499,7 +517,9 @@ def test_base_colour_texture_and_rigid_attachment(tmp_path: Path, user_file: tup
     at = character.joint_names.index("mixamorig:LeftHand")
     assert np.all(character.joint_indices[vertices:, 0] == at)
     rest = skin_vertices(character, (character.rest_world @ character.inverse_bind))
-    local = np.concatenate([character.positions[:vertices] + np.array([0, 3, 0]), np.ones((vertices, 1))], axis=1)
+    local = np.concatenate(
+        [character.positions[:vertices] + np.array([0, 3, 0]), np.ones((vertices, 1))], axis=1
+    )
     assert np.allclose(rest[vertices:], (local @ character.rest_world[at].T)[:, :3], atol=1e-2)
     (tmp_path / "red.png").write_bytes(b"not a picture")
     expect_error(path, join_glb(changed, blob), "image 0")

@@ -94,7 +94,9 @@ def test_crouch_is_a_toggle_and_jump_lasts() -> None:
 
 def test_pad_drives_everything() -> None:
     mapper, keyboard = InputMapper(), Keyboard()
-    pad = GamepadState("pad", left=(0.0, 1.0), right=(0.6, 0.0), right_trigger=1.0, buttons=frozenset({"left_bumper"}))
+    pad = GamepadState(
+        "pad", left=(0.0, 1.0), right=(0.6, 0.0), right_trigger=1.0, buttons=frozenset({"left_bumper"})
+    )
     intent = mapper.read(keyboard, pad, DT)
     assert intent.move == pytest.approx((0.0, 1.0))
     assert intent.gait is Gait.JOG
@@ -141,7 +143,9 @@ def test_script_holds_chords_for_their_time() -> None:
     assert script.keys_at(99.0) == frozenset()
 
 
-@pytest.mark.parametrize(("text", "part"), [("w", "w"), ("w x", "x"), ("w -1", "-1"), ("w nan", "nan"), ("q 1", "q")])
+@pytest.mark.parametrize(
+    ("text", "part"), [("w", "w"), ("w x", "x"), ("w -1", "-1"), ("w nan", "nan"), ("q 1", "q")]
+)
 def test_a_bad_script_names_its_step(text: str, part: str) -> None:
     with pytest.raises(UsageError, match=f'"{part}"'):
         ControlScript.parse(text, KEYS)

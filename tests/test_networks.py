@@ -147,9 +147,19 @@ def test_exported_graphs_agree_with_torch(tmp_path):
     generator = Generator(config).eval()
     normal = Normalisation(torch.randn(472), torch.rand(472) + 0.5, torch.randn(473), torch.rand(473) + 0.5)
     trained = Trained(
-        config, ContentEncoder(config).eval(), generator, normal, torch.zeros(384), torch.ones(384),
-        torch.zeros(385, 2), steps, np.zeros(5), {"output": [0.0] * 473, "phase": [0.0] * 130}, [],
-        {"clips": 1, "frames": 60, "styles": ["none"], "licence": "none", "seed": 0, "steps": {}}, {},
+        config,
+        ContentEncoder(config).eval(),
+        generator,
+        normal,
+        torch.zeros(384),
+        torch.ones(384),
+        torch.zeros(385, 2),
+        steps,
+        np.zeros(5),
+        {"output": [0.0] * 473, "phase": [0.0] * 130},
+        [],
+        {"clips": 1, "frames": 60, "styles": ["none"], "licence": "none", "seed": 0, "steps": {}},
+        {},
     )
     export_model(trained, tmp_path)
     model = load_model(tmp_path)

@@ -84,10 +84,14 @@ class FakePrompts:
         elif not prompt.strip():
             error = PromptError("The prompt is empty.", "Describe a way of moving.")
         else:
-            parts = PartDescriptions(*(f"{part} of {prompt}" for part in ("arm", "arm 2", "leg", "leg 2", "torso", "head")))
+            parts = PartDescriptions(
+                *(f"{part} of {prompt}" for part in ("arm", "arm 2", "leg", "leg 2", "torso", "head"))
+            )
             expansion = Expansion(parts, "library", ((prompt, 0.9),))
         z = None if expansion is None else np.full((6, 64), float(len(self.__dict__)), np.float32)
-        self._result = SimpleNamespace(request=prompt, expansion=expansion, z=z, milliseconds=1.0, error=error)
+        self._result = SimpleNamespace(
+            request=prompt, expansion=expansion, z=z, milliseconds=1.0, error=error
+        )
 
     def poll(self) -> Any:
         result, self._result = self._result, None
@@ -127,7 +131,9 @@ def fake_services(real_renderer: bool = False) -> Services:
     """Services with a fake model; terrains are real, character and renderer fake unless asked."""
     real = default_services()
     return Services(
-        load_model=lambda directory, terrain, seed: Loaded(FakeController(terrain), FakePrompts(), "fake", "numpy"),
+        load_model=lambda directory, terrain, seed: Loaded(
+            FakeController(terrain), FakePrompts(), "fake", "numpy"
+        ),
         load_terrain=real.load_terrain,
         load_character=real.load_character if real_renderer else lambda path: SimpleNamespace(path=path),
         make_renderer=real.make_renderer if real_renderer else lambda ctx, quality: FakeRenderer(ctx),

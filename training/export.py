@@ -109,7 +109,11 @@ def export_model(trained: Trained, folder: Path) -> None:
     graphs = {
         "prompt": (prompt, (torch.randn(2, 6, 384),), ["embeddings"], ["z"], (batch,)),
         "style": (
-            style, (z,), ["z"], ["front_bias", "content_weight", "content_bias", "speeds"], (fixed,),
+            style,
+            (z,),
+            ["z"],
+            ["front_bias", "content_weight", "content_bias", "speeds"],
+            (fixed,),
         ),
         "step": (
             step,
@@ -125,11 +129,21 @@ def export_model(trained: Trained, folder: Path) -> None:
     _write_metadata(trained, folder, errors)
 
 
-def _export(module: nn.Module, example: tuple, inputs: list[str], outputs: list[str], shapes: tuple, path: Path) -> float:
+def _export(
+    module: nn.Module, example: tuple, inputs: list[str], outputs: list[str], shapes: tuple, path: Path
+) -> float:
     with torch.no_grad():
         torch.onnx.export(
-            module, example, str(path), input_names=inputs, output_names=outputs, opset_version=OPSET,
-            dynamo=True, dynamic_shapes=shapes, external_data=False, verbose=False,
+            module,
+            example,
+            str(path),
+            input_names=inputs,
+            output_names=outputs,
+            opset_version=OPSET,
+            dynamo=True,
+            dynamic_shapes=shapes,
+            external_data=False,
+            verbose=False,
         )
         expected = module(*example)
     strip_traces(path)

@@ -114,10 +114,14 @@ class App:
         self.scene = Scene(state, self.jobs, self._services, self.prompting, self.window.ctx, renderer)
         self.takes = Takes(state, self.jobs, recorder)
         self.camera = CameraControl()
-        self.actions = Actions(state, self.jobs, self.scene, self.takes, self.prompting, self.camera, self.window)
+        self.actions = Actions(
+            state, self.jobs, self.scene, self.takes, self.prompting, self.camera, self.window
+        )
         self.shell = Shell(state, self.actions)
         self.pads = gamepads or GlfwGamepads(glfw)
-        if isinstance(self.pads, GlfwGamepads) and (complaint := self.pads.add_mappings(self.config / MAPPINGS_NAME)):
+        if isinstance(self.pads, GlfwGamepads) and (
+            complaint := self.pads.add_mappings(self.config / MAPPINGS_NAME)
+        ):
             state.messages.warn(complaint)
 
     # --- one frame
@@ -160,7 +164,9 @@ class App:
         pad = self.pads.poll()
         device = pad.name if pad is not None else "keyboard"
         if device != self.state.device:
-            self.state.messages.note(f"{device} connected." if pad is not None else "Gamepad gone: keyboard and mouse drive.")
+            self.state.messages.note(
+                f"{device} connected." if pad is not None else "Gamepad gone: keyboard and mouse drive."
+            )
             self.state.device = device
         settings = self.state.settings
         return self.mapper.read(self.keyboard, pad, dt, settings.dead_zone, settings.invert_look)
@@ -218,7 +224,9 @@ class App:
         if self.actions.screenshot_wanted is not None:
             path, self.actions.screenshot_wanted = self.actions.screenshot_wanted, None
             pixels = self.window.read_pixels()
-            self.jobs.submit("screenshot", lambda: save_png(pixels, path), lambda p: self.state.messages.note(f"Saved {p}"))
+            self.jobs.submit(
+                "screenshot", lambda: save_png(pixels, path), lambda p: self.state.messages.note(f"Saved {p}")
+            )
 
     def _finish_frame(self, dt: float) -> None:
         """Show the picture, note the times, and sleep where vsync does not hold the loop back."""
@@ -248,7 +256,11 @@ class App:
     @property
     def finished(self) -> bool:
         """Whether the main loop should end."""
-        wanted = self.options.frames if self.options.frames is not None else (1 if self.options.offscreen else None)
+        wanted = (
+            self.options.frames
+            if self.options.frames is not None
+            else (1 if self.options.offscreen else None)
+        )
         return self.window.close_requested or (wanted is not None and self.frames_shown >= wanted)
 
     def end(self) -> int:

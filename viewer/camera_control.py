@@ -49,7 +49,13 @@ class CameraControl:
             self.current.orbit(dx, dy)
 
     def update(
-        self, pose: Pose, dt: float, look: tuple[float, float], zoom_steps: float, terrain: Terrain, moving: bool
+        self,
+        pose: Pose,
+        dt: float,
+        look: tuple[float, float],
+        zoom_steps: float,
+        terrain: Terrain,
+        moving: bool,
     ) -> None:
         """Advance by `dt` seconds towards the pose."""
         self.current.zoom(zoom_steps)

@@ -75,7 +75,9 @@ class Jobs:
                 known = error
             else:
                 _LOG.exception("job %s failed", job.slot)
-                known = SportError(f"{job.slot}: {type(error).__name__}: {error}.", "Please report this defect.")
+                known = SportError(
+                    f"{job.slot}: {type(error).__name__}: {error}.", "Please report this defect."
+                )
             self.messages.error(known)
             self.first_error = self.first_error or known
             if job.failed is not None:

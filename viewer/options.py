@@ -42,7 +42,9 @@ class ViewOptions:
         """UsageError naming the option when a value cannot be used."""
         for name, value in (("--width", self.width), ("--height", self.height)):
             if value is not None and not MIN_SIDE <= value <= MAX_SIDE:
-                raise UsageError(f"{name} {value}: expected {MIN_SIDE} to {MAX_SIDE} pixels.", "Choose another size.")
+                raise UsageError(
+                    f"{name} {value}: expected {MIN_SIDE} to {MAX_SIDE} pixels.", "Choose another size."
+                )
         if self.frames is not None and not 1 <= self.frames <= MAX_FRAMES:
             raise UsageError(f"--frames {self.frames}: expected 1 to {MAX_FRAMES}.", "Choose another number.")
         if self.seed < 0:

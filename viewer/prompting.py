@@ -92,7 +92,9 @@ class Prompting:
         controller = self.state.simulation.controller
         if controller is None:
             return
-        seconds = self.state.settings.blend_seconds if self._styled else 0.0  # the first style is there at once
+        seconds = (
+            self.state.settings.blend_seconds if self._styled else 0.0
+        )  # the first style is there at once
         self._styled = True
         try:
             controller.set_style(result.z, seconds)

@@ -82,7 +82,12 @@ class Scene:
     def load_model(self, directory: Path | None, seed: int) -> None:
         """Load the networks; the character stands until they are there."""
         terrain = self.state.terrain
-        self.jobs.submit("model", lambda: self.services.load_model(directory, terrain, seed), self._take_model, self._lose_model)
+        self.jobs.submit(
+            "model",
+            lambda: self.services.load_model(directory, terrain, seed),
+            self._take_model,
+            self._lose_model,
+        )
 
     def _lose_model(self, _: Exception) -> None:
         self.state.prompt.available = False

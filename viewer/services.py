@@ -123,7 +123,9 @@ def make_renderer(ctx: Any, quality: str) -> Any:
 
     presets = {preset.name: preset for preset in (SOFTWARE, HIGH)}
     if quality and quality not in presets:
-        raise UsageError(f"quality '{quality[:40]}': there is no such preset.", f"Choose {' or '.join(presets)}.")
+        raise UsageError(
+            f"quality '{quality[:40]}': there is no such preset.", f"Choose {' or '.join(presets)}."
+        )
     return Renderer(ctx, presets.get(quality))
 
 

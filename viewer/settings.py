@@ -88,7 +88,9 @@ def load_settings(directory: Path) -> tuple[Settings, list[str]]:
     except (ValueError, RecursionError):
         content = None
     if not isinstance(content, dict):
-        return Settings(), [f"{path}: not a settings file (expected a JSON object); the default settings are used."]
+        return Settings(), [
+            f"{path}: not a settings file (expected a JSON object); the default settings are used."
+        ]
     settings, complaints = Settings(), []
     for field in dataclasses.fields(Settings):
         if field.name not in content:

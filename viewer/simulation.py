@@ -57,7 +57,9 @@ def rest_pose(terrain: Terrain, x: float = 0.0, z: float = 0.0) -> Pose:
     for name, angle in (("LeftArm", -1.25), ("RightArm", 1.25)):
         local[SPORT_SKELETON.index(name)] = rotations.from_axis_angle(forward, np.array(angle))
     ground = float(terrain.height(x, z))
-    return make_pose(np.array([x, ground + REST_HIPS_HEIGHT, z], np.float32), local, np.ones(4, np.float32), ground, 0.0)
+    return make_pose(
+        np.array([x, ground + REST_HIPS_HEIGHT, z], np.float32), local, np.ones(4, np.float32), ground, 0.0
+    )
 
 
 def make_pose(hips: Any, local: Any, contacts: Any, ground: float, yaw: float) -> Pose:
@@ -112,7 +114,9 @@ class Simulation:
     def use(self, controller: ControllerLike) -> None:
         """Take another controller; it starts where the character stands."""
         self.controller = controller
-        self.reset(float(self.current.root_position[0]), float(self.current.root_position[2]), self.current.root_yaw)
+        self.reset(
+            float(self.current.root_position[0]), float(self.current.root_position[2]), self.current.root_yaw
+        )
 
     def reset(self, x: float, z: float, yaw: float) -> None:
         """Stand at a place and forget failures."""
@@ -162,7 +166,11 @@ class Simulation:
 
     def _fail(self, failure: str) -> None:
         self._failures += 1
-        after = "The character stands until you reset it (Home)." if self.halted else "It was set back to its last good pose."
+        after = (
+            "The character stands until you reset it (Home)."
+            if self.halted
+            else "It was set back to its last good pose."
+        )
         self.problem = f"The motion model failed: {failure}. {after}"
         self.previous = self.current
         if self.controller is None or self.halted:

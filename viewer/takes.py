@@ -61,7 +61,9 @@ class Takes:
         clips.counter += 1
         clips.items.append(ClipItem(clip, recorded=True))
         self.select(len(clips.items) - 1)
-        self.state.messages.note(f"{clip.name}: {clip.seconds:.1f} s in the clip list. Export writes it as BVH.")
+        self.state.messages.note(
+            f"{clip.name}: {clip.seconds:.1f} s in the clip list. Export writes it as BVH."
+        )
 
     def open(self, path: Path) -> None:
         """Add a BVH file to the list and play it."""
@@ -83,7 +85,9 @@ class Takes:
         clips.selected = index
         if clips.playback is not None and clips.playback.index != index:
             self.play(index)
-        clips.export_path = str(Path(self.state.settings.export_folder) / f"{file_stem(clips.items[index].name)}.bvh")
+        clips.export_path = str(
+            Path(self.state.settings.export_folder) / f"{file_stem(clips.items[index].name)}.bvh"
+        )
 
     def remove(self, index: int) -> None:
         """Take a clip out of the list; files stay."""
@@ -104,7 +108,9 @@ class Takes:
         if 0 <= index < len(clips.items):
             item, ground = clips.items[index], self.state.scene.terrain_spec
             if item.recorded and item.clip.terrain != ground:
-                self.state.messages.note(f"{item.name} was recorded on the ground {item.clip.terrain!r}, not on this one.")
+                self.state.messages.note(
+                    f"{item.name} was recorded on the ground {item.clip.terrain!r}, not on this one."
+                )
             clips.playback = Playback(clips.items[index].clip, self.state.terrain, index)
             self.select(index)
 
@@ -174,7 +180,9 @@ class Takes:
         for item in self.unsaved:
             try:
                 path = free_path(folder / f"{file_stem(item.name)}.bvh")
-                item.saved = write_clip(item.clip, path, self.state.settings.export_fps, self.state.settings.export_unit)
+                item.saved = write_clip(
+                    item.clip, path, self.state.settings.export_fps, self.state.settings.export_unit
+                )
                 written.append(item.saved)
             except SportError as error:
                 self.state.messages.error(error)

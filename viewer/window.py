@@ -123,7 +123,11 @@ class Window:
 
     @property
     def _monitor_scale(self) -> float:
-        (scale, _), (width, _), (pixels, _) = glfw.get_window_content_scale(self.handle), self.size, self.pixels
+        (scale, _), (width, _), (pixels, _) = (
+            glfw.get_window_content_scale(self.handle),
+            self.size,
+            self.pixels,
+        )
         if width <= 0 or pixels <= 0:
             return 1.0
         return min(max(scale * width / pixels, 0.5), 4.0)
@@ -194,7 +198,9 @@ class Window:
             return
         mode = glfw.get_video_mode(monitor)
         self._windowed = (*position, *self.size)
-        glfw.set_window_monitor(self.handle, monitor, 0, 0, mode.size.width, mode.size.height, mode.refresh_rate)
+        glfw.set_window_monitor(
+            self.handle, monitor, 0, 0, mode.size.width, mode.size.height, mode.refresh_rate
+        )
 
     def inject_key(self, name: str, down: bool) -> None:
         """Behave as if a key went down or up: for scripts and tests (ImGui's callback calls this window's)."""
@@ -297,7 +303,9 @@ def _open(title: str, width: int, height: int, offscreen: bool) -> Any:
             glfw.init_hint(glfw.PLATFORM, glfw.ANY_PLATFORM)
         glfw.init()
     except glfw.GLFWError as error:
-        raise DisplayError(f"No window can be opened: {_reason(error)}.", _display_remedy(offscreen)) from error
+        raise DisplayError(
+            f"No window can be opened: {_reason(error)}.", _display_remedy(offscreen)
+        ) from error
     try:
         glfw.default_window_hints()
         glfw.window_hint(glfw.CONTEXT_VERSION_MAJOR, 3)
@@ -323,7 +331,8 @@ def _context() -> Any:
         return moderngl.create_context(require=330)
     except Exception as error:  # moderngl raises bare Exception
         raise DisplayError(
-            f"OpenGL 3.3 cannot be used: {error}.", "Update the graphics driver or install Mesa (libgl1, libegl1)."
+            f"OpenGL 3.3 cannot be used: {error}.",
+            "Update the graphics driver or install Mesa (libgl1, libegl1).",
         ) from error
 
 

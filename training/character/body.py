@@ -123,8 +123,12 @@ def _palm() -> list[Shape]:
 
 
 # root and tip z offsets from the arm's axis, tip x, thickness
-_FINGERS = ((0.0310, 0.0400, 0.826, 0.0094), (0.0105, 0.0125, 0.840, 0.0098),
-            (-0.0105, -0.0145, 0.831, 0.0094), (-0.0305, -0.0410, 0.808, 0.0084))
+_FINGERS = (
+    (0.0310, 0.0400, 0.826, 0.0094),
+    (0.0105, 0.0125, 0.840, 0.0098),
+    (-0.0105, -0.0145, 0.831, 0.0094),
+    (-0.0305, -0.0410, 0.808, 0.0084),
+)
 
 
 def _finger(root: float, tip: float, reach: float, radius: float) -> list[Shape]:

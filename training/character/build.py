@@ -1,6 +1,6 @@
 """Builds the shipped mannequin: implicit surface, mesh, skin weights, colours, GLB.
 
-    python -m training.character.build --out assets/character/mannequin.glb
+python -m training.character.build --out assets/character/mannequin.glb
 """
 
 from __future__ import annotations
@@ -40,7 +40,9 @@ def build() -> Character:
     used, corner = split_by_colour(triangles, np.where(left, region, region + paint.ACCENT + 1))
     region, left = used[1] % (paint.ACCENT + 1), used[1] <= paint.ACCENT
     used = used[0]
-    return character(vertices[used], normals[used], paint.palette(region, left), joints[used], values[used], corner)
+    return character(
+        vertices[used], normals[used], paint.palette(region, left), joints[used], values[used], corner
+    )
 
 
 def split_by_colour(triangles: np.ndarray, label: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -51,7 +53,11 @@ def split_by_colour(triangles: np.ndarray, label: np.ndarray) -> tuple[np.ndarra
 
 
 def character(
-    vertices: np.ndarray, normals: np.ndarray, colors: np.ndarray, joints: np.ndarray, values: np.ndarray,
+    vertices: np.ndarray,
+    normals: np.ndarray,
+    colors: np.ndarray,
+    joints: np.ndarray,
+    values: np.ndarray,
     triangles: np.ndarray,
 ) -> Character:
     """A `Character` on the SPORT skeleton standing on y = 0."""
@@ -79,7 +85,9 @@ def character(
 def main(arguments: Sequence[str] | None = None) -> None:
     """Command line: build the mannequin and write it."""
     parser = argparse.ArgumentParser(description="Build the mannequin from its implicit surface.")
-    parser.add_argument("--out", type=Path, default=Path("assets/character/mannequin.glb"), help="GLB to write")
+    parser.add_argument(
+        "--out", type=Path, default=Path("assets/character/mannequin.glb"), help="GLB to write"
+    )
     options = parser.parse_args(arguments)
     mannequin = build()
     write_character(options.out, mannequin, "mannequin")

@@ -17,7 +17,9 @@ Triangles = NDArray[np.int64]
 
 def _axis(*stops: tuple[float, float]) -> Array:
     """Grid coordinates through `(coordinate, spacing up to the next stop)` stops."""
-    parts = [np.linspace(a, b, max(2, round((b - a) / step) + 1))[:-1] for (a, step), (b, _) in pairwise(stops)]
+    parts = [
+        np.linspace(a, b, max(2, round((b - a) / step) + 1))[:-1] for (a, step), (b, _) in pairwise(stops)
+    ]
     return np.concatenate([*parts, [stops[-1][0]]])
 
 
@@ -93,7 +95,9 @@ def laplacian(vertices: Array, triangles: Triangles) -> tuple[Any, Array]:
         columns += [j, i]
         values += [np.maximum(0.5 * np.sum(u * v, axis=1) / area, 0.0)] * 2
         np.add.at(mass, apex, area / 6.0)
-    weight = coo_matrix((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), (count, count))
+    weight = coo_matrix(
+        (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), (count, count)
+    )
     return diags(np.asarray(weight.sum(axis=1)).ravel()) - weight.tocsr(), mass
 
 

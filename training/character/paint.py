@@ -36,7 +36,13 @@ def _band(coordinate: Array, centre: float, half: float) -> tuple[Array, Array]:
 def _regions(p: Array) -> list[tuple[int, tuple[Array, ...]]]:
     """Colours and the half spaces `(N,)` that bound them at points `(N, 3)`; later regions paint over earlier ones."""
     x, y, z = p.T
-    return [*_panels(x, y, z), *_accents(x, y, z), *_joints(x, y, z), (JOINT, (y - 0.013,)), (MASK, _mask(x, y, z))]
+    return [
+        *_panels(x, y, z),
+        *_accents(x, y, z),
+        *_joints(x, y, z),
+        (JOINT, (y - 0.013,)),
+        (MASK, _mask(x, y, z)),
+    ]
 
 
 def _panels(x: Array, y: Array, z: Array) -> list[tuple[int, tuple[Array, ...]]]:
@@ -104,6 +110,7 @@ def _bound(r: int, k: int) -> Field:
 
 def _others(r: int, k: int) -> Field:
     """How far points lie outside the other half spaces of region r."""
+
     def outside(p: Array) -> Array:
         rest = [bound for i, bound in enumerate(_regions(p)[r][1]) if i != k]
         return np.max(rest, axis=0) if rest else np.full(len(p), -1.0)

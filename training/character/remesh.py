@@ -17,7 +17,9 @@ Field = Callable[[Array], Array]
 
 def edges_of(triangles: Indices) -> tuple[Indices, Indices]:
     """Undirected edges `(E, 2)` and how many triangles share each `(E,)`."""
-    pairs = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    pairs = np.sort(
+        np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1
+    )
     return np.unique(pairs, axis=0, return_counts=True)
 
 
@@ -200,7 +202,9 @@ def _divide(triangles: Indices, split: dict[tuple[int, int], int]) -> Indices:
     for a, b, c in triangles.tolist():
         middles = [split.get((min(p, q), max(p, q))) for p, q in ((a, b), (b, c), (c, a))]
         count = sum(m is not None for m in middles)
-        while count and (middles[0] is None or (count == 2 and middles[1] is None)):  # turn until edge ab (and bc) is cut
+        while count and (
+            middles[0] is None or (count == 2 and middles[1] is None)
+        ):  # turn until edge ab (and bc) is cut
             a, b, c, middles = b, c, a, [*middles[1:], middles[0]]
         m, n, _ = middles
         if count == 0:

@@ -43,13 +43,31 @@ def analytic_weights(body: Body, v: Array) -> Array:
     trunk = 1.0 - arm - leg
     above = y + 0.35 * z  # the jaw belongs to the head, the nape below it does not
     collar = 0.55 * ramp(x, 0.035, 0.14) * ramp(y, 1.25, 1.34) * ramp(above, 1.43, 1.38)
-    _chain(weights, trunk * (1 - collar), ("Hips", "LowerBack", "Spine", "Spine1", "Neck", "Neck1", "Head"),
-           (ramp(y, 0.955, 1.055), ramp(y, 1.065, 1.165), ramp(y, 1.175, 1.275), ramp(above, 1.345, 1.405),
-            ramp(above, 1.375, 1.445), ramp(above, 1.435, 1.485)))
+    _chain(
+        weights,
+        trunk * (1 - collar),
+        ("Hips", "LowerBack", "Spine", "Spine1", "Neck", "Neck1", "Head"),
+        (
+            ramp(y, 0.955, 1.055),
+            ramp(y, 1.065, 1.165),
+            ramp(y, 1.175, 1.275),
+            ramp(above, 1.345, 1.405),
+            ramp(above, 1.375, 1.445),
+            ramp(above, 1.435, 1.485),
+        ),
+    )
     weights[:, SPORT_SKELETON.index("LeftShoulder")] += trunk * collar
     _arm_weights(body, v, arm, weights)
-    _chain(weights, leg, ("LeftUpLeg", "LeftLeg", "LeftFoot", "LeftToeBase"),
-           (ramp(y, 0.545, 0.435), ramp(y - 0.25 * (z - 0.047), 0.105, 0.050), ramp(z, 0.160, 0.200) * ramp(y, 0.12, 0.06)))
+    _chain(
+        weights,
+        leg,
+        ("LeftUpLeg", "LeftLeg", "LeftFoot", "LeftToeBase"),
+        (
+            ramp(y, 0.545, 0.435),
+            ramp(y - 0.25 * (z - 0.047), 0.105, 0.050),
+            ramp(z, 0.160, 0.200) * ramp(y, 0.12, 0.06),
+        ),
+    )
     return weights
 
 
@@ -61,8 +79,12 @@ def _arm_weights(body: Body, v: Array, arm: Array, weights: Array) -> None:
         rest = np.min([body.part_distance(n, v[far]) for n in ("palm", "finger0")], axis=0)
         thumb[far] = ramp(rest - body.part_distance("thumb", v[far]), -0.002, 0.008)
     _chain(weights, arm * thumb, ("LeftHand", "LThumb"), (ramp(x, 0.675, 0.705),))
-    _chain(weights, arm * (1 - thumb), ("LeftArm", "LeftForeArm", "LeftHand", "LeftHandIndex1"),
-           (ramp(x, 0.420, 0.512), ramp(x, 0.630, 0.688), ramp(x, 0.705, 0.760)))
+    _chain(
+        weights,
+        arm * (1 - thumb),
+        ("LeftArm", "LeftForeArm", "LeftHand", "LeftHandIndex1"),
+        (ramp(x, 0.420, 0.512), ramp(x, 0.630, 0.688), ramp(x, 0.705, 0.760)),
+    )
 
 
 def diffuse(weights: Array, vertices: Array, triangles: Triangles, reach: float) -> Array:
@@ -78,7 +100,9 @@ def diffuse(weights: Array, vertices: Array, triangles: Triangles, reach: float)
     return weights
 
 
-def mirrored_weights(weights: Array, source: NDArray[np.int64], side: NDArray[np.int64], middle: Array) -> Array:
+def mirrored_weights(
+    weights: Array, source: NDArray[np.int64], side: NDArray[np.int64], middle: Array
+) -> Array:
     """Weights `(V, 31)` of the whole mesh; vertices on the mirror plane share both sides evenly."""
     whole = weights[source]
     whole[side == 1] = whole[side == 1][:, MIRROR_JOINTS]

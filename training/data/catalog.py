@@ -82,7 +82,9 @@ def list_clips(data: Path) -> tuple[list[ClipSource], list[Refusal]]:
         clips += found
         refused += left_out
     if not clips:
-        raise FileError(f"{data}: none of {', '.join(SOURCES)} found.", "Give the folder of the archives with --data.")
+        raise FileError(
+            f"{data}: none of {', '.join(SOURCES)} found.", "Give the folder of the archives with --data."
+        )
     return clips, refused
 
 
@@ -101,7 +103,9 @@ def _list_100style(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
         tier = "estimated_root" if "estimated" in path.parent.name else "exact"
         key = re.sub(r"(?<!^)(?=[A-Z])", "_", style).lower()
         clips.append(
-            ClipSource(path, f"100style_{path.stem}", "100style", key, _STYLE100_CONTENT.get(code, code), tier)
+            ClipSource(
+                path, f"100style_{path.stem}", "100style", key, _STYLE100_CONTENT.get(code, code), tier
+            )
         )
     return clips, []
 
@@ -129,7 +133,9 @@ def _list_bandai(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
             clips.append(ClipSource(path, _bandai_name(path), "bandai_namco", style, style.replace("_", " ")))
         for path in paths[wanted:]:
             refused.append(
-                Refusal(_bandai_name(path), "bandai_namco", f"more than {GESTURE_CLIPS} clips of this gesture")
+                Refusal(
+                    _bandai_name(path), "bandai_namco", f"more than {GESTURE_CLIPS} clips of this gesture"
+                )
             )
     return clips, refused
 
@@ -163,21 +169,30 @@ def _list_cmu(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
 
 def _list_jlpm(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
     clips = [
-        ClipSource(p, f"jlpm_{p.stem}", "jlpm", "neutral", "mixed walk jog") for p in sorted(folder.glob("*.bvh"))
+        ClipSource(p, f"jlpm_{p.stem}", "jlpm", "neutral", "mixed walk jog")
+        for p in sorted(folder.glob("*.bvh"))
     ]
     return clips, []
 
 
 def _list_pfnn(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
     clips = [
-        ClipSource(p, f"pfnn_{p.stem}", "pfnn", "neutral", "mixed locomotion") for p in sorted(folder.glob("*.bvh"))
+        ClipSource(p, f"pfnn_{p.stem}", "pfnn", "neutral", "mixed locomotion")
+        for p in sorted(folder.glob("*.bvh"))
     ]
     return clips, []
 
 
 def _list_rollouts(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
     clips = [
-        ClipSource(p, f"rollout_{p.stem}", "pfnn_rollouts", "neutral", "mixed locomotion on terrain", terrain="rollout")
+        ClipSource(
+            p,
+            f"rollout_{p.stem}",
+            "pfnn_rollouts",
+            "neutral",
+            "mixed locomotion on terrain",
+            terrain="rollout",
+        )
         for p in sorted(folder.glob("*.bvh"))
     ]
     return clips, []

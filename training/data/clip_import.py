@@ -24,7 +24,9 @@ from training.data.source_skeletons import SourceSkeleton, of_capture, recognise
 Array = NDArray[np.floating]
 
 CMU_FIRST_FRAME = 3  # frame 0 is a T-pose, and the resampling to 60 Hz has smeared it over the next two
-SLIDING_SOURCES = {"jlpm": 2.5}  # inertial capture: feet slide in stance, so contact is granted at higher speeds
+SLIDING_SOURCES = {
+    "jlpm": 2.5
+}  # inertial capture: feet slide in stance, so contact is granted at higher speeds
 _PFNN_GAITS = (Gait.STAND, Gait.WALK, Gait.JOG, Gait.JOG, Gait.CROUCH, Gait.JUMP, Gait.CROUCH, Gait.OTHER)
 
 
@@ -50,7 +52,9 @@ class _Motion:
 
     def cut(self, start: int, end: int) -> _Motion:
         part = slice(start, end)
-        return _Motion(self.hips[part], self.local[part], self.contacts[part], self.gait[part], self.positions[part])
+        return _Motion(
+            self.hips[part], self.local[part], self.contacts[part], self.gait[part], self.positions[part]
+        )
 
     def moved(self, hips: Array, local: Array) -> _Motion:
         positions, _ = SPORT_SKELETON.forward_kinematics(hips, local)
@@ -120,7 +124,9 @@ def _versions(
     return [version for item in result for version in (item, item.mirror())]
 
 
-def _training_clip(clip: ClipSource, name: str, split: str, motion: _Motion, patches: Patches) -> TrainingClip:
+def _training_clip(
+    clip: ClipSource, name: str, split: str, motion: _Motion, patches: Patches
+) -> TrainingClip:
     return TrainingClip(
         name, motion.hips, motion.local, motion.contacts, motion.gait, clip.style, clip.content, clip.source, split,
         clip.tier, patches,
@@ -164,10 +170,16 @@ def _split(job: ImportJob, parts: list[tuple[int, int]]) -> list[tuple[int, int,
     return result
 
 
-def _losses(clip: ClipSource, frames: int, parts: list[tuple[int, int, str]], bad: NDArray[np.bool_]) -> list[Refusal]:
+def _losses(
+    clip: ClipSource, frames: int, parts: list[tuple[int, int, str]], bad: NDArray[np.bool_]
+) -> list[Refusal]:
     kept = sum(b - a for a, b, _ in parts)
     if not parts:
-        return [Refusal(clip.name, clip.source, f"nothing of {cutting.MIN_SECONDS} s left of {frames / FPS:.1f} s")]
+        return [
+            Refusal(
+                clip.name, clip.source, f"nothing of {cutting.MIN_SECONDS} s left of {frames / FPS:.1f} s"
+            )
+        ]
     lost = []
     if bad.any():
         lost.append(Refusal(clip.name, clip.source, f"spikes cut: {int(bad.sum())} frames"))

@@ -56,7 +56,9 @@ def _draw_row(row: Array, clip: np.lib.npyio.NpzFile) -> None:
         yaw = np.arctan2(forward[0], forward[2])
         centre = np.array([hips[t, 0], float(terrain.height(hips[t, 0], hips[t, 2])), hips[t, 2]])
         _draw_ground(axis, terrain, centre, yaw)
-        _draw_figure(axis, rotations.rotate(rotations.from_yaw(-yaw), positions[t] - centre), clip["contacts"][t])
+        _draw_figure(
+            axis, rotations.rotate(rotations.from_yaw(-yaw), positions[t] - centre), clip["contacts"][t]
+        )
 
 
 def _draw_ground(axis: Any, terrain: Terrain, centre: Array, yaw: float) -> None:

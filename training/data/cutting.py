@@ -59,7 +59,9 @@ def spikes(hips: Array, local: Array, positions: Array, tier: str) -> NDArray[np
     from scipy.ndimage import binary_dilation
 
     bad = speed(hips) > MAX_ROOT_SPEED
-    jerked = np.linalg.norm(np.diff(positions, 2, axis=0), axis=-1).max(axis=1) * FPS**2 > MAX_JOINT_ACCELERATION
+    jerked = (
+        np.linalg.norm(np.diff(positions, 2, axis=0), axis=-1).max(axis=1) * FPS**2 > MAX_JOINT_ACCELERATION
+    )
     bad[1:-1] |= jerked
     turn = rotations.angle_between(local[:-1], local[1:]).max(axis=1)
     bad[1:] |= turn > MAX_JOINT_TURN

@@ -25,7 +25,9 @@ _REACH = 0.985  # of the leg's length, before the hips give way
 _THIGHS, _ANKLES, _TOES = [2, 7], [4, 9], [5, 10]
 
 
-def clean_feet(hips: Array, local: Array, contacts: NDArray[np.uint8], ground: GroundHeight) -> tuple[Array, Array]:
+def clean_feet(
+    hips: Array, local: Array, contacts: NDArray[np.uint8], ground: GroundHeight
+) -> tuple[Array, Array]:
     """Hips `(T, 3)` and local rotations `(T, 31, 4)` with planted, unsliding feet on `ground(x, z)`.
 
     Feet in contact keep one place and rest on the ground, a flat foot follows its slope; the correction fades
@@ -36,7 +38,9 @@ def clean_feet(hips: Array, local: Array, contacts: NDArray[np.uint8], ground: G
     foot, ankles = world[:, _ANKLES], positions[:, _ANKLES]
     for side in range(2):
         pair = contacts[:, 2 * side : 2 * side + 2].astype(bool)
-        ankles[:, side], foot[:, side] = _clean_foot(ankles[:, side], positions[:, _TOES[side]], foot[:, side], pair, ground)
+        ankles[:, side], foot[:, side] = _clean_foot(
+            ankles[:, side], positions[:, _TOES[side]], foot[:, side], pair, ground
+        )
     hips = _sink_to_reach(hips, positions[:, _THIGHS], ankles)
     local = solve_legs(hips, local, ankles, foot)
     local = rotations.continuous(rotations.normalize(local))
@@ -65,7 +69,11 @@ def bridge(values: Array, known: NDArray[np.bool_], hold_slope: bool) -> Array:
         s = (np.arange(1, span) / span)[:, None]
         a, b = values[end - 1], values[start]
         slope_a = values[end - 1] - values[end - 2] if hold_slope and end >= 2 and known[end - 2] else 0.0
-        slope_b = values[start + 1] - values[start] if hold_slope and start + 1 < len(known) and known[start + 1] else 0.0
+        slope_b = (
+            values[start + 1] - values[start]
+            if hold_slope and start + 1 < len(known) and known[start + 1]
+            else 0.0
+        )
         result[end:start] = (
             (2 * s**3 - 3 * s**2 + 1) * a + (3 * s**2 - 2 * s**3) * b
             + (s**3 - 2 * s**2 + s) * span * slope_a + (s**3 - s**2) * span * slope_b
@@ -92,7 +100,9 @@ def _clean_foot(
     toe = ankle + rotations.rotate(foot, np.broadcast_to(_FOOT, ankle.shape))
 
     # the joint that carries decides the height; while both do, they agree after the turn
-    error = np.where(contact[:, 1], under_toe + TOE_HEIGHT - toe[:, 1], under_ankle + ANKLE_HEIGHT - ankle[:, 1])
+    error = np.where(
+        contact[:, 1], under_toe + TOE_HEIGHT - toe[:, 1], under_ankle + ANKLE_HEIGHT - ankle[:, 1]
+    )
     lift = gaussian_filter1d(bridge(error[:, None], planted, hold_slope=False)[:, 0], 1.5)
     ankle[:, 1] += lift
     toe[:, 1] += lift

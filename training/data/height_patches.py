@@ -36,7 +36,9 @@ class Patches:
         return Patches(self.heights[:, ::-1].copy(), (-(self.origin[0] + width), self.origin[1]), self.cell)
 
 
-def grid_under(positions: Array, margin: float, cell: float = CELL_M) -> tuple[tuple[float, float], tuple[int, int]]:
+def grid_under(
+    positions: Array, margin: float, cell: float = CELL_M
+) -> tuple[tuple[float, float], tuple[int, int]]:
     """Origin and size of a grid that covers joint positions `(T, J, 3)` and `margin` metres around."""
     low = positions[..., [0, 2]].reshape(-1, 2).min(0) - margin
     high = positions[..., [0, 2]].reshape(-1, 2).max(0) + margin

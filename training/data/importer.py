@@ -54,7 +54,9 @@ def unpack(data: Path, folder: Path) -> Path:
             with tarfile.open(archive) as tar:
                 members = tar.getmembers()
                 if sum(m.size for m in members) > MAX_ARCHIVE_BYTES:
-                    raise FileError(f"{archive}: unpacks to more than {MAX_ARCHIVE_BYTES >> 30} GB.", "Check the file.")
+                    raise FileError(
+                        f"{archive}: unpacks to more than {MAX_ARCHIVE_BYTES >> 30} GB.", "Check the file."
+                    )
                 target.mkdir(parents=True)
                 tar.extractall(target, members=members, filter="data")
         except (OSError, tarfile.TarError) as error:

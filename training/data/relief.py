@@ -21,7 +21,9 @@ _RELIEF_CELL_M = 0.1
 _STAIRS_MAX_SPEED = 1.7  # m/s
 
 
-def smooth_noise(shape: tuple[int, int], cell: float, wavelength: float, generator: np.random.Generator) -> Array:
+def smooth_noise(
+    shape: tuple[int, int], cell: float, wavelength: float, generator: np.random.Generator
+) -> Array:
     """Smooth random heights of unit deviation with features of about `wavelength` metres."""
     from scipy.ndimage import gaussian_filter
 
@@ -31,7 +33,9 @@ def smooth_noise(shape: tuple[int, int], cell: float, wavelength: float, generat
     return (field - field.mean()) / max(float(field.std()), 1e-6)
 
 
-def fit_around_steps(positions: Array, contacts: NDArray[np.uint8], generator: np.random.Generator) -> Patches:
+def fit_around_steps(
+    positions: Array, contacts: NDArray[np.uint8], generator: np.random.Generator
+) -> Patches:
     """Patches for a clip on level ground: one level, the others random relief that meets every footstep."""
     origin, shape = grid_under(positions, FLAT_MARGIN_M)
     distance, _ = _nearest_step(positions, contacts, origin, shape, CELL_M)
@@ -73,7 +77,9 @@ def hills_or_stairs(
         steepest = _MAX_SLOPE * generator.uniform(0.4, 1.0)
         return Patches((waves * steepest / np.percentile(slope, 98))[None], origin, _RELIEF_CELL_M), "hills"
     heights = _stairs(origin, shape, positions, generator)
-    return Patches(_level_under_feet(heights, origin, positions, contacts)[None], origin, _RELIEF_CELL_M), "stairs"
+    return Patches(
+        _level_under_feet(heights, origin, positions, contacts)[None], origin, _RELIEF_CELL_M
+    ), "stairs"
 
 
 def _stairs(
@@ -93,7 +99,9 @@ def _stairs(
     return np.clip(np.ceil(ramp / tread), 0, steps) * rise
 
 
-def _level_under_feet(heights: Array, origin: tuple[float, float], positions: Array, contacts: NDArray[np.uint8]) -> Array:
+def _level_under_feet(
+    heights: Array, origin: tuple[float, float], positions: Array, contacts: NDArray[np.uint8]
+) -> Array:
     """Treads widened so that no foot stands across an edge."""
     feet = positions[:, FOOT_JOINTS][..., [0, 2]]
     level = np.zeros((len(positions), 4))
@@ -126,7 +134,11 @@ def root_lift(positions: Array, contacts: NDArray[np.uint8], patches: Patches) -
 
 
 def _nearest_step(
-    positions: Array, contacts: NDArray[np.uint8], origin: tuple[float, float], shape: tuple[int, ...], cell: float
+    positions: Array,
+    contacts: NDArray[np.uint8],
+    origin: tuple[float, float],
+    shape: tuple[int, ...],
+    cell: float,
 ) -> tuple[Array, tuple[NDArray[np.int64], NDArray[np.int64]]]:
     """Distance in metres from every cell to the nearest contact, and the (frame, foot joint) of that contact.
 

@@ -92,7 +92,9 @@ class Report:
     @staticmethod
     def _table(title: str, key: str, clips: list[ClipSummary]) -> list[str]:
         gaits = [g.name.lower() for g in Gait]
-        lines = [f"| {title} | clips | minutes | held out | {' | '.join(gaits)} | contact | skating cm/frame |"]
+        lines = [
+            f"| {title} | clips | minutes | held out | {' | '.join(gaits)} | contact | skating cm/frame |"
+        ]
         lines += ["| --- " * (6 + len(gaits)) + "|"]
         groups: dict[str, list[ClipSummary]] = defaultdict(list)
         for clip in clips:

@@ -18,7 +18,9 @@ Array = NDArray[np.floating]
 FPS = 60.0
 LEG_LENGTH = float(-(SPORT_SKELETON.offsets[3][1] + SPORT_SKELETON.offsets[4][1]))
 FOOT_OFFSET = SPORT_SKELETON.offsets[5].astype(np.float64)  # ankle to toe in the rest pose
-HIP_CENTRE = np.array([0.0, *SPORT_SKELETON.offsets[2][1:]], np.float64)  # hips joint to middle of the hip joints
+HIP_CENTRE = np.array(
+    [0.0, *SPORT_SKELETON.offsets[2][1:]], np.float64
+)  # hips joint to middle of the hip joints
 STANCE_SPEED = 0.25  # m/s
 TOE_FLEX_LIMIT = np.deg2rad(50.0)
 _SIDES = ("Left", "Right")
@@ -159,7 +161,9 @@ def calibrate_feet(clips: list[SourceMotion]) -> FootCalibration:
     for one, other in zip(left[:2], right[:2], strict=True):
         both = rotations.slerp(one, other * _MIRROR_TURN, 0.5)
         turns.append(np.stack([both, both * _MIRROR_TURN]))
-    return FootCalibration(turns[0], turns[1], np.stack([left[2], right[2]]), float(np.mean([left[3], right[3]])))
+    return FootCalibration(
+        turns[0], turns[1], np.stack([left[2], right[2]]), float(np.mean([left[3], right[3]]))
+    )
 
 
 def _calibrate_foot(clips: list[SourceMotion], side: int) -> tuple[Array, Array, Array, float]:
@@ -177,11 +181,16 @@ def _calibrate_foot(clips: list[SourceMotion], side: int) -> tuple[Array, Array,
     level = rotations.normalize(vote([_into(c.rotations[name][m], up) for c, m in stances]))
     turn = rotations.between(up, level)
     bone = vote(
-        [_into(rotations.multiply(c.rotations[name][m], turn), c.toes[m, side] - c.ankles[m, side]) for c, m in stances]
+        [
+            _into(rotations.multiply(c.rotations[name][m], turn), c.toes[m, side] - c.ankles[m, side])
+            for c, m in stances
+        ]
     )
     turn = rotations.multiply(turn, rotations.from_yaw(np.arctan2(bone[0], bone[2])))
     feet = [rotations.multiply(c.rotations[name][m], turn) for c, m in stances]
-    reach = vote([_into(_yaw(f), c.toes[m, side] - c.ankles[m, side]) for f, (c, m) in zip(feet, stances, strict=True)])
+    reach = vote(
+        [_into(_yaw(f), c.toes[m, side] - c.ankles[m, side]) for f, (c, m) in zip(feet, stances, strict=True)]
+    )
     toe_turn: Array = rotations.identity().astype(np.float64)
     if _SIDES[side] + "ToeBase" in stances[0][0].rotations:
         toes = [c.rotations[_SIDES[side] + "ToeBase"][m] for c, m in stances]
@@ -217,7 +226,9 @@ def retarget(
     if height_offset is None:
         height_offset = _ground_offset(ankles, toes)
     lift = np.array([0.0, height_offset, 0.0])
-    hips = source.hip_centre + lift - rotations.rotate(world[:, 0], np.broadcast_to(HIP_CENTRE, (len(world), 3)))
+    hips = (
+        source.hip_centre + lift - rotations.rotate(world[:, 0], np.broadcast_to(HIP_CENTRE, (len(world), 3)))
+    )
     local = SPORT_SKELETON.local_rotations(world)
     local = solve_legs(hips, local, ankles + lift, foot)
     if flex_toes:

@@ -25,7 +25,9 @@ _LEG_DIRECTION = np.array([0.0, -1.0, 0.0])
 # neutral walks after retargeting: -22 in 100STYLE, -12 to -14 in the second Bandai Namco data set, -11 in JLPM, -23 (walking
 # frames) to -29 (all) in the few takes of PFNN, so that everybody looked at the ground. The tilt brings it to about -6
 # (PFNN: -3 to -9). The other captures, at -2 to +3, stay as they are.
-HEAD_LIFT_DEGREES: Mapping[str, float] = MappingProxyType({"100style": 16.0, "bandai2": 7.0, "pfnn": 20.0, "jlpm": 5.0})
+HEAD_LIFT_DEGREES: Mapping[str, float] = MappingProxyType(
+    {"100style": 16.0, "bandai2": 7.0, "pfnn": 20.0, "jlpm": 5.0}
+)
 
 
 @dataclass(frozen=True)
@@ -75,9 +77,7 @@ class SourceSkeleton:
 
 def _axes_matrix(axes: str) -> Array:
     """Matrix whose columns are the directions of local X, Y, Z, from "+Y -X +Z"."""
-    columns = [
-        np.eye(3)["XYZ".index(word[1])] * (1.0 if word[0] == "+" else -1.0) for word in axes.split()
-    ]
+    columns = [np.eye(3)["XYZ".index(word[1])] * (1.0 if word[0] == "+" else -1.0) for word in axes.split()]
     return np.stack(columns, axis=1)
 
 
@@ -92,7 +92,9 @@ def _plain(**names: str) -> dict[str, SourceJoint]:
 
 
 def _style100() -> SourceSkeleton:
-    joints = _plain(Hips="Hips", LowerBack="Chest", Spine="Chest3", Spine1="Chest4", Neck1="Neck", Head="Head")
+    joints = _plain(
+        Hips="Hips", LowerBack="Chest", Spine="Chest3", Spine1="Chest4", Neck1="Neck", Head="Head"
+    )
     pairs = {
         "UpLeg": "Hip", "Leg": "Knee", "Foot": "Ankle", "ToeBase": "Toe",
         "Shoulder": "Collar", "Arm": "Shoulder", "ForeArm": "Elbow", "Hand": "Wrist",
@@ -144,7 +146,13 @@ def _daz() -> SourceSkeleton:
 
 def _cmu_plain() -> SourceSkeleton:
     joints = _plain(
-        Hips="Hips", LowerBack="lowerback", Spine="Chest", Spine1="Chest2", Neck="lowerneck", Neck1="Neck", Head="Head"
+        Hips="Hips",
+        LowerBack="lowerback",
+        Spine="Chest",
+        Spine1="Chest2",
+        Neck="lowerneck",
+        Neck1="Neck",
+        Head="Head",
     )
     for side in _SIDES:
         joints[side + "UpLeg"] = SourceJoint(side + "Hip", along=side + "Knee")
@@ -206,6 +214,10 @@ def recognise(motion: BvhMotion, file_name: str) -> SourceSkeleton:
         if skeleton.signature <= names:
             missing = {j.name for j in skeleton.joints.values()} - names
             if missing:
-                raise FileError(f"{file_name}: joints {sorted(missing)} are missing.", "Export the clip again.")
+                raise FileError(
+                    f"{file_name}: joints {sorted(missing)} are missing.", "Export the clip again."
+                )
             return skeleton
-    raise FileError(f"{file_name}: none of the known skeletons.", "Give a joint map (SourceSkeleton) for this file.")
+    raise FileError(
+        f"{file_name}: none of the known skeletons.", "Give a joint map (SourceSkeleton) for this file."
+    )

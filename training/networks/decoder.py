@@ -80,9 +80,7 @@ class Denoiser(nn.Module):
         self.project_step = nn.Linear(64, width)
         # tells the tokens which expert they are: at high noise the codes themselves do not
         self.expert_token = nn.Parameter(0.02 * torch.randn(config.experts, width))
-        self.blocks = nn.ModuleList(
-            [ResidualBlock(width, 0.0) for _ in range(config.denoiser_blocks)]
-        )
+        self.blocks = nn.ModuleList([ResidualBlock(width, 0.0) for _ in range(config.denoiser_blocks)])
         self.norm = nn.LayerNorm(width)
         self.head = nn.Linear(width, config.output_size)
 

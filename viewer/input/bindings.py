@@ -160,7 +160,12 @@ class InputMapper:
     _last_buttons: frozenset[str] = field(default_factory=frozenset)
 
     def read(
-        self, keyboard: Keyboard, pad: GamepadState | None, dt: float, dead_zone: float = 0.15, invert: bool = False
+        self,
+        keyboard: Keyboard,
+        pad: GamepadState | None,
+        dt: float,
+        dead_zone: float = 0.15,
+        invert: bool = False,
     ) -> Intent:
         """The wishes of this frame of `dt` seconds."""
         held = _held_actions(keyboard, pad)

@@ -105,9 +105,7 @@ class GlfwGamepads:
             return axes[i] if i in live else 0.0
 
         six = count >= 6
-        buttons = frozenset(
-            BUTTONS[i] for i in range(min(button_count, 8)) if button_pointer[i]
-        )
+        buttons = frozenset(BUTTONS[i] for i in range(min(button_count, 8)) if button_pointer[i])
         return GamepadState(
             _text(self.glfw.get_joystick_name(pad)) + " (unmapped)",
             (axis(0), -axis(1)),

@@ -39,14 +39,17 @@ def _record(state: AppState, takes: Takes) -> None:
     widgets.tooltip("Start or stop a take (R)")
     imgui.same_line(0, px(4))
     if widgets.button(
-        f"{ICON.history} Last {state.settings.keep_seconds:.0f} s###keep", half,
+        f"{ICON.history} Last {state.settings.keep_seconds:.0f} s###keep",
+        half,
         f"The last minutes are always in memory ({widgets.clock(clips.memory_s)} now).\n"
         "Keep the last seconds as a clip (T). Right-click: how many.",
     ):
         takes.save_last()
     if imgui.begin_popup_context_item("keep seconds"):
         imgui.set_next_item_width(px(180))
-        changed, value = widgets.slider("##seconds", state.settings.keep_seconds, 1.0, 300.0, "%.0f seconds", True)
+        changed, value = widgets.slider(
+            "##seconds", state.settings.keep_seconds, 1.0, 300.0, "%.0f seconds", True
+        )
         if changed:
             state.settings.keep_seconds = round(min(max(value, 1.0), 300.0))
         imgui.end_popup()
@@ -55,7 +58,10 @@ def _record(state: AppState, takes: Takes) -> None:
 def _list(state: AppState, takes: Takes) -> None:
     clips = state.clips
     if not clips.items:
-        widgets.muted("Nothing recorded yet. Record a take with R, keep the last seconds with T, or drop a BVH file here.", wrap=True)
+        widgets.muted(
+            "Nothing recorded yet. Record a take with R, keep the last seconds with T, or drop a BVH file here.",
+            wrap=True,
+        )
         return
     imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(2)))
     for i in range(len(clips.items)):
@@ -103,7 +109,9 @@ def _row(state: AppState, takes: Takes, i: int) -> None:
 
 def _small(icon: str, width: float, hint: str) -> bool:
     with widgets.color(imgui.Col_.button, theme.CLEAR), widgets.color(imgui.Col_.text, theme.MUTED):
-        imgui.push_style_var(imgui.StyleVar_.frame_padding, imgui.ImVec2(px(3), imgui.get_style().frame_padding.y))
+        imgui.push_style_var(
+            imgui.StyleVar_.frame_padding, imgui.ImVec2(px(3), imgui.get_style().frame_padding.y)
+        )
         clicked = imgui.button(icon, imgui.ImVec2(width, 0))
         imgui.pop_style_var()
     widgets.tooltip(hint)
@@ -119,7 +127,9 @@ def _export(state: AppState, takes: Takes) -> None:
     imgui.separator()
     widgets.full_width()
     entered, clips.export_path = imgui.input_text_with_hint(
-        "##export path", "~/sport-clips/walk.bvh", clips.export_path,
+        "##export path",
+        "~/sport-clips/walk.bvh",
+        clips.export_path,
         imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.elide_left,
     )
     widgets.tooltip(f"Where to write {Path(clips.export_path).name}: type another path if you like")
@@ -140,6 +150,11 @@ def _export(state: AppState, takes: Takes) -> None:
     imgui.begin_disabled(busy)
     trimmed = clips.playback is not None and clips.playback.trimmed
     text = "Exporting…" if busy else "Export trimmed BVH" if trimmed else "Export BVH"
-    if widgets.button(f"{ICON.save} {text}###export", -1, "Write the clip for Blender, Maya, MotionBuilder", True) or entered:
+    if (
+        widgets.button(
+            f"{ICON.save} {text}###export", -1, "Write the clip for Blender, Maya, MotionBuilder", True
+        )
+        or entered
+    ):
         takes.export()
     imgui.end_disabled()

@@ -66,7 +66,11 @@ def _answer(prompt: PromptState) -> None:
         widgets.muted(f"{ICON.warning} Prompts need a motion model.")
         return
     if prompt.busy:
-        widgets.muted(f"{ICON.clock} Preparing the style…" if prompt.shown_prompt or prompt.text else f"{ICON.clock} Loading…")
+        widgets.muted(
+            f"{ICON.clock} Preparing the style…"
+            if prompt.shown_prompt or prompt.text
+            else f"{ICON.clock} Loading…"
+        )
         return
     if not prompt.answered_by:
         widgets.muted(f"{ICON.note} Type a prompt, or choose a ready one.")
@@ -98,7 +102,9 @@ def _explain(prompt: PromptState) -> str:
 def _blend_time(state: AppState) -> None:
     widgets.full_width()
     low, high = BLEND_RANGE_S
-    changed, value = widgets.slider("##blend", state.settings.blend_seconds, low, high, "Blend over %.1f s", True)
+    changed, value = widgets.slider(
+        "##blend", state.settings.blend_seconds, low, high, "Blend over %.1f s", True
+    )
     if changed:
         state.settings.blend_seconds = value
     widgets.tooltip("How long the character takes to change from one style to the next")

@@ -63,7 +63,11 @@ def _open_file(state: AppState, actions: Actions) -> None:
         "##path", "PNG, NPY, OBJ, GLB or BVH", state.scene.file_path, imgui.InputTextFlags_.enter_returns_true
     )
     imgui.same_line(0, px(4))
-    load = widgets.button("Open", load_width, "A ground (PNG, NPY, mesh), a character (GLB) or a clip (BVH); dropping a file does the same")
+    load = widgets.button(
+        "Open",
+        load_width,
+        "A ground (PNG, NPY, mesh), a character (GLB) or a clip (BVH); dropping a file does the same",
+    )
     path = state.scene.file_path.strip().strip('"')
     if (entered or load) and path:
         actions.open_files([Path(path).expanduser()])

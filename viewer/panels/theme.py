@@ -107,7 +107,9 @@ def load_fonts() -> Fonts:
         atlas.add_font_from_file_ttf(str(icons), FONT_SIZE * 0.86, merge)
         return font
 
-    return Fonts(load("Roboto/Roboto-Regular.ttf"), load("Roboto/Roboto-Bold.ttf"), load("Inconsolata-Medium.ttf"))
+    return Fonts(
+        load("Roboto/Roboto-Regular.ttf"), load("Roboto/Roboto-Bold.ttf"), load("Inconsolata-Medium.ttf")
+    )
 
 
 _LENGTHS: dict[str, float | tuple[float, float]] = {  # pixels at scale 1

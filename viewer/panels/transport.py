@@ -26,7 +26,9 @@ def _buttons(state: AppState, playback: Playback, takes: Takes) -> None:
     if widgets.button(ICON.start, square, "To the first frame kept"):
         playback.seek(playback.first)
     imgui.same_line(0, px(4))
-    if widgets.button(ICON.pause if playback.playing else ICON.play, square, "Play or pause (P)", primary=True):
+    if widgets.button(
+        ICON.pause if playback.playing else ICON.play, square, "Play or pause (P)", primary=True
+    ):
         playback.toggle()
     imgui.same_line(0, px(4))
     playback.loop = widgets.toggle(ICON.loop, playback.loop, square, "Begin again at the end")
@@ -69,7 +71,9 @@ def _timeline(playback: Playback) -> None:
 
     def bar(left: float, right: float, color: theme.Color) -> None:
         packed = imgui.get_color_u32(imgui.ImVec4(*color))
-        drawing.add_rect_filled(imgui.ImVec2(left, top), imgui.ImVec2(max(right, left + 1), bottom), packed, px(3))
+        drawing.add_rect_filled(
+            imgui.ImVec2(left, top), imgui.ImVec2(max(right, left + 1), bottom), packed, px(3)
+        )
 
     shown = min(max(playback.time_s * playback.clip.fps, 0.0), float(last))
     bar(x(0), x(last), theme.FIELD)
@@ -77,5 +81,8 @@ def _timeline(playback: Playback) -> None:
     bar(x(playback.first), x(max(shown, playback.first)), theme.ACCENT)
     handle = imgui.get_color_u32(imgui.ImVec4(*theme.TEXT))
     drawing.add_rect_filled(
-        imgui.ImVec2(x(shown) - px(2), corner.y), imgui.ImVec2(x(shown) + px(2), corner.y + height), handle, px(2)
+        imgui.ImVec2(x(shown) - px(2), corner.y),
+        imgui.ImVec2(x(shown) + px(2), corner.y + height),
+        handle,
+        px(2),
     )

@@ -53,7 +53,9 @@ def heading(fonts: theme.Fonts, icon: str, text: str) -> None:
 
 def tooltip(text: str) -> None:
     """Explain the item before, when the mouse rests on it."""
-    if text and imgui.is_item_hovered(imgui.HoveredFlags_.delay_normal | imgui.HoveredFlags_.allow_when_disabled):
+    if text and imgui.is_item_hovered(
+        imgui.HoveredFlags_.delay_normal | imgui.HoveredFlags_.allow_when_disabled
+    ):
         imgui.set_tooltip(text.replace("%", "%%"))
 
 
@@ -85,7 +87,9 @@ def toggle(text: str, on: bool, width: float, hint: str = "") -> bool:
     return on != bool(clicked)
 
 
-def slider(name: str, value: float, low: float, high: float, text: str, logarithmic: bool = False) -> tuple[bool, float]:
+def slider(
+    name: str, value: float, low: float, high: float, text: str, logarithmic: bool = False
+) -> tuple[bool, float]:
     """A bar that fills with the value and shows `text` (a format); Ctrl+click types a number."""
     flags = imgui.SliderFlags_.always_clamp
     share = (value - low) / (high - low)

@@ -1,0 +1,45 @@
+#!/usr/bin/env bash
+# Makes every picture of the README with the installed program. Needs no display; takes some minutes.
+#   docs/make_pictures.sh [MODEL_DIR]        a model folder in place of the shipped one
+set -euo pipefail
+cd "$(dirname "$0")/.."
+export SPORT_CONFIG_DIR  # nobody's own settings in the pictures
+SPORT_CONFIG_DIR=$(mktemp -d)
+clips=$(mktemp -d)
+trap 'rm -rf "$SPORT_CONFIG_DIR" "$clips"' EXIT
+model=()
+[ $# -eq 0 ] || model=(--model "$1")
+images=docs/images
+mkdir -p "$images"
+
+shot() { # PICTURE SIZE FRAMES OPTIONS...
+  local picture=$images/$1 size=$2 frames=$3
+  shift 3
+  sport view --offscreen "${model[@]}" --quality high --size "$size" --frames "$frames" "$@" --screenshot "$picture"
+  echo "$picture"
+}
+
+shot viewer.png 1280x720 110 --terrain hills --prompt "an exhausted soldier, left arm hanging" --controls "w 1.3; w+q 0.6"
+shot help.png 1280x720 3 --controls "f1 0.2" --terrain flat
+small=(640x400 210 --no-panels --controls "w+shift 2; w 0.8; w+q 0.7")
+shot stairs.png "${small[@]}" --terrain stairs --prompt "a proud, self-important person"
+shot platforms.png "${small[@]}" --terrain platforms --prompt "an energetic, sporty person"
+shot rough.png "${small[@]}" --terrain rough --prompt "someone feeling their way through the dark"
+shot height_map.png "${small[@]}" --terrain assets/terrains/bowl.png --prompt "a lively young person"
+
+# Six styles at the same controls, path and seed
+styles=(
+  "a person walking normally"
+  "a frail old man"
+  "a drunk person stumbling home"
+  "an angry person stomping around"
+  "someone strutting like a chicken"
+  "a child pretending to be an aeroplane"
+)
+files=()
+for i in "${!styles[@]}"; do
+  sport generate "${model[@]}" --prompt "${styles[$i]}" --path forward --seconds 6 --seed 1 --out "$clips/$i.bvh"
+  files+=("$clips/$i.bvh")
+done
+python -m viewer.contact_sheet "${files[@]}" --labels "${styles[@]}" --out "$images/styles.png"
+echo "$images/styles.png"

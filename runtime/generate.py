@@ -28,7 +28,7 @@ PromptToStyle = Callable[["str | PartDescriptions"], Array]  # a prompt or six d
 
 FPS = 60
 MAX_SECONDS = 3600.0
-DEFAULT_PROMPT = "a person walks normally"
+DEFAULT_PROMPT = "a person walking normally"
 
 
 EXPANDERS = ("library", "gpt")

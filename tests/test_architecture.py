@@ -42,7 +42,7 @@ ARROWS = {
 LIBRARIES = {
     "runtime": {"numpy", "onnxruntime", "tokenizers", "pygltflib", "PIL", "trimesh", "openai"},
     "viewer": {"numpy", "PIL", *WINDOW},
-    "benchmarks": {"numpy"},
+    "benchmarks": {"numpy", "bvhio", "bpy"},
 }
 TEXT_SUFFIXES = {".json", ".md", ".txt", ".toml", ".py", ".glsl", ".vert", ".frag", ".sh", ""}
 ABSOLUTE_PATH = re.compile(

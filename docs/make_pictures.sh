@@ -30,11 +30,11 @@ shot height_map.png "${small[@]}" --terrain assets/terrains/bowl.png --prompt "a
 # Six styles at the same controls, path and seed
 styles=(
   "a person walking normally"
-  "a frail old man"
-  "a drunk person stumbling home"
-  "an angry person stomping around"
-  "someone strutting like a chicken"
   "a child pretending to be an aeroplane"
+  "someone strutting like a chicken"
+  "someone feeling their way through the dark"
+  "a proud, self-important person"
+  "a karate fighter chopping"
 )
 files=()
 for i in "${!styles[@]}"; do

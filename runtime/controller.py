@@ -31,7 +31,10 @@ NOISE_HALF_LIFE = 0.5  # seconds; the diffusion noise drifts instead of flickeri
 # the one the stick asks for.
 REGULATOR_RATE = 2.5  # change of the gain per second and relative speed error
 REGULATOR_RANGE = (0.35, 2.0)
-STRIDE_WARP = (0.8, 1.25)  # what is left of the difference is taken up by longer or shorter strides, this much at most
+STRIDE_WARP = (
+    0.8,
+    1.25,
+)  # what is left of the difference is taken up by longer or shorter strides, this much at most
 SPEED_HALF_LIFE = 0.25  # seconds, smoothing of the measured speed (a stride speeds up and slows down)
 
 

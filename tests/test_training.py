@@ -138,7 +138,18 @@ def test_lanes_restart_at_the_end_of_their_clip(clips):
 def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(clips, tmp_path):
     out = tmp_path / "run"
     steps = ["--phase-steps", "2", "--content-steps", "2", "--stage2-steps", "3", "--stage3-steps", "3"]
-    common = ["--preset", "tiny", "--clips", str(clips), "--out", str(out), "--batch", "32", "--device", "cpu"]
+    common = [
+        "--preset",
+        "tiny",
+        "--clips",
+        str(clips),
+        "--out",
+        str(out),
+        "--batch",
+        "32",
+        "--device",
+        "cpu",
+    ]
     assert main(["all", *common, *steps]) == 0
     model = load_model(out / "model")
     assert (out / "model" / "README.md").read_text().startswith("# Model")
@@ -153,7 +164,18 @@ def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(clips, 
 
 def test_a_stage_resumes_where_it_stopped(clips, tmp_path, caplog):
     out = tmp_path / "run"
-    common = ["--preset", "tiny", "--clips", str(clips), "--out", str(out), "--batch", "32", "--device", "cpu"]
+    common = [
+        "--preset",
+        "tiny",
+        "--clips",
+        str(clips),
+        "--out",
+        str(out),
+        "--batch",
+        "32",
+        "--device",
+        "cpu",
+    ]
     main(["phase", *common, "--phase-steps", "2"])
     (out / "phase.npy").unlink()
     (out / "phase_final.pt").unlink()

@@ -59,14 +59,18 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--preset", default="compact", help=f"one of {', '.join(PRESETS)}")
     parser.add_argument("--data", type=Path, help="folder with the motion data archives (for import)")
     parser.add_argument("--clips", type=Path, help="folder of imported clips (default: OUT/clips)")
-    parser.add_argument("--out", type=Path, required=True, help="folder for checkpoints and the exported model")
+    parser.add_argument(
+        "--out", type=Path, required=True, help="folder for checkpoints and the exported model"
+    )
     parser.add_argument("--styles", type=Path, help="style descriptions (default: the shipped ones)")
     parser.add_argument("--device", default="", help="cpu or cuda (default: cuda where there is one)")
     parser.add_argument("--no-half", action="store_true", help="no bf16 mixed precision")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--limit", type=int, help="use at most this many clips (for a trial)")
     for name, value in vars(Steps()).items():
-        parser.add_argument(f"--{name}-steps" if name != "batch" else "--batch", dest=name, type=int, default=value)
+        parser.add_argument(
+            f"--{name}-steps" if name != "batch" else "--batch", dest=name, type=int, default=value
+        )
     parser.add_argument("--max-minutes", type=float, help="time limit of each stage")
     return parser
 
@@ -130,8 +134,18 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
         steps = reverse_steps(schedule, schedule.subsequence(config.inference_steps), sigma)
         speeds = style_speeds(table, texts, z.cpu().numpy())
         trained = Trained(
-            config, content, generator, data.normal, centre, deviation, torch.as_tensor(speeds), steps, sigma,
-            start_state(table, phase), [CREDITS[s] for s in sorted(set(table.sources))], _notes(args, table),
+            config,
+            content,
+            generator,
+            data.normal,
+            centre,
+            deviation,
+            torch.as_tensor(speeds),
+            steps,
+            sigma,
+            start_state(table, phase),
+            [CREDITS[s] for s in sorted(set(table.sources))],
+            _notes(args, table),
             last_losses(args.out),
         )
         export_model(trained, args.out / "model")
@@ -151,7 +165,12 @@ def _scales(
 
 
 def _phase(
-    args: argparse.Namespace, session: Session, config: ModelConfig, table: FrameTable, weights: np.ndarray, wanted: bool
+    args: argparse.Namespace,
+    session: Session,
+    config: ModelConfig,
+    table: FrameTable,
+    weights: np.ndarray,
+    wanted: bool,
 ) -> np.ndarray:
     stored = args.out / "phase.npy"
     if stored.exists():
@@ -167,8 +186,13 @@ def _phase(
 
 
 def _content(
-    args: argparse.Namespace, session: Session, config: ModelConfig, table: FrameTable, weights: np.ndarray,
-    texts: StyleTexts, wanted: bool,
+    args: argparse.Namespace,
+    session: Session,
+    config: ModelConfig,
+    table: FrameTable,
+    weights: np.ndarray,
+    texts: StyleTexts,
+    wanted: bool,
 ) -> ContentEncoder:
     path = args.out / "content_final.pt"
     if wanted and not path.exists():

@@ -52,7 +52,9 @@ class RolloutLanes:
         for name in _POSE:
             self.pose[name][ended] = x[order][:, INPUT[name]]
         index = rows[:, None] - 1 + torch.arange(-PRESENT, PRESENT + 1, device=rows.device)
-        index = torch.minimum(torch.maximum(index, self.frames.first[rows, None]), self.frames.last[rows, None])
+        index = torch.minimum(
+            torch.maximum(index, self.frames.first[rows, None]), self.frames.last[rows, None]
+        )
         self.phase[ended] = self.frames.phase[index].flatten(2)
 
     def inputs(self) -> Tensor:

@@ -23,7 +23,9 @@ class Session:
     """Where results go and on what they are computed; the same code runs on CPU and CUDA."""
 
     out: Path
-    device: torch.device = field(default_factory=lambda: torch.device("cuda" if torch.cuda.is_available() else "cpu"))
+    device: torch.device = field(
+        default_factory=lambda: torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    )
     half: bool = True  # bf16 autocast
     seed: int = 0
     checkpoint_seconds: float = 120.0
@@ -68,7 +70,9 @@ def load_checkpoint(path: Path) -> dict:
     try:
         return torch.load(path, map_location="cpu", weights_only=True)
     except (OSError, RuntimeError, EOFError, KeyError) as error:
-        raise FileError(f"{path}: not a checkpoint of this program.", "Run the earlier stage again.") from error
+        raise FileError(
+            f"{path}: not a checkpoint of this program.", "Run the earlier stage again."
+        ) from error
 
 
 @dataclass
@@ -151,7 +155,12 @@ def train(
             text = "  ".join(f"{k} {v:.4f}" for k, v in sums.items())
             log.info(
                 "%s %d/%d  %.0f samples/s  %.1f min left  %s",
-                name, state.step, steps, rate * batch_size, left, text,
+                name,
+                state.step,
+                steps,
+                rate * batch_size,
+                left,
+                text,
             )
             for key, value in sums.items():
                 writer(key, value, state.step)

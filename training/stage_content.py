@@ -108,8 +108,15 @@ def run(
         return result
 
     train(
-        session, "content", state, batches(), losses, steps,
-        lambda s: 5e-4 * min(1.0, (s + 1) / 100, (steps - s) / (0.3 * steps) + 0.02), batch, max_minutes,
+        session,
+        "content",
+        state,
+        batches(),
+        losses,
+        steps,
+        lambda s: 5e-4 * min(1.0, (s + 1) / 100, (steps - s) / (0.3 * steps) + 0.02),
+        batch,
+        max_minutes,
     )
     module.load_state_dict(state.average.values)
     save_checkpoint(

@@ -39,7 +39,9 @@ class MotionData:
         table = self.style[self.frames.style[rows]]
         pick = torch.randint(table.shape[1], (2, len(rows)), device=rows.device)
         lane = torch.arange(len(rows), device=rows.device)
-        t = torch.rand(len(rows), 1, device=rows.device) * (torch.rand(len(rows), 1, device=rows.device) < 0.5)
+        t = torch.rand(len(rows), 1, device=rows.device) * (
+            torch.rand(len(rows), 1, device=rows.device) < 0.5
+        )
         z = (1 - t) * table[lane, pick[0]] + t * table[lane, pick[1]]
         return z + 0.05 * torch.randn_like(z)
 
@@ -110,16 +112,22 @@ def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes, noise: floa
     """The first part of `rows` as captured, the rest replaced by the lanes."""
     fresh = rows[: len(rows) - len(lanes.rows)]
     patch = data.patch(fresh)
-    x = torch.cat([
-        _corrupt(data.input(fresh, patch), noise),
-        _corrupt(normalised(lanes.inputs(), data.normal), 0.2 * noise),
-    ])
+    x = torch.cat(
+        [
+            _corrupt(data.input(fresh, patch), noise),
+            _corrupt(normalised(lanes.inputs(), data.normal), 0.2 * noise),
+        ]
+    )
     rows, patch = torch.cat([fresh, lanes.rows]), torch.cat([patch, lanes.patch])
     return MixedBatch(rows, patch, data.styles(rows), x, data.output(rows, patch))
 
 
 def run_stage2(
-    session: Session, config: ModelConfig, data: MotionData, steps: int, batch: int = 1024,
+    session: Session,
+    config: ModelConfig,
+    data: MotionData,
+    steps: int,
+    batch: int = 1024,
     max_minutes: float | None = None,
 ) -> Generator:
     """Train everything but the diffusion decoder; AdamWR: cosine annealing with warm restarts (Sec. III-G)."""
@@ -142,7 +150,9 @@ def run_stage2(
 
     train(session, "stage2", state, rows, losses, steps, _warm_restarts(steps, 1e-3), batch, max_minutes)
     module.load_state_dict(state.average.values)
-    save_checkpoint(session.out / "stage2_final.pt", {"module": module.state_dict(), "config": asdict(config)})
+    save_checkpoint(
+        session.out / "stage2_final.pt", {"module": module.state_dict(), "config": asdict(config)}
+    )
     return module
 
 
@@ -155,7 +165,9 @@ def _warm_restarts(steps: int, peak: float, cycles: int = 3) -> Callable[[int], 
         while step >= start + length and length < steps:
             start, length = start + length, 2 * length
         warmup = min(1.0, (step + 1) / 200)
-        return peak * warmup * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * min(1.0, (step - start) / length))))
+        return (
+            peak * warmup * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * min(1.0, (step - start) / length))))
+        )
 
     return rate
 
@@ -176,7 +188,12 @@ def measure_codes(module: Generator, data: MotionData, session: Session, batches
 
 
 def run_stage3(
-    session: Session, config: ModelConfig, data: MotionData, module: Generator, steps: int, batch: int = 1024,
+    session: Session,
+    config: ModelConfig,
+    data: MotionData,
+    module: Generator,
+    steps: int,
+    batch: int = 1024,
     max_minutes: float | None = None,
 ) -> Generator:
     """Train the denoiser on E_d's codes (Eq. 14), then also with stage-2 supervision of the blended output."""
@@ -214,7 +231,9 @@ def run_stage3(
         return result | {"total": total}
 
     def rate(step: int) -> float:  # Sec. III-G: 4e-4 down to 1e-5
-        return min(1.0, (step + 1) / 200) * (1e-5 + 0.5 * (1e-3 - 1e-5) * (1 + math.cos(math.pi * step / steps)))
+        return min(1.0, (step + 1) / 200) * (
+            1e-5 + 0.5 * (1e-3 - 1e-5) * (1 + math.cos(math.pi * step / steps))
+        )
 
     train(session, "stage3", state, rows, losses, steps, rate, batch, max_minutes)
     module.load_state_dict(state.average.values)
@@ -240,6 +259,6 @@ def estimate_variance(
             noisy = add_noise(schedule, codes, n, torch.randn_like(codes))
             epsilon = noise_estimate(schedule, noisy, module.denoiser(noisy, e, n), n)
             norms[k].append(epsilon.square().flatten(1).mean(1))
-    return np.array([analytic_variance(schedule, int(s), torch.cat(v)) for s, v in zip(tau, norms, strict=True)])
-
-
+    return np.array(
+        [analytic_variance(schedule, int(s), torch.cat(v)) for s, v in zip(tau, norms, strict=True)]
+    )

@@ -63,8 +63,15 @@ def run(
         return {"total": loss}
 
     train(
-        session, "phase", state, batches(), losses, steps,
-        lambda s: 1e-3 * min(1.0, (steps - s) / (0.3 * steps) + 0.02), batch, max_minutes,
+        session,
+        "phase",
+        state,
+        batches(),
+        losses,
+        steps,
+        lambda s: 1e-3 * min(1.0, (steps - s) / (0.3 * steps) + 0.02),
+        batch,
+        max_minutes,
     )
     save_checkpoint(
         session.out / "phase_final.pt",
@@ -114,7 +121,9 @@ def encode_all(
     low = np.minimum(position.astype(int), len(known) - 1)
     high = np.minimum(low + 1, len(known) - 1)
     # no blending across two clips
-    high = np.where((low * stride < first.cpu().numpy()), high, np.where(high * stride > last.cpu().numpy(), low, high))
+    high = np.where(
+        (low * stride < first.cpu().numpy()), high, np.where(high * stride > last.cpu().numpy(), low, high)
+    )
     low = np.where(low * stride < first.cpu().numpy(), high, low)
     t = (position - np.floor(position))[:, None, None]
     return (1 - t) * known[low] + t * known[high]

@@ -29,7 +29,9 @@ def load_style_texts(table: FrameTable, path: Path, encoder: TextEncoderLike) ->
     try:
         library = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise FileError(f"{path}: not a readable JSON file.", "Restore assets/prompts/styles.json.") from error
+        raise FileError(
+            f"{path}: not a readable JSON file.", "Restore assets/prompts/styles.json."
+        ) from error
     keys = sorted({(s, bool(m)) for s, m in zip(table.styles, table.mirrored, strict=True)})
     descriptions = []
     for style, mirrored in keys:

@@ -34,3 +34,33 @@ def skating(positions: Array, terrain: Terrain, sole_m: float = 0.0) -> Array:
 def sole_skating(positions: Array, terrain: Terrain) -> Array:
     """Skating as seen at the sole: a toe joint at its resting height counts in full."""
     return skating(positions, terrain, TOE_HEIGHT)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """`python -m benchmarks.feet CLIP.bvh --terrain NAME`: skating and toe height of an exported clip."""
+    import argparse
+    from pathlib import Path
+
+    from runtime.clip import load_clip_bvh
+    from runtime.terrain_library import load_terrain
+
+    parser = argparse.ArgumentParser(prog="benchmarks.feet", description=main.__doc__)
+    parser.add_argument("clip", type=Path)
+    parser.add_argument("--terrain", default="flat")
+    options = parser.parse_args(argv)
+    positions, _ = load_clip_bvh(options.clip).world()
+    terrain = load_terrain(options.terrain)
+    heights = 100.0 * toe_heights(positions, terrain)
+    print(
+        f"skating {skating(positions, terrain).mean():.4f} cm per frame (at the sole {_sole(positions, terrain):.4f})"
+    )
+    print(f"lowest 1 % of toe heights {np.percentile(heights, 1):.2f} cm over the ground")
+    return 0
+
+
+def _sole(positions: Array, terrain: Terrain) -> float:
+    return float(sole_skating(positions, terrain).mean())
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

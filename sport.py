@@ -22,7 +22,6 @@ _EXAMPLES = """examples:
 """
 _TRAINING = {
     "train": ("training.pipeline", "train the networks from motion data"),
-    "evaluate": ("training.evaluate", "measure a trained model on held-out clips"),
 }
 
 
@@ -203,7 +202,7 @@ def _generate(options: argparse.Namespace) -> int:
     return 0
 
 
-# --- sport bench, train, evaluate ------------------------------------------------------------------------------------
+# --- sport bench, train -----------------------------------------------------------------------------------------------
 
 
 def _add_bench(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

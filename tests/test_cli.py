@@ -37,7 +37,7 @@ def test_help_names_every_command(capsys):
         sport.main(["--help"])
     assert end.value.code == 0
     text = capsys.readouterr().out
-    for word in ("view", "generate", "bench", "train", "evaluate", "examples", "--offscreen", "--out"):
+    for word in ("view", "generate", "bench", "train", "examples", "--offscreen", "--out"):
         assert word in text
 
 

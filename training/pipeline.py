@@ -43,10 +43,10 @@ CREDITS = {
 class Steps:
     """Optimiser steps (0: skip by loading what exists) and time limits in minutes of each stage."""
 
-    phase: int = 1500
-    content: int = 2500
-    stage2: int = 8000
-    stage3: int = 6000
+    phase: int = 1200
+    content: int = 1200
+    stage2: int = 18000
+    stage3: int = 5500
     batch: int = 1024
 
 

@@ -233,6 +233,23 @@ def test_a_mood_and_a_character_are_mixed(expander: LibraryExpander) -> None:
     assert "robot" in mixed.note
 
 
+@pytest.mark.parametrize("prompt", ["walk calmly", "a calm walk", "walk slowly", "a peaceful person"])
+def test_calm_words_bring_no_temper(expander: LibraryExpander, prompt: str) -> None:
+    expansion = expander.expand(prompt)
+    assert expansion.note == ""
+    assert "relaxed" in expansion.descriptions.torso
+
+
+@pytest.mark.parametrize(
+    ("prompt", "leg"),
+    [("an angry man", "stomping"), ("a drunk man", "stumbling"), ("walk happily", "bounce")],
+)
+def test_a_mood_of_nobody_in_particular_moves_the_whole_body(
+    expander: LibraryExpander, prompt: str, leg: str
+) -> None:
+    assert leg in expander.expand(prompt).descriptions.left_leg
+
+
 @pytest.mark.parametrize(
     "prompt", ["asdf qwer zxcv", "invoice number 4711", "疲れた兵士", "🙂", "un soldat épuisé"]
 )

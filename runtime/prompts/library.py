@@ -105,6 +105,8 @@ class LibraryExpander:
         if joint < max(similarity + SECOND_GAIN, NEAR):
             return None
         mood, character = sorted((entries[first], entries[second]), key=lambda e: not e.mood)
+        if character.descriptions in self._plain:  # "an angry man": a man walks no way of his own
+            return mood.descriptions, f"Taken as “{mood.prompt}”."
         mixed = character.descriptions
         for part in MOOD_PARTS:
             mixed = mixed.replace(part, getattr(mood.descriptions, part))
@@ -145,6 +147,12 @@ class LibraryExpander:
         stored = load_embeddings(path.with_suffix(".npz"), digest, self._encoder, len(entries))
         neutral = self._styles[NEUTRAL_STYLE].descriptions[0]
         return _Library(entries, stored or embed_library(entries, self._encoder), neutral)
+
+    @cached_property
+    def _plain(self) -> frozenset[PartDescriptions]:
+        """Descriptions of people who walk in no way in particular."""
+        plain = [s.descriptions[0] for name, s in self._styles.items() if name.startswith(NEUTRAL_STYLE)]
+        return frozenset(plain)
 
     @cached_property
     def _styles(self) -> dict[str, Style]:

@@ -279,4 +279,6 @@ def _notes(args: argparse.Namespace, table: FrameTable) -> dict[str, object]:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    from runtime.errors import run_command
+
+    raise SystemExit(run_command("train", main))

@@ -290,19 +290,19 @@ _ARM_SWING: dict[str, tuple[float, tuple[str, ...]]] = {
 _TORSO: dict[str, tuple[str, dict[str, object], tuple[str, ...], str]] = {
     "lean_forward_little": (
         "lean",
-        {"pitch": 13.0},
+        {"pitch": 14.0},
         ("torso leaning slightly forward", "upper body tilted a little forward"),
         "pitch",
     ),
     "lean_forward": (
         "lean",
-        {"pitch": 26.0},
+        {"pitch": 29.0},
         ("torso leaning forward", "upper body bent forward", "torso tilted clearly forward"),
         "pitch",
     ),
     "lean_forward_far": (
         "lean",
-        {"pitch": 42.0},
+        {"pitch": 48.0},
         (
             "torso leaning far forward",
             "upper body bent deeply forward",
@@ -312,19 +312,19 @@ _TORSO: dict[str, tuple[str, dict[str, object], tuple[str, ...], str]] = {
     ),
     "lean_back_little": (
         "lean",
-        {"pitch": -9.0},
+        {"pitch": -11.0},
         ("torso leaning slightly back", "upper body tilted a little backward"),
         "pitch",
     ),
     "lean_back": (
         "lean",
-        {"pitch": -17.0},
+        {"pitch": -21.0},
         ("torso leaning back", "upper body tilted backward", "torso leaning backward, belly forward"),
         "pitch",
     ),
     "lean_back_far": (
         "lean",
-        {"pitch": -26.0},
+        {"pitch": -32.0},
         (
             "torso leaning far back",
             "upper body bent far backward",
@@ -334,25 +334,25 @@ _TORSO: dict[str, tuple[str, dict[str, object], tuple[str, ...], str]] = {
     ),
     "lean_left": (
         "lean",
-        {"roll": 9.0},
+        {"roll": 11.0},
         ("torso leaning to the left", "upper body tilted to the left side"),
         "roll",
     ),
     "lean_left_far": (
         "lean",
-        {"roll": 19.0},
+        {"roll": 23.0},
         ("torso leaning far to the left", "upper body bent deeply to the left side"),
         "roll",
     ),
     "lean_right": (
         "lean",
-        {"roll": -9.0},
+        {"roll": -11.0},
         ("torso leaning to the right", "upper body tilted to the right side"),
         "roll",
     ),
     "lean_right_far": (
         "lean",
-        {"roll": -19.0},
+        {"roll": -23.0},
         ("torso leaning far to the right", "upper body bent deeply to the right side"),
         "roll",
     ),
@@ -536,17 +536,17 @@ _LEG: dict[str, tuple[dict[str, object], tuple[str, ...], str]] = {
 }
 _LEGS: dict[str, tuple[dict[str, object], tuple[str, ...], str]] = {
     "crouch_little": (
-        {"lower": 0.06},
+        {"lower": 0.04},
         ("{s} knee slightly bent", "{s} knee kept a little bent, hips low"),
         "knee_bend",
     ),
     "crouch": (
-        {"lower": 0.15},
+        {"lower": 0.1},
         ("{s} knee bent, walking crouched", "{s} leg bent at the knee, hips lowered"),
         "knee_bend",
     ),
     "crouch_deep": (
-        {"lower": 0.27},
+        {"lower": 0.2},
         ("{s} knee bent deeply, crouching low", "{s} leg in a deep crouch, hips near the ground"),
         "knee_bend",
     ),

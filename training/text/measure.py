@@ -78,6 +78,7 @@ class HeadMeasures:
     pitch_range: float
     turn_range: float  # degrees of turning against the facing direction
     bob: float  # metres, range of the head forward of the neck's base
+    turn: float = 0.0  # degrees that the face looks to the left of the facing direction
 
 
 @dataclass(frozen=True)
@@ -230,6 +231,7 @@ def _head(body: Array, turned: Array) -> HeadMeasures:
         pitch_range=_range(pitch),
         turn_range=_range(np.degrees(np.arctan2(face[:, 0], face[:, 2]))),
         bob=_range(ahead),
+        turn=float(np.median(np.degrees(np.arctan2(face[:, 0], face[:, 2])))),
     )
 
 

@@ -1,0 +1,278 @@
+"""`sport train layer`: layered clips from imported ones, each with six descriptions of its own.
+
+    python -m training.layering.build --clips DIR --out DIR --count 2400
+
+Writes `layer_*.npz` beside (or apart from) the imported clips, and `layers.json`: for every layered clip the
+descriptions of its parts, a key that names what each part does, and what the clip was made of.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from runtime import features
+from runtime.assets import asset_path
+from runtime.controls import Gait
+from runtime.errors import FileError, run_command
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import PART_NAMES
+from runtime.terrain import Terrain
+from training.data.clip_files import TrainingClip
+from training.data.height_patches import Patches
+from training.layering import recipes
+from training.layering.catalog import EDITS
+from training.layering.pose_edits import Motion, apply
+from training.layering.recombine import UPPER_PARTS, cut, recombine
+
+log = logging.getLogger("sport.train")
+
+SECONDS = (4.0, 7.0)
+PARAPHRASES = 4
+RECOMBINED = 0.3  # share of clips that first take parts of another style
+NEUTRAL = 0.45  # share of clips that are built on neutral motion, where an edit shows most clearly
+LAYERS = "layers.json"
+
+
+@dataclass(frozen=True)
+class Source:
+    """An imported clip that layers can be built on."""
+
+    name: str
+    style: str
+    mirrored: bool
+    source: str
+    gait: np.ndarray
+    motion: Motion
+    patches: Patches
+
+    @property
+    def key(self) -> str:
+        return self.style + ("_m" if self.mirrored else "")
+
+
+def load_source(path: Path) -> Source:
+    """Read an imported clip."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            clip = {k: file[k] for k in file.files}
+    except (OSError, ValueError) as error:
+        raise FileError(f"{path}: not a clip file.", "Run the importer again.") from error
+    origin = clip["patch_origin"]
+    cell = float(clip["patch_cell"])
+    patches = Patches(clip["patch_heights"], (float(origin[0]), float(origin[1])), cell)
+    ground = Terrain("patch", clip["patch_heights"][0].astype(np.float32), cell, patches.origin)
+    motion = Motion(
+        clip["hips_positions"].astype(np.float64),
+        clip["local_rotations"].astype(np.float64),
+        clip["contacts"],
+        ground,
+    )
+    return Source(
+        path.stem,
+        str(clip["style"]),
+        bool(clip["mirrored"]),
+        str(clip["source"]),
+        clip["gait"],
+        motion,
+        patches,
+    )
+
+
+class Pool:
+    """Imported training clips by style, drawn so that styles count alike and neutral motion more."""
+
+    def __init__(self, folder: Path) -> None:
+        self.by_style: dict[str, list[Path]] = {}
+        for path in sorted(folder.glob("*.npz")):
+            with np.load(path, allow_pickle=False) as clip:
+                long_enough = len(clip["gait"]) > 100
+                if path.stem.startswith("layer_") or str(clip["split"]) != "train" or not long_enough:
+                    continue
+                self.by_style.setdefault(str(clip["style"]), []).append(path)
+        if not self.by_style:
+            raise FileError(f"{folder}: no training clips.", "Run `sport train import` first.")
+        self._open: dict[Path, Source] = {}
+
+    def draw(self, random: np.random.Generator, neutral: float = NEUTRAL) -> Source:
+        """A clip; neutral ones with the given chance."""
+        styles = sorted(self.by_style)
+        plain = [s for s in styles if s.startswith("neutral")]
+        if plain and random.random() < neutral:
+            style = plain[int(random.integers(len(plain)))]
+        else:
+            style = styles[int(random.integers(len(styles)))]
+        paths = self.by_style[style]
+        path = paths[int(random.integers(len(paths)))]
+        if path not in self._open:
+            if len(self._open) > 400:
+                self._open.clear()
+            self._open[path] = load_source(path)
+        return self._open[path]
+
+
+def _segment(source: Source, random: np.random.Generator) -> tuple[int, int]:
+    wanted = int(random.uniform(*SECONDS) * features.FPS)
+    length = len(source.gait)
+    start = int(random.integers(max(1, length - wanted)))
+    return start, min(start + wanted, length)
+
+
+def build_layer(
+    pool: Pool, styles: dict[str, dict], name: str, random: np.random.Generator
+) -> tuple[TrainingClip, dict[str, object]] | None:
+    """One layered clip and its entry of `layers.json`; None when the draw could not be realised."""
+    source = pool.draw(random)
+    start, end = _segment(source, random)
+    motion = cut(source.motion, start, end)
+    texts = {part: _style_texts(styles, source, part, random) for part in PART_NAMES}
+    keys = dict.fromkeys(PART_NAMES, source.key)
+    parts: tuple[str, ...] = ()
+    donor = pool.draw(random, 0.15) if random.random() < RECOMBINED else None
+    if donor is not None:
+        if donor.style == source.style:
+            return None
+        parts = _parts(random)
+        a, b = _segment(donor, random)
+        mixed = recombine(motion, cut(donor.motion, a, max(b, min(a + 420, len(donor.gait)))), parts)
+        if mixed is None:
+            return None
+        motion = mixed
+        end = start + len(motion.hips)
+        for part in parts:
+            texts[part] = _style_texts(styles, donor, part, random)
+            keys[part] = donor.key
+    edits: tuple[str, ...] = ()
+    if donor is None or random.random() < 0.35:
+        standing = bool(source.gait[start:end, Gait.STAND].mean() > 0.5)
+        edits = recipes.draw(random, standing).edits
+        if donor is not None:
+            edits = tuple(e for e in edits if EDITS[e].slot not in parts)
+        if "swing" in {EDITS[e].kind for e in edits} and not source.style.startswith("neutral"):
+            return None  # an arm that does not swing in its style cannot swing more
+    if not edits and donor is None:
+        return None
+    for edit_name in edits:
+        edit = EDITS[edit_name]
+        motion = apply(motion, edit, random)
+        for part, phrases in edit.phrases.items():
+            texts[part] = [phrases[int(k)] for k in random.permutation(max(len(phrases), 4)) % len(phrases)]
+            keys[part] = edit_name if len(edit.phrases) == 1 else f"{edit_name}.{part}"
+    clip = TrainingClip(
+        name=name,
+        hips=motion.hips,
+        local=motion.local,
+        contacts=motion.contacts,
+        gait=source.gait[start:end],
+        style=source.style,
+        content="layered",
+        source=source.source,
+        split="train",
+        tier="layered",
+        patches=_near(source.patches, motion.hips),
+        mirrored=source.mirrored,
+    )
+    count = PARAPHRASES
+    entry = {
+        "descriptions": [{p: texts[p][k % len(texts[p])] for p in PART_NAMES} for k in range(count)],
+        "keys": [keys[p] for p in PART_NAMES],
+        "base": source.name,
+        "donor": donor.name if donor is not None else None,
+        "recombined": list(parts),
+        "edits": list(edits),
+    }
+    return clip, entry
+
+
+def _parts(random: np.random.Generator) -> tuple[str, ...]:
+    groups = (("left_arm", "right_arm"), ("torso",), ("head",), ("left_arm",), ("right_arm",))
+    chosen: set[str] = set()
+    while not chosen:
+        for group in groups:
+            if random.random() < 0.35:
+                chosen |= set(group)
+    return tuple(p for p in UPPER_PARTS if p in chosen)
+
+
+def _style_texts(
+    styles: dict[str, dict], source: Source, part: str, random: np.random.Generator
+) -> list[str]:
+    descriptions = [PartDescriptions.from_mapping(d) for d in styles[source.style]["descriptions"]]
+    if source.mirrored:
+        descriptions = [d.mirrored() for d in descriptions]
+    order = random.permutation(len(descriptions))
+    return [getattr(descriptions[int(k)], part) for k in order[:PARAPHRASES]]
+
+
+def _near(patches: Patches, hips: np.ndarray, margin: float = 2.5) -> Patches:
+    """The part of the ground within `margin` metres of the path."""
+    _count, n, m = patches.heights.shape
+    if n <= 2:
+        return patches
+    x0, z0 = patches.origin
+    low = np.floor((hips[:, [0, 2]].min(0) - margin - (x0, z0)) / patches.cell).astype(int)
+    high = np.ceil((hips[:, [0, 2]].max(0) + margin - (x0, z0)) / patches.cell).astype(int) + 1
+    low, high = np.clip(low, 0, (n - 2, m - 2)), np.clip(high, 2, (n, m))
+    piece = patches.heights[:, low[0] : high[0], low[1] : high[1]]
+    return Patches(piece, (x0 + low[0] * patches.cell, z0 + low[1] * patches.cell), patches.cell)
+
+
+def build_layers(clips: Path, out: Path, count: int, seed: int = 0) -> dict[str, dict]:
+    """Write `count` layered clips and `layers.json` into `out`; returns the entries by clip name."""
+    random = np.random.default_rng(seed)
+    pool = Pool(clips)
+    styles = json.loads(asset_path("prompts/styles.json").read_text("utf-8"))
+    out.mkdir(parents=True, exist_ok=True)
+    entries: dict[str, dict] = {}
+    while len(entries) < count:
+        built = build_layer(pool, styles, f"layer_{len(entries):05d}", random)
+        if built is None or not np.isfinite(built[0].local).all():
+            continue
+        clip, entry = built
+        clip.save(out)
+        entries[clip.name] = entry
+        if len(entries) % 200 == 0:
+            log.info("%d of %d layered clips", len(entries), count)
+    (out / LAYERS).write_text(json.dumps(entries) + "\n", encoding="utf-8")
+    return entries
+
+
+def summary(entries: dict[str, dict]) -> str:
+    """How often each edit and recombination occurs, as Markdown."""
+    edits = Counter(e for entry in entries.values() for e in entry["edits"])
+    mixed = Counter(" + ".join(e["recombined"]) for e in entries.values() if e["recombined"])
+    lines = [
+        "| Parametric edit | clips |",
+        "| --- | --- |",
+        *(f"| {k} | {v} |" for k, v in sorted(edits.items())),
+    ]
+    lines += [
+        "",
+        "| Recombined parts | clips |",
+        "| --- | --- |",
+        *(f"| {k} | {v} |" for k, v in sorted(mixed.items())),
+    ]
+    return "\n".join(lines)
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description="Layer styles: recombine parts and edit them by numbers.")
+    parser.add_argument("--clips", type=Path, required=True, help="folder of imported clips (*.npz)")
+    parser.add_argument("--out", type=Path, help="folder to write (default: the same)")
+    parser.add_argument("--count", type=int, default=2400)
+    parser.add_argument("--seed", type=int, default=0)
+    args = parser.parse_args(argv)
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    entries = build_layers(args.clips, args.out or args.clips, args.count, args.seed)
+    print(summary(entries))
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_command("layering", main))

@@ -1,0 +1,372 @@
+"""Parametric edits of a motion: held hands, leans, turns, crouches, steps; the feet are kept by inverse kinematics."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import features, ik, rotations
+from runtime.skeleton import PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
+from runtime.terrain import Terrain
+from training.frames import smooth
+from training.layering.catalog import PartEdit
+
+Array = NDArray[np.floating]
+
+FPS = 60.0
+_AT = SPORT_SKELETON.index
+_SIDES = {"left": (0, 1.0), "right": (1, -1.0)}  # column of contacts pairs and sign of X
+_FRAME_JOINT = {"hips": "Hips", "chest": "Spine1", "head": "Head"}
+_UPPER = (*PART_JOINTS["left_arm"], *PART_JOINTS["right_arm"], *PART_JOINTS["head"])
+_CHAIN = {0: 0.4, 11: 0.6, 12: 0.8, 13: 1.0}  # share of a lean taken by hips, lower back, spine, chest
+_SPINE_ONLY = {11: 0.25, 12: 0.6, 13: 1.0}
+_ROUNDED = {11: -0.35, 12: 0.25, 13: 1.0}
+_NECK = {14: 0.35, 15: 0.7, 16: 1.0}
+ARM_FOLLOWS, HEAD_FOLLOWS = 0.35, 0.3  # arms keep hanging and eyes keep looking ahead when a torso leans
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion being edited: hips `(T, 3)`, local rotations `(T, 31, 4)`, contacts `(T, 4)`, and its ground."""
+
+    hips: Array
+    local: Array
+    contacts: NDArray[np.uint8]
+    ground: Terrain
+
+    @property
+    def facing(self) -> Array:
+        """Smoothed yaw `(T,)`."""
+        positions, _ = SPORT_SKELETON.forward_kinematics(self.hips, self.local)
+        return smooth(np.unwrap(features.facing_yaw(positions))[:, None], 12.0)[:, 0]
+
+    def step_phase(self) -> Array:
+        """Cycles `(T,)`: whole numbers where the left foot lands; a slow clock where it does not step."""
+        return step_phase(self.contacts)
+
+
+def step_phase(contacts: NDArray[np.uint8]) -> Array:
+    """Cycles `(T,)` that are whole where the left foot lands; 0.8 Hz where there are fewer than three landings."""
+    landings = left_landings(contacts)
+    time = np.arange(len(contacts), dtype=np.float64)
+    if len(landings) < 3:
+        return 0.8 * time / FPS
+    cycle = float(np.median(np.diff(landings)))
+    before = np.arange(1, int(landings[0] / cycle) + 2)[::-1]
+    after = np.arange(1, int((len(contacts) - landings[-1]) / cycle) + 2)
+    knots = np.concatenate([landings[0] - before * cycle, landings, landings[-1] + after * cycle])
+    return np.interp(time, knots, np.arange(len(knots)) - len(before))
+
+
+def left_landings(contacts: NDArray[np.uint8], gap: int = 6) -> NDArray[np.intp]:
+    """Frames where the left foot comes down; contacts interrupted for up to `gap` frames count as one."""
+    down = contacts[:, :2].any(1).copy()
+    edges = np.flatnonzero(np.diff(down.astype(np.int8)))
+    for a, b in itertools.pairwise(edges):
+        if not down[a + 1] and b - a <= gap:
+            down[a + 1 : b + 1] = True
+    return np.flatnonzero(np.diff(down.astype(np.int8)) == 1) + 1
+
+
+def apply(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+    """The motion with one edit, a little varied by `random` in strength and place."""
+    return _KINDS[edit.kind](motion, edit, random)
+
+
+# --- Torso and head ---------------------------------------------------------------------------------------------------
+
+
+def _turns(motion: Motion, pitch: Array | float, yaw: Array | float, roll: Array | float) -> Array:
+    """Axis-angle vectors `(T, 3)` in world space of turns in the facing frame, degrees; roll is towards the left."""
+    zero = np.zeros(len(motion.hips))
+    local = np.radians(np.stack([zero + pitch, zero + yaw, zero - roll], 1))
+    return rotations.rotate(rotations.from_yaw(motion.facing), local)
+
+
+def _scaled(vectors: Array, share: float) -> Array:
+    angle = np.linalg.norm(vectors, axis=-1)
+    axis = np.where(angle[:, None] > 1e-9, vectors / np.maximum(angle, 1e-9)[:, None], np.array([1.0, 0, 0]))
+    return rotations.from_axis_angle(axis, share * angle)
+
+
+def _turn_joints(motion: Motion, vectors: Array, shares: dict[int, float]) -> Motion:
+    """Every joint of `shares` turned in world space by its share; joints not named keep their world rotation."""
+    _, world = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local.astype(np.float64))
+    positions, _ = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local.astype(np.float64))
+    turned = world.copy()
+    for joint, share in shares.items():
+        turned[:, joint] = rotations.multiply(_scaled(vectors, share), world[:, joint])
+    local = SPORT_SKELETON.local_rotations(turned)
+    if 0 in shares:  # the hips turned: the legs reach for their old feet
+        local = ik.solve_legs(motion.hips, local, positions[:, ik.LEG_FEET], world[:, ik.LEG_FEET])
+    return replace(motion, local=local)
+
+
+def _lean_shares(chain: dict[int, float], arms: float, head: float) -> dict[int, float]:
+    shares = dict(chain)
+    shares |= dict.fromkeys((*PART_JOINTS["left_arm"], *PART_JOINTS["right_arm"]), arms)
+    return shares | dict.fromkeys(PART_JOINTS["head"], head)
+
+
+def _lean(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+    pitch, roll = float(edit.parameters.get("pitch", 0.0)), float(edit.parameters.get("roll", 0.0))  # type: ignore[arg-type]
+    amount = random.normal(1.0, 0.06)
+    vectors = _turns(motion, amount * pitch, 0.0, amount * roll)
+    hips = motion.hips.copy()
+    back = -0.22 * np.sin(np.radians(amount * pitch))  # the hips balance the upper body
+    side = -0.16 * np.sin(np.radians(amount * roll))
+    hips += rotations.rotate(rotations.from_yaw(motion.facing), np.array([side, 0.0, back]))
+    moved = replace(motion, hips=hips)
+    moved = replace(moved, local=_reach(moved, motion))
+    return _turn_joints(moved, vectors, _lean_shares(_CHAIN, ARM_FOLLOWS, HEAD_FOLLOWS))
+
+
+def _slump(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+    pitch = float(edit.parameters["pitch"]) * random.normal(1.0, 0.06)  # type: ignore[arg-type]
+    shares = _lean_shares(_ROUNDED, ARM_FOLLOWS, HEAD_FOLLOWS)
+    return _turn_joints(motion, _turns(motion, pitch, 0.0, 0.0), shares)
+
+
+def _sway(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+    roll = float(edit.parameters["roll"]) * random.normal(1.0, 0.08)  # type: ignore[arg-type]
+    swing = roll * np.sin(2 * np.pi * (motion.step_phase() + 0.05))
+    return _turn_joints(motion, _turns(motion, 0.0, 0.0, swing), _lean_shares(_CHAIN, 0.6, 0.4))
+
+
+def _twist(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+    yaw = float(edit.parameters["yaw"]) * random.normal(1.0, 0.08)  # type: ignore[arg-type]
+    swing = yaw * np.cos(2 * np.pi * motion.step_phase())
+    return _turn_joints(motion, _turns(motion, 0.0, -swing, 0.0), _lean_shares(_SPINE_ONLY, 1.0, 0.15))
+
+
+def _bounce(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+    height = float(edit.parameters["height"]) * random.normal(1.0, 0.08)  # type: ignore[arg-type]
+    drop = 0.5 * height * (1.0 - np.cos(4 * np.pi * (motion.step_phase() - 0.04)))
+    return _lowered(motion, drop)
+
+
+def _head(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+    p: dict[str, Any] = edit.parameters
+    amount = random.normal(1.0, 0.07)
+    pitch, yaw, roll = (amount * float(p.get(k, 0.0)) for k in ("pitch", "yaw", "roll"))
+    if "wave" in p:
+        wp, wy, wr, hertz = p["wave"]
+        clock = np.sin(
+            2
+            * np.pi
+            * (hertz * random.normal(1.0, 0.05) * np.arange(len(motion.hips)) / FPS + random.random())
+        )
+        pitch, yaw, roll = pitch + amount * wp * clock, yaw + amount * wy * clock, roll + amount * wr * clock
+    return _turn_joints(motion, _turns(motion, pitch, yaw, roll), _NECK)
+
+
+# --- Arms -------------------------------------------------------------------------------------------------------------
+
+
+def _hand(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+    p: dict[str, Any] = edit.parameters
+    side = edit.slot.removesuffix("_arm")
+    sign = _SIDES[side][1]
+    mirror = np.array([sign, 1.0, 1.0])
+    name = side.capitalize()
+    shoulder, elbow, hand = _AT(f"{name}Arm"), _AT(f"{name}ForeArm"), _AT(f"{name}Hand")
+    positions, world = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local.astype(np.float64))
+    facing = rotations.from_yaw(motion.facing)
+    length = len(motion.hips)
+    point = np.broadcast_to(np.array(p["point"]), (length, 3)) + random.normal(0.0, 0.015, 3)
+    point = point + 0.008 * _drift(length, random)
+    if "wave" in p:
+        *amplitude, hertz = p["wave"]
+        time = np.arange(length) / FPS
+        clock = np.sin(2 * np.pi * (hertz * random.normal(1.0, 0.06) * time + random.random()))
+        point = point + clock[:, None] * np.array(amplitude) * random.normal(1.0, 0.08)
+    if p["frame"] == "shoulder":
+        origin, axes = positions[:, shoulder], facing
+    else:
+        joint = _AT(_FRAME_JOINT[p["frame"]])
+        origin, axes = positions[:, joint], world[:, joint]
+    target = origin + rotations.rotate(axes, point * mirror)
+    body = facing if p["frame"] == "shoulder" else world[:, _AT("Spine1")]
+    pole = rotations.rotate(body, np.broadcast_to(np.array(p["pole"]) * mirror, (length, 3)))
+    # an elbow bent by hand towards the pole: the solver then keeps that bending plane
+    middle = positions[:, shoulder] + 0.5 * (target - positions[:, shoulder])
+    upper = np.linalg.norm(SPORT_SKELETON.offsets[elbow])
+    lower = np.linalg.norm(SPORT_SKELETON.offsets[hand])
+    bent_elbow = positions[:, shoulder] + upper * rotations.normalize(
+        middle + 0.3 * rotations.normalize(pole) - positions[:, shoulder]
+    )
+    bent_hand = bent_elbow + lower * rotations.normalize(target - bent_elbow)
+    arm_turn = rotations.between(
+        rotations.normalize(positions[:, elbow] - positions[:, shoulder]),
+        rotations.normalize(bent_elbow - positions[:, shoulder]),
+    )
+    first_upper = rotations.multiply(arm_turn, world[:, shoulder])
+    along = rotations.rotate(first_upper, np.array([sign, 0.0, 0.0]))
+    fore_turn = rotations.between(along, rotations.normalize(bent_hand - bent_elbow))
+    first_lower = rotations.multiply(fore_turn, first_upper)
+    upper_turn, lower_turn = ik.two_bone(positions[:, shoulder], bent_elbow, bent_hand, target)
+    new = world.copy()
+    new[:, shoulder] = rotations.multiply(upper_turn, first_upper)
+    new[:, elbow] = rotations.multiply(lower_turn, first_lower)
+    local = motion.local.astype(np.float64).copy()
+    parent = _AT(f"{name}Shoulder")
+    local[:, shoulder] = rotations.multiply(rotations.inverse(world[:, parent]), new[:, shoulder])
+    local[:, elbow] = rotations.multiply(rotations.inverse(new[:, shoulder]), new[:, elbow])
+    local[:, hand] = rotations.slerp(local[:, hand], rotations.identity((length,)), 0.7)
+    return replace(motion, local=local)
+
+
+def _swing(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+    scale = float(edit.parameters["scale"]) * random.normal(1.0, 0.05)  # type: ignore[arg-type]
+    name = edit.slot.removesuffix("_arm").capitalize()
+    local = motion.local.astype(np.float64).copy()
+    for joint in (_AT(f"{name}Arm"), _AT(f"{name}ForeArm")):
+        own = rotations.continuous(local[:, joint])
+        mean = rotations.normalize(smooth(own, 45.0))
+        away = rotations.multiply(rotations.inverse(mean), own)
+        away *= np.where(away[:, :1] < 0, -1.0, 1.0)
+        angle = 2.0 * np.arctan2(np.linalg.norm(away[:, 1:], axis=1), away[:, 0])
+        axis = rotations.normalize(away[:, 1:])
+        local[:, joint] = rotations.multiply(
+            mean, rotations.from_axis_angle(axis, np.clip(scale * angle, 0, 1.5))
+        )
+    return replace(motion, local=local)
+
+
+def _drift(length: int, random: np.random.Generator) -> Array:
+    """Slow unit noise `(T, 3)`: a held hand never stands perfectly still."""
+    time = np.arange(length)[:, None] / FPS
+    return sum(np.sin(2 * np.pi * (random.uniform(0.1, 0.7, 3) * time + random.random(3))) for _ in range(2))
+
+
+# --- Legs -------------------------------------------------------------------------------------------------------------
+
+
+def _reach(moved: Motion, original: Motion) -> Array:
+    """Local rotations with the moved hips and the original's feet."""
+    positions, world = SPORT_SKELETON.forward_kinematics(original.hips, original.local.astype(np.float64))
+    return ik.solve_legs(moved.hips, moved.local, positions[:, ik.LEG_FEET], world[:, ik.LEG_FEET])
+
+
+def _lowered(motion: Motion, drop: Array | float) -> Motion:
+    hips = motion.hips.astype(np.float64).copy()
+    hips[:, 1] -= drop
+    moved = replace(motion, hips=hips)
+    return replace(moved, local=_reach(moved, motion))
+
+
+def _swings(down: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Intervals of at least eight frames in which a foot is in the air."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], down, [True]]).astype(np.int8)))
+    return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= 8]
+
+
+def _held_in_stance(values: Array, down: NDArray[np.bool_]) -> Array:
+    """`values` `(T, n)` made constant while the foot stands, so that a planted foot does not slide with the facing."""
+    held = values.copy()
+    swings = _swings(down)
+    bounds = [0, *[t for s in swings for t in s], len(values)]
+    for a, b in zip(bounds[::2], bounds[1::2], strict=True):
+        if b > a:
+            held[a:b] = values[a:b].mean(0)
+    for a, b in swings:
+        t = np.linspace(0, 1, b - a + 2)[1:-1, None]
+        t = t * t * (3 - 2 * t)
+        before, after = held[max(a - 1, 0)], held[min(b, len(values) - 1)]
+        held[a:b] = (1 - t) * before + t * after
+    return held
+
+
+def _leg(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+    p: dict[str, Any] = edit.parameters
+    column, sign = _SIDES[edit.slot.removesuffix("_leg")]
+    return _legs_edit(motion, {k: v * random.normal(1.0, 0.07) for k, v in p.items()}, ((column, sign),))
+
+
+def _legs(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+    p: dict[str, Any] = edit.parameters
+    both = tuple(_SIDES.values())
+    return _legs_edit(motion, {k: v * random.normal(1.0, 0.07) for k, v in p.items()}, both)
+
+
+def _legs_edit(motion: Motion, p: dict[str, float], sides: tuple[tuple[int, float], ...]) -> Motion:
+    if "lower" in p:
+        return _lowered(motion, p["lower"])
+    positions, world = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local.astype(np.float64))
+    ankles, feet = positions[:, ik.LEG_FEET].copy(), world[:, ik.LEG_FEET].copy()
+    toes = positions[:, ik.LEG_TOES]
+    hips = motion.hips.astype(np.float64).copy()
+    facing = rotations.from_yaw(motion.facing)
+    for column, sign in sides:
+        down = motion.contacts[:, 2 * column : 2 * column + 2].any(1)
+        ankle, foot = ankles[:, column], feet[:, column]
+        if "lift" in p:
+            ankle[:, 1] += p["lift"] * _bumps(down)
+        if "drag" in p:
+            _drag(ankle, toes[:, column], down, p["drag"], motion.ground)
+        if "outward" in p:
+            offset = rotations.rotate(facing, np.array([sign * p["outward"], 0.0, 0.0]))
+            offset = _held_in_stance(offset, down)
+            before = motion.ground.height(ankle[:, 0], ankle[:, 2])
+            ankle += offset
+            ankle[:, 1] += motion.ground.height(ankle[:, 0], ankle[:, 2]) - before
+        if "toe_out" in p:
+            feet[:, column] = rotations.multiply(rotations.from_yaw(np.radians(sign * p["toe_out"])), foot)
+        if "tiptoe" in p:
+            axis = rotations.rotate(foot, np.array([1.0, 0.0, 0.0]))
+            turn = rotations.from_axis_angle(axis, np.full(len(axis), np.radians(p["tiptoe"])))
+            toe = toes[:, column]
+            ankles[:, column] = toe + rotations.rotate(turn, ankle - toe)
+            feet[:, column] = rotations.multiply(turn, foot)
+        if "limp" in p:
+            weight = smooth(down.astype(np.float64)[:, None], 5.0)[:, 0]
+            hips[:, 1] -= p["limp"] * weight
+            ankle[:, 1] -= 0.6 * _height_in_swing(ankle[:, 1], down)
+    contacts = motion.contacts.copy()
+    if "tiptoe" in p:
+        hips[:, 1] += 0.055
+        contacts[:, [2 * c for c, _ in sides]] = 0
+    local = ik.solve_legs(hips, motion.local, ankles, feet)
+    return replace(motion, hips=hips, local=local, contacts=contacts)
+
+
+def _bumps(down: NDArray[np.bool_]) -> Array:
+    """One smooth hill of height 1 for every swing of a foot."""
+    result = np.zeros(len(down))
+    for a, b in _swings(down):
+        result[a:b] = np.sin(np.pi * (np.arange(a, b) - a + 0.5) / (b - a)) ** 2
+    return result
+
+
+def _height_in_swing(height: Array, down: NDArray[np.bool_]) -> Array:
+    """How far a swinging foot is above the line between its lift-off and its landing."""
+    result = np.zeros(len(height))
+    for a, b in _swings(down):
+        line = np.linspace(height[max(a - 1, 0)], height[min(b, len(height) - 1)], b - a)
+        result[a:b] = np.maximum(height[a:b] - line, 0.0)
+    return result
+
+
+def _drag(ankle: Array, toe: Array, down: NDArray[np.bool_], share: float, ground: Terrain) -> None:
+    """Lower the swinging ankle by `share` of its lift, the toe staying above the ground."""
+    lowered = min(share, 1.0) * _height_in_swing(ankle[:, 1], down)
+    room = toe[:, 1] - ground.height(toe[:, 0], toe[:, 2]) - TOE_HEIGHT
+    ankle[:, 1] -= np.minimum(lowered, np.maximum(room, 0.0))
+
+
+_KINDS = {
+    "lean": _lean,
+    "slump": _slump,
+    "sway": _sway,
+    "twist": _twist,
+    "bounce": _bounce,
+    "head": _head,
+    "hand": _hand,
+    "swing": _swing,
+    "leg": _leg,
+    "legs": _legs,
+}

@@ -1,0 +1,79 @@
+"""Which parts of a layered clip are edited, recombined or left: drawn at random, never what is held out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS, PartEdit
+
+_CHANCE = {"left_arm": 0.42, "right_arm": 0.42, "torso": 0.38, "head": 0.38, "legs": 0.36}
+BOTH_ARMS = 0.3  # chance that an edited arm is joined by the same edit of the other
+BOTH_LEGS = 0.6
+_NEEDS_STEPS = ("leg",)
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Names of parametric edits, in the order in which they are applied."""
+
+    edits: tuple[str, ...]
+
+
+def draw(random: np.random.Generator, standing: bool) -> Recipe:
+    """One to four edits that do not touch the same part twice."""
+    while True:
+        chosen: list[str] = []
+        for slot, chance in _CHANCE.items():
+            if random.random() >= chance or _taken(chosen, slot):
+                continue
+            edit = _choose(slot, random, standing)
+            if edit is None:
+                continue
+            chosen.append(edit)
+            twin = _twin(edit)
+            both = BOTH_ARMS if "arm" in edit else BOTH_LEGS
+            if twin is not None and not _taken(chosen, twin.split(".")[0]) and random.random() < both:
+                chosen.append(twin)
+        if chosen and allowed(tuple(chosen)):
+            return Recipe(tuple(sorted(chosen, key=_order)))
+
+
+def allowed(names: tuple[str, ...]) -> bool:
+    """Whether a combination may enter training."""
+    pairs = (set(pair) <= set(names) for pair in HELD_OUT_PAIRS.values())
+    return not set(names) & HELD_OUT and not any(pairs)
+
+
+def trained_edits() -> list[PartEdit]:
+    """Every edit that training may show."""
+    return [edit for name, edit in EDITS.items() if name not in HELD_OUT]
+
+
+def _choose(slot: str, random: np.random.Generator, standing: bool) -> str | None:
+    slots = {slot}
+    if slot == "legs":
+        slots = {"legs"} if standing or random.random() < 0.4 else {"left_leg", "right_leg"}
+    names = [e.name for e in trained_edits() if e.slot in slots]
+    if standing:
+        names = [n for n in names if EDITS[n].kind not in _NEEDS_STEPS and n != "torso.bounce"]
+    return str(random.choice(names)) if names else None
+
+
+def _twin(name: str) -> str | None:
+    """The same edit of the other side."""
+    for one, other in (("left_", "right_"), ("right_", "left_")):
+        if name.startswith(one):
+            twin = other + name.removeprefix(one)
+            return twin if twin in EDITS and twin not in HELD_OUT else None
+    return None
+
+
+def _taken(chosen: list[str], slot: str) -> bool:
+    return any(EDITS[name].slot == slot for name in chosen)
+
+
+def _order(name: str) -> int:
+    """Legs and torso first: hands are then placed on the body as it is, and the head looks last."""
+    return ("left_leg", "right_leg", "legs", "torso", "head", "left_arm", "right_arm").index(EDITS[name].slot)

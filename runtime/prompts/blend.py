@@ -1,0 +1,129 @@
+"""Two prompts mixed part by part: each of the six tokens of Z^t lies between prompt A's and prompt B's."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import PromptError
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import PART_NAMES
+
+Array = NDArray[np.floating]
+Words = str | PartDescriptions  # a prompt, or what the six parts do
+Weights = tuple[float, ...]  # one for each of PART_NAMES: 0 is prompt A, 1 is prompt B
+
+ALL_A: Weights = (0.0,) * len(PART_NAMES)
+ALL_B: Weights = (1.0,) * len(PART_NAMES)
+_FORM = f"Write left_arm=1,torso=0.5; the parts are {', '.join(PART_NAMES)}."
+
+
+def blend_parts(z_a: Array, z_b: Array, weights: Weights) -> NDArray[np.float32]:
+    """Z^t `(6, 64)` of a mix: row k is (1 - w_k) z_a[k] + w_k z_b[k], and exactly z_a[k] or z_b[k] at the ends.
+
+    PromptError when the codes differ in shape or a weight is not in 0..1.
+    """
+    a, b = np.asarray(z_a, np.float32), np.asarray(z_b, np.float32)
+    if a.shape != b.shape or a.ndim != 2 or len(a) != len(PART_NAMES):
+        raise PromptError(
+            f"Blend: codes of shape {a.shape} and {b.shape}, expected two of ({len(PART_NAMES)}, D).",
+            "Encode both prompts with the same model.",
+        )
+    w = np.array(check_weights(dict(zip(PART_NAMES, weights, strict=True))), np.float32)[:, None]
+    mixed = (1 - w) * a + w * b
+    return np.where(w == 0, a, np.where(w == 1, b, mixed)).astype(np.float32)
+
+
+def check_weights(weights: Mapping[str, Any], default: float = 0.0) -> Weights:
+    """Weights in the order of `PART_NAMES`, `default` for parts not named; PromptError names a part that is wrong."""
+    for part, value in weights.items():
+        if part not in PART_NAMES:
+            raise PromptError(f"Blend weights: there is no body part '{str(part)[:40]}'.", _FORM)
+        number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        if not number or not 0.0 <= value <= 1.0:
+            raise PromptError(
+                f"Blend weight of {part}: {str(value)[:40]!r}, expected 0 (prompt A) to 1 (prompt B).", _FORM
+            )
+    return tuple(float(weights.get(part, default)) for part in PART_NAMES)
+
+
+def parse_weights(text: str) -> Weights:
+    """Weights from "left_arm=1,torso=0.5", or one number for all parts; PromptError shows the form."""
+    values: dict[str, Any] = {}
+    entries = [entry.strip() for entry in text.split(",")]
+    if len(entries) == 1 and "=" not in entries[0]:
+        entries = [f"{part}={entries[0]}" for part in PART_NAMES]
+    for entry in entries:
+        part, _, number = entry.partition("=")
+        try:
+            values[part.strip()] = float(number)
+        except ValueError:
+            raise PromptError(f"Blend weights: '{entry[:60]}' is not PART=NUMBER.", _FORM) from None
+    return check_weights(values)
+
+
+@dataclass(frozen=True)
+class BlendedPrompt:
+    """Prompt A and prompt B with the share of B in each part: what a take keeps to be replayed exactly.
+
+    Each is a prompt, or six descriptions where the words were edited or came from a language model.
+    """
+
+    a: Words
+    b: Words
+    weights: Weights
+
+    def __post_init__(self) -> None:
+        if len(self.weights) != len(PART_NAMES):
+            raise PromptError(f"Blend: {len(self.weights)} weights, expected {len(PART_NAMES)}.", _FORM)
+        check_weights(dict(zip(PART_NAMES, self.weights, strict=True)))
+
+    def to_json(self) -> str:
+        """JSON object that `read_words` reads."""
+        value = {
+            "a": _plain(self.a),
+            "b": _plain(self.b),
+            "weights": dict(zip(PART_NAMES, self.weights, strict=True)),
+        }
+        return json.dumps(value, ensure_ascii=False)
+
+
+def write_words(words: Words | BlendedPrompt) -> str:
+    """The text that a take keeps of a prompt event; `read_words` reads it."""
+    return words if isinstance(words, str) else words.to_json()
+
+
+def read_words(text: str) -> Words | BlendedPrompt:
+    """What a prompt event of a take asks for: a prompt, six descriptions, or a blend of two.
+
+    PromptError when it is a JSON object but neither of the latter.
+    """
+    try:
+        value = json.loads(text)
+    except (ValueError, RecursionError):
+        return text
+    if not isinstance(value, dict):
+        return text
+    if set(value) != {"a", "b", "weights"}:
+        return PartDescriptions.from_mapping(value)
+    if not isinstance(value["weights"], dict):
+        raise PromptError("Blend weights: not a JSON object.", _FORM)
+    return BlendedPrompt(_words(value["a"]), _words(value["b"]), check_weights(value["weights"]))
+
+
+def _plain(words: Words) -> str | dict[str, str]:
+    return words if isinstance(words, str) else words.to_mapping()
+
+
+def _words(value: Any) -> Words:
+    if isinstance(value, str):
+        return value
+    if isinstance(value, dict):
+        return PartDescriptions.from_mapping(value)
+    raise PromptError("Blend: expected a prompt or six descriptions.", "Write a string or an object.")

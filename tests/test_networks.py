@@ -136,6 +136,7 @@ def test_motion_parts_do_not_see_other_parts():
 def test_exported_graphs_agree_with_torch(tmp_path):
     pytest.importorskip("onnxscript")
     from runtime.model import load_model
+    from runtime.motion_encoder import MotionEncoder
     from training.batches import Normalisation
     from training.export import Trained, export_model
     from training.networks.diffusion import Schedule, reverse_steps
@@ -160,6 +161,11 @@ def test_exported_graphs_agree_with_torch(tmp_path):
         [],
         {"clips": 1, "frames": 60, "styles": ["none"], "licence": "none", "seed": 0, "steps": {}},
         {},
+        {
+            "joint_mean": torch.randn(31, 9),
+            "joint_deviation": torch.rand(31, 9) + 0.5,
+            "root_deviation": torch.rand(3) + 0.5,
+        },
     )
     export_model(trained, tmp_path)
     model = load_model(tmp_path)
@@ -171,3 +177,12 @@ def test_exported_graphs_agree_with_torch(tmp_path):
     style = model.fold_style(z.view(6, 64).numpy())
     y, _ = model.step(x.numpy(), noise.numpy(), style)
     assert np.abs(y - expected.numpy()).max() < 1e-4
+
+    joints, root = torch.randn(3, 40, 31, 9), torch.randn(3, 40, 3)
+    scales = trained.sequence_scales
+    with torch.no_grad():
+        normalised = (joints - scales["joint_mean"]) / scales["joint_deviation"]
+        code = trained.content.motion(normalised, root / scales["root_deviation"])
+    mean, log_variance = MotionEncoder(tmp_path).encode(joints.numpy(), root.numpy())
+    assert np.abs(mean - code.mean.numpy()).max() < 1e-4
+    assert np.abs(log_variance - code.log_variance.numpy()).max() < 1e-4

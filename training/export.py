@@ -1,4 +1,4 @@
-"""Trained weights to what the runtime loads: three ONNX graphs and a metadata file with their hashes."""
+"""Trained weights to what the runtime loads: ONNX graphs and a metadata file with their hashes."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ import torch
 from torch import Tensor, nn
 
 from runtime.features import FPS, INPUT_SIZE, LAYOUT_VERSION
-from runtime.skeleton import SPORT_SKELETON
+from runtime.skeleton import SPORT_SKELETON, J
 from training.batches import Normalisation
 from training.model_card import model_card
-from training.networks.content import ContentEncoder
+from training.networks.content import JOINT_FEATURES, SEQUENCE_LENGTH, ContentEncoder
 from training.networks.decoder import blend_codes
 from training.networks.diffusion import ReverseStep
 from training.networks.generator import Generator
@@ -36,6 +36,24 @@ class PromptGraph(nn.Module):
 
     def forward(self, embeddings: Tensor) -> Tensor:
         return (self.text(embeddings).mean - self.centre) / self.deviation
+
+
+class MotionGraph(nn.Module):
+    """The stage-1 motion encoder on sequences in real units, as `stage_content.Sequences` cuts them.
+
+    Joints `(N, 40, 31, 9)` relative to the root (position with the ground's height removed, 6D rotation) and root
+    velocity `(N, 40, 3)`, every second frame at 60 Hz, to mean and log-variance `(N, 6, 64)` of Z^m.
+    """
+
+    def __init__(self, content: ContentEncoder, scales: dict[str, Tensor]) -> None:
+        super().__init__()
+        self.motion = content.motion
+        for name, value in scales.items():
+            self.register_buffer(name, value)
+
+    def forward(self, joints: Tensor, root: Tensor) -> tuple[Tensor, Tensor]:
+        code = self.motion((joints - self.joint_mean) / self.joint_deviation, root / self.root_deviation)
+        return code.mean, code.log_variance
 
 
 class StyleGraph(nn.Module):
@@ -89,10 +107,11 @@ class Trained:
     credits: list[str]
     notes: dict[str, object]
     curves: dict[str, str]  # stage to its last losses
+    sequence_scales: dict[str, Tensor]  # stage 1: joint_mean, joint_deviation (31, 9), root_deviation (3,)
 
 
 def export_model(trained: Trained, folder: Path) -> None:
-    """Write prompt.onnx, style.onnx, step.onnx and metadata.json; each graph is checked against torch to 1e-4."""
+    """Write prompt, style, step and motion.onnx and metadata.json; each graph is checked against torch to 1e-4."""
     folder.mkdir(parents=True, exist_ok=True)
     config = trained.config
     generator = trained.generator.cpu().eval()
@@ -121,6 +140,13 @@ def export_model(trained: Trained, folder: Path) -> None:
             ["x", "noise", "front_bias", "content_weight", "content_bias"],
             ["y", "alpha"],
             (batch, batch, fixed, fixed, fixed),
+        ),
+        "motion": (
+            MotionGraph(trained.content, trained.sequence_scales),
+            (torch.randn(2, SEQUENCE_LENGTH, J, JOINT_FEATURES), torch.randn(2, SEQUENCE_LENGTH, 3)),
+            ["joints", "root"],
+            ["mean", "log_variance"],
+            (batch, batch),
         ),
     }
     errors = {}
@@ -175,7 +201,6 @@ def strip_traces(path: Path) -> None:
 
 
 def _write_metadata(trained: Trained, folder: Path, errors: dict[str, float]) -> None:
-    graphs = ("prompt", "style", "step")
     metadata = {
         "format": "sport-model",
         "layout_version": LAYOUT_VERSION,
@@ -185,7 +210,7 @@ def _write_metadata(trained: Trained, folder: Path, errors: dict[str, float]) ->
         "config": asdict(trained.config),
         "reverse_steps": [asdict(s) for s in trained.steps],
         "sigma_bar_squared": trained.sigma_bar_squared.tolist(),
-        "sha256": {n: hashlib.sha256((folder / f"{n}.onnx").read_bytes()).hexdigest() for n in graphs},
+        "sha256": {n: hashlib.sha256((folder / f"{n}.onnx").read_bytes()).hexdigest() for n in errors},
         "onnx_error": errors,
         "start": trained.start,
         "exported": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),

@@ -18,7 +18,8 @@ def model_card(metadata: dict[str, Any], curves: dict[str, str]) -> str:
         "",
         f"Exported {metadata['exported']} by `sport train export --preset {config['name']}`; layout version"
         f" {metadata['layout_version']}. Files: `prompt.onnx` (sentence embeddings to Z^t), `style.onnx` (Z^t to the"
-        " modulator's folded weights), `step.onnx` (one frame, five denoising steps), `metadata.json`.",
+        " modulator's folded weights), `step.onnx` (one frame, five denoising steps), `motion.onnx` (motion to Z^m,"
+        " for evaluation), `metadata.json`.",
         "",
         "## Data",
         f"{notes['clips']} clips with their mirrored and terrain copies, {notes['frames'] / 3600:.0f} minutes at 60 Hz,"

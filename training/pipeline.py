@@ -147,6 +147,7 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
             [CREDITS[s] for s in sorted(set(table.sources))],
             _notes(args, table),
             last_losses(args.out),
+            _sequence_scales(args.out / "content_final.pt", table),
         )
         export_model(trained, args.out / "model")
         log.info("exported to %s", args.out / "model")
@@ -202,6 +203,12 @@ def _content(
     module = ContentEncoder(config)
     module.load_state_dict(load_checkpoint(path)["module"])
     return module.to(session.device).eval()
+
+
+def _sequence_scales(path: Path, table: FrameTable) -> dict[str, torch.Tensor]:
+    """What the motion encoder's input was normalised by; a checkpoint that lacks it was trained on the same table."""
+    stored: dict[str, torch.Tensor] | None = load_checkpoint(path).get("scales")
+    return stored or stage_content.Sequences(table, torch.device("cpu")).scales
 
 
 def _generator(path: Path, config: ModelConfig) -> Generator:

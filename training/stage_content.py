@@ -33,6 +33,12 @@ class Sequences:
         self.joint_mean, self.joint_deviation = joints.mean(0), joints.std(0).clamp_min(0.05)
         self.root_deviation = root.std(0).clamp_min(0.05)
 
+    @property
+    def scales(self) -> dict[str, Tensor]:
+        """What joints `(31, 9)` and root `(3,)` are normalised by."""
+        names = ("joint_mean", "joint_deviation", "root_deviation")
+        return {name: getattr(self, name).cpu() for name in names}
+
     @staticmethod
     def _split(y: Tensor, ground: Tensor) -> tuple[Tensor, Tensor]:
         positions = y[..., OUTPUT["joint_positions"]].unflatten(-1, (-1, 3)).clone()
@@ -120,7 +126,8 @@ def run(
     )
     module.load_state_dict(state.average.values)
     save_checkpoint(
-        session.out / "content_final.pt", {"module": module.state_dict(), "config": asdict(config)}
+        session.out / "content_final.pt",
+        {"module": module.state_dict(), "config": asdict(config), "scales": sequences.scales},
     )
     return module.eval()
 

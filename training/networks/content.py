@@ -95,7 +95,7 @@ class MotionSequenceEncoder(nn.Module):
         self.register_buffer("position", _position_table(SEQUENCE_LENGTH + 2, PART_SIZE))
 
     def forward(self, joints: Tensor, root: Tensor) -> Gaussian:
-        batch = len(joints)
+        batch = joints.shape[0]  # len() would fix the exported batch
         sequence = self.joints(joints, root).transpose(1, 2)  # (B, 6, T, 64)
         tokens = self.tokens.expand(batch, -1, -1, -1)
         x = torch.cat([tokens, sequence], dim=2).flatten(0, 1) + self.position

@@ -99,7 +99,7 @@ def test_held_out_clips_are_never_drawn(clips):
 def _frames(clips) -> Frames:
     table = load_frames(clips, workers=1)
     phase = np.random.default_rng(0).normal(size=(len(table), 5, 2)).astype(np.float32)
-    return Frames.of(table, phase, np.zeros(len(table.styles), np.int64), torch.device("cpu"))
+    return Frames.of(table, phase, torch.device("cpu"))
 
 
 def test_a_lane_that_predicts_the_truth_sees_captured_frames(clips, monkeypatch):

@@ -27,11 +27,11 @@ class Frames:
     first: Tensor  # (N,) first frame of each frame's clip
     last: Tensor  # (N,)
     patches: Tensor  # (N,) number of terrain patches
-    style: Tensor  # (N,) style row: index into the table of Z^t
+    clip: Tensor  # (N,) each frame's clip
 
     @staticmethod
-    def of(table: FrameTable, phase: np.ndarray, style_rows: np.ndarray, device: torch.device) -> Frames:
-        """Move a table to `device`; `style_rows` `(clips,)`."""
+    def of(table: FrameTable, phase: np.ndarray, device: torch.device) -> Frames:
+        """Move a table to `device`."""
         clip = table.clip
 
         def tensor(array: np.ndarray) -> Tensor:
@@ -47,7 +47,7 @@ class Frames:
             first=tensor(table.start[clip]),
             last=tensor(table.start[clip + 1] - 1),
             patches=tensor(table.patches[clip]),
-            style=tensor(style_rows[clip]),
+            clip=tensor(clip.astype(np.int64)),
         )
 
     def _window(self, rows: Tensor, offsets: np.ndarray) -> Tensor:

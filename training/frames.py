@@ -21,6 +21,7 @@ Array = NDArray[np.floating]
 PAD = 61  # frames of extrapolated root path at each end of a clip
 FACING_SIGMA = 12.0  # frames; the root faces the forward direction smoothed by this Gaussian
 MAX_PATCHES = 3
+LAYERED = "layered"  # content of clips made by training.layering
 
 
 @dataclass
@@ -52,7 +53,7 @@ def smooth(values: Array, sigma: float) -> Array:
     return out.reshape(values.shape)
 
 
-def _extrapolate(path: Array, frames: int = 12) -> Array:
+def extrapolate(path: Array, frames: int = 12) -> Array:
     """Pad a path `(T, n)` at both ends with its mean end velocity."""
     n = min(frames, len(path) - 1)
     steps = np.arange(1, PAD + 1)[:, None]
@@ -61,7 +62,8 @@ def _extrapolate(path: Array, frames: int = 12) -> Array:
     return np.concatenate([before, path, after])
 
 
-def _repeat(values: Array) -> Array:
+def repeat_ends(values: Array) -> Array:
+    """Pad values `(T, n)` at both ends with their first and last."""
     return np.concatenate([np.repeat(values[:1], PAD, 0), values, np.repeat(values[-1:], PAD, 0)])
 
 
@@ -82,7 +84,7 @@ def clip_frames(path: Path) -> ClipFrames:
     positions, world = SPORT_SKELETON.forward_kinematics(hips, local.astype(np.float64))
     root, yaw = root_motion(positions)
     length = len(hips)
-    padded_root, padded_yaw = _extrapolate(root), _repeat(yaw[:, None])[:, 0]
+    padded_root, padded_yaw = extrapolate(root), repeat_ends(yaw[:, None])[:, 0]
     directions = np.stack([np.sin(padded_yaw), np.cos(padded_yaw)], -1)
     now = np.arange(length) + PAD
     window = now[:, None] + features.TRAJECTORY_OFFSETS
@@ -104,7 +106,7 @@ def clip_frames(path: Path) -> ClipFrames:
     velocity[0] = velocity[1]
     velocity = features.to_root(velocity * FPS, yaw[:, None])
     previous = np.maximum(np.arange(length) - 1, 0)
-    gait = _repeat(clip["gait"].astype(np.float32))
+    gait = repeat_ends(clip["gait"].astype(np.float32))
     x = features.build_input(
         InputParts(
             root_position=root,
@@ -217,25 +219,32 @@ def load_frames(clips: Path, workers: int = 2, limit: int | None = None) -> Fram
     )
 
 
-def sampling_weights(table: FrameTable, terrain_share: float = 0.3) -> Array:
-    """Per-frame weight `(N,)`: `terrain_share` for the terrain rollouts, the rest equal over styles by square root.
+TERRAIN_SHARE, LAYERED_SHARE = 0.22, 0.38  # of the frames drawn; the rest is capture
+
+
+def sampling_weights(
+    table: FrameTable, terrain_share: float = TERRAIN_SHARE, layered_share: float = LAYERED_SHARE
+) -> Array:
+    """Per-frame weight `(N,)`: shares for the terrain rollouts and layered clips, the rest equal over styles by root.
 
     Held-out frames and each clip's first frame (it has no previous pose) weigh nothing.
     """
     weights = np.zeros(len(table))
     styles = np.array(table.styles)[table.clip]
-    rollouts = np.array([s == "pfnn_rollouts" for s in table.sources])[table.clip]
+    layered = np.array([c == LAYERED for c in table.contents])[table.clip]
+    rollouts = np.array([s == "pfnn_rollouts" for s in table.sources])[table.clip] & ~layered
     usable = ~table.held_out[table.clip]
     usable[table.start[:-1]] = False
+    captured = usable & ~rollouts & ~layered
     for style in np.unique(styles):
-        chosen = usable & ~rollouts & (styles == style)
+        chosen = captured & (styles == style)
         if chosen.any():
             weights[chosen] = 1.0 / np.sqrt(chosen.sum())
-    if weights.sum() > 0:
-        weights *= (1.0 - terrain_share) / weights.sum()
-    chosen = usable & rollouts
-    if chosen.any():
-        weights[chosen] = terrain_share / chosen.sum()
+    groups = [(captured, 1.0 - terrain_share - layered_share), (usable & rollouts, terrain_share)]
+    for chosen, share in [*groups, (usable & layered, layered_share)]:
+        if chosen.any():
+            own = np.where(weights[chosen] > 0, weights[chosen], 1.0)
+            weights[chosen] = share * own / own.sum()
     weights *= np.where(_starts_or_stops(table), TRANSITION_BOOST, 1.0)
     return weights / weights.sum()
 

@@ -18,12 +18,13 @@ from runtime.prompts.text_encoder import TextEncoder
 from training import stage_content, stage_motion, stage_phase
 from training.batches import Frames, Normalisation
 from training.export import Trained, export_model
-from training.frames import FrameTable, load_frames, sampling_weights
+from training.frames import LAYERED, FrameTable, load_frames, sampling_weights
 from training.networks.content import ContentEncoder
 from training.networks.diffusion import Schedule, reverse_steps
 from training.networks.generator import Generator
 from training.presets import PRESETS, ModelConfig, preset
 from training.session import Session, load_checkpoint, save_checkpoint
+from training.stage_motion import StyleTable
 from training.styles import StyleTexts, load_style_texts
 
 log = logging.getLogger("sport.train")
@@ -104,10 +105,11 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
     session = Session(args.out, half=not args.no_half, seed=args.seed)
     if args.device:
         session.device = torch.device(args.device)
-    table = load_frames(args.clips or args.out / "clips", limit=args.limit)
+    clips = args.clips or args.out / "clips"
+    table = load_frames(clips, limit=args.limit)
     weights = sampling_weights(table)
     log.info("%d clips, %d frames, %d styles", len(table.styles), len(table), len(set(table.styles)))
-    texts = load_style_texts(table, args.styles or asset_path("prompts/styles.json"), TextEncoder())
+    texts = load_style_texts(table, args.styles or asset_path("prompts/styles.json"), TextEncoder(), clips)
 
     phase = _phase(args, session, config, table, weights, "phase" in wanted)
     if wanted == {"phase"}:
@@ -115,7 +117,7 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
     content = _content(args, session, config, table, weights, texts, "content" in wanted)
     if not wanted & {"stage2", "stage3", "export"}:
         return
-    frames = Frames.of(table, phase, texts.clip_rows, session.device)
+    frames = Frames.of(table, phase, session.device)
     scales = _scales(session, frames, weights, content, texts)
     normal = Normalisation(**{k: scales[k] for k in Normalisation.__dataclass_fields__})
     centre, deviation = scales["style_centre"], scales["style_deviation"]
@@ -132,7 +134,7 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
         sigma = stage_motion.estimate_variance(session, config, data, generator)
         schedule = Schedule.linear(config.diffusion_steps)
         steps = reverse_steps(schedule, schedule.subsequence(config.inference_steps), sigma)
-        speeds = style_speeds(table, texts, z.cpu().numpy())
+        speeds = style_speeds(table, z)
         trained = Trained(
             config,
             content,
@@ -217,28 +219,30 @@ def _generator(path: Path, config: ModelConfig) -> Generator:
     return module
 
 
-def style_speeds(table: FrameTable, texts: StyleTexts, z: np.ndarray, ridge: float = 0.03) -> np.ndarray:
-    """Ridge regression `(385, 2)` from Z^t to the styles' natural walking and jogging speeds in m/s."""
+def style_speeds(table: FrameTable, style: StyleTable, ridge: float = 0.3, draws: int = 4) -> np.ndarray:
+    """Ridge regression `(385, 2)` from Z^t to the clips' natural walking and jogging speeds in m/s."""
     present = INPUT["gait"].start + 6 * (L // 2)
     gait = table.x[:, present : present + 6].astype(np.float32)
     speed = np.linalg.norm(table.y[:, OUTPUT["root"]][:, :2].astype(np.float32), axis=1)
+    backward = table.y[:, OUTPUT["root"]][:, 1].astype(np.float32) < 0.0
+    torch.manual_seed(0)
     columns = []
     for label, fallback in ((Gait.WALK, 1.3), (Gait.JOG, 2.6)):
-        chosen = (gait[:, label] > 0.9) & (speed > 0.3)
-        row = texts.clip_rows[table.clip]
-        targets = np.array(
-            [np.median(speed[m]) if (m := chosen & (row == r)).sum() > 120 else np.nan for r in range(len(z))]
-        )
-        known = ~np.isnan(targets)
-        columns.append(_ridge(z[known], targets[known], ridge, fallback))
+        chosen = (gait[:, label] > 0.9) & (speed > 0.3) & ~backward
+        clips = np.unique(table.clip[chosen])
+        spans = [slice(table.start[c], table.start[c + 1]) for c in clips]
+        enough = np.array([chosen[s].sum() > 120 for s in spans], bool)
+        clips = clips[enough] if len(clips) else clips
+        targets = np.array([np.median(speed[s][chosen[s]]) for s, e in zip(spans, enough, strict=True) if e])
+        index = torch.as_tensor(np.repeat(clips, draws).astype(np.int64), device=style.index.device)
+        inputs = style.draw(index).cpu().numpy() if len(clips) else np.zeros((0, 384), np.float32)
+        columns.append(_ridge(inputs, np.repeat(targets, draws), ridge, fallback))
     return np.stack(columns, 1).astype(np.float32)
 
 
-def _ridge(z: np.ndarray, target: np.ndarray, ridge: float, fallback: float) -> np.ndarray:
-    if len(target) < 2:
-        return np.concatenate([np.zeros(z.shape[-1]), [fallback]])
-    inputs = z.reshape(-1, z.shape[-1])
-    values = np.repeat(target, z.shape[1])
+def _ridge(inputs: np.ndarray, values: np.ndarray, ridge: float, fallback: float) -> np.ndarray:
+    if len(values) < 2:
+        return np.concatenate([np.zeros(inputs.shape[-1]), [fallback]])
     mean = values.mean()
     matrix = inputs.T @ inputs + ridge * len(inputs) / 100 * np.eye(inputs.shape[1])
     return np.concatenate([np.linalg.solve(matrix, inputs.T @ (values - mean)), [mean]])
@@ -250,7 +254,8 @@ def start_state(table: FrameTable, phase: np.ndarray) -> dict[str, list[float]]:
     gait = table.x[:, INPUT["gait"]].reshape(len(table), L, -1)[:, :, Gait.STAND].min(1)
     contacts = table.y[:, OUTPUT["contacts"]].min(1)
     speed = np.abs(table.y[:, OUTPUT["joint_velocities"]].astype(np.float32)).mean(1)
-    neutral = np.char.startswith(styles, "neutral") & ~table.mirrored[table.clip]
+    captured = np.array([c != LAYERED for c in table.contents])[table.clip]
+    neutral = np.char.startswith(styles, "neutral") & ~table.mirrored[table.clip] & captured
     penalty = 10.0 * (gait < 0.9) + 5.0 * (contacts < 0.5) + 20.0 * ~neutral
     row = int(np.argmin(speed + penalty))
     first, last = table.start[table.clip[row]], table.start[table.clip[row] + 1] - 1

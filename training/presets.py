@@ -17,7 +17,7 @@ class ModelConfig:
     content_experts: int = 8  # inner experts j of the recursive modulator
     hidden: int = 512  # hidden width of the motion experts (paper 2048 in our reading)
     embedding: int = 512  # size of W and E (paper 1024)
-    front: tuple[int, int] = (128, 32)  # modulator front (paper 512, 128)
+    front: tuple[int, int] = (256, 64)  # modulator front (paper 512, 128)
     gating_hidden: int = 64
     style_size: int = 384  # Z^t, six parts of 64
     output_size: int = OUTPUT_SIZE  # 287 in the paper, 473 with joint rotations
@@ -34,6 +34,8 @@ class ModelConfig:
     content_feedforward: int = 256  # paper 1024
     diffusion: bool = True  # False: the one-layer MoE decoder alone (w/o-Diffusion)
     content_encoder: bool = True  # False: raw text embeddings as Z^t
+    text_encoder: str = "all-MiniLM-L6-v2"  # paper CLIP ViT-B/32, of 512
+    text_size: int = 384  # numbers of a sentence embedding
 
 
 _COMPACT = ModelConfig()

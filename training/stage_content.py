@@ -15,11 +15,13 @@ from training.frames import FrameTable
 from training.networks.content import SEQUENCE_LENGTH, ContentEncoder
 from training.presets import ModelConfig
 from training.session import MovingAverage, Session, StageState, save_checkpoint, train
-from training.styles import StyleTexts
+from training.stage_motion import StyleTable
+from training.styles import StyleTexts, pick_paraphrases
 
 STRIDE = 2  # frames between two samples: 40 samples are 1.3 s, more than one step
 # Eq. 7. The paper's lambda_con is 1e-2 for 100 styles over a long training; the shorter one here needs more of it.
 LAMBDA_CONTRAST, LAMBDA_KL, LAMBDA_EMBEDDING = 0.1, 1e-5, 1e-5
+WORD_NOISE = 0.01  # on the components (about 0.05) of sentence embeddings: near words give near content
 
 
 class Sequences:
@@ -29,7 +31,7 @@ class Sequences:
         self.y = torch.as_tensor(table.y).to(device)
         self.ground = torch.as_tensor(table.ground[:, 0]).to(device)
         probe = self.y[:: max(1, len(table) // 20000)].float()
-        joints, root = self._split(probe, torch.zeros(len(probe), device=device))
+        joints, root = self._split(probe, self.ground[:: max(1, len(table) // 20000)])
         self.joint_mean, self.joint_deviation = joints.mean(0), joints.std(0).clamp_min(0.05)
         self.root_deviation = root.std(0).clamp_min(0.05)
 
@@ -66,8 +68,9 @@ def run(
     device = session.device
     torch.manual_seed(session.seed + 1)
     sequences = Sequences(table, device)
-    embeddings = torch.as_tensor(texts.embeddings).to(device)
-    rows_of_frame = torch.as_tensor(texts.clip_rows[table.clip])
+    embeddings = [torch.as_tensor(e).to(device) for e in texts.embeddings]
+    index, keys = torch.as_tensor(texts.index).to(device), torch.as_tensor(texts.keys).to(device)
+    clip_of_frame = torch.as_tensor(table.clip.astype(np.int64))
     last = torch.as_tensor(table.start[table.clip + 1] - 1)
     first = torch.as_tensor(table.start[table.clip])
     span = STRIDE * (SEQUENCE_LENGTH - 1)
@@ -80,24 +83,27 @@ def run(
             draw = torch.rand(batch, generator=generator, dtype=torch.float64)
             rows = torch.searchsorted(cumulative, draw).clamp_max(len(table) - 1)
             start = torch.maximum(torch.minimum(rows, last[rows] - span), first[rows])
-            yield start.to(device), rows_of_frame[rows].to(device)
+            yield start.to(device), clip_of_frame[rows].to(device)
 
     module = ContentEncoder(config).to(device)
     optimizer = torch.optim.AdamW(module.parameters(), lr=5e-4, weight_decay=1e-4)
     state = StageState(module, optimizer, MovingAverage(module, 0.995))
 
     def losses(item: object, step: int) -> dict[str, Tensor]:
-        start, style = item  # type: ignore[misc]
+        start, clips = item  # type: ignore[misc]
         joints, root = sequences(start)
         target = torch.cat([joints.flatten(-2), root], -1)
-        paraphrase = torch.randint(embeddings.shape[1], (len(style),), device=device)
+        sentence = pick_paraphrases(index, clips)
+        words = torch.stack([e[sentence[:, k]] for k, e in enumerate(embeddings)], 1)
         motion = module.motion(joints, root)
-        text = module.text(embeddings[style, paraphrase])
+        text = module.text(words + WORD_NOISE * torch.randn_like(words))
         z_motion, z_text = motion.sample(), text.sample()
-        same = style[:, None] == style[None, :]
+        same = keys[clips][:, None] == keys[clips][None, :]  # (B, B, 6)
         m, t = motion.parameters_flat().float(), text.parameters_flat().float()
-        whole = terms.contrastive(m.flatten(1), t.flatten(1), same)
-        parts = torch.stack([terms.contrastive(m[:, k], t[:, k], same) for k in range(m.shape[1])]).mean()
+        whole = terms.contrastive(m.flatten(1), t.flatten(1), same.all(-1))
+        parts = torch.stack(
+            [terms.contrastive(m[:, k], t[:, k], same[:, :, k]) for k in range(m.shape[1])]
+        ).mean()
         result = {
             "recon": terms.reconstruction(target, module.decoder(z_motion), module.decoder(z_text)),
             "contrast": whole,
@@ -107,7 +113,7 @@ def run(
         }
         result["total"] = (
             result["recon"]
-            + LAMBDA_CONTRAST * (whole + 0.5 * parts)
+            + LAMBDA_CONTRAST * (0.5 * whole + parts)
             + LAMBDA_KL * result["kl"]
             + LAMBDA_EMBEDDING * result["embedding"]
         )
@@ -133,21 +139,33 @@ def run(
 
 
 @torch.no_grad()
-def _text_means(module: ContentEncoder, texts: StyleTexts) -> Tensor:
-    """Mean of Z^t for every description `(rows, P, 384)`."""
-    rows, paraphrases = texts.embeddings.shape[:2]
+def _text_means(module: ContentEncoder, texts: StyleTexts) -> list[Tensor]:
+    """Mean of Z^t for every sentence of each part, `(U_k, 64)`."""
     device = next(module.parameters()).device
-    flat = torch.as_tensor(texts.embeddings).to(device).flatten(0, 1)
-    return module.text(flat).mean.flatten(1).unflatten(0, (rows, paraphrases))
+    means = []
+    for k, embeddings in enumerate(texts.embeddings):
+        words = torch.as_tensor(embeddings).to(device)[:, None].expand(-1, len(texts.embeddings), -1)
+        means.append(module.text(words).mean[:, k])
+    return means
 
 
 def style_scale(module: ContentEncoder, texts: StyleTexts) -> tuple[Tensor, Tensor]:
-    """Mean and deviation `(384,)` of Z^t over all descriptions."""
-    flat = _text_means(module, texts).flatten(0, 1)
-    deviation = flat.std(0)
-    return flat.mean(0), deviation.clamp_min(0.2 * deviation.mean().item() + 1e-4)
+    """Mean and deviation `(384,)` of Z^t over the sentences of all clips."""
+    means, centre, deviation = _text_means(module, texts), [], []
+    for k, z in enumerate(means):
+        used = z[torch.as_tensor(texts.index[:, :, k]).to(z.device).flatten()]
+        centre.append(used.mean(0))
+        deviation.append(used.std(0))
+    spread = torch.cat(deviation)
+    return torch.cat(centre), spread.clamp_min(0.2 * spread.mean().item() + 1e-4)
 
 
-def style_table(module: ContentEncoder, texts: StyleTexts, centre: Tensor, deviation: Tensor) -> Tensor:
-    """Standardised Z^t of every description `(rows, P, 384)`."""
-    return (_text_means(module, texts) - centre) / deviation
+def style_table(module: ContentEncoder, texts: StyleTexts, centre: Tensor, deviation: Tensor) -> StyleTable:
+    """Standardised Z^t of every sentence."""
+    means = _text_means(module, texts)
+    size = means[0].shape[1]
+    parts = [
+        (z - centre[k * size : (k + 1) * size]) / deviation[k * size : (k + 1) * size]
+        for k, z in enumerate(means)
+    ]
+    return StyleTable(parts, torch.as_tensor(texts.index).to(parts[0].device))

@@ -21,28 +21,45 @@ from training.networks.generator import Generator
 from training.presets import ModelConfig
 from training.rollouts import RolloutLanes, normalised
 from training.session import MovingAverage, Session, StageState, save_checkpoint, train
+from training.styles import pick_paraphrases
 
 _FEET = [SPORT_SKELETON.index(n) for n in ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")]
 
 
 @dataclass
+class StyleTable:
+    """Standardised Z^t of every training sentence: `parts[k]` `(U_k, 64)`; `index` `(clips, P, 6)` points into them."""
+
+    parts: list[Tensor]
+    index: Tensor
+
+    def draw(self, clips: Tensor) -> Tensor:
+        """Z^t `(B, 384)` of random paraphrases of clips `(B,)`."""
+        return self.of(pick_paraphrases(self.index, clips))
+
+    def of(self, sentences: Tensor) -> Tensor:
+        """Z^t `(B, 384)` of sentence indices `(B, 6)`."""
+        return torch.cat([z[sentences[:, k]] for k, z in enumerate(self.parts)], dim=-1)
+
+    def to(self, device: torch.device) -> StyleTable:
+        return StyleTable([z.to(device) for z in self.parts], self.index.to(device))
+
+
+@dataclass
 class MotionData:
-    """Frames, their normalisation and the style table Z^t `(rows, P, 384)` on one device."""
+    """Frames, their normalisation, the clips' Z^t and the frames' sampling weights, on one device."""
 
     frames: Frames
     normal: Normalisation
-    style: Tensor
+    style: StyleTable
     weights: np.ndarray
 
     def styles(self, rows: Tensor) -> Tensor:
-        """Z^t `(B, 384)` of frames: a random paraphrase, and now and then a blend towards another one of it."""
-        table = self.style[self.frames.style[rows]]
-        pick = torch.randint(table.shape[1], (2, len(rows)), device=rows.device)
-        lane = torch.arange(len(rows), device=rows.device)
-        t = torch.rand(len(rows), 1, device=rows.device) * (
-            torch.rand(len(rows), 1, device=rows.device) < 0.5
-        )
-        z = (1 - t) * table[lane, pick[0]] + t * table[lane, pick[1]]
+        """Z^t `(B, 384)` of frames: random paraphrases, and half of the time a blend towards others of the clip."""
+        clips = self.frames.clip[rows]
+        t = torch.rand(len(rows), 1, device=rows.device)
+        t = t * (torch.rand(len(rows), 1, device=rows.device) < 0.5)
+        z = (1 - t) * self.style.draw(clips) + t * self.style.draw(clips)
         return z + 0.05 * torch.randn_like(z)
 
     def patch(self, rows: Tensor) -> Tensor:

@@ -1,47 +1,123 @@
-"""The training styles' six-part descriptions as rows of text embeddings: one row per (style, mirrored)."""
+"""The training clips' six-part descriptions: for every clip some paraphrases, as indices into embedded sentences."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import torch
+from torch import Tensor
 
 from runtime.errors import FileError
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.text_encoder import TextEncoderLike
+from runtime.skeleton import PART_NAMES
 from training.frames import FrameTable
+
+LAYERS, CAPTIONS = (
+    "layers.json",
+    "captions.json",
+)  # beside the clips: of layered clips, and measured ones of captured
+PARAPHRASES = 8
+MEASURED = 2  # of these for a captured clip with captions of its own
+MIX = 0.4  # share of draws in which every part takes a paraphrase of its own
 
 
 @dataclass
 class StyleTexts:
-    """`embeddings` `(rows, P, 6, 384)`; rows with fewer paraphrases repeat theirs. `clip_rows` `(clips,)`."""
+    """Descriptions of every clip.
 
-    keys: list[tuple[str, bool]]
-    embeddings: np.ndarray
-    clip_rows: np.ndarray
-    descriptions: list[list[PartDescriptions]]
+    `sentences[k]` are part k's distinct sentences with unit embeddings `embeddings[k]` `(U_k, 384)`;
+    `index` `(clips, PARAPHRASES, 6)` points into them. `keys` `(clips, 6)` numbers what a part does: equal keys are
+    the same content, whatever the words. `names` are the keys' names.
+    """
+
+    sentences: list[list[str]]
+    embeddings: list[np.ndarray]
+    index: np.ndarray
+    keys: np.ndarray
+    names: list[str]
+
+    def pick(self, clips: Tensor, generator: torch.Generator | None = None) -> Tensor:
+        """Sentence indices `(B, 6)` for clips `(B,)`: one paraphrase, or now and then another one for each part."""
+        index = torch.as_tensor(self.index, device=clips.device)
+        return pick_paraphrases(index, clips, generator)
 
 
-def load_style_texts(table: FrameTable, path: Path, encoder: TextEncoderLike) -> StyleTexts:
-    """Embed every description; FileError names a style of the data that has none."""
-    try:
-        library = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise FileError(
-            f"{path}: not a readable JSON file.", "Restore assets/prompts/styles.json."
-        ) from error
-    keys = sorted({(s, bool(m)) for s, m in zip(table.styles, table.mirrored, strict=True)})
-    descriptions = []
-    for style, mirrored in keys:
+def pick_paraphrases(index: Tensor, clips: Tensor, generator: torch.Generator | None = None) -> Tensor:
+    """Sentence indices `(B, 6)` out of `index` `(clips, P, 6)`."""
+    count, parts = index.shape[1:]
+
+    def random(*shape: int) -> Tensor:
+        return torch.rand(shape, generator=generator).to(clips.device)
+
+    own = (random(len(clips), parts) * count).long()
+    same = own[:, :1].expand(-1, parts)
+    choice = torch.where(random(len(clips), 1) < MIX, own, same)
+    return index[clips[:, None], choice, torch.arange(parts, device=clips.device)]
+
+
+def load_style_texts(
+    table: FrameTable, path: Path, encoder: TextEncoderLike, clips: Path | None = None
+) -> StyleTexts:
+    """Gather and embed every description; FileError names a style of the data that has none.
+
+    `clips` is the folder of the clips: its `layers.json` holds the descriptions of layered clips, its
+    `captions.json`, if there, sentences measured on each captured one.
+    """
+    library = _read(path, "Restore assets/prompts/styles.json.")
+    layers = _optional(clips, LAYERS)
+    captions = _optional(clips, CAPTIONS)
+    random = np.random.default_rng(0)
+    descriptions: list[list[PartDescriptions]] = []
+    keys: list[list[str]] = []
+    for name, style, mirrored in zip(table.names, table.styles, table.mirrored, strict=True):
+        if name in layers:
+            descriptions.append([PartDescriptions.from_mapping(d) for d in layers[name]["descriptions"]])
+            keys.append(list(layers[name]["keys"]))
+            continue
         if style not in library:
             raise FileError(f"{path}: no descriptions for the style '{style}'.", "Add an entry for it.")
-        parts = [PartDescriptions.from_mapping(d) for d in library[style]["descriptions"]]
-        descriptions.append([d.mirrored() for d in parts] if mirrored else parts)
-    most = max(len(d) for d in descriptions)
-    texts = [t for row in descriptions for k in range(most) for t in row[k % len(row)].as_tuple()]
-    embedded = np.asarray(encoder.encode(texts)).reshape(len(keys), most, 6, -1)
-    index = {key: row for row, key in enumerate(keys)}
-    rows = [index[(s, bool(m))] for s, m in zip(table.styles, table.mirrored, strict=True)]
-    return StyleTexts(keys, embedded.astype(np.float32), np.array(rows), descriptions)
+        written = [PartDescriptions.from_mapping(d) for d in library[style]["descriptions"]]
+        measured = captions.get(name.removesuffix("_m"), [])[:MEASURED]
+        room = PARAPHRASES - len(measured)
+        chosen = [written[int(k)] for k in random.permutation(len(written))[:room]]
+        chosen += [PartDescriptions.from_mapping(d) for d in measured]
+        descriptions.append([d.mirrored() for d in chosen] if mirrored else chosen)
+        keys.append([style + ("_m" if mirrored else "")] * len(PART_NAMES))
+    return _indexed(descriptions, keys, encoder)
+
+
+def _indexed(
+    descriptions: list[list[PartDescriptions]], keys: list[list[str]], encoder: TextEncoderLike
+) -> StyleTexts:
+    sentences, embeddings = [], []
+    index = np.zeros((len(descriptions), PARAPHRASES, len(PART_NAMES)), np.int64)
+    for k in range(len(PART_NAMES)):
+        texts = [[row[p % len(row)].as_tuple()[k] for p in range(PARAPHRASES)] for row in descriptions]
+        distinct = sorted({t for row in texts for t in row})
+        number = {text: i for i, text in enumerate(distinct)}
+        index[:, :, k] = [[number[t] for t in row] for row in texts]
+        sentences.append(distinct)
+        embeddings.append(np.asarray(encoder.encode(distinct), np.float32))
+    names = sorted({key for row in keys for key in row})
+    numbers = {key: i for i, key in enumerate(names)}
+    return StyleTexts(
+        sentences, embeddings, index, np.array([[numbers[key] for key in row] for row in keys]), names
+    )
+
+
+def _read(path: Path, remedy: str) -> dict[str, Any]:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise FileError(f"{path}: not a readable JSON file.", remedy) from error
+
+
+def _optional(folder: Path | None, name: str) -> dict[str, Any]:
+    if folder is None or not (folder / name).exists():
+        return {}
+    return _read(folder / name, "Build it again, or delete it.")

@@ -93,17 +93,39 @@ def _scaled(vectors: Array, share: float) -> Array:
     return rotations.from_axis_angle(axis, share * angle)
 
 
-def _turn_joints(motion: Motion, vectors: Array, shares: dict[int, float]) -> Motion:
-    """Every joint of `shares` turned in world space by its share; joints not named keep their world rotation."""
+def _turn_joints(
+    motion: Motion, vectors: Array, shares: dict[int, float], ankles: Array | None = None
+) -> Motion:
+    """Every joint of `shares` turned in world space by its share; joints not named keep their world rotation.
+
+    When the hips turn, the ankles stay where they are, or go to `ankles` `(T, 2, 3)`.
+    """
     _, world = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local.astype(np.float64))
     positions, _ = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local.astype(np.float64))
     turned = world.copy()
     for joint, share in shares.items():
         turned[:, joint] = rotations.multiply(_scaled(vectors, share), world[:, joint])
     local = SPORT_SKELETON.local_rotations(turned)
-    if 0 in shares:  # the hips turned: the legs reach for their old feet
-        local = ik.solve_legs(motion.hips, local, positions[:, ik.LEG_FEET], world[:, ik.LEG_FEET])
-    return replace(motion, local=local)
+    if 0 not in shares:
+        return replace(motion, local=local)
+    # the hips turned: the legs reach for their old feet
+    ankles, feet = positions[:, ik.LEG_FEET] if ankles is None else ankles, world[:, ik.LEG_FEET]
+    hips = _within_reach(motion.hips, turned[:, 0], ankles)
+    return replace(motion, hips=hips, local=ik.solve_legs(hips, local, ankles, feet))
+
+
+def _within_reach(hips: Array, hips_rotation: Array, ankles: Array) -> Array:
+    """Hips `(T, 3)` lowered, smoothly, where a leg would be too short for its ankle `(T, 2, 3)`."""
+    offsets = SPORT_SKELETON.offsets[ik.LEG_THIGHS].astype(np.float64)
+    thighs = hips[:, None] + rotations.rotate(hips_rotation[:, None], offsets)
+    to_ankle = thighs - ankles
+    reach = 0.975 * sum(np.linalg.norm(SPORT_SKELETON.offsets[j[0]]) for j in (ik.LEG_SHINS, ik.LEG_FEET))
+    across = np.linalg.norm(to_ankle[..., [0, 2]], axis=-1)
+    height = np.sqrt(np.maximum(reach**2 - across**2, 0.3**2))
+    drop = np.maximum(to_ankle[..., 1] - height, 0.0).max(1)
+    padded = np.pad(drop, 12, mode="edge")
+    highest = np.lib.stride_tricks.sliding_window_view(padded, 25).max(-1)
+    return hips - smooth(highest[:, None], 4.0) * np.array([0.0, 1.0, 0.0])
 
 
 def _lean_shares(chain: dict[int, float], arms: float, head: float) -> dict[int, float]:
@@ -117,12 +139,12 @@ def _lean(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion
     amount = random.normal(1.0, 0.06)
     vectors = _turns(motion, amount * pitch, 0.0, amount * roll)
     hips = motion.hips.copy()
-    back = -0.22 * np.sin(np.radians(amount * pitch))  # the hips balance the upper body
-    side = -0.16 * np.sin(np.radians(amount * roll))
+    back = -0.13 * np.sin(np.radians(amount * pitch))  # the hips balance the upper body
+    side = -0.12 * np.sin(np.radians(amount * roll))
     hips += rotations.rotate(rotations.from_yaw(motion.facing), np.array([side, 0.0, back]))
-    moved = replace(motion, hips=hips)
-    moved = replace(moved, local=_reach(moved, motion))
-    return _turn_joints(moved, vectors, _lean_shares(_CHAIN, ARM_FOLLOWS, HEAD_FOLLOWS))
+    ankles = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local)[0][:, ik.LEG_FEET]
+    shares = _lean_shares(_CHAIN, ARM_FOLLOWS, HEAD_FOLLOWS)
+    return _turn_joints(replace(motion, hips=hips), vectors, shares, ankles)
 
 
 def _slump(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:

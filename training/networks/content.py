@@ -14,7 +14,6 @@ SEQUENCE_LENGTH = 40  # T
 PART_SIZE = 64
 PARTS = len(PART_NAMES)
 JOINT_FEATURES = 9  # position, 6D rotation, relative to the root
-TEXT_SIZE = 384
 
 
 @dataclass
@@ -104,10 +103,11 @@ class MotionSequenceEncoder(nn.Module):
 
 
 class PartTextEncoder(nn.Module):
-    """Body-part MLP: six sentence embeddings `(B, 6, 384)` to six VAE tokens; parts never mix."""
+    """Body-part MLP: six sentence embeddings `(B, 6, D)` to six VAE tokens; parts never mix."""
 
-    def __init__(self, text_size: int = TEXT_SIZE, hidden: int = 256) -> None:
+    def __init__(self, text_size: int, hidden: int = 256) -> None:
         super().__init__()
+        self.scale = text_size**0.5
         self.part = nn.Parameter(0.1 * torch.randn(PARTS, hidden))
         self.first = nn.Linear(text_size, hidden)
         self.second = nn.Linear(hidden, hidden)
@@ -116,7 +116,7 @@ class PartTextEncoder(nn.Module):
 
     def forward(self, embeddings: Tensor) -> Gaussian:
         # unit sentence embeddings have components of about 0.05: brought to unit scale
-        hidden = nn.functional.gelu(self.first(embeddings * TEXT_SIZE**0.5) + self.part)
+        hidden = nn.functional.gelu(self.first(embeddings * self.scale) + self.part)
         hidden = nn.functional.gelu(self.second(hidden))
         return Gaussian(self.mean(hidden), self.variance(hidden).clamp(-10.0, 4.0))
 
@@ -152,5 +152,5 @@ class ContentEncoder(nn.Module):
     def __init__(self, config: ModelConfig) -> None:
         super().__init__()
         self.motion = MotionSequenceEncoder(config)
-        self.text = PartTextEncoder()
+        self.text = PartTextEncoder(config.text_size)
         self.decoder = SequenceDecoder(config)

@@ -1,0 +1,171 @@
+"""Layered styles: every edit does what its words say, recombined steps match, and what is held out stays out."""
+
+import json
+
+import numpy as np
+import pytest
+
+from runtime import rotations
+from runtime.ik import LEG_FEET
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import PART_NAMES, SPORT_SKELETON
+from runtime.terrain import Terrain
+from tests.walker import CYCLE_FRAMES, walk
+from training.data.clip_files import TrainingClip
+from training.data.height_patches import flat_patch
+from training.layering import recipes
+from training.layering.build import LAYERS, build_layers
+from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
+from training.layering.pose_edits import Motion, apply, left_landings, step_phase
+from training.layering.recombine import recombine
+from training.text.measure import measure
+
+
+def walker(frames: int = 300) -> Motion:
+    hips, local, contacts = walk(frames)
+    arms = [SPORT_SKELETON.index(n) for n in ("LeftArm", "RightArm")]
+    swing = 0.35 * np.sin(2 * np.pi * np.arange(frames) / CYCLE_FRAMES)
+    for joint, sign in zip(arms, (1.0, -1.0), strict=True):
+        down = rotations.from_axis_angle(np.array([0.0, 0.0, 1.0]), np.full(frames, -1.4 * sign))
+        forward = rotations.from_axis_angle(np.array([1.0, 0.0, 0.0]), sign * swing)
+        local[:, joint] = rotations.multiply(forward, down)
+    return Motion(
+        hips.astype(float), local.astype(float), contacts.astype(np.uint8), Terrain.flat(size_m=80.0)
+    )
+
+
+def value(motion: Motion, name: str) -> float:
+    part, field = EDITS[name].measure
+    return getattr(getattr(measure(motion.hips, motion.local, motion.contacts), part), field)
+
+
+@pytest.mark.parametrize("name", sorted(EDITS))
+def test_an_edit_moves_its_measure_and_keeps_the_body_whole(name: str) -> None:
+    before = walker()
+    after = apply(before, EDITS[name], np.random.default_rng(3))
+    change = value(after, name) - value(before, name)
+    assert np.isfinite(after.local).all()
+    assert np.allclose(np.linalg.norm(after.local, axis=-1), 1.0, atol=1e-4)
+    assert abs(change) > 0.008, f"{name}: the measure {EDITS[name].measure} moved by {change:.4f}"
+
+
+@pytest.mark.parametrize(
+    ("name", "sign"),
+    [
+        ("left_arm.overhead", 1),
+        ("right_arm.on_head", 1),
+        ("left_arm.hanging", -1),
+        ("torso.lean_back_far", -1),
+        ("torso.lean_forward", 1),
+        ("torso.lean_left", 1),
+        ("torso.lean_right", -1),
+        ("head.down", 1),
+        ("head.up", -1),
+        ("head.turned_left", 1),
+        ("head.turned_right", -1),
+        ("left_leg.high_knee", 1),
+        ("left_leg.dragging", -1),
+        ("left_leg.narrow", -1),
+        ("left_leg.toes_in", -1),
+        ("legs.crouch", 1),
+    ],
+)
+def test_an_edit_moves_the_way_its_words_say(name: str, sign: int) -> None:
+    before = walker()
+    after = apply(before, EDITS[name], np.random.default_rng(3))
+    assert sign * (value(after, name) - value(before, name)) > 0.008
+
+
+@pytest.mark.parametrize("name", [n for n, e in EDITS.items() if e.slot in ("torso", "head")])
+def test_the_upper_body_leaves_the_feet_where_they_are(name: str) -> None:
+    before = walker(200)
+    after = apply(before, EDITS[name], np.random.default_rng(5))
+    feet = [SPORT_SKELETON.forward_kinematics(m.hips, m.local)[0][:, LEG_FEET] for m in (before, after)]
+    assert np.abs(feet[0] - feet[1]).max() < 0.02  # the reach of a leg may give way a little
+
+
+def test_an_arm_edit_touches_that_arm_alone() -> None:
+    before = walker(120)
+    after = apply(before, EDITS["left_arm.on_hip"], np.random.default_rng(0))
+    others = [j for j in range(31) if j not in range(17, 24)]
+    assert np.array_equal(before.local[:, others], after.local[:, others])
+    assert not np.allclose(before.local[:, 18], after.local[:, 18])
+
+
+def test_step_phase_is_whole_where_the_left_foot_lands() -> None:
+    contacts = walk(400)[2].astype(np.uint8)
+    phase = step_phase(contacts)
+    at = phase[left_landings(contacts)]
+    assert len(at) >= 4
+    assert np.allclose(at, np.round(at), atol=1e-9)
+    assert (np.diff(phase) > 0).all()
+
+
+def test_recombined_arms_swing_with_the_base_steps() -> None:
+    base, donor = walker(300), walker(420)
+    shifted = Motion(donor.hips[17:], donor.local[17:], donor.contacts[17:], donor.ground)
+    mixed = recombine(base, shifted, ("left_arm", "right_arm"))
+    assert mixed is not None
+    # the same walk, entered 17 frames later, must come back in step: its arms are the base's own
+    arm = SPORT_SKELETON.index("LeftArm")
+    error = rotations.angle_between(mixed.local[:, arm], base.local[: len(mixed.hips), arm])
+    assert np.degrees(error.max()) < 4.0
+
+
+def test_steps_that_cannot_be_matched_are_refused() -> None:
+    base = walker(300)
+    standing = Motion(base.hips[:60], base.local[:60], np.ones_like(base.contacts[:60]), base.ground)
+    assert recombine(base, standing, ("head",)) is None
+
+
+def test_recipes_never_show_what_is_held_out() -> None:
+    random = np.random.default_rng(1)
+    drawn = [recipes.draw(random, standing=k % 4 == 0).edits for k in range(4000)]
+    assert all(recipes.allowed(edits) for edits in drawn)
+    assert not {name for edits in drawn for name in edits} & HELD_OUT
+    for a, b in HELD_OUT_PAIRS.values():
+        assert not any(a in edits and b in edits for edits in drawn)
+    shown = {name for edits in drawn for name in edits}
+    assert shown == {e.name for e in recipes.trained_edits()}, "an edit is never drawn"
+    slots = [[EDITS[name].slot for name in edits] for edits in drawn]
+    assert all(len(set(s)) == len(s) for s in slots)
+
+
+def test_phrases_are_usable_descriptions() -> None:
+    for edit in EDITS.values():
+        for part, phrases in edit.phrases.items():
+            assert part in PART_NAMES
+            assert len(phrases) >= 2
+            for phrase in phrases:
+                assert "{" not in phrase
+                PartDescriptions(**dict.fromkeys(PART_NAMES, phrase))
+
+
+def test_layered_clips_are_written_with_their_words(tmp_path) -> None:
+    for k, style in enumerate(("neutral", "angry", "proud")):
+        motion = walker(420)
+        TrainingClip(
+            name=f"c{k}",
+            hips=motion.hips,
+            local=motion.local,
+            contacts=motion.contacts,
+            gait=np.eye(6)[np.ones(420, int)],
+            style=style,
+            content="walk forward",
+            source="cmu",
+            split="train",
+            tier="exact",
+            patches=flat_patch(SPORT_SKELETON.forward_kinematics(motion.hips, motion.local)[0]),
+        ).save(tmp_path)
+    build_layers(tmp_path, tmp_path, 12, seed=2)
+    entries = json.loads((tmp_path / LAYERS).read_text())
+    assert len(entries) == 12
+    for name, entry in entries.items():
+        with np.load(tmp_path / f"{name}.npz") as clip:
+            assert str(clip["content"]) == "layered"
+            assert np.isfinite(clip["local_rotations"]).all()
+        for edit in entry["edits"]:
+            for part, phrases in EDITS[edit].phrases.items():
+                assert all(d[part] in phrases for d in entry["descriptions"])
+    again = tmp_path / "again"
+    assert build_layers(tmp_path, again, 12, seed=2) == entries

@@ -31,12 +31,13 @@ from runtime.assets import asset_path
 from runtime.bvh import read_bvh
 from runtime.errors import FileError, PromptError, UsageError
 from runtime.prompts.expander import Expansion
-from runtime.prompts.fallback import CancellingWorker, FallbackExpander, start_prompt_worker
+from runtime.prompts.fallback import FallbackExpander, open_expander
 from runtime.prompts.gpt import GptExpander
 from runtime.prompts.gpt_cache import AnswerCache, cache_directory
+from runtime.prompts.gpt_check import check_endpoint
 from runtime.prompts.gpt_client import PromptCancelledError, retry_after
 from runtime.prompts.gpt_prompt import LISTS, load_structured_prompt
-from runtime.prompts.gpt_settings import GptSettings, Secret, gpt_configured
+from runtime.prompts.gpt_settings import GptSettings, Secret, gpt_configured, has_credentials
 from runtime.prompts.library_data import load_styles
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.service import PromptWorker
@@ -210,7 +211,7 @@ def wait_for(worker, seconds=20.0):
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         result = worker.poll()
-        if result is not None:
+        if result is not None and result.final:
             return result
         time.sleep(0.002)
     raise AssertionError("no answer")
@@ -508,11 +509,12 @@ def test_cancel_ends_a_wait_before_a_retry_and_spoils_nothing_later(endpoint, ex
 def test_newer_words_and_the_end_do_not_wait_for_a_slow_model(endpoint, expander_of):
     endpoint.script = [late(LONG)]
     gpt = expander_of(endpoint, timeout_s=LONG, deadline_s=LONG)
-    worker = CancellingWorker(FallbackExpander(gpt, Library()), Encoder())
+    worker = PromptWorker(FallbackExpander(gpt, Library()), Encoder())
     started = time.monotonic()
     worker.submit("a slow prompt")
     while not endpoint.requests:
-        assert worker.poll() is None
+        quick = worker.poll()
+        assert quick is None or (quick.expansion.source, quick.final) == ("library", False)
         time.sleep(0.002)
     worker.submit(PROUD)
     result = wait_for(worker)
@@ -527,7 +529,7 @@ def test_newer_words_and_the_end_do_not_wait_for_a_slow_model(endpoint, expander
 
 def test_the_same_prompt_again_is_answered(endpoint, expander_of):
     endpoint.script = [late(LONG), say(PROUD.to_json())]
-    worker = CancellingWorker(FallbackExpander(expander_of(endpoint), Library()), Encoder())
+    worker = PromptWorker(FallbackExpander(expander_of(endpoint), Library()), Encoder())
     worker.submit("proud")
     while not endpoint.requests:
         time.sleep(0.002)
@@ -538,20 +540,53 @@ def test_the_same_prompt_again_is_answered(endpoint, expander_of):
     assert result.expansion.source == "gpt"
 
 
-def test_the_environment_chooses_the_worker(endpoint, monkeypatch, tmp_path):
-    for name in ("OPENAI_API_KEY", "OPENAI_BASE_URL"):
-        monkeypatch.delenv(name, raising=False)
-    worker = start_prompt_worker(None, Encoder())
-    worker.close()
-    assert type(worker) is PromptWorker
+def test_the_environment_opens_the_expander(endpoint, monkeypatch, tmp_path):
+    monkeypatch.delenv("OPENAI_API_KEY", raising=False)
     monkeypatch.setenv("OPENAI_BASE_URL", endpoint.url)
     monkeypatch.setenv("SPORT_CACHE_DIR", str(tmp_path))
-    worker = start_prompt_worker(None, Encoder())
+    worker = PromptWorker(open_expander(Library(), GptSettings.from_environment()), Encoder())
     worker.submit("a proud king")
     result = wait_for(worker)
     worker.close()
     assert (result.expansion.source, result.expansion.descriptions) == ("gpt", PROUD)
     assert list(tmp_path.rglob("*.json"))
+
+
+def test_the_library_answers_until_the_language_model_does(endpoint, expander_of):
+    endpoint.script = [late(LONG)]
+    worker = PromptWorker(FallbackExpander(expander_of(endpoint), Library()), Encoder())
+    worker.submit("proud", kept={"head": "head up"})
+    while (quick := worker.poll()) is None:
+        time.sleep(0.002)
+    assert (quick.expansion.source, quick.final, worker.busy) == ("library", False, True)
+    endpoint.released.set()
+    answer = wait_for(worker)
+    worker.close()
+    assert answer.expansion == Expansion(PROUD, "gpt")
+    assert answer.descriptions == PROUD.replace("head", "head up")
+    assert np.all(answer.z == len("head up"))
+    assert (quick.request, answer.request) == ("proud", "proud")
+
+
+def test_what_was_answered_before_is_there_at_once(endpoint, expander_of):
+    expander = FallbackExpander(expander_of(endpoint), Library())
+    expander.expand("proud")
+    assert list(expander.steps("proud", threading.Event())) == [(Expansion(PROUD, "gpt"), True)]
+
+
+def test_a_withdrawn_prompt_gets_no_answer(endpoint, expander_of):
+    endpoint.script = [late(LONG)]
+    worker = PromptWorker(FallbackExpander(expander_of(endpoint), Library()), Encoder())
+    worker.submit("proud")
+    while not endpoint.requests:
+        time.sleep(0.002)
+    worker.withdraw()
+    end = time.monotonic() + 20.0
+    while worker.busy and time.monotonic() < end:
+        time.sleep(0.002)
+    assert not worker.busy
+    assert worker.poll() is None
+    worker.close()
 
 
 def test_a_bad_prompt_is_the_users_mistake_not_the_models(endpoint, expander_of):
@@ -627,6 +662,35 @@ def test_settings_come_from_the_environment():
     local = GptSettings.from_environment({"OPENAI_BASE_URL": "http://localhost:11434/v1"})
     assert (local.host, bool(local.api_key)) == ("localhost:11434", False)
     assert not gpt_configured({"OPENAI_API_KEY": " "})
+
+
+def test_what_a_person_chose_goes_before_the_environment():
+    env = {"OPENAI_API_KEY": KEY, "SPORT_GPT_MODEL": "llama3"}
+    assert GptSettings.chosen(environment=env).api_key == Secret(KEY)
+    mine = GptSettings.chosen("http://localhost:1/v1", "m", 7.0, "own", env)
+    assert (mine.host, mine.model, mine.timeout_s, mine.api_key) == ("localhost:1", "m", 7.0, Secret("own"))
+    # the environment's key is for the environment's address
+    assert not GptSettings.chosen("http://localhost:1/v1", environment=env).api_key
+    assert GptSettings.chosen("https://api.openai.com/v1/", environment=env).api_key == Secret(KEY)
+    with pytest.raises(UsageError, match="No language model"):
+        GptSettings.chosen(environment={})
+
+
+def test_an_address_with_credentials_is_known():
+    assert has_credentials("https://user:pw@x.com/v1")
+    assert has_credentials("https://x.com/v1?key=1")
+    assert not has_credentials("http://localhost:11434/v1")
+
+
+def test_a_check_asks_once_and_says_who_answered(endpoint, settings_of):
+    for _ in range(2):  # the second is no look-up
+        said = check_endpoint(settings_of(endpoint), threading.Event())
+        assert f"m at 127.0.0.1:{endpoint.server_port} answered in" in said
+    assert len(endpoint.requests) == 2
+    endpoint.script = [fail(401, f"Incorrect API key provided: {KEY}")]
+    with pytest.raises(PromptError, match="refuses the key") as error:
+        check_endpoint(settings_of(endpoint), threading.Event())
+    assert KEY not in str(error.value)
 
 
 @pytest.mark.parametrize(

@@ -85,12 +85,17 @@ def load_model(directory: Path | None, terrain: Terrain, seed: int) -> Loaded:
     from runtime.controller import Controller
     from runtime.model import load_model as load
     from runtime.prompts.content import PromptEncoder
-    from runtime.prompts.fallback import start_prompt_worker
+    from runtime.prompts.fallback import open_expander
+    from runtime.prompts.gpt_settings import GptSettings, gpt_configured
+    from runtime.prompts.library import LibraryExpander
+    from runtime.prompts.service import PromptWorker
     from runtime.prompts.text_encoder import TextEncoder
 
     model = load(directory)
     text_encoder = TextEncoder()
-    worker = start_prompt_worker(text_encoder, PromptEncoder(text_encoder, model.prompt_path))
+    library = LibraryExpander(text_encoder)
+    expander = open_expander(library, GptSettings.from_environment()) if gpt_configured() else library
+    worker = PromptWorker(expander, PromptEncoder(text_encoder, model.prompt_path))
     return Loaded(Controller(model, terrain, seed), worker, model.name, model.provider)
 
 

@@ -1,20 +1,17 @@
-"""A language model first, the library when it fails, and newer words at once."""
+"""A language model first, the library until it answers and when it fails."""
 
 from __future__ import annotations
 
 import dataclasses
 import logging
-from collections.abc import Mapping
+import threading
+from collections.abc import Iterator
 
 from runtime.errors import SportError
-from runtime.prompts.content import PromptEncoder
 from runtime.prompts.expander import Expander, Expansion, check_prompt
 from runtime.prompts.gpt import GptExpander
 from runtime.prompts.gpt_client import PromptCancelledError
-from runtime.prompts.gpt_settings import gpt_configured
-from runtime.prompts.library import LibraryExpander
-from runtime.prompts.service import PromptResult, PromptWorker, Request
-from runtime.prompts.text_encoder import TextEncoderLike
+from runtime.prompts.gpt_settings import GptSettings
 
 _log = logging.getLogger(__name__)
 
@@ -28,56 +25,37 @@ class FallbackExpander:
 
     def expand(self, prompt: str) -> Expansion:
         """Descriptions of whichever answers; PromptError when the prompt itself cannot be used or was withdrawn."""
+        *_, (expansion, _) = self.steps(prompt, threading.Event())
+        return expansion
+
+    def steps(self, prompt: str, stop: threading.Event) -> Iterator[tuple[Expansion, bool]]:
+        """The library's answer at once and the language model's when it comes: (expansion, whether it is final).
+
+        What the language model has answered before is there at once. PromptCancelledError soon after `stop` is set.
+        """
         prompt = check_prompt(prompt)
+        stored = self._primary.stored(prompt)
+        if stored is not None:
+            yield stored, True
+            return
+        quick = self._secondary.expand(prompt)
+        yield quick, False
         try:
-            return self._primary.expand(prompt)
+            answer = self._primary.expand(prompt, stop)
         except PromptCancelledError:
             raise
         except SportError as error:
             _log.warning("language model: %s", error)
-            reason = error.problem
-        expansion = self._secondary.expand(prompt)
-        note = f"Language model: {reason} The library answered. {expansion.note}".strip()
-        return dataclasses.replace(expansion, note=note)
-
-    def cancel(self) -> None:
-        """Withdraw the prompt in hand."""
-        self._primary.cancel()
+            note = f"Language model: {error.problem} The library answered. {quick.note}".strip()
+            answer = dataclasses.replace(quick, note=note)
+        yield answer, True
 
 
-class CancellingWorker(PromptWorker):
-    """A prompt worker whose newer words, and whose end, do not wait for a language model's answer to older ones."""
+def open_expander(library: Expander, settings: GptSettings) -> FallbackExpander:
+    """The language model of `settings` with the library behind it.
 
-    def __init__(self, expander: FallbackExpander, encoder: PromptEncoder) -> None:
-        self._cancel = expander.cancel
-        super().__init__(expander, encoder)
-
-    def submit(self, prompt: Request) -> None:
-        """Ask for a prompt or six descriptions in place of whatever is in hand."""
-        self._cancel()
-        super().submit(prompt)
-
-    def poll(self) -> PromptResult | None:
-        """The newest result not yet polled, or None; what was withdrawn is no result."""
-        result = super().poll()
-        return None if result is not None and isinstance(result.error, PromptCancelledError) else result
-
-    def close(self, timeout_s: float = 2.0) -> None:
-        """Stop the thread at once, but for the text in the encoder; waits at most `timeout_s` seconds."""
-        self._cancel()
-        super().close(timeout_s)
-
-
-def start_prompt_worker(
-    text_encoder: TextEncoderLike, encoder: PromptEncoder, environment: Mapping[str, str] | None = None
-) -> PromptWorker:
-    """The worker that the environment asks for: a language model with the library behind it, or the library alone.
-
-    Takes some tenths of a second with a language model, for its imports.
+    Takes some tenths of a second, for its imports: call it in a worker thread.
     """
-    library = LibraryExpander(text_encoder)
-    if not gpt_configured(environment):
-        return PromptWorker(library, encoder)
-    gpt = GptExpander()
+    gpt = GptExpander(settings)
     gpt.prepare()
-    return CancellingWorker(FallbackExpander(gpt, library), encoder)
+    return FallbackExpander(gpt, library)

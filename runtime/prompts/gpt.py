@@ -10,7 +10,7 @@ import time
 from functools import cached_property
 from pathlib import Path
 
-from runtime.errors import PromptError, SportError
+from runtime.errors import PromptError, SportError, UsageError
 from runtime.prompts.expander import Expansion, check_prompt
 from runtime.prompts.gpt_cache import AnswerCache, cache_directory
 from runtime.prompts.gpt_client import INSTALL, ChatClient, EndpointError
@@ -59,6 +59,14 @@ class GptExpander:
         finally:
             with self._lock:
                 self._stops.discard(stop)
+
+    def stored(self, prompt: str) -> Expansion | None:
+        """The answer of an earlier time, without asking; None when there is none or nothing is configured."""
+        try:
+            descriptions = self._cache.get(check_prompt(prompt))
+        except UsageError:  # the first `expand` tells what is wrong with the settings
+            return None
+        return None if descriptions is None else Expansion(descriptions, "gpt")
 
     def prepare(self) -> None:
         """Import and open what the first prompt needs: Python's import would hold up frames for tens of milliseconds.

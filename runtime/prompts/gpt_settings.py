@@ -73,7 +73,8 @@ class GptSettings:
         key = self.api_key.reveal()
         if not key.isascii() or not key.isprintable() or " " in key:
             raise UsageError(
-                f"{KEY}: has characters that no key has.", "Copy the key again, without line breaks."
+                f"API key ({KEY}): has characters that no key has.",
+                "Copy the key again, without line breaks.",
             )
         _check_url(self.base_url)
         if not self.model or len(self.model) > 200 or not self.model.isprintable():
@@ -106,6 +107,29 @@ class GptSettings:
             min(1.5 * timeout, MAX_SECONDS),
         )
 
+    @classmethod
+    def chosen(
+        cls,
+        base_url: str = "",
+        model: str = "",
+        timeout_s: float | None = None,
+        key: str = "",
+        environment: Mapping[str, str] | None = None,
+    ) -> GptSettings:
+        """Settings that a person chose; what is empty comes from the environment.
+
+        A key of the environment goes to no other address than the environment's. UsageError as `from_environment`.
+        """
+        env = dict(os.environ if environment is None else environment)
+        url = base_url.strip()
+        if url and url.rstrip("/") != (env.get(URL, "").strip() or OPENAI_URL).rstrip("/"):
+            env[KEY] = ""
+        given = {URL: url, MODEL: model.strip(), KEY: key.strip()}
+        env.update({name: value for name, value in given.items() if value})
+        if timeout_s is not None:
+            env[TIMEOUT] = repr(float(timeout_s))
+        return cls.from_environment(env)
+
     @property
     def host(self) -> str:
         """The endpoint as messages name it: host and port, without credentials or query."""
@@ -119,6 +143,15 @@ def gpt_configured(environment: Mapping[str, str] | None = None) -> bool:
     return bool(env.get(KEY, "").strip() or env.get(URL, "").strip())
 
 
+def has_credentials(url: str) -> bool:
+    """Whether an address may carry a key or a password (user@host, or a query), so that it must not be written."""
+    try:
+        parts = urlsplit(url.strip())
+    except ValueError:  # brackets that do not close
+        return True
+    return "@" in parts.netloc or bool(parts.query or parts.fragment)
+
+
 def _check_url(url: str) -> None:
     try:
         parts = urlsplit(url)
@@ -127,7 +160,7 @@ def _check_url(url: str) -> None:
         usable = False
     if not usable or not url.isprintable() or len(url) > 2000:
         # the address itself may hold credentials, so it is not repeated
-        raise UsageError(f"{URL}: not an http or https address.", f"Write it as {OPENAI_URL}.")
+        raise UsageError(f"Base URL ({URL}): not an http or https address.", f"Write it as {OPENAI_URL}.")
 
 
 def _seconds(text: str, default: float) -> float:

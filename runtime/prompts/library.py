@@ -86,6 +86,10 @@ class LibraryExpander:
         """The training styles' prompts, for a list to choose from."""
         return tuple(style.prompt for style in self._styles.values())
 
+    def nearest(self, text: str) -> tuple[tuple[str, float], ...]:
+        """The library's prompts most like `text`, with their cosine similarity, best first; takes milliseconds."""
+        return self._near(self._rank(check_prompt(text)))
+
     def _rank(self, text: str) -> list[tuple[int, float]]:
         """(entry, cosine similarity) of the nearest entries, best first; an entry counts by its best prompt."""
         embeddings = self._library.embeddings

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 from collections import OrderedDict
 from collections.abc import Sequence
 from functools import cached_property
@@ -50,25 +51,27 @@ class TextEncoder:
     """all-MiniLM-L6-v2; network and tokenizer are loaded at the first `encode`.
 
     `directory` holds minilm_int8.onnx, tokenizer.json and text_encoder.json; the shipped ones by default.
-    One instance serves one thread at a time.
+    Any thread may call it; texts are encoded one after another.
     """
 
     def __init__(self, directory: Path | None = None) -> None:
         self._directory = directory
         self._cache: OrderedDict[str, NDArray[np.float32]] = OrderedDict()
+        self._lock = threading.Lock()
 
     def encode(self, texts: Sequence[str]) -> NDArray[np.float32]:
         """Unit vectors `(N, 384)` of N texts, each cut after 128 tokens; ModelError when a file is damaged."""
-        # One text a run: the dynamic quantisation scales its activations over the whole batch, so in a batch a
-        # text's vector would depend on its neighbours, and the same prompt would not give the same motion.
-        found = {t: self._cache[t] if t in self._cache else self._run(t) for t in texts}
-        for text, vector in found.items():
-            self._cache[text] = vector
-            self._cache.move_to_end(text)
-        while len(self._cache) > CACHE_TEXTS:
-            self._cache.popitem(last=False)
         if not texts:
             return np.zeros((0, self.dimensions), np.float32)
+        # One text a run: the dynamic quantisation scales its activations over the whole batch, so in a batch a
+        # text's vector would depend on its neighbours, and the same prompt would not give the same motion.
+        with self._lock:
+            found = {t: self._cache[t] if t in self._cache else self._run(t) for t in texts}
+            for text, vector in found.items():
+                self._cache[text] = vector
+                self._cache.move_to_end(text)
+            while len(self._cache) > CACHE_TEXTS:
+                self._cache.popitem(last=False)
         return np.stack([found[t] for t in texts])
 
     @property

@@ -54,6 +54,23 @@ class Sequences:
         return (joints - self.joint_mean) / self.joint_deviation, root / self.root_deviation
 
 
+def _windows(
+    table: FrameTable, weights: np.ndarray, batch: int, generator: torch.Generator, device: torch.device
+) -> Iterator[tuple[Tensor, Tensor]]:
+    """Endless batches of first frames of windows inside one clip, and these clips."""
+    clip = torch.as_tensor(table.clip.astype(np.int64))
+    last = torch.as_tensor(table.start[table.clip + 1] - 1)
+    first = torch.as_tensor(table.start[table.clip])
+    span = STRIDE * (SEQUENCE_LENGTH - 1)
+    usable = weights * ((last - first).numpy() >= span)
+    cumulative = torch.as_tensor(np.cumsum(usable / usable.sum()))
+    while True:
+        draw = torch.rand(batch, generator=generator, dtype=torch.float64)
+        rows = torch.searchsorted(cumulative, draw).clamp_max(len(table) - 1)
+        start = torch.maximum(torch.minimum(rows, last[rows] - span), first[rows])
+        yield start.to(device), clip[rows].to(device)
+
+
 def run(
     session: Session,
     config: ModelConfig,
@@ -70,20 +87,7 @@ def run(
     sequences = Sequences(table, device)
     embeddings = [torch.as_tensor(e).to(device) for e in texts.embeddings]
     index, keys = torch.as_tensor(texts.index).to(device), torch.as_tensor(texts.keys).to(device)
-    clip_of_frame = torch.as_tensor(table.clip.astype(np.int64))
-    last = torch.as_tensor(table.start[table.clip + 1] - 1)
-    first = torch.as_tensor(table.start[table.clip])
-    span = STRIDE * (SEQUENCE_LENGTH - 1)
-    usable = weights * ((last - first).numpy() >= span)
-    cumulative = torch.as_tensor(np.cumsum(usable / usable.sum()))
-    generator = session.generator(2)
-
-    def batches() -> Iterator[tuple[Tensor, Tensor]]:
-        while True:
-            draw = torch.rand(batch, generator=generator, dtype=torch.float64)
-            rows = torch.searchsorted(cumulative, draw).clamp_max(len(table) - 1)
-            start = torch.maximum(torch.minimum(rows, last[rows] - span), first[rows])
-            yield start.to(device), clip_of_frame[rows].to(device)
+    batches = _windows(table, weights, batch, session.generator(2), device)
 
     module = ContentEncoder(config).to(device)
     optimizer = torch.optim.AdamW(module.parameters(), lr=5e-4, weight_decay=1e-4)
@@ -123,7 +127,7 @@ def run(
         session,
         "content",
         state,
-        batches(),
+        batches,
         losses,
         steps,
         lambda s: 5e-4 * min(1.0, (s + 1) / 100, (steps - s) / (0.3 * steps) + 0.02),

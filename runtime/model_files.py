@@ -123,7 +123,8 @@ def check_graphs(
     """ModelError when the graphs do not fit this program, the metadata or each other."""
     prompt_path = folder / "prompt.onnx"
     _check_shapes(prompt_path, prompt.get_inputs(), {"embeddings": [None, 6, None]})
-    _check_shapes(prompt_path, prompt.get_outputs(), {"z": [None, 6, 64]})
+    # what comes after z are the distribution's parameters, which evaluation compares (models of version 0.1 lack them)
+    _check_shapes(prompt_path, prompt.get_outputs()[:1], {"z": [None, 6, 64]})
     style_path, step_path = folder / "style.onnx", folder / "step.onnx"
     _check_shapes(style_path, style.get_inputs(), {"z": [6, 64]})
     _check_shapes(style_path, style.get_outputs(), {**dict.fromkeys(FOLDED), "speeds": [2]})

@@ -26,7 +26,7 @@ OPSET = 18
 
 
 class PromptGraph(nn.Module):
-    """Six sentence embeddings `(N, 6, 384)` to standardised Z^t `(N, 6, 64)`."""
+    """Six sentence embeddings `(N, 6, D)` to standardised Z^t, and mean and log-variance as in Eq. 2, all `(N, 6, 64)`."""
 
     def __init__(self, content: ContentEncoder, centre: Tensor, deviation: Tensor) -> None:
         super().__init__()
@@ -34,8 +34,9 @@ class PromptGraph(nn.Module):
         self.register_buffer("centre", centre.view(6, 64))
         self.register_buffer("deviation", deviation.view(6, 64))
 
-    def forward(self, embeddings: Tensor) -> Tensor:
-        return (self.text(embeddings).mean - self.centre) / self.deviation
+    def forward(self, embeddings: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        code = self.text(embeddings)
+        return (code.mean - self.centre) / self.deviation, code.mean, code.log_variance
 
 
 class MotionGraph(nn.Module):
@@ -126,7 +127,13 @@ def export_model(trained: Trained, folder: Path) -> None:
     dynamic = torch.export.Dim("batch", min=1, max=4096)
     batch, fixed = {0: dynamic}, None
     graphs = {
-        "prompt": (prompt, (torch.randn(2, 6, 384),), ["embeddings"], ["z"], (batch,)),
+        "prompt": (
+            prompt,
+            (torch.randn(2, 6, config.text_size),),
+            ["embeddings"],
+            ["z", "mean", "log_variance"],
+            (batch,),
+        ),
         "style": (
             style,
             (z,),
@@ -208,6 +215,7 @@ def _write_metadata(trained: Trained, folder: Path, errors: dict[str, float]) ->
         "joints": list(SPORT_SKELETON.names),
         "fps": FPS,
         "config": asdict(trained.config),
+        "text_encoder": {"name": trained.config.text_encoder, "dimensions": trained.config.text_size},
         "reverse_steps": [asdict(s) for s in trained.steps],
         "sigma_bar_squared": trained.sigma_bar_squared.tolist(),
         "sha256": {n: hashlib.sha256((folder / f"{n}.onnx").read_bytes()).hexdigest() for n in errors},

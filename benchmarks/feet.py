@@ -5,35 +5,26 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime import feet
 from runtime.skeleton import TOE_HEIGHT
 from runtime.terrain import Terrain
 
 Array = NDArray[np.floating]
 
-TOES = [5, 10]
-SKATING_HEIGHT_M = 0.025  # H
-
 
 def toe_heights(positions: Array, terrain: Terrain) -> Array:
     """Heights `(T, 2)` in metres of both toe joints of `(T, 31, 3)` over the terrain."""
-    toes = positions[:, TOES]
-    return toes[..., 1] - terrain.height(toes[..., 0].astype(np.float64), toes[..., 2].astype(np.float64))
+    return feet.joint_heights(positions, terrain)
 
 
-def skating(positions: Array, terrain: Terrain, sole_m: float = 0.0) -> Array:
-    """Skating `(T - 1, 2)` in cm per frame: horizontal speed times clamp(2 - 2^(h / H), 0, 1).
-
-    With `sole_m` the height is taken that much under the toe joint: stricter, as the joint rests above the ground.
-    """
-    toes = positions[:, TOES][..., [0, 2]]
-    speed = np.linalg.norm(np.diff(toes, axis=0), axis=-1) * 100.0
-    height = toe_heights(positions, terrain)[1:] - sole_m
-    return speed * np.clip(2.0 - 2.0 ** (height / SKATING_HEIGHT_M), 0.0, 1.0)
+def skating(positions: Array, terrain: Terrain) -> Array:
+    """The paper's skating of both toe joints `(T - 1, 2)`, cm per frame."""
+    return feet.skating(positions, terrain)
 
 
 def sole_skating(positions: Array, terrain: Terrain) -> Array:
     """Skating as seen at the sole: a toe joint at its resting height counts in full."""
-    return skating(positions, terrain, TOE_HEIGHT)
+    return feet.skating(positions, terrain, resting_m=TOE_HEIGHT)
 
 
 def main(argv: list[str] | None = None) -> int:

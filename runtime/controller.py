@@ -115,6 +115,16 @@ class Controller:
         """The style of this frame (a blend during a transition)."""
         return self._style
 
+    def full_speed(self, gait: Gait) -> float:
+        """What a full stick asks for in the present style, m/s."""
+        speeds = {Gait.JOG: self._style.jog_speed, Gait.CROUCH: CROUCH_SPEED}
+        return speeds.get(gait, self._style.walk_speed)
+
+    @property
+    def unlocked(self) -> tuple[Array, Array]:
+        """Hips `(3,)` and local rotations `(31, 4)` of this frame before foot lock: what the network said."""
+        return self._unlocked
+
     @property
     def trajectory(self) -> TrajectoryView:
         """The 12 samples, laid on the terrain."""
@@ -154,9 +164,7 @@ class Controller:
         amount = float(np.linalg.norm(move))
         if amount > 1.0:
             move, amount = move / amount, 1.0
-        speed = {Gait.JOG: self._style.jog_speed, Gait.CROUCH: CROUCH_SPEED}.get(
-            controls.gait, self._style.walk_speed
-        )
+        speed = self.full_speed(controls.gait)
         velocity = move * speed
         self.asked_speed = amount * speed
         moving = self.asked_speed > STAND_SPEED

@@ -22,6 +22,7 @@ _EXAMPLES = """examples:
 """
 _TRAINING = {
     "train": ("training.pipeline", "train the networks from motion data"),
+    "evaluate": ("training.evaluation.command", "score models against captured motion"),
 }
 
 
@@ -166,6 +167,12 @@ def _add_generate(commands: argparse._SubParsersAction[argparse.ArgumentParser])
     generate.add_argument("--fps", type=float, default=60.0, metavar="F", help="frames a second of the file")
     generate.add_argument("--unit", default="cm", metavar="UNIT", help="cm or m")
     generate.add_argument("--model", type=Path, metavar="DIR", help="folder of an exported model")
+    generate.add_argument(
+        "--text-encoder",
+        type=Path,
+        metavar="DIR",
+        help="folder of the text encoder that the model was trained with",
+    )
     generate.add_argument("--out", type=Path, required=True, metavar="BVH")
 
 
@@ -195,6 +202,7 @@ def _generate(options: argparse.Namespace) -> int:
         model=options.model,
         name=options.out.stem,
         expander=options.expander,
+        text_encoder=options.text_encoder,
         report=lambda remark: print(f"sport: {remark}", file=sys.stderr),
     )
     save_bvh(clip, options.out, options.fps, options.unit)

@@ -36,19 +36,23 @@ MAX_PARTS_BYTES = 100_000
 
 
 def open_prompter(
-    model: MotionModel, expander: str = "library", report: Callable[[str], None] = lambda _: None
+    model: MotionModel,
+    expander: str = "library",
+    report: Callable[[str], None] = lambda _: None,
+    text_encoder: Path | None = None,
 ) -> PromptToStyle:
     """The way from a prompt to Z^t `(6, 64)`: expansion, sentence embedding, body-part network.
 
     `expander` is one of EXPANDERS; `report` is told what an expansion remarks, such as how near the library came.
+    `text_encoder` is the folder of the one that the model was trained with, where that is not the shipped one.
     """
     from runtime.prompts.content import PromptEncoder
     from runtime.prompts.parts import PartDescriptions
-    from runtime.prompts.text_encoder import TextEncoder
+    from runtime.prompts.text_encoder import library_encoder, text_encoder_of
 
-    text_encoder = TextEncoder()
-    expanding = _open_expander(expander, text_encoder)
-    encoder = PromptEncoder(text_encoder, model.prompt_path)
+    words = text_encoder_of(model.metadata, model.folder, text_encoder)
+    expanding = _open_expander(expander, library_encoder(words))
+    encoder = PromptEncoder(words, model.prompt_path)
 
     def to_style(prompt: str | PartDescriptions) -> Array:
         if isinstance(prompt, PartDescriptions):
@@ -122,12 +126,13 @@ def generate_clip(
     name: str = "clip",
     expander: str = "library",
     report: Callable[[str], None] = lambda _: None,
+    text_encoder: Path | None = None,
 ) -> Clip:
     """Generate a clip of `seconds` at 60 frames a second; equal arguments give equal bytes.
 
     `prompt` is one prompt, six descriptions, or several prompts with times, `terrain` a name, file or terrain, `path` and
-    `gait` are those of `runtime.paths`. `model` is a model folder, by default the shipped one; `expander` and `report` are
-    those of `open_prompter`. SportError names what cannot be used.
+    `gait` are those of `runtime.paths`. `model` is a model folder, by default the shipped one; `expander`, `report` and
+    `text_encoder` are those of `open_prompter`. SportError names what cannot be used.
     """
     from runtime.controller import Controller
     from runtime.model import load_model
@@ -141,7 +146,7 @@ def generate_clip(
     events, asked = _events(prompt)
     ground = terrain if isinstance(terrain, Terrain) else load_terrain(terrain)
     motion_model = load_model(model)
-    to_style = open_prompter(motion_model, expander, report)
+    to_style = open_prompter(motion_model, expander, report, text_encoder)
     styles = [(event.seconds, to_style(words)) for event, words in zip(events, asked, strict=True)]
     controller = Controller(motion_model, ground, seed)
     poses = simulate(controller, script, styles, round(seconds * FPS), transition_seconds)

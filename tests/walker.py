@@ -1,6 +1,7 @@
 """A synthetic walker for tests without a trained network: a gait on the SPORT skeleton, and a model made of it."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -63,6 +64,7 @@ class WalkerModel:
         self.name, self.provider = "walker", "Test"
         self.noise_shape = (2, 2, features.OUTPUT_SIZE)
         self.prompt_path = None
+        self.folder = Path("walker")
         self.frame = 0
         hips, local, self._contacts = walk(CYCLE_FRAMES)
         positions, world = SPORT_SKELETON.forward_kinematics(hips, local)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from runtime.assets import asset_path
 from runtime.controls import Gait
 from runtime.errors import FileError
 from runtime.features import INPUT, OUTPUT, PHASE_OFFSETS, L
-from runtime.prompts.text_encoder import TextEncoder
+from runtime.prompts.text_encoder import SHIPPED, TextEncoder
 from training import stage_content, stage_motion, stage_phase
 from training.batches import Frames, Normalisation
 from training.export import Trained, export_model
@@ -64,6 +64,9 @@ def build_parser() -> argparse.ArgumentParser:
         "--out", type=Path, required=True, help="folder for checkpoints and the exported model"
     )
     parser.add_argument("--styles", type=Path, help="style descriptions (default: the shipped ones)")
+    parser.add_argument(
+        "--text-encoder", type=Path, metavar="DIR", help="folder of a text encoder (default: the shipped one)"
+    )
     parser.add_argument("--device", default="", help="cpu or cuda (default: cuda where there is one)")
     parser.add_argument("--no-half", action="store_true", help="no bf16 mixed precision")
     parser.add_argument("--seed", type=int, default=0)
@@ -101,7 +104,8 @@ def _import(args: argparse.Namespace) -> None:
 
 
 def _train(args: argparse.Namespace, wanted: set[str]) -> None:
-    config = preset(args.preset)
+    encoder = TextEncoder(args.text_encoder)
+    config = replace(preset(args.preset), text_encoder=encoder.name, text_size=encoder.dimensions)
     session = Session(args.out, half=not args.no_half, seed=args.seed)
     if args.device:
         session.device = torch.device(args.device)
@@ -109,7 +113,7 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
     table = load_frames(clips, limit=args.limit)
     weights = sampling_weights(table)
     log.info("%d clips, %d frames, %d styles", len(table.styles), len(table), len(set(table.styles)))
-    texts = load_style_texts(table, args.styles or asset_path("prompts/styles.json"), TextEncoder(), clips)
+    texts = load_style_texts(table, args.styles or asset_path("prompts/styles.json"), encoder, clips)
 
     phase = _phase(args, session, config, table, weights, "phase" in wanted)
     if wanted == {"phase"}:
@@ -202,8 +206,15 @@ def _content(
         return stage_content.run(
             session, config, table, weights, texts, args.content, max_minutes=args.max_minutes
         )
+    stored = load_checkpoint(path)
+    trained_with = stored["config"].get("text_encoder", SHIPPED["name"])
+    if trained_with != config.text_encoder:
+        raise FileError(
+            f"{path}: trained with the text encoder {trained_with!r}, not {config.text_encoder!r}.",
+            "Name its folder with --text-encoder, or another --out.",
+        )
     module = ContentEncoder(config)
-    module.load_state_dict(load_checkpoint(path)["module"])
+    module.load_state_dict(stored["module"])
     return module.to(session.device).eval()
 
 

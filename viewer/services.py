@@ -89,11 +89,11 @@ def load_model(directory: Path | None, terrain: Terrain, seed: int) -> Loaded:
     from runtime.prompts.gpt_settings import GptSettings, gpt_configured
     from runtime.prompts.library import LibraryExpander
     from runtime.prompts.service import PromptWorker
-    from runtime.prompts.text_encoder import TextEncoder
+    from runtime.prompts.text_encoder import library_encoder, text_encoder_of
 
     model = load(directory)
-    text_encoder = TextEncoder()
-    library = LibraryExpander(text_encoder)
+    text_encoder = text_encoder_of(model.metadata, model.folder)
+    library = LibraryExpander(library_encoder(text_encoder))
     expander = open_expander(library, GptSettings.from_environment()) if gpt_configured() else library
     worker = PromptWorker(expander, PromptEncoder(text_encoder, model.prompt_path))
     return Loaded(Controller(model, terrain, seed), worker, model.name, model.provider)

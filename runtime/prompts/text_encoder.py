@@ -1,14 +1,14 @@
-"""Sentences to unit vectors: all-MiniLM-L6-v2 as int8 ONNX, behind a protocol so that CLIP can take its place."""
+"""Sentences to unit vectors: all-MiniLM-L6-v2 as int8 ONNX, or another network, such as CLIP's text tower, by its folder."""
 
 from __future__ import annotations
 
 import json
 import threading
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +21,20 @@ if TYPE_CHECKING:
     from tokenizers import Tokenizer
 
 CACHE_TEXTS = 2048  # 3 MB of vectors
+SHIPPED = {
+    "name": "all-MiniLM-L6-v2",
+    "dimensions": 384,
+}  # what models that name no text encoder were trained with
+OWN_FOLDER = "text_encoder"  # of a model folder: the text encoder that it was trained with
+_SHIPPED_GRAPH = "minilm_int8.onnx"
+_REMEDY = "Install the program again."
 
 
 class _Metadata(NamedTuple):
     name: str
     dimensions: int
     max_tokens: int
+    graph: str
 
 
 class TextEncoderLike(Protocol):
@@ -48,10 +56,11 @@ class TextEncoderLike(Protocol):
 
 
 class TextEncoder:
-    """all-MiniLM-L6-v2; network and tokenizer are loaded at the first `encode`.
+    """A text encoder from its folder; network and tokenizer are loaded at the first `encode`.
 
-    `directory` holds minilm_int8.onnx, tokenizer.json and text_encoder.json; the shipped ones by default.
-    Any thread may call it; texts are encoded one after another.
+    `directory` holds text_encoder.json (name, dimensions, max_tokens, graph: the network's file name), that network
+    with inputs `input_ids`, `attention_mask` (N, L) and output `embeddings` (N, D), and tokenizer.json; by default the
+    shipped all-MiniLM-L6-v2. Any thread may call it; texts are encoded one after another.
     """
 
     def __init__(self, directory: Path | None = None) -> None:
@@ -60,7 +69,7 @@ class TextEncoder:
         self._lock = threading.Lock()
 
     def encode(self, texts: Sequence[str]) -> NDArray[np.float32]:
-        """Unit vectors `(N, 384)` of N texts, each cut after 128 tokens; ModelError when a file is damaged."""
+        """Unit vectors `(N, D)` of N texts, each cut after `max_tokens` (128); ModelError when a file is damaged."""
         if not texts:
             return np.zeros((0, self.dimensions), np.float32)
         # One text a run: the dynamic quantisation scales its activations over the whole batch, so in a batch a
@@ -81,7 +90,7 @@ class TextEncoder:
 
     @property
     def dimensions(self) -> int:
-        """Length of the vectors, 384."""
+        """Length D of the vectors, 384 for the shipped one."""
         return self._metadata.dimensions
 
     def _run(self, text: str) -> NDArray[np.float32]:
@@ -90,20 +99,29 @@ class TextEncoder:
         vector = np.asarray(self._session.run(["embeddings"], inputs)[0], np.float32)
         if vector.shape != (1, self.dimensions) or not np.isfinite(vector).all():
             raise ModelError(
-                f"{self._path('minilm_int8.onnx')}: gave an embedding of shape {vector.shape}, "
+                f"{self._path(self._metadata.graph)}: gave an embedding of shape {vector.shape}, "
                 f"expected {(1, self.dimensions)} finite numbers.",
-                "Install the program again.",
+                self._remedy,
             )
-        return vector[0]
+        length = float(np.linalg.norm(vector))
+        return vector[0] if abs(length - 1.0) < 1e-3 else vector[0] / max(length, 1e-9)
 
     @cached_property
     def _metadata(self) -> _Metadata:
         path = self._path("text_encoder.json")
         try:
             values = json.loads(path.read_text("utf-8"))
-            return _Metadata(str(values["name"]), int(values["dimensions"]), int(values["max_tokens"]))
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise _damaged(path, "the text encoder's metadata", error) from error
+            found = _Metadata(
+                str(values["name"]),
+                int(values["dimensions"]),
+                int(values["max_tokens"]),
+                str(values.get("graph", _SHIPPED_GRAPH)),
+            )
+            if found.graph != Path(found.graph).name:
+                raise ValueError("'graph' is no plain file name")
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise _damaged(path, "the text encoder's metadata", error, self._remedy) from error
+        return found
 
     @cached_property
     def _tokenizer(self) -> Tokenizer:
@@ -113,28 +131,67 @@ class TextEncoder:
         try:
             tokenizer = Tokenizer.from_str(path.read_text("utf-8"))
         except Exception as error:  # tokenizers raises bare Exception for every malformed file
-            raise _damaged(path, "a tokenizer", error) from error
+            raise _damaged(path, "a tokenizer", error, self._remedy) from error
         tokenizer.enable_truncation(self._metadata.max_tokens)
         tokenizer.no_padding()
         return tokenizer
 
     @cached_property
     def _session(self) -> onnxruntime.InferenceSession:
-        path = self._path("minilm_int8.onnx")
-        session = open_session(path)
+        path = self._path(self._metadata.graph)
+        session = open_session(path, self._remedy)
         inputs = {i.name for i in session.get_inputs()}
         if inputs != {"input_ids", "attention_mask"} or session.get_outputs()[0].name != "embeddings":
             raise ModelError(
                 f"{path}: inputs {sorted(inputs)}, expected input_ids and attention_mask.",
-                "Install the program again.",
+                self._remedy,
             )
         return session
+
+    @property
+    def _remedy(self) -> str:
+        return (
+            _REMEDY if self._directory is None else "Export the text encoder again, or name another folder."
+        )
 
     def _path(self, name: str) -> Path:
         return asset_path(f"text/{name}") if self._directory is None else self._directory / name
 
 
-def open_session(path: Path) -> onnxruntime.InferenceSession:
+def text_encoder_of(
+    metadata: Mapping[str, Any], model_folder: Path, directory: Path | None = None
+) -> TextEncoder:
+    """The text encoder that a model was trained with, by the model's `metadata`.
+
+    It is read from `directory`, else from `text_encoder/` in the model folder, else it is the shipped one. ModelError
+    when that is another than the model's: vectors of another network mean nothing to it.
+    """
+    wanted = metadata.get("text_encoder", SHIPPED)
+    if not (isinstance(wanted, dict) and wanted.keys() >= SHIPPED.keys()):
+        raise ModelError(
+            f"{model_folder / 'metadata.json'}: field 'text_encoder' is no object with name and dimensions.",
+            "Export the model again.",
+        )
+    own = model_folder / OWN_FOLDER
+    found = TextEncoder(directory or (own if own.is_dir() else None))
+    if (found.name, found.dimensions) != (wanted["name"], wanted["dimensions"]):
+        raise ModelError(
+            f"{model_folder}: trained with the text encoder {str(wanted['name'])[:80]!r} of {wanted['dimensions']} "
+            f"numbers, but given {found.name[:80]!r} of {found.dimensions}.",
+            f"Name the folder of its text encoder with --text-encoder, or copy it to {own}.",
+        )
+    return found
+
+
+def library_encoder(text_encoder: TextEncoder) -> TextEncoder:
+    """The shipped text encoder: `text_encoder` itself where it is that one.
+
+    The prompt library's similarities are those of the shipped network, whatever a model was trained with.
+    """
+    return text_encoder if text_encoder.name == SHIPPED["name"] else TextEncoder()
+
+
+def open_session(path: Path, remedy: str = "") -> onnxruntime.InferenceSession:
     """A CPU session of one thread that does not spin while idle; ModelError when the file is no network."""
     import onnxruntime
 
@@ -146,9 +203,9 @@ def open_session(path: Path) -> onnxruntime.InferenceSession:
     try:
         return onnxruntime.InferenceSession(path.read_bytes(), options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime's exceptions share no base class but Exception
-        raise _damaged(path, "an ONNX network", error) from error
+        raise _damaged(path, "an ONNX network", error, remedy or _REMEDY) from error
 
 
-def _damaged(path: Path, expected: str, error: Exception) -> ModelError:
+def _damaged(path: Path, expected: str, error: Exception, remedy: str) -> ModelError:
     reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
-    return ModelError(f"{path}: cannot be read as {expected} ({reason}).", "Install the program again.")
+    return ModelError(f"{path}: cannot be read as {expected} ({reason}).", remedy)

@@ -11,25 +11,23 @@ import numpy as np
 import torch
 
 from runtime.assets import asset_path
-from runtime.controls import Gait
 from runtime.errors import FileError
-from runtime.features import INPUT, OUTPUT, PHASE_OFFSETS, L
 from runtime.prompts.text_encoder import SHIPPED, TextEncoder
 from training import stage_content, stage_motion, stage_phase
 from training.batches import Frames, Normalisation
 from training.export import Trained, export_model
-from training.frames import LAYERED, FrameTable, load_frames, sampling_weights
+from training.frames import FrameTable, load_frames, sampling_weights
+from training.natural_pace import start_state, style_speeds
 from training.networks.content import ContentEncoder
 from training.networks.diffusion import Schedule, reverse_steps
 from training.networks.generator import Generator
-from training.presets import PRESETS, ModelConfig, preset
+from training.presets import ABLATIONS, PRESETS, ModelConfig, ablation, preset
 from training.session import Session, load_checkpoint, save_checkpoint
-from training.stage_motion import StyleTable
 from training.styles import StyleTexts, load_style_texts
 
 log = logging.getLogger("sport.train")
 
-STAGES = ("import", "phase", "content", "stage2", "stage3", "export")
+STAGES = ("import", "layer", "phase", "content", "stage2", "stage3", "export")
 CREDITS = {
     "100style": "The 100STYLE Dataset - Ian Mason (CC BY 4.0)",
     "bandai_namco": "Bandai Namco Research Motiondataset (CC BY-NC 4.0)",
@@ -58,6 +56,8 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("stage", choices=("all", *STAGES))
     parser.add_argument("--preset", default="compact", help=f"one of {', '.join(PRESETS)}")
+    parser.add_argument("--ablation", help=f"change the preset: {', '.join(ABLATIONS)}")
+    parser.add_argument("--layers", type=int, default=2600, help="layered clips to make (stage layer)")
     parser.add_argument("--data", type=Path, help="folder with the motion data archives (for import)")
     parser.add_argument("--clips", type=Path, help="folder of imported clips (default: OUT/clips)")
     parser.add_argument(
@@ -89,7 +89,9 @@ def main(argv: list[str] | None = None) -> int:
     wanted = STAGES if args.stage == "all" else (args.stage,)
     if "import" in wanted and args.clips is None:
         _import(args)
-    if set(wanted) - {"import"}:
+    if "layer" in wanted:
+        _layer(args)
+    if set(wanted) - {"import", "layer"}:
         _train(args, set(wanted))
     return 0
 
@@ -103,9 +105,23 @@ def _import(args: argparse.Namespace) -> None:
         import_all(args.data, args.out)
 
 
+def _layer(args: argparse.Namespace) -> None:
+    from training.layering.build import LAYERS, build_layers
+    from training.styles import CAPTIONS
+    from training.text.captions import write_clip_captions
+
+    clips = args.clips or args.out / "clips"
+    if args.layers and not (clips / LAYERS).exists():
+        build_layers(clips, clips, args.layers, args.seed)
+    if not (clips / CAPTIONS).exists():
+        write_clip_captions(clips, clips / CAPTIONS)
+
+
 def _train(args: argparse.Namespace, wanted: set[str]) -> None:
     encoder = TextEncoder(args.text_encoder)
     config = replace(preset(args.preset), text_encoder=encoder.name, text_size=encoder.dimensions)
+    if args.ablation:
+        config = ablation(config, args.ablation)
     session = Session(args.out, half=not args.no_half, seed=args.seed)
     if args.device:
         session.device = torch.device(args.device)
@@ -160,7 +176,7 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
 
 
 def _scales(
-    session: Session, frames: Frames, weights: np.ndarray, content: ContentEncoder, texts: StyleTexts
+    session: Session, frames: Frames, weights: np.ndarray, content: ContentEncoder | None, texts: StyleTexts
 ) -> dict[str, torch.Tensor]:
     """Normalisation of x, y and Z^t: measured once per run, so that a resumed stage goes on with the same."""
     path = session.out / "scales.pt"
@@ -200,7 +216,9 @@ def _content(
     weights: np.ndarray,
     texts: StyleTexts,
     wanted: bool,
-) -> ContentEncoder:
+) -> ContentEncoder | None:
+    if not config.content_encoder:
+        return None
     path = args.out / "content_final.pt"
     if wanted and not path.exists():
         return stage_content.run(
@@ -228,55 +246,6 @@ def _generator(path: Path, config: ModelConfig) -> Generator:
     module = Generator(config)
     module.load_state_dict(load_checkpoint(path)["module"])
     return module
-
-
-def style_speeds(table: FrameTable, style: StyleTable, ridge: float = 0.3, draws: int = 4) -> np.ndarray:
-    """Ridge regression `(385, 2)` from Z^t to the clips' natural walking and jogging speeds in m/s."""
-    present = INPUT["gait"].start + 6 * (L // 2)
-    gait = table.x[:, present : present + 6].astype(np.float32)
-    speed = np.linalg.norm(table.y[:, OUTPUT["root"]][:, :2].astype(np.float32), axis=1)
-    backward = table.y[:, OUTPUT["root"]][:, 1].astype(np.float32) < 0.0
-    torch.manual_seed(0)
-    columns = []
-    for label, fallback in ((Gait.WALK, 1.3), (Gait.JOG, 2.6)):
-        chosen = (gait[:, label] > 0.9) & (speed > 0.3) & ~backward
-        clips = np.unique(table.clip[chosen])
-        spans = [slice(table.start[c], table.start[c + 1]) for c in clips]
-        enough = np.array([chosen[s].sum() > 120 for s in spans], bool)
-        clips = clips[enough] if len(clips) else clips
-        targets = np.array([np.median(speed[s][chosen[s]]) for s, e in zip(spans, enough, strict=True) if e])
-        index = torch.as_tensor(np.repeat(clips, draws).astype(np.int64), device=style.index.device)
-        inputs = style.draw(index).cpu().numpy() if len(clips) else np.zeros((0, 384), np.float32)
-        columns.append(_ridge(inputs, np.repeat(targets, draws), ridge, fallback))
-    return np.stack(columns, 1).astype(np.float32)
-
-
-def _ridge(inputs: np.ndarray, values: np.ndarray, ridge: float, fallback: float) -> np.ndarray:
-    if len(values) < 2:
-        return np.concatenate([np.zeros(inputs.shape[-1]), [fallback]])
-    mean = values.mean()
-    matrix = inputs.T @ inputs + ridge * len(inputs) / 100 * np.eye(inputs.shape[1])
-    return np.concatenate([np.linalg.solve(matrix, inputs.T @ (values - mean)), [mean]])
-
-
-def start_state(table: FrameTable, phase: np.ndarray) -> dict[str, list[float]]:
-    """The quietest standing frame of a neutral clip: where a character begins."""
-    styles = np.array(table.styles)[table.clip]
-    gait = table.x[:, INPUT["gait"]].reshape(len(table), L, -1)[:, :, Gait.STAND].min(1)
-    contacts = table.y[:, OUTPUT["contacts"]].min(1)
-    speed = np.abs(table.y[:, OUTPUT["joint_velocities"]].astype(np.float32)).mean(1)
-    captured = np.array([c != LAYERED for c in table.contents])[table.clip]
-    neutral = np.char.startswith(styles, "neutral") & ~table.mirrored[table.clip] & captured
-    penalty = 10.0 * (gait < 0.9) + 5.0 * (contacts < 0.5) + 20.0 * ~neutral
-    row = int(np.argmin(speed + penalty))
-    first, last = table.start[table.clip[row]], table.start[table.clip[row] + 1] - 1
-    window = np.clip(row + PHASE_OFFSETS, first, last)
-    output = table.y[row].astype(np.float32)
-    output[OUTPUT["joint_positions"]][1::3] -= table.ground[row, 0]
-    return {
-        "output": [round(float(v), 4) for v in output],
-        "phase": [round(float(v), 4) for v in phase[window].reshape(-1)],
-    }
 
 
 def last_losses(folder: Path) -> dict[str, str]:

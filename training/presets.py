@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 from runtime.errors import UsageError
 from runtime.features import OUTPUT_SIZE, PAPER_OUTPUT_SIZE
@@ -34,6 +35,7 @@ class ModelConfig:
     content_feedforward: int = 256  # paper 1024
     diffusion: bool = True  # False: the one-layer MoE decoder alone (w/o-Diffusion)
     content_encoder: bool = True  # False: raw text embeddings as Z^t
+    part_contrast: bool = True  # False: stage 1 contrasts the whole body only
     text_encoder: str = "all-MiniLM-L6-v2"  # paper CLIP ViT-B/32, of 512
     text_size: int = 384  # numbers of a sentence embedding
 
@@ -60,6 +62,27 @@ PRESETS: dict[str, ModelConfig] = {
         _COMPACT, name="tiny", hidden=16, embedding=16, front=(8, 4), denoiser_width=16, denoiser_blocks=1
     ),
 }
+
+# The rows of Table I and of Sec. IV-C as changes of a preset. "w/o diffusion" needs no training of its own: it is
+# stage 2 of the full model (`sport train export --decoder mixture`).
+ABLATIONS: dict[str, dict[str, Any]] = {
+    "full": {},
+    "pae": {"part_aware_phase": False},
+    "4-experts": {"experts": 4},
+    "4-content-experts": {"content_experts": 4},
+    "no-content-encoder": {"content_encoder": False},
+    "whole-body-contrast": {"part_contrast": False},
+}
+
+
+def ablation(base: ModelConfig, name: str) -> ModelConfig:
+    """`base` changed as the ablation `name` says; UsageError lists the names."""
+    if name not in ABLATIONS:
+        raise UsageError(f"--ablation {name}: unknown.", f"Use one of {', '.join(ABLATIONS)}.")
+    changed = replace(base, name=f"{base.name}-{name}", **ABLATIONS[name])
+    if not changed.content_encoder:
+        changed = replace(changed, style_size=6 * changed.text_size)
+    return changed
 
 
 def preset(name: str) -> ModelConfig:

@@ -105,9 +105,10 @@ def run(
         same = keys[clips][:, None] == keys[clips][None, :]  # (B, B, 6)
         m, t = motion.parameters_flat().float(), text.parameters_flat().float()
         whole = terms.contrastive(m.flatten(1), t.flatten(1), same.all(-1))
-        parts = torch.stack(
-            [terms.contrastive(m[:, k], t[:, k], same[:, :, k]) for k in range(m.shape[1])]
-        ).mean()
+        parts = whole
+        if config.part_contrast:
+            each = [terms.contrastive(m[:, k], t[:, k], same[:, :, k]) for k in range(m.shape[1])]
+            parts = torch.stack(each).mean()
         result = {
             "recon": terms.reconstruction(target, module.decoder(z_motion), module.decoder(z_text)),
             "contrast": whole,
@@ -143,8 +144,10 @@ def run(
 
 
 @torch.no_grad()
-def _text_means(module: ContentEncoder, texts: StyleTexts) -> list[Tensor]:
-    """Mean of Z^t for every sentence of each part, `(U_k, 64)`."""
+def _text_means(module: ContentEncoder | None, texts: StyleTexts) -> list[Tensor]:
+    """Mean of Z^t for every sentence of each part, `(U_k, 64)`; without a content encoder the embedding itself."""
+    if module is None:
+        return [torch.as_tensor(e) for e in texts.embeddings]
     device = next(module.parameters()).device
     means = []
     for k, embeddings in enumerate(texts.embeddings):
@@ -153,8 +156,8 @@ def _text_means(module: ContentEncoder, texts: StyleTexts) -> list[Tensor]:
     return means
 
 
-def style_scale(module: ContentEncoder, texts: StyleTexts) -> tuple[Tensor, Tensor]:
-    """Mean and deviation `(384,)` of Z^t over the sentences of all clips."""
+def style_scale(module: ContentEncoder | None, texts: StyleTexts) -> tuple[Tensor, Tensor]:
+    """Mean and deviation `(384,)` (six parts of 64) of Z^t over the sentences of all clips."""
     means, centre, deviation = _text_means(module, texts), [], []
     for k, z in enumerate(means):
         used = z[torch.as_tensor(texts.index[:, :, k]).to(z.device).flatten()]
@@ -164,7 +167,9 @@ def style_scale(module: ContentEncoder, texts: StyleTexts) -> tuple[Tensor, Tens
     return torch.cat(centre), spread.clamp_min(0.2 * spread.mean().item() + 1e-4)
 
 
-def style_table(module: ContentEncoder, texts: StyleTexts, centre: Tensor, deviation: Tensor) -> StyleTable:
+def style_table(
+    module: ContentEncoder | None, texts: StyleTexts, centre: Tensor, deviation: Tensor
+) -> StyleTable:
     """Standardised Z^t of every sentence."""
     means = _text_means(module, texts)
     size = means[0].shape[1]

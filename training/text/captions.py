@@ -62,9 +62,15 @@ def main(argv: list[str] | None = None) -> None:
         _write(arguments.out, merge_captions(library, captions))
         print(f"{arguments.out}: {len(captions)} styles described from {len(clips)} clips")
     if arguments.per_clip is not None:
-        clips = measure_clips(arguments.clips, every_clip=True)
-        _write(arguments.per_clip, {clip.name: measured_captions([clip.body], pace=True) for clip in clips})
-        print(f"{arguments.per_clip}: {len(clips)} clips described")
+        count = write_clip_captions(arguments.clips, arguments.per_clip)
+        print(f"{arguments.per_clip}: {count} clips described")
+
+
+def write_clip_captions(clips: Path, path: Path) -> int:
+    """Write {clip name: descriptions measured on it} of every captured training clip; returns how many."""
+    measured = measure_clips(clips, every_clip=True)
+    _write(path, {clip.name: measured_captions([clip.body], pace=True) for clip in measured})
+    return len(measured)
 
 
 def _write(path: Path, value: dict[str, Any]) -> None:

@@ -51,7 +51,9 @@ def measure_clips(directory: Path, every_clip: bool = False) -> list[ClipMeasure
     Only forward walking and gestures, unless `every_clip`. What a capture's neutral walk shows as a lean or a bowed
     head is the retargeting's, not the style's, and is subtracted.
     """
-    paths = sorted(p for p in directory.glob("*.npz") if not p.stem.endswith("_m"))
+    paths = sorted(
+        p for p in directory.glob("*.npz") if not p.stem.endswith("_m") and not p.stem.startswith("layer_")
+    )
     if not paths:
         raise FileError(f"{directory}: holds no clips (*.npz).", "Run the importer first.")
     clips = [clip for path in paths for clip in _read(path, every_clip)]

@@ -243,20 +243,33 @@ def build_layers(clips: Path, out: Path, count: int, seed: int = 0) -> dict[str,
     return entries
 
 
-def summary(entries: dict[str, dict]) -> str:
-    """How often each edit and recombination occurs, as Markdown."""
+def report(entries: dict[str, dict], captured: int) -> str:
+    """How many styles are captured, recombined and parametric, and how often each occurs, as Markdown."""
     edits = Counter(e for entry in entries.values() for e in entry["edits"])
     mixed = Counter(" + ".join(e["recombined"]) for e in entries.values() if e["recombined"])
+    pairs = {tuple(e["keys"]) for e in entries.values() if e["recombined"] and not e["edits"]}
+    combinations = {tuple(e["keys"]) for e in entries.values()}
     lines = [
-        "| Parametric edit | clips |",
-        "| --- | --- |",
-        *(f"| {k} | {v} |" for k, v in sorted(edits.items())),
-    ]
-    lines += [
+        "# Layered styles",
+        "",
+        "Written by `python -m training.layering.build --clips DIR --report FILE`. Layered clips are made of imported"
+        " ones: parts of another style at matching step phase (*recombined*), and edits with exact descriptions"
+        " (*parametric*), the feet kept by inverse kinematics. Every clip has six descriptions of its own. The edits"
+        " are defined in `training/layering/catalog*.py`; those marked there as held out never enter training.",
+        "",
+        f"- {captured} captured styles",
+        f"- {len(edits)} parametric part edits of {len(EDITS)} ({len(EDITS) - len(edits)} held out)",
+        f"- {len(pairs)} different recombinations of captured styles without an edit",
+        f"- {len(combinations)} different combinations of part contents in {len(entries)} clips",
+        "",
+        "| Parametric edit | clips | in its words |",
+        "| --- | --- | --- |",
+        *(f"| {k} | {v} | {next(iter(EDITS[k].phrases.values()))[0]} |" for k, v in sorted(edits.items())),
         "",
         "| Recombined parts | clips |",
         "| --- | --- |",
         *(f"| {k} | {v} |" for k, v in sorted(mixed.items())),
+        "",
     ]
     return "\n".join(lines)
 
@@ -268,10 +281,18 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, help="folder to write (default: the same)")
     parser.add_argument("--count", type=int, default=2400)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--report", type=Path, help="Markdown file to write; existing layers are only counted"
+    )
     args = parser.parse_args(argv)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
-    entries = build_layers(args.clips, args.out or args.clips, args.count, args.seed)
-    print(summary(entries))
+    out = args.out or args.clips
+    if args.report is not None and (out / LAYERS).exists():
+        entries = json.loads((out / LAYERS).read_text("utf-8"))
+    else:
+        entries = build_layers(args.clips, out, args.count, args.seed)
+    if args.report is not None:
+        args.report.write_text(report(entries, len(Pool(args.clips).by_style)), encoding="utf-8")
 
 
 if __name__ == "__main__":

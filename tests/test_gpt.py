@@ -672,7 +672,7 @@ def test_what_a_person_chose_goes_before_the_environment():
     # the environment's key is for the environment's address
     assert not GptSettings.chosen("http://localhost:1/v1", environment=env).api_key
     assert GptSettings.chosen("https://api.openai.com/v1/", environment=env).api_key == Secret(KEY)
-    with pytest.raises(UsageError, match="No language model"):
+    with pytest.raises(UsageError, match="neither a key nor"):
         GptSettings.chosen(environment={})
 
 

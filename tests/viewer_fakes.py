@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+import threading
+from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from runtime.controls import Controls, Gait
-from runtime.errors import PromptError
+from runtime.errors import SportError
 from runtime.pose import Pose
-from runtime.prompts.expander import Expansion
+from runtime.prompts.expander import Expansion, check_prompt
 from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.service import PromptResult
 from runtime.terrain import Terrain
 from viewer.services import Loaded, Services, default_services
 from viewer.simulation import make_pose, rest_pose
@@ -28,7 +30,7 @@ class FakeController:
         self.terrain = terrain
         self.x, self.z, self.yaw = 0.0, 0.0, 0.0
         self.temperature = 1.0
-        self.steps = 0
+        self.steps = self.styled_at_step = 0
         self.styles: list[tuple[np.ndarray, float]] = []
         self.fail_with: Exception | None = None
         self.answer_nan = False
@@ -62,6 +64,7 @@ class FakeController:
 
     def set_style(self, z: np.ndarray, transition_seconds: float) -> None:
         self.styles.append((z, transition_seconds))
+        self.styled_at_step = self.steps  # steps done before
 
     def set_terrain(self, terrain: Terrain) -> None:
         self.terrain = terrain
@@ -70,30 +73,70 @@ class FakeController:
         self.x, self.z, self.yaw = x, z, yaw
 
 
-@dataclass
-class FakePrompts:
-    """Answers at the next poll; the prompt is repeated in each part."""
+class FakeLibrary:
+    """The prompt is repeated in each part; `near` is what every prompt is near to."""
 
-    busy: bool = False
-    _result: Any = None
+    near: tuple[tuple[str, float], ...] = (("waddling duck", 0.8), ("goose step", 0.4))
 
-    def submit(self, prompt: str | PartDescriptions) -> None:
-        expansion, error = None, None
-        if isinstance(prompt, PartDescriptions):
-            expansion = Expansion(prompt, "explicit")
-        elif not prompt.strip():
-            error = PromptError("The prompt is empty.", "Describe a way of moving.")
-        else:
-            parts = PartDescriptions(
-                *(f"{part} of {prompt}" for part in ("arm", "arm 2", "leg", "leg 2", "torso", "head"))
-            )
-            expansion = Expansion(parts, "library", ((prompt, 0.9),))
-        z = None if expansion is None else np.full((6, 64), float(len(self.__dict__)), np.float32)
-        self._result = SimpleNamespace(
-            request=prompt, expansion=expansion, z=z, milliseconds=1.0, error=error
+    def __init__(self) -> None:
+        self.looked_up: list[tuple[str, str]] = []  # text and thread
+
+    def expand(self, prompt: str) -> Expansion:
+        prompt = check_prompt(prompt)
+        parts = PartDescriptions(
+            *(f"{part} of {prompt}" for part in ("arm", "arm 2", "leg", "leg 2", "torso", "head"))
         )
+        return Expansion(parts, "library", ((prompt, 0.9), *self.near))
+
+    def nearest(self, text: str) -> tuple[tuple[str, float], ...]:
+        self.looked_up.append((text, threading.current_thread().name))
+        return self.near
+
+
+class FakeEncoder:
+    """A code that depends on the words of its own part only: their length and their first character."""
+
+    def encode(self, descriptions: PartDescriptions) -> np.ndarray:
+        return np.stack([self.code(words) for words in descriptions.as_tuple()])
+
+    @staticmethod
+    def code(words: str) -> np.ndarray:
+        return np.linspace(len(words), ord(words[0]), 64, dtype=np.float32)
+
+
+class FakePrompts:
+    """A prompt worker without a thread: answers at the next poll."""
+
+    def __init__(self, expander: Any) -> None:
+        self.expander = expander
+        self.asked: list[str | PartDescriptions] = []
+        self.held = False  # no answer until it is False
+        self._result: Any = None
+
+    @property
+    def busy(self) -> bool:
+        return self._result is not None
+
+    def submit(self, prompt: str | PartDescriptions, kept: Mapping[str, str] | None = None) -> None:
+        self.asked.append(prompt)
+        try:
+            given = isinstance(prompt, PartDescriptions)
+            expansion = Expansion(prompt, "explicit") if given else self.expander.expand(prompt)
+        except SportError as error:
+            self._result = PromptResult(prompt, None, None, None, 1.0, error)
+            return
+        words = PartDescriptions(**{**expansion.descriptions.to_mapping(), **(kept or {})})
+        self._result = PromptResult(prompt, expansion, words, FakeEncoder().encode(words), 1.0)
+
+    def withdraw(self) -> None:
+        self._result = None
+
+    def use(self, expander: Any) -> None:
+        self.expander = expander
 
     def poll(self) -> Any:
+        if self.held:
+            return None
         result, self._result = self._result, None
         return result
 
@@ -130,14 +173,21 @@ class FakeRenderer:
 def fake_services(real_renderer: bool = False) -> Services:
     """Services with a fake model; terrains are real, character and renderer fake unless asked."""
     real = default_services()
+
+    def load_model(directory: Any, terrain: Terrain, seed: int, gpt: Any) -> Loaded:
+        library = FakeLibrary()
+        workers = FakePrompts(library), FakePrompts(library)
+        return Loaded(FakeController(terrain), workers, library, "fake", "numpy")
+
     return Services(
-        load_model=lambda directory, terrain, seed: Loaded(
-            FakeController(terrain), FakePrompts(), "fake", "numpy"
-        ),
+        load_model=load_model,
         load_terrain=real.load_terrain,
         load_character=real.load_character if real_renderer else lambda path: SimpleNamespace(path=path),
         make_renderer=real.make_renderer if real_renderer else lambda ctx, quality: FakeRenderer(ctx),
         terrain_names=real.terrain_names,
         quality_names=real.quality_names,
         ready_prompts=real.ready_prompts,
+        library_prompts=lambda: ("a proud king", "proud peacock", "someone limping", "an old king"),
+        open_expander=real.open_expander,
+        check_endpoint=real.check_endpoint,
     )

@@ -8,12 +8,14 @@ from pathlib import Path
 from runtime.errors import SportError
 from viewer.camera_control import CameraControl
 from viewer.capture import screenshot_path
+from viewer.expanders import Expanders
 from viewer.input.bindings import Action
 from viewer.jobs import Jobs
 from viewer.options import ViewOptions
 from viewer.prompting import Prompting
 from viewer.scene import Scene
 from viewer.state import AppState
+from viewer.suggester import Suggester
 from viewer.takes import Takes
 from viewer.window import Window
 
@@ -30,6 +32,8 @@ class Actions:
     scene: Scene
     takes: Takes
     prompting: Prompting
+    expanders: Expanders
+    suggester: Suggester
     camera: CameraControl
     window: Window
     screenshot_wanted: Path | None = None
@@ -44,15 +48,22 @@ class Actions:
             state.prompt.ready = services.ready_prompts()
         except SportError as error:
             state.messages.error(error)
+        self.jobs.submit("library", services.library_prompts, self._take_library)
         state.panels_open = options.panels
         self.camera.use(options.camera or state.settings.camera)
         self.scene.renderer.set_terrain(state.terrain)
         self.scene.load_character(options.character)
         self.scene.load_terrain(options.terrain or state.settings.terrain)
         self.scene.load_model(options.model, options.seed)
-        self.prompting.submit_prompt(options.prompt if options.prompt is not None else DEFAULT_PROMPT)
+        if options.prompt is None:
+            self.prompting.submit_prompt(DEFAULT_PROMPT, remembered=False)
+        else:
+            self.prompting.submit_prompt(options.prompt)
         if options.clip is not None:
             self.takes.open(options.clip)
+
+    def _take_library(self, prompts: tuple[str, ...]) -> None:
+        self.state.prompt.library = prompts
 
     def open_files(self, paths: list[Path]) -> None:
         """Open dropped files by what their names say they are."""
@@ -113,7 +124,7 @@ class Actions:
         self.state.panels_open = not self.state.panels_open
 
     def _focus_prompt(self) -> None:
-        self.state.panels_open = self.state.prompt.focus_requested = True
+        self.state.panels_open = self.state.prompt.box.focus_requested = True
 
     def _cancel(self) -> None:
         """Leave the innermost thing that is open."""

@@ -12,6 +12,7 @@ from runtime.terrain import Terrain
 from viewer.actions import Actions
 from viewer.camera_control import CameraControl
 from viewer.capture import save_png
+from viewer.expanders import Expanders
 from viewer.gl_bindings import glfw, imgui
 from viewer.input.bindings import InputMapper, Intent, to_controls
 from viewer.input.gamepad import GamepadSource, GlfwGamepads
@@ -27,6 +28,7 @@ from viewer.services import Services, default_services
 from viewer.settings import MAPPINGS_NAME, config_directory, load_settings, save_settings
 from viewer.simulation import STEP_SECONDS, Simulation
 from viewer.state import AppState
+from viewer.suggester import Suggester
 from viewer.takes import Takes
 from viewer.window import KEY_CODES, Window, WindowEvents
 
@@ -78,6 +80,8 @@ class App:
         self.keyboard, self.mapper = Keyboard(), InputMapper()
         self.frames_shown = 0
         self._was_moving = False
+        self._interval_s = 0.0  # since the frame before, by the clock
+        self._steps = 0  # of the simulation in this frame
         self._scripted: frozenset[str] = frozenset()
         self._last_s = time.perf_counter()
         self._services = services or default_services()
@@ -111,11 +115,30 @@ class App:
         self.jobs = Jobs(state.messages, blocking=options.offscreen)
         self.prompting = Prompting(state, recorder.mark_prompt, options.offscreen)
         renderer = self._services.make_renderer(self.window.ctx, options.quality or state.settings.quality)
-        self.scene = Scene(state, self.jobs, self._services, self.prompting, self.window.ctx, renderer)
+        self.expanders = Expanders(state, self.jobs, self._services, self.prompting)
+        self.suggester = Suggester(state, self.jobs)
+        self.scene = Scene(
+            state,
+            self.jobs,
+            self._services,
+            self.prompting,
+            self.expanders,
+            self.suggester,
+            self.window.ctx,
+            renderer,
+        )
         self.takes = Takes(state, self.jobs, recorder)
         self.camera = CameraControl()
         self.actions = Actions(
-            state, self.jobs, self.scene, self.takes, self.prompting, self.camera, self.window
+            state,
+            self.jobs,
+            self.scene,
+            self.takes,
+            self.prompting,
+            self.expanders,
+            self.suggester,
+            self.camera,
+            self.window,
         )
         self.shell = Shell(state, self.actions)
         self.pads = gamepads or GlfwGamepads(glfw)
@@ -142,20 +165,21 @@ class App:
         self.prompting.poll()
         self._simulate(dt, intent)
         pose = self._shown_pose()
+        self.shell.arrange(window.ui_scale)
         self._move_camera(pose, intent, dt)
 
-        self.shell.draw(window.ui_scale)
+        self.shell.draw()
         imgui.render()
         self.scene.renderer.render(window.framebuffer, self.camera.current, pose, make_overlays(state))
         window.draw_interface()
         self._capture()
-        self._finish_frame(dt)
+        self._finish_frame()
 
     def _tick(self) -> float:
         """Seconds since the last frame; offscreen every frame is one simulation step."""
         now = time.perf_counter()
-        elapsed, self._last_s = now - self._last_s, now
-        return STEP_SECONDS if self.options.offscreen else min(elapsed, LONGEST_FRAME_S)
+        self._interval_s, self._last_s = now - self._last_s, now
+        return STEP_SECONDS if self.options.offscreen else min(self._interval_s, LONGEST_FRAME_S)
 
     def _read_devices(self, dt: float) -> Intent:
         self._play_script(dt)
@@ -182,6 +206,7 @@ class App:
         self._scripted = keys
 
     def _simulate(self, dt: float, intent: Intent) -> None:
+        self._steps = 0
         playback = self.state.clips.playback
         begins_to_move = intent.move != (0.0, 0.0) and not self._was_moving
         self._was_moving = intent.move != (0.0, 0.0)
@@ -192,6 +217,7 @@ class App:
             return
         simulation = self.state.simulation
         poses = simulation.advance(dt, to_controls(intent, self.camera.current.heading))
+        self._steps = len(poses)
         self.takes.add_poses(poses)
         if simulation.problem:
             self.state.messages.error(simulation.problem)
@@ -215,6 +241,7 @@ class App:
                 self.camera.drag(io.mouse_delta.x, io.mouse_delta.y, pan, io.display_size.y)
         moving = intent.move != (0.0, 0.0) and not intent.strafe and not dragging
         self.camera.update(pose, dt, intent.look, zoom, self.state.terrain, moving)
+        self.camera.centre_in(self.shell.view_centre, dt)
 
     def _capture(self) -> None:
         """Read the finished picture for whoever asked for it."""
@@ -228,7 +255,7 @@ class App:
                 "screenshot", lambda: save_png(pixels, path), lambda p: self.state.messages.note(f"Saved {p}")
             )
 
-    def _finish_frame(self, dt: float) -> None:
+    def _finish_frame(self) -> None:
         """Show the picture, note the times, and sleep where vsync does not hold the loop back."""
         before = time.perf_counter()
         self.window.present()
@@ -236,7 +263,9 @@ class App:
         after = time.perf_counter()
         # a GPU's swap waits for the monitor, which is no work; a software renderer does its work there
         software = self.scene.renderer.quality.name == "software"
-        self.state.stats.add((after if software else before) - self._last_s, dt)
+        if self.frames_shown > 1:  # the first interval is the loading
+            work_s = (after if software else before) - self._last_s
+            self.state.stats.add(work_s, self._interval_s, self._steps)
         if not self.options.offscreen:
             spare = 1.0 / self.state.settings.max_fps - (after - self._last_s)
             if spare > 0.0:
@@ -281,6 +310,7 @@ class App:
     def close(self) -> None:
         """Stop workers and close the window."""
         self.window.hide()
+        self.expanders.close()
         self.prompting.close()
         self.jobs.close()
         if self.window.handle is not None:

@@ -78,6 +78,7 @@ class Camera:
         self.pitch = pitch
         self.distance = distance
         self.fov_y = FOV_Y
+        self.shift = 0.0  # where the target shows, -1 (left edge) to 1: panels may cover a side
 
     @property
     def forward(self) -> Array:
@@ -101,12 +102,14 @@ class Camera:
 
     def projection_matrix(self, aspect: float) -> Array:
         """Camera to clip space, `(4, 4)`, for width / height `aspect`."""
-        return perspective(self.fov_y, aspect, NEAR_M, FAR_M)
+        projection = perspective(self.fov_y, aspect, NEAR_M, FAR_M)
+        projection[0, 2] = -self.shift
+        return projection
 
     def ray(self, x_ndc: float, y_ndc: float, aspect: float) -> tuple[Array, Array]:
         """Origin `(3,)` and unit direction `(3,)` through a point of the screen, both -1..1, y up."""
         tangent = math.tan(self.fov_y / 2)
-        local = np.array([x_ndc * tangent * aspect, y_ndc * tangent, -1.0])
+        local = np.array([(x_ndc - self.shift) * tangent * aspect, y_ndc * tangent, -1.0])
         direction = self.view_matrix()[:3, :3].T.astype(float) @ local
         return self.position, direction / np.linalg.norm(direction)
 

@@ -13,6 +13,7 @@ from viewer.camera import FollowCamera, OrbitCamera
 
 CHEST_SHARE = 0.55  # of the way from the ground to the hips' height: keeps the whole body in view
 ORBIT_PIXELS_PER_SECOND = 420.0  # what a full stick is worth in the orbit camera
+SHIFT_HALF_LIFE = 0.08  # seconds
 JUMP_DISTANCE_M = 3.0  # a target that moves farther in one frame was set there: no glide
 
 
@@ -23,6 +24,7 @@ class CameraControl:
     mode: str = "follow"
     follow: FollowCamera = field(default_factory=FollowCamera)
     orbit: OrbitCamera = field(default_factory=OrbitCamera)
+    _shift: float | None = None
 
     @property
     def current(self) -> OrbitCamera:
@@ -40,6 +42,12 @@ class CameraControl:
         new.yaw, new.pitch, new.distance = old.yaw, old.pitch, old.distance
         if isinstance(new, FollowCamera):
             new.snap(old.target)
+
+    def centre_in(self, shift: float, dt: float) -> None:
+        """Glide so that the target shows at `shift` (-1 left to 1 right): the middle of what the panels leave free."""
+        share = 1.0 - 0.5 ** (dt / SHIFT_HALF_LIFE)
+        self._shift = shift if self._shift is None else self._shift + (shift - self._shift) * share
+        self.current.shift = self._shift
 
     def drag(self, dx: float, dy: float, pan: bool, height: float) -> None:
         """Mouse drag in pixels: turns, or with `pan` shifts the orbit camera in a view of this height."""

@@ -1,111 +1,321 @@
-"""Words to motion: prompts and edited descriptions go to the worker, its answers to the fields and the controller."""
+"""Words to motion: prompts, edited fields, locks and blends go to the workers, their answers to the controller."""
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 from runtime.errors import SportError
+from runtime.prompts.blend import ALL_A, Weights, write_words
+from runtime.prompts.expander import Expander
 from runtime.prompts.parts import PartDescriptions
 from viewer.services import PromptWorkerLike
-from viewer.state import AppState
+from viewer.state import AppState, FieldState
+from viewer.style_edit import Answer, StyleEdit, UndoStack
+from viewer.suggestions import remember
 
 CLOSE_SECONDS = 30.0
 BLOCKING_SECONDS = 60.0  # how long an offscreen run waits for an answer
+LIVE_SECONDS = 0.1  # blend while a slider is dragged: asked again each frame, it eases towards the hand
+FIRST_BLEND: Weights = (0.5,) * len(ALL_A)  # of a new prompt B: half, so that it shows
+
+Side = Literal["a", "b"]
+Request = str | PartDescriptions
+
+
+@dataclass
+class _Question:
+    """What one side's worker was asked."""
+
+    worker: PromptWorkerLike | None = None
+    asked: Request | None = None  # newest request without a final answer
+    label: str = ""  # of the undo step
+    remembered: bool = False  # into the history
+    stepped: bool = False  # its first answer has made the undo step
 
 
 @dataclass
 class Prompting:
-    """Actions of the prompt panel."""
+    """Actions of the prompt panel. Side "a" is the prompt, side "b" the one it is blended with."""
 
     state: AppState
-    mark: Callable[[str], None] = lambda _: None  # told which prompt came into force, for the recorder
+    mark: Callable[[str], None] = lambda _: None  # told which words came into force, for the recorder
     blocking: bool = False  # offscreen: an answer arrives in the same frame
-    worker: PromptWorkerLike | None = None
     first_error: SportError | None = None
-    _waiting: str | PartDescriptions | None = None  # asked before the worker was there
-    _last: str | PartDescriptions | None = None
+    history: UndoStack = field(default_factory=UndoStack)
+    _questions: dict[Side, _Question] = field(default_factory=lambda: {"a": _Question(), "b": _Question()})
+    _due_seconds: float | None = None  # a style waits for the controller, with this transition
     _styled: bool = False
 
-    def use(self, worker: PromptWorkerLike) -> None:
-        """Take a model's worker and ask it for what is wanted so far."""
-        if self.worker is not None:
-            self.worker.close()
-        self.worker = worker
-        request, self._waiting = self._waiting or self._last, None
-        if request is not None:
-            self._submit(request)
+    # --- workers
 
-    def submit_prompt(self, text: str) -> None:
-        """Expand a prompt and blend to it; an empty one only says what is expected."""
-        self.state.prompt.text = text
-        self._submit(text)
+    def use(self, workers: tuple[PromptWorkerLike, PromptWorkerLike]) -> None:
+        """Take a model's workers and ask them for what is wanted so far."""
+        self.state.prompt.loading = False
+        self.history.clear()  # codes of another model
+        answers: tuple[tuple[Side, Answer | None], ...] = (
+            ("a", self.state.prompt.edit.a),
+            ("b", self.state.prompt.edit.b),
+        )
+        for (side, answer), worker in zip(answers, workers, strict=True):
+            question = self._questions[side]
+            if question.worker is not None:
+                question.worker.close()
+            question.worker = worker
+            request = question.asked if answer is None or question.asked is not None else answer.words
+            if request is not None:
+                self._ask(side, request, "the model", question.remembered)
 
-    def submit_parts(self) -> None:
+    def use_expander(self, expander: Expander) -> None:
+        """Let another expander answer from the next prompt on."""
+        for question in self._questions.values():
+            if question.worker is not None:
+                question.worker.use(expander)
+
+    def close(self) -> None:
+        """Stop the workers, after the text they are at: a thread inside a network must not outlive the interpreter."""
+        for question in self._questions.values():
+            if question.worker is not None:
+                question.worker.close(CLOSE_SECONDS)
+
+    # --- words
+
+    def submit_prompt(self, text: str, side: Side = "a", remembered: bool = True) -> None:
+        """Expand a prompt and blend to it; locked fields keep their words. An empty one says what is expected."""
+        self._field(side).text = text
+        self._ask(side, text, f"“{_short(text)}”", remembered)
+
+    def submit_parts(self, label: str = "words") -> None:
         """Encode the six fields as they stand."""
+        prompt = self.state.prompt
         try:
-            descriptions = PartDescriptions.from_mapping(self.state.prompt.parts)
+            descriptions = PartDescriptions.from_mapping(prompt.parts)
         except SportError as error:
             self.state.messages.error(error)
             return
-        self._submit(descriptions)
+        if prompt.edit.a is None or descriptions != prompt.edit.a.words:
+            self._ask("a", descriptions, label)
 
-    def _submit(self, request: str | PartDescriptions) -> None:
-        if self.worker is None:
-            self._waiting = request
+    def submit_part(self, part: str) -> None:
+        """Encode one field's new words; an emptied field goes back to what the expander said."""
+        if not self.state.prompt.parts[part].strip():
+            self.reset_part(part)
+        else:
+            self.submit_parts(_named(part))
+
+    def reset_part(self, part: str) -> None:
+        """Give a field the expander's words again."""
+        answer = self.state.prompt.edit.a
+        if answer is not None:
+            self.state.prompt.parts[part] = getattr(answer.said, part)
+            self.submit_parts(f"reset of {_named(part)}")
+
+    def toggle_lock(self, part: str) -> None:
+        """Lock a field's words against the next prompt and its blend against the master slider, or release them."""
+        edit = self.state.prompt.edit
+        self.state.prompt.edit = dataclasses.replace(edit, locked=edit.locked ^ {part})
+        self.commit(f"lock of {_named(part)}")
+
+    # --- blending
+
+    def set_weight(self, part: str, weight: float) -> None:
+        """Share of prompt B in one part, at once; `commit` makes it a step of undo."""
+        self._reweigh(self.state.prompt.edit.with_weight(part, weight))
+
+    def set_all_weights(self, weight: float) -> None:
+        """Share of prompt B in every part that is not locked, at once; `commit` makes it a step of undo."""
+        self._reweigh(self.state.prompt.edit.with_all_weights(weight))
+
+    def swap(self) -> None:
+        """Exchange prompts A and B; the character moves on as it did, and B's words become editable."""
+        edit = self.state.prompt.edit
+        if edit.b is None or self.state.prompt.asked:
             return
-        self._last = request
-        self.worker.submit(request)
-        if self.blocking:
-            deadline = time.monotonic() + BLOCKING_SECONDS
-            while not self.poll() and time.monotonic() < deadline:
-                time.sleep(0.001)
+        flipped = tuple(1.0 - weight for weight in edit.weights)
+        self._show(dataclasses.replace(edit, a=edit.b, b=edit.a, weights=flipped))
+        self._due_seconds = LIVE_SECONDS
+        self.commit("exchange of A and B")
 
-    def poll(self) -> bool:
-        """Take an answer when there is one; call once a frame."""
-        prompt = self.state.prompt
-        prompt.busy = self.worker is None or self.worker.busy
-        result = self.worker.poll() if self.worker is not None else None
-        if result is None:
+    def drop_blend(self) -> None:
+        """Back to prompt A alone."""
+        self._withdraw("b")
+        edit = self.state.prompt.edit
+        self.state.prompt.other.text = ""
+        if edit.b is not None:
+            self._show(dataclasses.replace(edit, b=None, weights=ALL_A))
+            self._due_seconds = self.state.settings.blend_seconds
+            self.commit("end of the blend")
+
+    def _reweigh(self, edit: StyleEdit) -> None:
+        if edit.weights != self.state.prompt.edit.weights:
+            self.state.prompt.edit = edit
+            self._due_seconds = LIVE_SECONDS if self._due_seconds is None else self._due_seconds
+
+    # --- undo
+
+    def commit(self, label: str = "blend") -> None:
+        """Make what was changed since the last step a step of undo."""
+        edit = self.state.prompt.edit
+        if edit is not self.history.top and edit.a is not None:
+            self.history.push(label, edit)
+
+    def undo(self) -> None:
+        """Take back the last change; a prompt without an answer yet is withdrawn."""
+        self.commit()
+        sides: tuple[Side, ...] = ("a", "b")
+        unanswered = [side for side in sides if self._withdraw(side)]
+        if not unanswered:
+            self._go_to(self.history.undo_label, self.history.undo(), "Undone")
+
+    def redo(self) -> None:
+        """Do again what was taken back last."""
+        if not self.state.prompt.asked:
+            self._go_to(self.history.redo_label, self.history.redo(), "Done again")
+
+    def _go_to(self, label: str, edit: StyleEdit | None, verb: str) -> None:
+        if edit is None:
+            return
+        self._show(edit)
+        self._due_seconds = self.state.settings.blend_seconds
+        self.state.messages.note(f"{verb}: {label}.")
+
+    def _show(self, edit: StyleEdit) -> None:
+        """Put an edit into force, and its words into the fields where nothing newer stands."""
+        prompt, old = self.state.prompt, self.state.prompt.edit
+        for box, before, after in ((prompt.box, old.a, edit.a), (prompt.other, old.b, edit.b)):
+            typed_since = before is not None and box.text != before.prompt
+            if not typed_since:
+                box.text = "" if after is None else after.prompt
+        prompt.edit = edit
+        if edit.a is not None:
+            prompt.parts = dict(edit.a.words.to_mapping())
+
+    def _withdraw(self, side: Side) -> bool:
+        """Give up a question in hand; answers whether it had no answer at all yet."""
+        question, answer = self._questions[side], getattr(self.state.prompt.edit, side)
+        if question.asked is None or question.worker is None:
             return False
-        if result.request == self._last:  # an answer to an older request must not overwrite newer words
-            self._take(result)
+        question.worker.withdraw()
+        question.asked = None
+        self._note_asked()
+        if question.stepped:
+            return False
+        self._field(side).text = "" if answer is None else answer.prompt
+        self.state.messages.note(f"Withdrawn: {question.label}.")
         return True
 
-    def _take(self, result: Any) -> None:
-        prompt = self.state.prompt
+    # --- questions and answers
+
+    def _field(self, side: Side) -> FieldState:
+        return self.state.prompt.box if side == "a" else self.state.prompt.other
+
+    def _ask(self, side: Side, request: Request, label: str, remembered: bool = False) -> None:
+        question = self._questions[side]
+        question.asked, question.label = request, label
+        question.remembered, question.stepped = remembered, False
+        self._note_asked()
+        if question.worker is None:
+            return
+        keeps = side == "a" and isinstance(request, str)
+        question.worker.submit(request, self.state.prompt.edit.kept_words() if keeps else None)
+        if self.blocking:
+            deadline = time.monotonic() + BLOCKING_SECONDS
+            while question.asked is not None and time.monotonic() < deadline:
+                self.poll()
+                time.sleep(0.001)
+
+    def _note_asked(self) -> None:
+        self.state.prompt.asked = frozenset(s for s, q in self._questions.items() if q.asked is not None)
+
+    def poll(self) -> None:
+        """Take answers when there are any, and hand the style to the controller once; call once a frame."""
+        for side, question in self._questions.items():
+            result = question.worker.poll() if question.worker is not None else None
+            # an answer to an older request must not overwrite newer words
+            if result is not None and result.request == question.asked:
+                self._take(side, question, result)
+        self._hand_over()
+
+    def _take(self, side: Side, question: _Question, result: Any) -> None:
+        if result.final:
+            question.asked = None
+            self._note_asked()
         if result.error is not None:
             self._fail(result.error)
             return
-        expansion = result.expansion
-        prompt.parts = dict(expansion.descriptions.to_mapping())
-        prompt.applied = dict(prompt.parts)
-        prompt.nearest, prompt.note = expansion.nearest, expansion.note
-        prompt.milliseconds = result.milliseconds
-        if isinstance(result.request, str):
-            prompt.answered_by, prompt.shown_prompt = expansion.source, result.request
+        edit, before = self.state.prompt.edit, getattr(self.state.prompt.edit, side)
+        answer = Answer.of(result)
+        if not isinstance(result.request, str):
+            known = before or dataclasses.replace(answer, prompt="", said=result.request)
+            answer = dataclasses.replace(known, words=result.request, z=result.z, final=True)
+        changes: dict[str, Any] = {side: answer}
+        if side == "b" and not edit.blended:
+            changes["weights"] = FIRST_BLEND
+        unchanged = question.stepped and answer.words == before.words
+        self._adopt(side, dataclasses.replace(edit, **changes), question)
+        if not unchanged:
+            # the first style is there at once
+            self._due_seconds = self.state.settings.blend_seconds if self._styled else 0.0
+        if question.remembered and isinstance(result.request, str):
+            settings = self.state.settings
+            settings.prompt_history = remember(settings.prompt_history, result.request)
+        self._tell(answer, question, isinstance(result.request, str))
+        question.stepped = True
+
+    def _adopt(self, side: Side, edit: StyleEdit, question: _Question) -> None:
+        self.state.prompt.edit = edit
+        if side == "a" and edit.a is not None:
+            self.state.prompt.parts = dict(edit.a.words.to_mapping())
+        if question.stepped:
+            self.history.replace(edit)
         else:
-            prompt.answered_by = "edited"
-        self.mark(result.request if isinstance(result.request, str) else result.request.to_json())
-        controller = self.state.simulation.controller
-        if controller is None:
+            self.history.push(question.label, edit)
+
+    def _tell(self, answer: Answer, question: _Question, prompted: bool) -> None:
+        """Say in the status line who answered."""
+        messages, model = self.state.messages, self.state.expander.language_model
+        if not prompted:
             return
-        seconds = (
-            self.state.settings.blend_seconds if self._styled else 0.0
-        )  # the first style is there at once
+        if not answer.final:
+            messages.note(f"The library answered at once; {model or 'the language model'} is being asked.")
+        elif answer.note:
+            warned = question.stepped or answer.note.startswith("Language model")
+            (messages.warn if warned else messages.note)(answer.note)
+        elif answer.source == "gpt":
+            messages.note(f"{model or 'The language model'} answered: {question.label}.")
+        elif answer.nearest and self._styled:
+            text, similarity = answer.nearest[0]
+            messages.note(f"Library: {question.label} is {similarity:.0%} like “{text}”.")
+
+    def _hand_over(self) -> None:
+        """Give the style that is due to the controller; folding it costs about a millisecond."""
+        controller, edit = self.state.simulation.controller, self.state.prompt.edit
+        if self._due_seconds is None or controller is None:
+            return
+        seconds, self._due_seconds = self._due_seconds, None
+        style = edit.style()
+        if style is None:
+            return
         self._styled = True
         try:
-            controller.set_style(result.z, seconds)
+            controller.set_style(style, seconds)
         except SportError as error:
             self._fail(error)
+            return
+        self.mark(write_words(edit.replayable()))
 
     def _fail(self, error: SportError) -> None:
         self.state.messages.error(error)
         self.first_error = self.first_error or error
 
-    def close(self) -> None:
-        """Stop the worker, after the text it is at: a thread inside a network must not outlive the interpreter."""
-        if self.worker is not None:
-            self.worker.close(CLOSE_SECONDS)
+
+def _named(part: str) -> str:
+    return part.replace("_", " ")
+
+
+def _short(text: str, limit: int = 40) -> str:
+    line = " ".join(text.split())
+    return line if len(line) <= limit else line[: limit - 1] + "…"

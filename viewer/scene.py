@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from runtime.terrain import Terrain
+from viewer.expanders import Expanders
 from viewer.jobs import Jobs
 from viewer.prompting import Prompting
 from viewer.services import Loaded, Services
 from viewer.state import AppState
+from viewer.suggester import Suggester
 
 
 @dataclass
@@ -21,6 +23,8 @@ class Scene:
     jobs: Jobs
     services: Services
     prompting: Prompting
+    expanders: Expanders
+    suggester: Suggester
     ctx: Any  # OpenGL context
     renderer: Any
     _character: Any = None
@@ -81,16 +85,16 @@ class Scene:
 
     def load_model(self, directory: Path | None, seed: int) -> None:
         """Load the networks; the character stands until they are there."""
-        terrain = self.state.terrain
+        terrain, gpt = self.state.terrain, self.expanders.wanted()
         self.jobs.submit(
             "model",
-            lambda: self.services.load_model(directory, terrain, seed),
+            lambda: self.services.load_model(directory, terrain, seed, gpt),
             self._take_model,
             self._lose_model,
         )
 
     def _lose_model(self, _: Exception) -> None:
-        self.state.prompt.available = False
+        self.state.prompt.available = self.state.prompt.loading = False
 
     def _take_model(self, loaded: Loaded) -> None:
         state = self.state
@@ -99,6 +103,7 @@ class Scene:
         state.prompt.available = True
         state.model_name, state.provider = loaded.name, loaded.provider
         self.set_temperature(state.settings.temperature)
+        self.expanders.library, self.suggester.nearest = loaded.library, loaded.library.nearest
         self.prompting.use(loaded.prompts)
 
     def set_temperature(self, temperature: float) -> None:

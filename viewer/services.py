@@ -6,18 +6,22 @@ Tests and other front ends put their own in. Everything heavy is imported when i
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 from runtime.errors import FileError, UsageError
+from runtime.prompts.expander import Expander
+from runtime.prompts.gpt_settings import GptSettings
 from runtime.prompts.parts import PartDescriptions
 from runtime.terrain import Terrain
 from viewer.simulation import ControllerLike
 
 DEFAULT_CHARACTER = "character/mannequin.glb"
 READY_PROMPTS = "prompts/styles.json"
+LIBRARY = "prompts/library.json"
 
 
 class PromptWorkerLike(Protocol):
@@ -28,8 +32,16 @@ class PromptWorkerLike(Protocol):
         """Whether a request waits or is being worked on."""
         ...
 
-    def submit(self, prompt: str | PartDescriptions) -> None:
-        """Ask for a style."""
+    def submit(self, prompt: str | PartDescriptions, kept: Mapping[str, str] | None = None) -> None:
+        """Ask for a style; `kept` are words, by part, that stay whatever the expander says."""
+        ...
+
+    def withdraw(self) -> None:
+        """Forget what was asked."""
+        ...
+
+    def use(self, expander: Expander) -> None:
+        """Expand by another expander from the next prompt on."""
         ...
 
     def poll(self) -> Any:
@@ -41,27 +53,42 @@ class PromptWorkerLike(Protocol):
         ...
 
 
+class LibraryLike(Expander, Protocol):
+    """What the viewer needs of `runtime.prompts.library.LibraryExpander`."""
+
+    def nearest(self, text: str) -> tuple[tuple[str, float], ...]:
+        """The library's prompts most like `text` with their similarity, best first."""
+        ...
+
+
 @dataclass(frozen=True)
 class Loaded:
-    """A model ready to run: its controller, its prompt worker, and what the status line says of it."""
+    """A model ready to run: its controller, a prompt worker for each of two prompts, and their library.
+
+    `name` and `provider` are what the status line says of it.
+    """
 
     controller: ControllerLike
-    prompts: PromptWorkerLike
+    prompts: tuple[PromptWorkerLike, PromptWorkerLike]
+    library: LibraryLike
     name: str
     provider: str
 
 
 @dataclass(frozen=True)
 class Services:
-    """Loaders, each called on a worker thread except `make_renderer`."""
+    """Loaders, each called on a worker thread except `make_renderer`, `terrain_names`, `quality_names`, `ready_prompts`."""
 
-    load_model: Callable[[Path | None, Terrain, int], Loaded]
+    load_model: Callable[[Path | None, Terrain, int, GptSettings | None], Loaded]
     load_terrain: Callable[[str, float, float], Terrain]
     load_character: Callable[[Path | None], Any]
     make_renderer: Callable[[Any, str], Any]  # (context, quality name or "")
     terrain_names: Callable[[], tuple[str, ...]]
     quality_names: Callable[[], tuple[str, ...]]
     ready_prompts: Callable[[], tuple[str, ...]]
+    library_prompts: Callable[[], tuple[str, ...]]
+    open_expander: Callable[[LibraryLike, GptSettings], Expander]
+    check_endpoint: Callable[[GptSettings, threading.Event], str]
 
 
 def default_services() -> Services:
@@ -74,19 +101,20 @@ def default_services() -> Services:
         terrain_names=terrain_names,
         quality_names=lambda: ("software", "high"),
         ready_prompts=ready_prompts,
+        library_prompts=library_prompts,
+        open_expander=open_expander,
+        check_endpoint=check_endpoint,
     )
 
 
-def load_model(directory: Path | None, terrain: Terrain, seed: int) -> Loaded:
+def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSettings | None = None) -> Loaded:
     """The exported model of `directory` (the shipped one by default) with its prompt encoder.
 
-    Where the environment names a language model, that one expands prompts, with the library behind it.
+    Prompts are expanded by the library, or by the language model `gpt` with the library behind it.
     """
     from runtime.controller import Controller
     from runtime.model import load_model as load
     from runtime.prompts.content import PromptEncoder
-    from runtime.prompts.fallback import open_expander
-    from runtime.prompts.gpt_settings import GptSettings, gpt_configured
     from runtime.prompts.library import LibraryExpander
     from runtime.prompts.service import PromptWorker
     from runtime.prompts.text_encoder import library_encoder, text_encoder_of
@@ -94,9 +122,24 @@ def load_model(directory: Path | None, terrain: Terrain, seed: int) -> Loaded:
     model = load(directory)
     text_encoder = text_encoder_of(model.metadata, model.folder)
     library = LibraryExpander(library_encoder(text_encoder))
-    expander = open_expander(library, GptSettings.from_environment()) if gpt_configured() else library
-    worker = PromptWorker(expander, PromptEncoder(text_encoder, model.prompt_path))
-    return Loaded(Controller(model, terrain, seed), worker, model.name, model.provider)
+    expander = library if gpt is None else open_expander(library, gpt)
+    encoder = PromptEncoder(text_encoder, model.prompt_path)
+    workers = PromptWorker(expander, encoder), PromptWorker(expander, encoder)
+    return Loaded(Controller(model, terrain, seed), workers, library, model.name, model.provider)
+
+
+def open_expander(library: LibraryLike, gpt: GptSettings) -> Expander:
+    """A language model with the library behind it."""
+    from runtime.prompts.fallback import open_expander as open_fallback
+
+    return open_fallback(library, gpt)
+
+
+def check_endpoint(gpt: GptSettings, stop: threading.Event) -> str:
+    """Ask a language model one question; what it did."""
+    from runtime.prompts.gpt_check import check_endpoint as check
+
+    return check(gpt, stop)
 
 
 def load_terrain(spec: str, cell_m: float, height_m: float) -> Terrain:
@@ -145,3 +188,13 @@ def ready_prompts() -> tuple[str, ...]:
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise FileError(f"{path}: no library of prompts ({error}).", "Install the program again.") from error
     return tuple(dict.fromkeys(str(prompt) for prompt in prompts))
+
+
+def library_prompts() -> tuple[str, ...]:
+    """Every prompt of the shipped library, to suggest while one is typed: entries first, then other words for them."""
+    from runtime.assets import asset_path
+    from runtime.prompts.library_data import load_library, load_styles
+
+    entries = load_library(asset_path(LIBRARY), load_styles(asset_path(READY_PROMPTS)))
+    prompts = [entry.prompt for entry in entries] + [text for entry in entries for text in entry.also]
+    return tuple({" ".join(text.casefold().split()): text for text in reversed(prompts)}.values())[::-1]

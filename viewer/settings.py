@@ -6,13 +6,16 @@ import dataclasses
 import json
 import math
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from runtime.atomic import write_atomic
+from runtime.prompts.gpt_settings import has_credentials
 
 MAX_BYTES = 1_000_000
+MAX_LIST = 50  # entries of a list
+MAX_TEXT = 4096  # characters of a text
 FILE_NAME = "settings.json"
 MAPPINGS_NAME = "gamecontrollerdb.txt"
 
@@ -21,6 +24,7 @@ _CHOICES: dict[str, tuple[Any, ...]] = {
     "export_unit": ("cm", "m"),
     "camera": ("follow", "orbit"),
     "quality": ("", "software", "high"),
+    "expander": ("", "library", "gpt"),
 }
 _RANGES: dict[str, tuple[float, float]] = {
     "width": (320, 8192),
@@ -33,6 +37,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "dead_zone": (0.0, 0.9),
     "height_map_cell_m": (0.01, 10.0),
     "height_map_height_m": (0.0, 100.0),
+    "gpt_timeout_s": (1.0, 120.0),
 }
 
 
@@ -62,6 +67,12 @@ class Settings:
     export_unit: str = "cm"
     dead_zone: float = 0.15  # of a stick's travel
     invert_look: bool = False
+    prompt_history: list[str] = field(default_factory=list)  # newest first
+    expander: str = ""  # what answers prompts: "library", "gpt", or "" for what the environment says
+    gpt_base_url: str = ""  # "": the environment's or OpenAI's; one with credentials is not kept
+    gpt_model: str = ""
+    gpt_timeout_s: float = 10.0
+    # no field for the key: it stays in memory or in the environment
 
 
 def config_directory(environment: dict[str, str] | None = None) -> Path:
@@ -92,17 +103,17 @@ def load_settings(directory: Path) -> tuple[Settings, list[str]]:
             f"{path}: not a settings file (expected a JSON object); the default settings are used."
         ]
     settings, complaints = Settings(), []
-    for field in dataclasses.fields(Settings):
-        if field.name not in content:
+    for entry in dataclasses.fields(Settings):
+        if entry.name not in content:
             continue
-        default = getattr(settings, field.name)
-        value = _checked(field.name, content[field.name], default)
+        default = getattr(settings, entry.name)
+        value = _checked(entry.name, content[entry.name], default)
         if value is None:
             complaints.append(
-                f"{path}: field {field.name} has the unusable value {str(content[field.name])[:40]!r}; {default!r} is used."
+                f"{path}: field {entry.name} has the unusable value {str(content[entry.name])[:40]!r}; {default!r} is used."
             )
         else:
-            setattr(settings, field.name, value)
+            setattr(settings, entry.name, value)
     return settings, complaints
 
 
@@ -111,8 +122,10 @@ def _checked(name: str, value: Any, default: Any) -> Any:
     if isinstance(default, bool):
         return value if isinstance(value, bool) else None
     if isinstance(default, str):
-        usable = isinstance(value, str) and len(value) < 4096 and "\0" not in value
-        return value if usable and value in _CHOICES.get(name, (value,)) else None
+        return value if _is_text(value) and value in _CHOICES.get(name, (value,)) else None
+    if isinstance(default, list):
+        usable = isinstance(value, list) and len(value) <= MAX_LIST and all(map(_is_text, value))
+        return list(value) if usable else None
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         return None
     if name in _CHOICES:
@@ -121,6 +134,16 @@ def _checked(name: str, value: Any, default: Any) -> Any:
     return type(default)(value) if low <= value <= high else None
 
 
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str) and len(value) < MAX_TEXT and "\0" not in value
+
+
 def save_settings(settings: Settings, directory: Path) -> None:
-    """Write settings so that the file is whole or the old one; FileError when it cannot be written."""
-    write_atomic(directory / FILE_NAME, json.dumps(dataclasses.asdict(settings), indent=2) + "\n")
+    """Write settings so that the file is whole or the old one; FileError when it cannot be written.
+
+    An address that may hold credentials is left out.
+    """
+    values = dataclasses.asdict(settings)
+    if has_credentials(settings.gpt_base_url):
+        values["gpt_base_url"] = ""
+    write_atomic(directory / FILE_NAME, json.dumps(values, indent=2) + "\n")

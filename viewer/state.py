@@ -10,6 +10,7 @@ from runtime.skeleton import PART_NAMES
 from viewer.messages import Messages
 from viewer.settings import Settings
 from viewer.simulation import Simulation
+from viewer.style_edit import StyleEdit
 
 if TYPE_CHECKING:
     from runtime.clip import Clip
@@ -20,22 +21,48 @@ FPS_HALF_LIFE_S = 0.5
 
 
 @dataclass
-class PromptState:
-    """The prompt panel: what was typed, and what came back."""
+class FieldState:
+    """One text field for a prompt, with its suggestions."""
 
     text: str = ""
-    parts: dict[str, str] = field(default_factory=lambda: dict.fromkeys(PART_NAMES, ""))
-    applied: dict[str, str] = field(default_factory=dict)  # the six descriptions the character moves by
-    shown_prompt: str = ""  # what the character is blending to
-    answered_by: str = ""  # "" before the first answer
-    nearest: tuple[tuple[str, float], ...] = ()
-    note: str = ""
-    milliseconds: float = 0.0
-    busy: bool = False
+    focus_requested: bool = False
+    suggesting: bool = False  # the list is open
+    picked: int = -1  # line of the list that the arrow keys chose
+    recalled: int = -1  # which prompt of the history stands in the field
+    near: tuple[tuple[str, float], ...] = ()  # the library's prompts nearest to `near_to`
+    near_to: str = ""
+
+
+@dataclass
+class PromptState:
+    """The prompt panel: what was typed, and what the character moves by."""
+
+    box: FieldState = field(default_factory=FieldState)  # prompt A
+    other: FieldState = field(default_factory=FieldState)  # prompt B, to blend with
+    parts: dict[str, str] = field(default_factory=lambda: dict.fromkeys(PART_NAMES, ""))  # the six fields
+    edit: StyleEdit = field(default_factory=StyleEdit)  # what holds now
+    asked: frozenset[str] = frozenset()  # sides ("a", "b") whose answer is on its way
     available: bool = True  # False when the model could not be loaded
+    loading: bool = True
     search: str = ""
     ready: tuple[str, ...] = ()  # prompts to choose from
-    focus_requested: bool = False
+    library: tuple[str, ...] = ()  # prompts to suggest
+
+    def applied(self, part: str) -> str:
+        """The words that a part moves by; "" before the first answer."""
+        return "" if self.edit.a is None else str(getattr(self.edit.a.words, part))
+
+
+@dataclass
+class ExpanderState:
+    """Who answers prompts, and the language model's settings that are not remembered."""
+
+    language_model: str = ""  # "model at host" while one is asked, "" when the library answers alone
+    key: str = field(default="", repr=False)  # typed here: in memory only, never written
+    problem: str = ""  # why no language model can be asked though one is wanted
+    testing: bool = False
+    report: str = ""  # what the last test said
+    report_good: bool = False
 
 
 @dataclass
@@ -86,18 +113,21 @@ class ClipsState:
 
 @dataclass
 class Stats:
-    """Smoothed times of a frame."""
+    """Smoothed times of frames, all by the clock on the wall."""
 
     frame_ms: float = 0.0  # work of one frame, without waiting
-    fps: float = 0.0
+    fps: float = 0.0  # pictures a second
+    steps_per_s: float = 0.0  # simulation steps a second; 60 is real time
 
-    def add(self, work_s: float, interval_s: float) -> None:
-        """Take one frame's work and the time since the frame before, both in seconds."""
+    def add(self, work_s: float, interval_s: float, steps: int) -> None:
+        """Take one frame: its work, the time since the frame before (both in seconds), and its simulation steps."""
         if interval_s <= 0.0:
             return
         share = 1.0 if self.fps == 0.0 else 1.0 - 0.5 ** (interval_s / FPS_HALF_LIFE_S)
         self.frame_ms += (work_s * 1e3 - self.frame_ms) * share
-        self.fps += (1.0 / interval_s - self.fps) * share
+        mean_s = interval_s if self.fps == 0.0 else 1.0 / self.fps
+        self.fps = 1.0 / (mean_s + (interval_s - mean_s) * share)
+        self.steps_per_s += (steps / interval_s - self.steps_per_s) * share
 
 
 @dataclass
@@ -109,6 +139,7 @@ class AppState:
     simulation: Simulation
     messages: Messages = field(default_factory=Messages)
     prompt: PromptState = field(default_factory=PromptState)
+    expander: ExpanderState = field(default_factory=ExpanderState)
     scene: SceneState = field(default_factory=SceneState)
     clips: ClipsState = field(default_factory=ClipsState)
     stats: Stats = field(default_factory=Stats)

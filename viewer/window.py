@@ -43,6 +43,8 @@ KEY_NAMES: dict[int, str] = {
     glfw.KEY_RIGHT_CONTROL: "ctrl",
     glfw.KEY_LEFT_ALT: "alt",
 }
+_LETTERS = frozenset(chr(ord("a") + i) for i in range(26))
+_MODIFIERS = {"ctrl": imgui.Key.mod_ctrl, "shift": imgui.Key.mod_shift, "alt": imgui.Key.mod_alt}
 KEY_CODES: dict[str, int] = {name: code for code, name in reversed(KEY_NAMES.items())}
 
 
@@ -71,6 +73,7 @@ class Window:
         self._events = events
         self._offscreen = offscreen
         self._wanted_scale = ui_scale
+        self._injected: set[str] = set()  # modifiers held by `inject_key`
         self._windowed: tuple[int, int, int, int] | None = None
         self._texture: Any = None
         self._depth: Any = None
@@ -205,7 +208,16 @@ class Window:
     def inject_key(self, name: str, down: bool) -> None:
         """Behave as if a key went down or up: for scripts and tests (ImGui's callback calls this window's)."""
         code, action = KEY_CODES[name], glfw.PRESS if down else glfw.RELEASE
+        if name in _MODIFIERS:
+            (self._injected.add if down else self._injected.discard)(name)
+        elif self._injected and name in _LETTERS:
+            # the backend would ask the real keyboard, where no modifier is held
+            self._on_key(None, code, 0, action, 0)
+            imgui.get_io().add_key_event(getattr(imgui.Key, name), down)
+            return
         imgui.backends.glfw_key_callback(self._address, code, 0, action, 0)
+        for modifier in self._injected:
+            imgui.get_io().add_key_event(_MODIFIERS[modifier], True)
 
     def inject_text(self, text: str) -> None:
         """Behave as if text was typed."""

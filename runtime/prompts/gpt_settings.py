@@ -118,7 +118,8 @@ class GptSettings:
     ) -> GptSettings:
         """Settings that a person chose; what is empty comes from the environment.
 
-        A key of the environment goes to no other address than the environment's. UsageError as `from_environment`.
+        A key of the environment goes to no other address than the environment's. UsageError when there is neither a key
+        nor an address, or when a value cannot be used.
         """
         env = dict(os.environ if environment is None else environment)
         url = base_url.strip()
@@ -126,6 +127,11 @@ class GptSettings:
             env[KEY] = ""
         given = {URL: url, MODEL: model.strip(), KEY: key.strip()}
         env.update({name: value for name, value in given.items() if value})
+        if not gpt_configured(env):
+            raise UsageError(
+                "The language model has neither a key nor an address of its own.",
+                f"Type one of them, or set {KEY} or {URL}.",
+            )
         if timeout_s is not None:
             env[TIMEOUT] = repr(float(timeout_s))
         return cls.from_environment(env)

@@ -13,6 +13,7 @@ from viewer.input.keyboard import Keyboard
 ZOOM_RATE = 9.0  # wheel steps per second of a held key
 JUMP_SECONDS = 0.05  # a press lasts at least this long: one shorter than a step must not be lost
 TRIGGER_ON = 0.3
+UNDO_KEYS = frozenset({"z", "y"})  # with Ctrl; ImGui sees to them, which knows the layout of the keyboard
 
 
 class Action(Enum):
@@ -129,7 +130,15 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
             ("Trajectory, skeleton, contacts", "F2, F3, F4", ""),
             ("Grid, panels", "F5, F10", "Back (panels)"),
             ("Full screen", "F11", ""),
+        ),
+    ),
+    (
+        "Prompt",
+        (
             ("Write a prompt, leave the field", "Enter, Esc", ""),
+            ("Choose a suggestion, take it", "Up / Down, Tab or Enter", ""),
+            ("Last prompts, in an empty field", "Up / Down", ""),
+            ("Undo, redo", "Ctrl+Z, Ctrl+Y", ""),
         ),
     ),
 )
@@ -214,9 +223,11 @@ class InputMapper:
 
 def _held_actions(keyboard: Keyboard, pad: GamepadState | None) -> frozenset[Action]:
     buttons = pad.buttons if pad is not None else frozenset()
-    return frozenset(
+    held = frozenset(
         b.action for b in BINDINGS if b.button in buttons or not keyboard.held.isdisjoint(b.keys)
     )
+    # Ctrl with one of these is undo or redo, no crouch
+    return held if keyboard.held.isdisjoint(UNDO_KEYS) else held - {Action.CROUCH_HOLD}
 
 
 def _key_axes(held: frozenset[Action]) -> tuple[tuple[float, float], tuple[float, float]]:

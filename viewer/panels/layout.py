@@ -10,7 +10,9 @@ LEFT_WIDTH, RIGHT_WIDTH = 316.0, 296.0
 SCENE_MIN_WIDTH = 240.0  # of the free view between the columns
 TRANSPORT_HEIGHT = 88.0
 SCENE_PANEL_HEIGHT = 330.0  # before its contents were measured
-CLIPS_MIN_HEIGHT = 210.0
+CLIPS_MIN_HEIGHT, CLIPS_MAX_HEIGHT = 210.0, 460.0
+PROMPT_MAX_HEIGHT = 770.0  # what the six fields fill
+MIN_VIEW_SHARE = 0.2  # of the window's width; in less nothing is centred
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ def arrange(
         view = Rect(tabs_width + 2 * m, 0.0, max(width - tabs_width - 2 * m, 1.0), full.height)
         bar = _transport(view, scale) if transport else None
         return Layout(status, None, None, None, tabs, None, bar, view)
-    prompt = Rect(m, m, LEFT_WIDTH * scale, column_height)
+    prompt = Rect(m, m, LEFT_WIDTH * scale, min(column_height, PROMPT_MAX_HEIGHT * scale))
     right = width - m - RIGHT_WIDTH * scale
     view = Rect(prompt.x + prompt.width, 0.0, right - prompt.x - prompt.width, full.height)
     bar = _transport(view, scale) if transport else None
@@ -84,8 +86,16 @@ def arrange(
         right_tabs = Rect(right, m, RIGHT_WIDTH * scale, column_height)
         return Layout(status, prompt, None, None, None, right_tabs, bar, view)
     scene = Rect(right, m, RIGHT_WIDTH * scale, scene_height)
-    clips = Rect(right, m + scene_height + m, RIGHT_WIDTH * scale, rest)
+    clips = Rect(right, m + scene_height + m, RIGHT_WIDTH * scale, min(rest, CLIPS_MAX_HEIGHT * scale))
     return Layout(status, prompt, scene, clips, None, None, bar, view)
+
+
+def view_centre(layout: Layout) -> float:
+    """Middle of the free view from -1 (left edge of the window) to 1; 0 where hardly anything is free."""
+    width = layout.status.width
+    if layout.view.width < MIN_VIEW_SHARE * width:
+        return 0.0
+    return 2.0 * (layout.view.x + layout.view.width / 2) / max(width, 1.0) - 1.0
 
 
 def _transport(view: Rect, scale: float) -> Rect | None:

@@ -4,11 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 from viewer.actions import Actions
 from viewer.gl_bindings import imgui
-from viewer.panels import clips, help, prompt, scene, status, theme, transport, widgets
-from viewer.panels.layout import Layout, Rect, arrange
+from viewer.panels import (
+    clips,
+    help,
+    prompt,
+    prompt_field,
+    scene,
+    status,
+    theme,
+    transport,
+    widgets,
+)
+from viewer.panels.layout import Layout, Rect, arrange, view_centre
 from viewer.panels.theme import ICON, Fonts
 from viewer.panels.widgets import px
 from viewer.state import AppState
@@ -25,6 +36,17 @@ _STATUS = _FIXED | imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scrol
 
 
 @dataclass
+class _Contents:
+    """One panel: its name, its icon, what draws it, and buttons beside its title."""
+
+    name: str
+    icon: str
+    draw: Callable[[], None]
+    tools: Callable[[], None] | None = None
+    tools_width: float = 0.0  # pixels at scale 1
+
+
+@dataclass
 class Shell:
     """Fonts, style and the windows around the panels."""
 
@@ -33,22 +55,28 @@ class Shell:
     fonts: Fonts = field(init=False)
     _scale: float = 0.0
     _scene_height: float = 0.0
+    _layout: Layout = field(default_factory=lambda: arrange(64.0, 64.0, 1.0))
 
     def __post_init__(self) -> None:
         self.fonts = theme.load_fonts()
 
-    def draw(self, scale: float) -> None:
-        """Draw every panel for a UI scale."""
+    def arrange(self, scale: float) -> None:
+        """Fit the panels to the window for a UI scale; call before `draw`, within an ImGui frame."""
         if scale != self._scale:
             theme.apply_style(scale)
             self._scale, self._scene_height = scale, 0.0
-        state, actions, fonts = self.state, self.actions, self.fonts
-        size = imgui.get_io().display_size
-        playing = state.clips.playback is not None
-        layout = arrange(size.x, size.y, scale, state.panels_open, playing, self._scene_height)
+        size, playing = imgui.get_io().display_size, self.state.clips.playback is not None
+        self._layout = arrange(size.x, size.y, scale, self.state.panels_open, playing, self._scene_height)
 
-        def draw_prompt() -> None:
-            prompt.draw(state, actions.prompting)
+    @property
+    def view_centre(self) -> float:
+        """Middle of what the panels leave free, from -1 (left edge of the window) to 1."""
+        return view_centre(self._layout)
+
+    def draw(self) -> None:
+        """Draw every panel."""
+        state, actions, layout = self.state, self.actions, self._layout
+        self._undo_keys()
 
         def draw_scene() -> None:
             scene.draw(state, actions)
@@ -56,27 +84,35 @@ class Shell:
             spacing, padding = imgui.get_style().item_spacing.y, imgui.get_style().window_padding.y
             self._scene_height = imgui.get_cursor_pos_y() + imgui.get_scroll_y() - spacing + padding
 
-        def draw_clips() -> None:
-            clips.draw(state, actions.takes)
-
-        self._panel("Prompt", ICON.prompt, layout.prompt, draw_prompt)
-        self._panel("Scene", ICON.scene, layout.scene, draw_scene)
-        self._panel("Clips", ICON.clips, layout.clips, draw_clips)
-        right = (("Scene", draw_scene), ("Clips", draw_clips))
-        _window("Right", layout.right_tabs, lambda: _tabs(right))
-        _window("Tabs", layout.tabs, lambda: _tabs((("Prompt", draw_prompt), *right)))
-        _window("Transport", layout.transport, lambda: transport.draw(state, actions.takes, fonts))
+        one = _Contents("Prompt", ICON.prompt, lambda: prompt.draw(state, actions))
+        one.tools, one.tools_width = lambda: prompt.tools(state, actions), prompt.TOOLS_WIDTH
+        two = _Contents("Scene", ICON.scene, draw_scene)
+        three = _Contents("Clips", ICON.clips, lambda: clips.draw(state, actions.takes))
+        for panel, rect in ((one, layout.prompt), (two, layout.scene), (three, layout.clips)):
+            _window(panel.name, rect, partial(self._titled, panel))
+        _window("Right", layout.right_tabs, lambda: _tabs((two, three)))
+        _window("Tabs", layout.tabs, lambda: _tabs((one, two, three)))
+        _window("Transport", layout.transport, lambda: transport.draw(state, actions.takes, self.fonts))
         self._status(layout)
         _badge(state, layout)
         if state.help_open:
-            help.draw(state, fonts)
+            help.draw(state, self.fonts)
 
-    def _panel(self, name: str, icon: str, rect: Rect | None, contents: Callable[[], None]) -> None:
-        def titled() -> None:
-            widgets.heading(self.fonts, icon, name)
-            contents()
+    def _undo_keys(self) -> None:
+        """Ctrl+Z and Ctrl+Y wherever nothing is typed; a text field sees to its own."""
+        if imgui.get_io().want_text_input:
+            return
+        undo, redo = prompt_field.pressed_undo()
+        if undo:
+            self.actions.prompting.undo()
+        elif redo:
+            self.actions.prompting.redo()
 
-        _window(name, rect, titled)
+    def _titled(self, panel: _Contents) -> None:
+        top, start = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
+        widgets.heading(self.fonts, panel.icon, panel.name)
+        _tools(panel, top, start)
+        panel.draw()
 
     def _status(self, layout: Layout) -> None:
         imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
@@ -97,16 +133,28 @@ def _window(name: str, rect: Rect | None, contents: Callable[[], None], flags: i
         imgui.end()
 
 
-def _tabs(panels: Sequence[tuple[str, Callable[[], None]]]) -> None:
+def _tabs(panels: Sequence[_Contents]) -> None:
     """Several panels in one place."""
+    top, width = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
     if not imgui.begin_tab_bar("panels"):
         return
-    for name, contents in panels:
-        if imgui.begin_tab_item(name)[0]:
+    for panel in panels:
+        if imgui.begin_tab_item(panel.name)[0]:
             imgui.dummy(imgui.ImVec2(0, px(2)))
-            contents()
+            _tools(panel, top, width)
+            panel.draw()
             imgui.end_tab_item()
     imgui.end_tab_bar()
+
+
+def _tools(panel: _Contents, top: imgui.ImVec2, width: float) -> None:
+    """A panel's own buttons at the right end of its title or tabs."""
+    if panel.tools is None or width < px(panel.tools_width):
+        return
+    after = imgui.get_cursor_pos()
+    imgui.set_cursor_pos(imgui.ImVec2(top.x + width - px(panel.tools_width), top.y - px(3)))
+    panel.tools()
+    imgui.set_cursor_pos(after)
 
 
 def _badge(state: AppState, layout: Layout) -> None:

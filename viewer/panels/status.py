@@ -49,7 +49,11 @@ def _facts(state: AppState) -> list[tuple[str, str]]:
         (model, "The motion model and what runs it"),
         (f"model {simulation.model_ms:.1f} ms", "Time of one step of the model, with foot lock"),
         (f"frame {stats.frame_ms:.0f} ms", "Work of one displayed frame"),
-        (f"{stats.fps:.0f} fps", "Frames shown per second"),
+        (f"{stats.fps:.0f} fps", "Pictures shown a second, by the clock"),
+        (
+            f"sim {stats.steps_per_s:.0f} Hz",
+            "Steps of the simulation a second, by the clock; 60 is real time",
+        ),
         (f"{icon} {state.device[:24]}", "The device that drives the character"),
     ]
 
@@ -69,8 +73,4 @@ def _message(state: AppState, width: float) -> None:
         shown = widgets.elided(message.text, width - px(26))
         imgui.text_unformatted(shown)
     if shown != message.text and imgui.is_item_hovered():
-        imgui.begin_tooltip()
-        imgui.push_text_wrap_pos(px(520))
-        imgui.text_unformatted(message.text)
-        imgui.pop_text_wrap_pos()
-        imgui.end_tooltip()
+        widgets.tooltip(message.text)

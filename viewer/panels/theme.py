@@ -23,6 +23,7 @@ ACCENT = _hex("4FC3A1")
 ACCENT_HOVER = _hex("66D4B4")
 ACCENT_DIM = _hex("4FC3A1", 0.22)
 ACCENT_FILL = _hex("4FC3A1", 0.36)
+ACCENT_LOCKED = _hex("20322F")
 ON_ACCENT = _hex("0C1613")
 TEXT = _hex("E8EAED")
 MUTED = _hex("9BA3AD")
@@ -30,6 +31,7 @@ RECORD = _hex("EF5B5B")
 WARNING = _hex("F0B65A")
 ERROR = _hex("FF8278")
 PANEL = _hex("16191E", 0.95)
+POPUP = _hex("1C2027", 0.98)
 FIELD = _hex("242931")
 FIELD_HOVER = _hex("2D343E")
 FIELD_ACTIVE = _hex("36404C")
@@ -73,6 +75,14 @@ class Icons:
     list: str = "\uf03a"
     person: str = "\uf183"
     enter: str = "\ue0bb"
+    undo: str = "\uf2ea"
+    redo: str = "\uf2f9"
+    lock: str = "\uf023"
+    unlock: str = "\uf09c"
+    gear: str = "\uf013"
+    exchange: str = "\uf0ec"
+    original: str = "\uf0e2"
+    spinner: str = "\uf110"
 
 
 ICON = Icons()
@@ -143,7 +153,7 @@ def _set_colors(style: Any) -> None:
     c = imgui.Col_
     table = {
         c.text: TEXT, c.text_disabled: MUTED, c.window_bg: PANEL, c.child_bg: CLEAR,
-        c.popup_bg: _hex("1C2027", 0.98), c.border: LINE, c.frame_bg: FIELD, c.frame_bg_hovered: FIELD_HOVER,
+        c.popup_bg: POPUP, c.border: LINE, c.frame_bg: FIELD, c.frame_bg_hovered: FIELD_HOVER,
         c.frame_bg_active: FIELD_ACTIVE, c.title_bg: PANEL, c.title_bg_active: PANEL,
         c.scrollbar_bg: CLEAR, c.scrollbar_grab: _hex("FFFFFF", 0.14),
         c.scrollbar_grab_hovered: _hex("FFFFFF", 0.24), c.scrollbar_grab_active: _hex("FFFFFF", 0.32),

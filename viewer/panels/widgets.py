@@ -10,6 +10,8 @@ from viewer.gl_bindings import imgui
 from viewer.panels import theme
 from viewer.panels.theme import Color
 
+TOOLTIP_WIDTH = 380.0  # pixels at scale 1
+
 
 def px(length: float) -> float:
     """A length at scale 1 in screen units."""
@@ -56,7 +58,44 @@ def tooltip(text: str) -> None:
     if text and imgui.is_item_hovered(
         imgui.HoveredFlags_.delay_normal | imgui.HoveredFlags_.allow_when_disabled
     ):
-        imgui.set_tooltip(text.replace("%", "%%"))
+        imgui.begin_tooltip()
+        imgui.push_text_wrap_pos(px(TOOLTIP_WIDTH))
+        imgui.text_unformatted(text)
+        imgui.pop_text_wrap_pos()
+        imgui.end_tooltip()
+
+
+def icon_button(
+    icon: str, name: str, hint: str, tint: Color = theme.MUTED, enabled: bool = True, size: float = 0.0
+) -> bool:
+    """A button of an icon alone, without a background until the mouse is over it; `size` is its side at scale 1."""
+    side = px(size) if size else imgui.get_frame_height()
+    imgui.begin_disabled(not enabled)
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, imgui.ImVec2(0, 0))
+    with color(imgui.Col_.button, theme.CLEAR), color(imgui.Col_.text, tint):
+        clicked = bool(imgui.button(f"{icon}##{name}", imgui.ImVec2(side, side)))
+    imgui.pop_style_var()
+    imgui.end_disabled()
+    tooltip(hint)
+    return clicked
+
+
+def tag(text: str, tint: Color = theme.ACCENT) -> None:
+    """A short word on a rounded ground of its own colour."""
+    imgui.push_font(None, theme.FONT_SIZE * 0.87)
+    size, pad = imgui.calc_text_size(text), px(6)
+    corner = imgui.get_cursor_screen_pos()
+    low, high = corner, imgui.ImVec2(corner.x + size.x + 2 * pad, corner.y + size.y + px(2))
+    drawing = imgui.get_window_draw_list()
+    drawing.add_rect_filled(low, high, packed((*tint[:3], 0.2)), px(4))
+    drawing.add_text(imgui.ImVec2(corner.x + pad, corner.y + px(1)), packed(tint), text)
+    imgui.dummy(imgui.ImVec2(high.x - low.x, high.y - low.y))
+    imgui.pop_font()
+
+
+def packed(value: Color) -> int:
+    """A colour as drawing lists take it."""
+    return int(imgui.get_color_u32(imgui.ImVec4(*value)))
 
 
 def button(text: str, width: float = 0.0, hint: str = "", primary: bool = False, height: float = 0.0) -> bool:
@@ -102,8 +141,7 @@ def slider(
     right = corner.x + width * min(max(share, 0.0), 1.0)
     for end, fill in ((corner.x + width, theme.FIELD), (right, theme.ACCENT_FILL)):
         if end > corner.x + 1:
-            packed = imgui.get_color_u32(imgui.ImVec4(*fill))
-            drawing.add_rect_filled(corner, imgui.ImVec2(end, corner.y + height), packed, rounding)
+            drawing.add_rect_filled(corner, imgui.ImVec2(end, corner.y + height), packed(fill), rounding)
     hover = (1.0, 1.0, 1.0, 0.05)
     with (
         color(imgui.Col_.frame_bg, theme.CLEAR),

@@ -72,7 +72,7 @@ def make_frame(
     vectors[0, :3] = eye
     vectors[1, :3] = view[0, :3] * half_height * aspect
     vectors[2, :3] = view[1, :3] * half_height
-    vectors[3, :3] = -view[2, :3]
+    vectors[3, :3] = -view[2, :3] - camera.shift * vectors[1, :3]
     vectors[4, :3] = SUN_DIRECTION
     vectors[5] = size[0], size[1], 1 / size[0], 1 / size[1]
     vectors[6] = camera.target[0], camera.target[2], FOG_BEGIN_M * scale, FOG_END_M * scale

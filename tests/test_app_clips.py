@@ -1,0 +1,162 @@
+"""The real application without a display: takes, playback, export and pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from app_driver import Start, message, run
+from viewer_fakes import fake_services
+
+from runtime.bvh import read_bvh
+from viewer import app as app_module
+from viewer.app import App
+from viewer.options import ViewOptions
+
+
+def record(app: App, frames: int = 30) -> None:
+    app.window.inject_key("w", True)
+    app.window.inject_key("r", True)
+    app.window.inject_key("r", False)
+    run(app, frames)
+    app.window.inject_key("r", True)
+    app.window.inject_key("r", False)
+    run(app)
+    app.window.inject_key("w", False)
+    run(app)
+
+
+def test_record_play_trim_export(start: Start, tmp_path: Path) -> None:
+    app = start()
+    run(app, 2)
+    record(app)
+    clips = app.state.clips
+    assert [item.name for item in clips.items] == ["Take 1"]
+    take = clips.items[0].clip
+    shown = app.scene.renderer.poses  # what the screen showed is what the take holds
+    starts = [i for i, pose in enumerate(shown) if np.array_equal(pose.hips_position, take.hips_positions[0])]
+    assert starts
+    for i in range(len(take)):
+        assert np.array_equal(shown[starts[-1] + i].hips_position, take.hips_positions[i])
+
+    app.takes.play(0)
+    assert clips.playback is not None
+    clips.playback.seek(5)
+    clips.playback.trim_in()
+    clips.playback.seek(20)
+    clips.playback.trim_out()
+    run(app)
+    clips.export_path = str(tmp_path / "new folder" / "walk")
+    app.takes.export()
+    run(app)
+    assert clips.items[0].saved == tmp_path / "new folder" / "walk.bvh"
+    motion = read_bvh(tmp_path / "new folder" / "walk.bvh")
+    assert len(motion.positions) == 16
+    assert motion.fps == pytest.approx(60.0, abs=1e-3)
+    assert motion.positions[0, 0] == pytest.approx(100 * take.hips_positions[5], abs=0.01)
+
+
+def test_a_failing_export_keeps_the_clip(start: Start, tmp_path: Path) -> None:
+    app = start()
+    run(app, 2)
+    record(app)
+    blocked = tmp_path / "file"
+    blocked.write_text("", encoding="utf-8")
+    app.state.clips.export_path = str(blocked / "walk.bvh")
+    app.takes.export()
+    run(app)
+    assert str(blocked) in message(app)
+    assert len(app.state.clips.items) == 1
+    assert app.state.clips.items[0].saved is None
+    app.state.clips.export_path = "  "
+    app.takes.export()
+    assert "path is empty" in message(app)
+
+
+def test_the_last_seconds_are_always_in_memory(start: Start) -> None:
+    app = start()
+    app.state.settings.keep_seconds = 0.25
+    run(app, 40)
+    app.window.inject_key("t", True)
+    run(app)
+    assert len(app.state.clips.items[0].clip) == 15
+    assert not app.state.clips.recording
+
+
+def test_moving_leaves_the_playback_and_nothing_else_does(start: Start) -> None:
+    app = start()
+    run(app, 2)
+    record(app)
+    app.takes.play(0)
+    run(app, 3)
+    assert app.state.clips.playback is not None
+    app.window.inject_key("w", True)
+    run(app)
+    assert app.state.clips.playback is None
+    app.takes.play(0)  # with the key still held the clip plays on
+    run(app, 3)
+    assert app.state.clips.playback is not None
+
+
+def test_unsaved_takes_are_rescued_when_the_program_ends(start: Start, tmp_path: Path) -> None:
+    app = start()
+    app.state.settings.export_folder = str(tmp_path / "clips")
+    run(app, 2)
+    record(app)
+    app.takes.toggle_recording()
+    run(app, 5)  # a take that is still running
+    written = app.takes.rescue()
+    assert [path.name for path in written] == ["take-1.bvh", "take-2.bvh"]
+    assert all(path.is_file() for path in written)
+    assert app.takes.rescue() == []
+
+
+def test_a_defect_does_not_cost_the_take(
+    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def frame(app: App) -> None:
+        if app.frames_shown == 0:
+            app.state.settings.export_folder = str(tmp_path / "clips")
+            app.takes.toggle_recording()
+        if app.frames_shown == 10:
+            raise ZeroDivisionError
+        original(app)
+
+    original = App.frame
+    monkeypatch.setattr(App, "frame", frame)
+    with pytest.raises(ZeroDivisionError):
+        app_module.run(ViewOptions(offscreen=True, frames=20, terrain="flat"), fake_services(), tmp_path)
+    assert (tmp_path / "clips" / "take-1.bvh").is_file()
+
+
+def test_every_clip_panel_state_can_be_drawn(start: Start) -> None:
+    app = start()
+    run(app, 2)
+    record(app)
+    app.takes.play(0)
+    app.actions.toggle_help()
+    app.takes.toggle_recording()
+    run(app, 2)
+    app.takes.remove(0)
+    run(app, 2)
+    assert app.state.clips.items == []
+    assert app.state.clips.playback is None
+
+
+def test_screenshot_and_frames_are_written(start: Start, tmp_path: Path) -> None:
+    from PIL import Image
+
+    app = start(
+        width=128,
+        height=96,
+        screenshot=tmp_path / "a" / "out.png",
+        frames=2,
+        frames_directory=tmp_path / "film",
+    )
+    while not app.finished:
+        app.frame()
+    assert app.end() == 0
+    with Image.open(tmp_path / "a" / "out.png") as image:
+        assert image.size == (128, 96)
+    assert sorted(p.name for p in (tmp_path / "film").iterdir()) == ["frame_00000.png", "frame_00001.png"]

@@ -1,0 +1,98 @@
+"""The real application without a display, driven by keys, pads and scripts."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from app_driver import Start, click_prompt_box, controller, message, run
+
+from viewer.input.gamepad import GamepadState
+
+
+def test_key_w_moves_the_character_at_once(start: Start) -> None:
+    app = start()
+    run(app)
+    app.window.inject_key("w", True)
+    run(app, 1)
+    assert controller(app).z > 0.0
+    run(app, 29)
+    app.window.inject_key("w", False)
+    run(app, 1)
+    distance = math.hypot(controller(app).x, controller(app).z)
+    assert distance == pytest.approx(1.4 * 0.5, rel=0.05)
+    run(app, 10)
+    assert math.hypot(controller(app).x, controller(app).z) == pytest.approx(distance)
+
+
+def test_scripted_controls_walk_then_jog(start: Start) -> None:
+    app = start(controls="w 0.5; w+shift 0.5; idle 1", camera="orbit")
+    run(app, 90)
+    assert controller(app).z == pytest.approx(1.4 * 0.5 + 3.0 * 0.5, rel=0.05)
+
+
+def test_stick_moves_relative_to_the_camera(start: Start) -> None:
+    app = start(camera="orbit")
+    run(app)
+    app.camera.orbit.yaw = math.pi / 2  # looks along +X
+    app.pads.state = GamepadState("pad", left=(0.0, 1.0))
+    run(app, 10)
+    assert controller(app).x > 0.1
+    assert abs(controller(app).z) < 1e-6
+    assert app.state.device == "pad"
+    assert "pad connected" in message(app)
+    app.pads.state = None
+    run(app)
+    assert app.state.device == "keyboard"
+
+
+def test_escape_leaves_the_text_field(start: Start) -> None:
+    app = start()
+    run(app, 2)
+    click_prompt_box(app)
+    app.window.inject_key("escape", True)
+    app.window.inject_key("escape", False)
+    run(app, 2)
+    app.window.inject_key("w", True)
+    run(app, 2)
+    assert controller(app).z > 0.0
+
+
+def test_focus_loss_releases_keys(start: Start) -> None:
+    app = start()
+    run(app, 2)
+    app.window.inject_key("w", True)
+    run(app, 2)
+    app.window.inject_focus(False)
+    before = controller(app).z
+    run(app, 5)
+    assert controller(app).z == before > 0.0
+
+
+def test_function_keys_toggle_what_is_shown(start: Start) -> None:
+    app = start()
+    run(app)
+    assert not app.state.settings.show_skeleton
+    for key in ("f3", "f1", "f10"):
+        app.window.inject_key(key, True)
+    run(app, 2)
+    assert app.state.settings.show_skeleton
+    assert app.scene.renderer.overlays.show_skeleton
+    assert app.state.help_open
+    assert not app.state.panels_open
+    app.window.inject_key("escape", True)
+    run(app)
+    assert not app.state.help_open
+
+
+def test_ctrl_z_is_no_crouch(start: Start) -> None:
+    from runtime.controls import Gait
+
+    app = start()
+    run(app, 2)
+    app.window.inject_key("ctrl", True)
+    run(app)
+    assert app.mapper.read(app.keyboard, None, 1 / 60).gait is Gait.CROUCH
+    app.window.inject_key("z", True)
+    run(app)
+    assert app.mapper.read(app.keyboard, None, 1 / 60).gait is Gait.WALK

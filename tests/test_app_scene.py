@@ -1,0 +1,87 @@
+"""The real application without a display: grounds, characters, dropped files, and models that fail."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from app_driver import InjectedPads, Start, controller, message, run
+from viewer_fakes import FakeRenderer, fake_services
+
+from runtime.errors import SportError
+from viewer.app import App
+from viewer.messages import Level
+from viewer.options import ViewOptions
+from viewer.simulation import MAX_FAILURES
+
+
+def test_a_missing_terrain_shows_a_message_and_keeps_the_old_one(start: Start) -> None:
+    app = start()
+    run(app)
+    before = app.state.terrain
+    for spec in ("moon", "/nowhere/map.png"):
+        app.scene.load_terrain(spec)
+        run(app)
+        assert Path(spec).name in message(app)
+        assert app.state.messages.current.level is Level.ERROR  # type: ignore[union-attr]
+        assert app.state.terrain is before
+        assert app.state.scene.loading == ""
+
+
+def test_offscreen_a_wrong_option_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(SportError, match="moon"):
+        App(ViewOptions(offscreen=True, terrain="moon"), fake_services(), InjectedPads(), tmp_path)
+
+
+def test_offscreen_a_prompt_that_cannot_be_used_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(SportError, match="empty"):
+        App(
+            ViewOptions(offscreen=True, terrain="flat", prompt=" "), fake_services(), InjectedPads(), tmp_path
+        )
+
+
+def test_terrain_reaches_model_and_renderer(start: Start) -> None:
+    app = start()
+    run(app)
+    app.scene.load_terrain("stairs")
+    run(app)
+    renderer = app.scene.renderer
+    assert isinstance(renderer, FakeRenderer)
+    assert controller(app).terrain is app.state.terrain is renderer.terrain
+    assert app.state.terrain.name == "stairs"
+
+
+def test_dropped_files_go_where_they_belong(start: Start, tmp_path: Path) -> None:
+    app = start()
+    run(app)
+    app.window._events.drop([tmp_path / "hero.glb", tmp_path / "notes.txt"])
+    run(app)
+    assert app.scene.renderer.character.path == tmp_path / "hero.glb"
+    assert ".txt" in message(app)
+    damaged = tmp_path / "walk.bvh"
+    damaged.write_text("HIERARCHY\n", encoding="utf-8")
+    app.window._events.drop([damaged])
+    run(app)
+    assert "walk.bvh" in message(app)
+    assert app.state.clips.items == []
+
+
+@pytest.mark.parametrize("broken", ["nan", "exception"])
+def test_a_failing_model_leaves_the_last_good_pose(start: Start, broken: str) -> None:
+    app = start()
+    run(app, 3)
+    good = app.state.simulation.current
+    fake = controller(app)
+    if broken == "nan":
+        fake.answer_nan = True
+    else:
+        fake.fail_with = RuntimeError("bad weights")
+    run(app, MAX_FAILURES + 2)
+    assert app.state.simulation.current is good
+    assert app.state.simulation.halted
+    assert "model failed" in message(app)
+    fake.answer_nan, fake.fail_with = False, None
+    app.scene.reset_character()
+    app.window.inject_key("w", True)
+    run(app, 3)
+    assert fake.z > 0.0

@@ -1,0 +1,165 @@
+"""Parts of the viewer that need no window: settings, messages, layout, simulation, playback, file names."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from app_driver import Start, run
+from viewer_fakes import FakeController
+
+from runtime.errors import UsageError
+from runtime.terrain import Terrain
+from viewer.messages import Messages
+from viewer.panels.layout import Rect, arrange
+from viewer.playback import Playback
+from viewer.settings import Settings, config_directory, load_settings, save_settings
+from viewer.simulation import MAX_STEPS, Simulation, interpolate
+from viewer.takes import export_target, file_stem, free_path
+
+
+def test_settings_survive_and_damage_is_named(tmp_path: Path) -> None:
+    settings = Settings(blend_seconds=2.5, terrain="stairs", export_unit="m")
+    save_settings(settings, tmp_path / "deep")
+    assert load_settings(tmp_path / "deep") == (settings, [])
+    file = tmp_path / "deep" / "settings.json"
+    for damage in ("{", "[]", "\0", '{"a":' * 100_000):
+        file.write_text(damage, encoding="utf-8")
+        loaded, complaints = load_settings(tmp_path / "deep")
+        assert loaded == Settings()
+        assert str(file) in complaints[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("blend_seconds", "long"),
+        ("blend_seconds", 99),
+        ("export_fps", 25),
+        ("vsync", 1),
+        ("terrain", 5),
+        ("camera", "side"),
+        ("width", math.inf),
+    ],
+)
+def test_one_bad_setting_keeps_the_others(tmp_path: Path, name: str, value: Any) -> None:
+    (tmp_path / "settings.json").write_text(json.dumps({name: value, "dead_zone": 0.3}), encoding="utf-8")
+    settings, complaints = load_settings(tmp_path)
+    assert settings.dead_zone == 0.3
+    assert getattr(settings, name) == getattr(Settings(), name)
+    assert len(complaints) == 1
+    assert name in complaints[0]
+
+
+def test_damaged_settings_are_a_message(start: Start, tmp_path: Path) -> None:
+    (tmp_path / "config").mkdir()
+    (tmp_path / "config" / "settings.json").write_text("{", encoding="utf-8")
+    app = start()
+    run(app)
+    assert any("settings.json" in m.text for m in app.state.messages.recent)
+
+
+def test_config_directory_obeys_the_environment() -> None:
+    assert config_directory({"SPORT_CONFIG_DIR": "/a"}) == Path("/a")
+    assert config_directory({"XDG_CONFIG_HOME": "/b"}) == Path("/b/sport-viewer")
+    assert config_directory({}) == Path(os.path.expanduser("~/.config/sport-viewer"))
+
+
+def test_errors_stay_and_notes_fade() -> None:
+    now = [0.0]
+    messages = Messages(clock=lambda: now[0])
+    messages.error("a\nb")
+    now[0] = 1000.0
+    assert messages.current is not None
+    assert messages.current.text == "a b"
+    messages.note("fine")
+    assert messages.current.text == "fine"
+    now[0] = 2000.0
+    assert messages.current is None
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.25, 2.0])
+@pytest.mark.parametrize(
+    "size", [(1280, 720), (1920, 1080), (960, 540), (640, 360), (2560, 1440), (200, 2000)]
+)
+def test_panels_never_overlap(size: tuple[int, int], scale: float) -> None:
+    for scene_height in (0.0, 250.0 * scale, 480.0 * scale):
+        layout = arrange(*size, scale, True, True, scene_height)
+        rects = [r for r in vars(layout).values() if isinstance(r, Rect) and r is not layout.view]
+        for i, a in enumerate(rects):
+            assert a.x >= 0
+            assert a.y >= 0
+            assert a.x + a.width <= size[0] + 1e-6
+            assert a.y + a.height <= size[1] + 1e-6
+            for b in rects[i + 1 :]:
+                assert not a.overlaps(b)
+
+
+def test_simulation_steps_at_60_hz_whatever_the_display() -> None:
+    ground = Terrain.flat()
+    for rate in (24.0, 60.0, 144.0):
+        simulation = Simulation.standing(ground)
+        simulation.use(FakeController(ground))
+        fake = simulation.controller
+        assert isinstance(fake, FakeController)
+        begin = fake.steps
+        from runtime.controls import Controls
+
+        for _ in range(round(rate * 2)):
+            simulation.advance(1.0 / rate, Controls(move=(0.0, 1.0)))
+        assert fake.steps - begin == pytest.approx(120, abs=1)
+        assert len(simulation.advance(10.0, Controls())) == MAX_STEPS
+
+
+def test_interpolated_poses_keep_bone_lengths() -> None:
+    ground = Terrain.flat()
+    fake = FakeController(ground)
+    from runtime.controls import Controls
+
+    a = fake.step(Controls())
+    b = fake.step(Controls(move=(1.0, 0.0)))
+    middle = interpolate(a, b, 0.5)
+    assert middle.root_yaw == pytest.approx(math.pi / 4)
+    assert middle.hips_position == pytest.approx((a.hips_position + b.hips_position) / 2)
+    length = np.linalg.norm(middle.positions[3] - middle.positions[4])
+    assert length == pytest.approx(np.linalg.norm(a.positions[3] - a.positions[4]), rel=1e-5)
+
+
+def test_playback_loops_between_its_marks() -> None:
+    from runtime.clip import ClipRecorder
+    from runtime.controls import Controls
+
+    fake, recorder = FakeController(Terrain.flat()), ClipRecorder()
+    for _ in range(61):
+        recorder.add(fake.step(Controls(move=(0.0, 1.0))))
+    playback = Playback(recorder.last(10.0), Terrain.flat(), 0)
+    playback.seek(15)
+    playback.trim_in()
+    playback.seek(45)
+    playback.trim_out()
+    playback.toggle()
+    playback.advance(0.25)
+    assert playback.start_s <= playback.time_s <= playback.end_s
+    playback.loop = False
+    playback.advance(5.0)
+    assert not playback.playing
+    assert playback.frame == 45
+    assert playback.pose().hips_position == pytest.approx(playback.clip.hips_positions[45], abs=1e-5)
+    playback.toggle()
+    assert playback.frame == 15
+
+
+def test_export_names(tmp_path: Path) -> None:
+    assert export_target(" ~/a/walk ") == Path("~/a/walk.bvh").expanduser()
+    assert export_target('"/a/b.BVH"') == Path("/a/b.BVH")
+    with pytest.raises(UsageError, match="folder"):
+        export_target(str(tmp_path))
+    assert file_stem("Take 3: Löwe/../x") == "take-3-l-we-x"
+    assert file_stem("***") == "clip"
+    (tmp_path / "a.bvh").write_text("", encoding="utf-8")
+    assert free_path(tmp_path / "a.bvh") == tmp_path / "a-2.bvh"

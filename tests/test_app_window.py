@@ -1,0 +1,116 @@
+"""The real application without a display (PLATFORM_NULL and EGL): its window, size, scale and options."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from app_driver import InjectedPads, Start, run
+from viewer_fakes import fake_services
+
+from runtime.errors import DisplayError, UsageError
+from viewer.app import App
+from viewer.options import ViewOptions
+from viewer.window import KEY_CODES
+
+
+def test_first_frame_shows_scene_and_panels(start: Start) -> None:
+    app = start(real_renderer=True, width=640, height=400, panels=True)
+    run(app, 2)
+    picture = app.window.read_pixels()
+    assert picture.shape == (400, 640, 3)
+    assert picture[:30].mean() > 90  # the bright sky
+    assert picture[-15:, 300:].mean() < 60  # the dark status line
+    assert app.state.model_name == "fake"
+    assert app.state.prompt.parts["torso"] != ""
+
+
+def test_two_runs_show_the_same_picture(start: Start) -> None:
+    pictures = []
+    for _ in range(2):
+        app = start(real_renderer=True, width=320, height=240, panels=False, controls="w 1")
+        run(app, 8)
+        pictures.append(app.window.read_pixels()[: 240 - 32])  # without the status line: it shows times
+        app.close()
+    assert np.array_equal(*pictures)
+
+
+@pytest.mark.parametrize("size", [(333, 217), (1921, 1081), (64, 64), (2000, 200)])
+def test_resize_to_odd_sizes(start: Start, size: tuple[int, int]) -> None:
+    app = start()
+    run(app)
+    app.window.resize(*size)
+    run(app, 3)
+    assert app.window.framebuffer.size == size
+    assert app.window.read_pixels().shape == (size[1], size[0], 3)
+
+
+def test_change_of_scale_does_not_add_up(start: Start) -> None:
+    from viewer.gl_bindings import imgui
+
+    app = start()
+    run(app)
+    before = imgui.get_style().window_padding.x
+    for scale in (2.0, 1.0):
+        app.window._wanted_scale = scale
+        run(app)
+    assert imgui.get_style().window_padding.x == before
+
+
+def test_minimised_window_draws_nothing_and_comes_back(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    app = start()
+    run(app)
+    drawn = app.frames_shown
+    monkeypatch.setattr(type(app.window), "pixels", property(lambda self: (0, 0)))
+    run(app, 2)
+    assert app.frames_shown == drawn
+    monkeypatch.undo()
+    run(app)
+    assert app.frames_shown == drawn + 1
+
+
+def test_without_a_display_the_error_names_the_remedy(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(DisplayError, match="--offscreen"):
+        App(ViewOptions(), fake_services(), InjectedPads(), tmp_path)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"width": 5},
+        {"frames": 0},
+        {"ui_scale": 9.0},
+        {"camera": "side"},
+        {"controls": "jump"},
+        {"frames_directory": Path("x")},
+    ],
+)
+def test_options_are_checked_before_a_window_opens(options: dict[str, Any]) -> None:
+    with pytest.raises(UsageError, match="--"):
+        App(ViewOptions(**options), fake_services())
+
+
+def test_random_use_never_breaks_the_interface(start: Start) -> None:
+    """A monkey presses, clicks, types and resizes; the loop must go on and the state stay drawable."""
+    app = start(width=900, height=600)
+    random = np.random.default_rng(1)
+    keys = [name for name in KEY_CODES if name != "f11"]
+    app.state.settings.export_folder = str(app.config)  # whatever it saves stays in the test's folder
+    for _ in range(150):
+        width, height = app.window.size
+        x, y = random.uniform(0, width), random.uniform(0, height)
+        app.window.inject_mouse(x, y, int(random.integers(3)), bool(random.integers(2)))
+        app.window.inject_key(str(random.choice(keys)), bool(random.integers(2)))
+        app.window.inject_text(str(random.choice(["a", "é", "日", "\U0001f600", " "])))
+        if random.random() < 0.03:
+            app.window.resize(int(random.integers(64, 1400)), int(random.integers(64, 900)))
+        if random.random() < 0.05:
+            app.takes.save_last()
+        run(app)
+    assert np.isfinite(app.state.simulation.current.positions).all()

@@ -1,0 +1,167 @@
+"""What the character moves by, as plain data: an answered prompt or a blend of two, and the way back through its changes."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.prompts.blend import ALL_A, BlendedPrompt, Weights, Words, blend_parts
+from runtime.prompts.expander import Expansion
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import PART_NAMES
+
+MAX_STEPS = 100  # of undo
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """One answered prompt: `said` by the expander, `words` as they hold now (with edits and kept words), and their code."""
+
+    prompt: str  # "" when only the six fields were written
+    said: PartDescriptions
+    words: PartDescriptions
+    z: NDArray[np.float32]  # (6, 64)
+    source: str = "explicit"  # "library", "gpt" or "explicit"
+    nearest: tuple[tuple[str, float], ...] = ()
+    note: str = ""
+    milliseconds: float = 0.0
+    final: bool = True  # False: a better answer is on its way
+
+    @staticmethod
+    def of(result: Any) -> Answer:
+        """The answer in a worker's result to a prompt."""
+        expansion: Expansion = result.expansion
+        return Answer(
+            result.request,
+            expansion.descriptions,
+            result.descriptions,
+            result.z,
+            expansion.source,
+            expansion.nearest,
+            expansion.note,
+            result.milliseconds,
+            result.final,
+        )
+
+    @property
+    def edited(self) -> tuple[str, ...]:
+        """Parts whose words are not the expander's."""
+        return tuple(part for part in PART_NAMES if getattr(self.words, part) != getattr(self.said, part))
+
+    @property
+    def replayable(self) -> Words:
+        """What asks for the same words again: the prompt where the library answered it, else the six descriptions."""
+        by_prompt = self.prompt and self.source != "gpt" and not self.edited
+        return self.prompt if by_prompt else self.words
+
+
+@dataclass(frozen=True, eq=False)
+class StyleEdit:
+    """Prompt A, perhaps prompt B with its share in each part, and the parts whose words are locked."""
+
+    a: Answer | None = None
+    b: Answer | None = None
+    weights: Weights = ALL_A
+    locked: frozenset[str] = frozenset()
+
+    @property
+    def blended(self) -> bool:
+        """Whether prompt B shows anywhere."""
+        return self.a is not None and self.b is not None and any(weight > 0.0 for weight in self.weights)
+
+    def style(self) -> NDArray[np.float32] | None:
+        """Z^t `(6, 64)`; None before the first answer."""
+        if self.a is None or self.b is None:
+            return None if self.a is None else self.a.z
+        return blend_parts(self.a.z, self.b.z, self.weights)
+
+    def replayable(self) -> Words | BlendedPrompt:
+        """What a take keeps of this style."""
+        if self.a is None:
+            return ""
+        if self.b is None or not self.blended:
+            return self.a.replayable
+        return BlendedPrompt(self.a.replayable, self.b.replayable, self.weights)
+
+    def kept_words(self) -> Mapping[str, str]:
+        """Words of the locked parts, which the next prompt must leave alone."""
+        if self.a is None:
+            return {}
+        return {part: getattr(self.a.words, part) for part in PART_NAMES if part in self.locked}
+
+    def with_weight(self, part: str, weight: float) -> StyleEdit:
+        """Another share of prompt B in one part."""
+        i = PART_NAMES.index(part)
+        return dataclasses.replace(self, weights=(*self.weights[:i], weight, *self.weights[i + 1 :]))
+
+    def with_all_weights(self, weight: float) -> StyleEdit:
+        """Another share of prompt B in every part that is not locked."""
+        pairs = zip(PART_NAMES, self.weights, strict=True)
+        return dataclasses.replace(
+            self, weights=tuple(old if part in self.locked else weight for part, old in pairs)
+        )
+
+    @property
+    def master_weight(self) -> float:
+        """Mean share of prompt B over the parts that are not locked (over all when every part is)."""
+        free = [w for part, w in zip(PART_NAMES, self.weights, strict=True) if part not in self.locked]
+        return float(np.mean(free or self.weights))
+
+
+@dataclass
+class UndoStack:
+    """Committed edits with what each of them did; the present one is between what can be undone and redone."""
+
+    _steps: list[tuple[str, StyleEdit]] = field(default_factory=list)
+    _at: int = -1
+
+    @property
+    def top(self) -> StyleEdit | None:
+        """The committed edit in force."""
+        return self._steps[self._at][1] if self._at >= 0 else None
+
+    @property
+    def undo_label(self) -> str:
+        """What undo would take back; "" when there is nothing."""
+        return self._steps[self._at][0] if self._at > 0 else ""
+
+    @property
+    def redo_label(self) -> str:
+        """What redo would do again; "" when there is nothing."""
+        return self._steps[self._at + 1][0] if self._at + 1 < len(self._steps) else ""
+
+    def push(self, label: str, edit: StyleEdit) -> None:
+        """Commit an edit; what was undone before it is forgotten, and the oldest beyond `MAX_STEPS`."""
+        del self._steps[self._at + 1 :]
+        self._steps.append((label, edit))
+        del self._steps[: -MAX_STEPS - 1]
+        self._at = len(self._steps) - 1
+
+    def replace(self, edit: StyleEdit) -> None:
+        """Put an edit in the place of the one in force, as the same step."""
+        if self._at >= 0:
+            self._steps[self._at] = (self._steps[self._at][0], edit)
+
+    def undo(self) -> StyleEdit | None:
+        """The edit before; None when there is none."""
+        if self._at <= 0:
+            return None
+        self._at -= 1
+        return self.top
+
+    def redo(self) -> StyleEdit | None:
+        """The edit that was undone last; None when there is none."""
+        if self._at + 1 >= len(self._steps):
+            return None
+        self._at += 1
+        return self.top
+
+    def clear(self) -> None:
+        """Forget every step."""
+        self._steps.clear()
+        self._at = -1

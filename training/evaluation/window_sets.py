@@ -1,0 +1,76 @@
+"""Features of all windows of many motions, of every kind that the metrics need."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.motion_encoder import MotionEncoder
+from training.evaluation.encoder_features import SIZE, encoder_features
+from training.evaluation.kinematic_features import kinematic_features, temporal_features
+from training.evaluation.motion import Motion, window_starts
+
+Array = NDArray[np.floating]
+
+HOP = 10  # frames between the beginnings of two windows
+
+
+@dataclass(frozen=True)
+class WindowSet:
+    """Rows of windows: `unit` `(N,)` numbers the motions that they were cut from."""
+
+    kinematic: Array  # (N, 234)
+    temporal: Array  # (N, 88)
+    encoder: Array  # (N, 384), without rows where no encoder was given
+    unit: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.kinematic)
+
+    @property
+    def for_classifier(self) -> Array:
+        """Kinematic and temporal features `(N, 322)`."""
+        return np.concatenate([self.kinematic, self.temporal], axis=1)
+
+    def of(self, name: str) -> Array:
+        """Rows of the feature set "encoder" or "kinematic"."""
+        return self.encoder if name == "encoder" else self.kinematic
+
+    def pick(self, rows: NDArray[np.integer] | NDArray[np.bool_]) -> WindowSet:
+        """Some of the windows."""
+        encoder = self.encoder[rows] if len(self.encoder) else self.encoder
+        return WindowSet(self.kinematic[rows], self.temporal[rows], encoder, self.unit[rows])
+
+
+def window_set(
+    motions: Iterable[Motion], encoder: MotionEncoder | None, hop: int = HOP, unit_frames: int = 240
+) -> WindowSet:
+    """Windows `hop` frames apart of every motion; a motion is one unit for every `unit_frames` begun."""
+    kinematic, temporal = [np.zeros((0, 234), np.float32)], [np.zeros((0, 88), np.float32)]
+    encoded, units = [np.zeros((0, SIZE), np.float32)], [np.zeros(0, np.int64)]
+    count = 0
+    for motion in motions:
+        starts = window_starts(len(motion), hop)
+        root = motion.root_features()
+        kinematic.append(kinematic_features(root, starts))
+        temporal.append(temporal_features(root, starts))
+        if encoder is not None:
+            encoded.append(encoder_features(encoder, root, starts))
+        units.append(count + starts // unit_frames)
+        count += 1 + len(motion) // unit_frames
+    return WindowSet(*(np.concatenate(rows) for rows in (kinematic, temporal, encoded, units)))
+
+
+def joined(sets: Iterable[WindowSet]) -> WindowSet:
+    """All windows of several sets; their units stay apart."""
+    listed = list(sets)
+    offset = np.cumsum([0] + [int(s.unit.max()) + 1 if len(s) else 0 for s in listed])
+    return WindowSet(
+        np.concatenate([s.kinematic for s in listed]),
+        np.concatenate([s.temporal for s in listed]),
+        np.concatenate([s.encoder for s in listed]),
+        np.concatenate([s.unit + o for s, o in zip(listed, offset, strict=False)]),
+    )

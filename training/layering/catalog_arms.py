@@ -4,7 +4,8 @@ from __future__ import annotations
 
 # --- Arms: where the wrist is held -----------------------------------------------------------------------------------
 # frame: origin and axes of `point`; "shoulder" has the axes of the facing direction, the others those of their joint.
-# pole: where the elbow points. wave: (x, y, z) amplitude and Hz of an oscillation of the hand.
+# pole: where the elbow points. wave: (x, y, z) amplitude of an oscillation of the hand, and its cycles per stride:
+# in step, because the phase is all that tells the network the time.
 ARM: dict[str, tuple[dict[str, object], tuple[str, ...], str]] = {
     "hanging": (
         {"frame": "shoulder", "point": (0.05, -0.465, 0.02), "pole": (0.3, 0.0, -0.9)},
@@ -204,7 +205,7 @@ ARM: dict[str, tuple[dict[str, object], tuple[str, ...], str]] = {
             "frame": "shoulder",
             "point": (0.2, 0.33, 0.14),
             "pole": (0.8, -0.6, 0.0),
-            "wave": (0.13, 0.0, 0.0, 1.7),
+            "wave": (0.13, 0.0, 0.0, 2.0),
         },
         (
             "{s} hand raised high and waving from side to side",
@@ -232,7 +233,7 @@ ARM: dict[str, tuple[dict[str, object], tuple[str, ...], str]] = {
             "frame": "chest",
             "point": (0.07, 0.08, 0.3),
             "pole": (0.5, -0.8, -0.2),
-            "wave": (0.0, 0.0, 0.12, 1.3),
+            "wave": (0.0, 0.0, 0.12, 1.0),
         },
         (
             "{s} fist punching forward again and again",

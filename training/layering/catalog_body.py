@@ -163,7 +163,7 @@ HEAD: dict[str, tuple[dict[str, object], tuple[str, ...], str]] = {
         "roll",
     ),
     "looking_around": (
-        {"wave": (0.0, 38.0, 0.0, 0.45)},
+        {"wave": (0.0, 38.0, 0.0, 0.5)},
         (
             "head turning left and right, looking around",
             "looking around from side to side",
@@ -172,12 +172,12 @@ HEAD: dict[str, tuple[dict[str, object], tuple[str, ...], str]] = {
         "turn_range",
     ),
     "shaking": (
-        {"wave": (0.0, 16.0, 0.0, 1.7)},
+        {"wave": (0.0, 16.0, 0.0, 2.0)},
         ("head shaking quickly from side to side", "shaking the head"),
         "turn_range",
     ),
     "nodding": (
-        {"wave": (13.0, 0.0, 0.0, 1.5)},
+        {"wave": (13.0, 0.0, 0.0, 2.0)},
         ("head nodding up and down", "nodding with the head", "head bobbing down and up"),
         "pitch_range",
     ),

@@ -176,12 +176,8 @@ def _head(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion
     amount = random.normal(1.0, 0.07)
     pitch, yaw, roll = (amount * float(p.get(k, 0.0)) for k in ("pitch", "yaw", "roll"))
     if "wave" in p:
-        wp, wy, wr, hertz = p["wave"]
-        clock = np.sin(
-            2
-            * np.pi
-            * (hertz * random.normal(1.0, 0.05) * np.arange(len(motion.hips)) / FPS + random.random())
-        )
+        wp, wy, wr, rate = p["wave"]
+        clock = _beat(motion, rate, random)
         pitch, yaw, roll = pitch + amount * wp * clock, yaw + amount * wy * clock, roll + amount * wr * clock
     return _turn_joints(motion, _turns(motion, pitch, yaw, roll), _NECK)
 
@@ -202,9 +198,8 @@ def _hand(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion
     point = np.broadcast_to(np.array(p["point"]), (length, 3)) + random.normal(0.0, 0.015, 3)
     point = point + 0.008 * _drift(length, random)
     if "wave" in p:
-        *amplitude, hertz = p["wave"]
-        time = np.arange(length) / FPS
-        clock = np.sin(2 * np.pi * (hertz * random.normal(1.0, 0.06) * time + random.random()))
+        *amplitude, rate = p["wave"]
+        clock = _beat(motion, rate, random)
         point = point + clock[:, None] * np.array(amplitude) * random.normal(1.0, 0.08)
     if p["frame"] == "shoulder":
         origin, axes = positions[:, shoulder], facing
@@ -240,6 +235,12 @@ def _hand(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion
     local[:, elbow] = rotations.multiply(rotations.inverse(new[:, shoulder]), new[:, elbow])
     local[:, hand] = rotations.slerp(local[:, hand], rotations.identity((length,)), 0.7)
     return replace(motion, local=local)
+
+
+def _beat(motion: Motion, rate: float, random: np.random.Generator) -> Array:
+    """Oscillation `(T,)` of `rate` cycles per stride, in step but for a little lag."""
+    size = random.normal(1.0, 0.06)
+    return size * np.sin(2 * np.pi * (rate * motion.step_phase() + 0.08 * random.random()))
 
 
 def _swing(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:

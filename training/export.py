@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from runtime.features import FPS, INPUT_SIZE, LAYOUT_VERSION
 from runtime.skeleton import SPORT_SKELETON, J
 from training.batches import Normalisation
+from training.export_ablation import MixtureStepGraph
 from training.model_card import model_card
 from training.networks.content import JOINT_FEATURES, SEQUENCE_LENGTH, ContentEncoder
 from training.networks.decoder import blend_codes
@@ -31,12 +32,24 @@ class PromptGraph(nn.Module):
     def __init__(self, content: ContentEncoder, centre: Tensor, deviation: Tensor) -> None:
         super().__init__()
         self.text = content.text
-        self.register_buffer("centre", centre.view(6, 64))
-        self.register_buffer("deviation", deviation.view(6, 64))
+        self.register_buffer("centre", centre.view(6, -1))
+        self.register_buffer("deviation", deviation.view(6, -1))
 
     def forward(self, embeddings: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         code = self.text(embeddings)
         return (code.mean - self.centre) / self.deviation, code.mean, code.log_variance
+
+
+class EmbeddingGraph(nn.Module):
+    """The ablation without a content encoder: the sentence embeddings `(N, 6, D)`, standardised, are Z^t."""
+
+    def __init__(self, centre: Tensor, deviation: Tensor) -> None:
+        super().__init__()
+        self.register_buffer("centre", centre.view(6, -1))
+        self.register_buffer("deviation", deviation.view(6, -1))
+
+    def forward(self, embeddings: Tensor) -> Tensor:
+        return (embeddings - self.centre) / self.deviation
 
 
 class MotionGraph(nn.Module):
@@ -96,7 +109,7 @@ class Trained:
     """Everything the export needs."""
 
     config: ModelConfig
-    content: ContentEncoder
+    content: ContentEncoder | None  # None: the ablation without one
     generator: Generator
     normal: Normalisation
     style_centre: Tensor
@@ -109,6 +122,7 @@ class Trained:
     notes: dict[str, object]
     curves: dict[str, str]  # stage to its last losses
     sequence_scales: dict[str, Tensor]  # stage 1: joint_mean, joint_deviation (31, 9), root_deviation (3,)
+    decoder: str = "diffusion"  # or "mixture": the decoder of stage 2 (w/o-Diffusion)
 
 
 def export_model(trained: Trained, folder: Path) -> None:
@@ -116,11 +130,15 @@ def export_model(trained: Trained, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     config = trained.config
     generator = trained.generator.cpu().eval()
-    prompt = PromptGraph(trained.content.cpu(), trained.style_centre.cpu(), trained.style_deviation.cpu())
+    scale = trained.style_centre.cpu(), trained.style_deviation.cpu()
+    content = trained.content.cpu() if trained.content is not None else None
+    prompt: nn.Module = PromptGraph(content, *scale) if content is not None else EmbeddingGraph(*scale)
     style = StyleGraph(generator, trained.speeds)
-    step = StepGraph(generator, trained.normal.to(torch.device("cpu")), trained.steps)
+    normal = trained.normal.to(torch.device("cpu"))
+    mixture = trained.decoder == "mixture"
+    step = MixtureStepGraph(generator, normal) if mixture else StepGraph(generator, normal, trained.steps)
     torch.manual_seed(0)
-    z = torch.randn(6, 64)
+    z = torch.randn(6, config.style_size // 6)
     with torch.no_grad():
         folded = style(z)[:3]
     noise = torch.randn(2, len(trained.steps), config.experts, config.output_size)
@@ -131,7 +149,7 @@ def export_model(trained: Trained, folder: Path) -> None:
             prompt,
             (torch.randn(2, 6, config.text_size),),
             ["embeddings"],
-            ["z", "mean", "log_variance"],
+            ["z", "mean", "log_variance"] if content is not None else ["z"],
             (batch,),
         ),
         "style": (
@@ -148,14 +166,15 @@ def export_model(trained: Trained, folder: Path) -> None:
             ["y", "alpha"],
             (batch, batch, fixed, fixed, fixed),
         ),
-        "motion": (
-            MotionGraph(trained.content, trained.sequence_scales),
+    }
+    if content is not None:
+        graphs["motion"] = (
+            MotionGraph(content, trained.sequence_scales),
             (torch.randn(2, SEQUENCE_LENGTH, J, JOINT_FEATURES), torch.randn(2, SEQUENCE_LENGTH, 3)),
             ["joints", "root"],
             ["mean", "log_variance"],
             (batch, batch),
-        ),
-    }
+        )
     errors = {}
     for name, (module, example, inputs, outputs, shapes) in graphs.items():
         errors[name] = _export(module.eval(), example, inputs, outputs, shapes, folder / f"{name}.onnx")
@@ -215,6 +234,7 @@ def _write_metadata(trained: Trained, folder: Path, errors: dict[str, float]) ->
         "joints": list(SPORT_SKELETON.names),
         "fps": FPS,
         "config": asdict(trained.config),
+        "decoder": trained.decoder,
         "text_encoder": {"name": trained.config.text_encoder, "dimensions": trained.config.text_size},
         "reverse_steps": [asdict(s) for s in trained.steps],
         "sigma_bar_squared": trained.sigma_bar_squared.tolist(),

@@ -16,6 +16,7 @@ from runtime.prompts.text_encoder import SHIPPED, TextEncoder
 from training import stage_content, stage_motion, stage_phase
 from training.batches import Frames, Normalisation
 from training.export import Trained, export_model
+from training.export_ablation import DECODERS
 from training.frames import FrameTable, load_frames, sampling_weights
 from training.natural_pace import start_state, style_speeds
 from training.networks.content import ContentEncoder
@@ -56,6 +57,12 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("stage", choices=("all", *STAGES))
     parser.add_argument("--preset", default="compact", help=f"one of {', '.join(PRESETS)}")
+    parser.add_argument(
+        "--decoder",
+        choices=DECODERS,
+        default="diffusion",
+        help="of the export: mixture is stage 2 without diffusion, written to OUT/model-mixture",
+    )
     parser.add_argument("--ablation", help=f"change the preset: {', '.join(ABLATIONS)}")
     parser.add_argument("--layers", type=int, default=2600, help="layered clips to make (stage layer)")
     parser.add_argument("--data", type=Path, help="folder with the motion data archives (for import)")
@@ -150,8 +157,12 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
         stage_motion.run_stage3(session, config, data, generator, args.stage3, args.batch, args.max_minutes)
         save_checkpoint(args.out / "stage3_final.pt", {"module": generator.state_dict()})
     if "export" in wanted:
-        generator = _generator(args.out / "stage3_final.pt", config).to(session.device)
-        sigma = stage_motion.estimate_variance(session, config, data, generator)
+        mixture = args.decoder == "mixture"
+        weights_of = "stage2_final.pt" if mixture else "stage3_final.pt"
+        generator = _generator(args.out / weights_of, config).to(session.device)
+        sigma = np.zeros(config.inference_steps)
+        if not mixture:
+            sigma = stage_motion.estimate_variance(session, config, data, generator)
         schedule = Schedule.linear(config.diffusion_steps)
         steps = reverse_steps(schedule, schedule.subsequence(config.inference_steps), sigma)
         speeds = style_speeds(table, z)
@@ -169,10 +180,12 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
             [CREDITS[s] for s in sorted(set(table.sources))],
             _notes(args, table),
             last_losses(args.out),
-            _sequence_scales(args.out / "content_final.pt", table),
+            _sequence_scales(args.out / "content_final.pt", table) if content is not None else {},
+            args.decoder,
         )
-        export_model(trained, args.out / "model")
-        log.info("exported to %s", args.out / "model")
+        folder = args.out / ("model-mixture" if mixture else "model")
+        export_model(trained, folder)
+        log.info("exported to %s", folder)
 
 
 def _scales(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,6 @@ from typing import Any
 from runtime.atomic import check_target, write_atomic
 from runtime.errors import UsageError
 from runtime.motion_encoder import MotionEncoder
-from runtime.prompts.text_encoder import TextEncoder
 from training.evaluation.bars import check
 from training.evaluation.encoder_features import has_encoder
 from training.evaluation.plan import Options, Plan, make_plan
@@ -30,7 +30,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="sport evaluate",
         description="Score models against captured motion by the paper's metrics; equal arguments give equal figures, "
-        "but for the times.",
+        "but for the times. `sport evaluate --text --help` tells of the evaluation of words.",
     )
     parser.add_argument("--clips", type=Path, required=True, metavar="DIR", help="folder of imported clips")
     parser.add_argument(
@@ -68,8 +68,13 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(argv: list[str] | None = None) -> int:
     """Evaluate; the exit code is 0 also where a model misses a bar: the tables say so."""
-    parser = build_parser()
-    args = parser.parse_args(argv)
+    words = list(sys.argv[1:] if argv is None else argv)
+    if "--text" in words:  # does the motion do what the words say
+        from training.evaluation import text_main
+
+        words.remove("--text")
+        return text_main.main(words)
+    args = build_parser().parse_args(words)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
     if args.only_figures and args.figures is None:
         raise UsageError("--only-figures: there is no folder for them.", "Add --figures DIR.")
@@ -102,8 +107,7 @@ def evaluate(args: argparse.Namespace) -> dict[str, Any]:
     begin = time.perf_counter()
     held_out = score_held_out(plan, log.info)
     rollouts = score_rollouts(plan, log.info)
-    texts = TextEncoder()
-    models = [_score(plan, folder, texts) for folder in args.model]
+    models = [_score(plan, folder) for folder in args.model]
     log.info("generated and scored in %.0f s", time.perf_counter() - begin)
     for model in models:
         for bar in check(model, held_out):
@@ -119,8 +123,8 @@ def evaluate(args: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def _score(plan: Plan, folder: Path, texts: TextEncoder) -> dict[str, Any]:
-    return score_model(plan, Subject(folder, plan.texts, texts), log.info)
+def _score(plan: Plan, folder: Path) -> dict[str, Any]:
+    return score_model(plan, Subject(folder, plan.texts), log.info)
 
 
 def _encoder(args: argparse.Namespace) -> MotionEncoder | None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import argparse
+import json
 from collections.abc import Sequence
 from math import isnan
 from pathlib import Path
 from typing import Any
 
 from runtime.atomic import write_atomic
+from runtime.errors import FileError, run_command
 from training.evaluation.bars import check
 
 BEGIN, END = "<!-- motion evaluation: begin -->", "<!-- motion evaluation: end -->"
@@ -188,3 +191,23 @@ def _terrain(model: dict[str, Any]) -> list[str]:
     rows = [[name, *(_number(found[k], 2) for k in keys)] for name, found in model["terrain"].items()]
     head = ["ground", "joints sunk p99 (cm)", "soles sunk p95", "p99", "lowest point over ground p50", "p95"]
     return _table([*head, "path error (m)"], rows)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """`python -m training.evaluation.report RESULTS.json FILE.md`: the tables of an evaluation that was kept."""
+    parser = argparse.ArgumentParser(prog="training.evaluation.report", description=main.__doc__)
+    parser.add_argument("json", type=Path)
+    parser.add_argument("markdown", type=Path)
+    args = parser.parse_args(argv)
+    try:
+        results = json.loads(args.json.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise FileError(
+            f"{args.json}: not a readable JSON file.", "Run `sport evaluate --json FILE` first."
+        ) from error
+    write_markdown(args.markdown, results)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_command("evaluation report", main))

@@ -16,7 +16,7 @@ from runtime.controls import Controls
 from runtime.model import MotionModel, load_model
 from runtime.prompts.content import PromptEncoder
 from runtime.prompts.parts import PartDescriptions
-from runtime.prompts.text_encoder import TextEncoder
+from runtime.prompts.text_encoder import text_encoder_of
 from training.evaluation.driving import flat_ground
 
 Array = NDArray[np.floating]
@@ -27,18 +27,20 @@ TIMED_FRAMES, WARM_UP = 240, 30
 class Subject:
     """The runtime's model of a folder, with the six-part descriptions of each style."""
 
-    def __init__(self, folder: Path, texts: dict[str, list[PartDescriptions]], encoder: TextEncoder) -> None:
+    def __init__(self, folder: Path, texts: dict[str, list[PartDescriptions]]) -> None:
         self.folder = folder
         self.model: MotionModel = load_model(folder)
         self._texts = texts
-        self._prompts = PromptEncoder(encoder, self.model.prompt_path)
+        words = text_encoder_of(self.model.metadata, folder)
+        self._prompts = PromptEncoder(words, self.model.prompt_path)
         self._styles: dict[tuple[str, int], Array] = {}
 
     @property
     def name(self) -> str:
-        """Folder and preset: several models may share a preset."""
-        inner = self.folder.name
-        return self.folder.parent.name if inner == "model" else inner
+        """The folder's name; that of the training run for its `model` and `model-mixture`."""
+        folder = self.folder.resolve()
+        inner = folder.name
+        return folder.parent.name + inner[5:] if inner.startswith("model") else inner
 
     @property
     def decoder(self) -> str:

@@ -66,7 +66,7 @@ class Controller:
         self.foot_lock_enabled = True
         self.message = ""  # last fault of the network, for the status line
         self._foot_lock = FootLock(SPORT_SKELETON)
-        self._style = model.fold_style(np.zeros((6, 64), np.float32))
+        self._style = model.fold_style(np.zeros(model.style_shape, np.float32))
         self._from_z = self._to_z = self._style.z
         self._blend, self._blend_seconds = 1.0, 0.0
         self.asked_speed = 0.0

@@ -33,7 +33,8 @@ class Style:
 class MotionModel:
     """One frame of motion: x and a style to y, by five denoising steps inside one graph.
 
-    Deterministic for equal inputs and noise. `noise_shape` is `(steps, experts, output size)`.
+    Deterministic for equal inputs and noise. `noise_shape` is `(steps, experts, output size)`,
+    `style_shape` that of Z^t: (6, 64), or of six sentence embeddings for a network without a content encoder.
     """
 
     def __init__(self, folder: Path, metadata: dict[str, Any], threads: int = 1) -> None:
@@ -46,11 +47,12 @@ class MotionModel:
             int(config["experts"]),
             int(config["output_size"]),
         )
+        self.style_shape = (6, int(config.get("style_size", 384)) // 6)
         prompt, self._style, self._step = (
             open_graph(folder / f"{name}.onnx", read_graph(folder, name, metadata), threads)
             for name in ("prompt", "style", "step")
         )
-        check_graphs(folder, prompt, self._style, self._step, self.noise_shape)
+        check_graphs(folder, prompt, self._style, self._step, self.noise_shape, self.style_shape)
         self.provider = self._step.get_providers()[0].removesuffix("ExecutionProvider")
 
     @property
@@ -61,9 +63,10 @@ class MotionModel:
     def fold_style(self, z: Array) -> Style:
         """Fold Z^t `(6, 64)` into the modulator's weights: once per prompt, and per frame while prompts blend."""
         z = np.ascontiguousarray(z, np.float32)
-        if z.shape != (6, 64) or not np.all(np.isfinite(z)):
+        if z.shape != self.style_shape or not np.all(np.isfinite(z)):
             raise ModelError(
-                f"Z^t: expected finite values of shape (6, 64), got {z.shape}.", "Encode the prompt again."
+                f"Z^t: expected finite values of shape {self.style_shape}, got {z.shape}.",
+                "Encode the prompt again.",
             )
         bias, weight, content_bias, speeds = self._style.run(None, {"z": z})
         walk, jog = float(np.clip(speeds[0], 0.4, 2.2)), float(np.clip(speeds[1], 1.2, 5.0))

@@ -119,14 +119,15 @@ def check_graphs(
     style: onnxruntime.InferenceSession,
     step: onnxruntime.InferenceSession,
     noise_shape: tuple[int, int, int],
+    style_shape: tuple[int, int] = (6, 64),
 ) -> None:
     """ModelError when the graphs do not fit this program, the metadata or each other."""
     prompt_path = folder / "prompt.onnx"
     _check_shapes(prompt_path, prompt.get_inputs(), {"embeddings": [None, 6, None]})
     # what comes after z are the distribution's parameters, which evaluation compares (models of version 0.1 lack them)
-    _check_shapes(prompt_path, prompt.get_outputs()[:1], {"z": [None, 6, 64]})
+    _check_shapes(prompt_path, prompt.get_outputs()[:1], {"z": [None, *style_shape]})
     style_path, step_path = folder / "style.onnx", folder / "step.onnx"
-    _check_shapes(style_path, style.get_inputs(), {"z": [6, 64]})
+    _check_shapes(style_path, style.get_inputs(), {"z": [*style_shape]})
     _check_shapes(style_path, style.get_outputs(), {**dict.fromkeys(FOLDED), "speeds": [2]})
     folded = {value.name: list(value.shape) for value in style.get_outputs() if value.name in FOLDED}
     inputs: _Shapes = {"x": [None, INPUT_SIZE], "noise": [None, *noise_shape], **folded}

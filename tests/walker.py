@@ -63,6 +63,7 @@ class WalkerModel:
     def __post_init__(self):
         self.name, self.provider = "walker", "Test"
         self.noise_shape = (2, 2, features.OUTPUT_SIZE)
+        self.style_shape = (6, 64)
         self.prompt_path = None
         self.folder = Path("walker")
         self.frame = 0

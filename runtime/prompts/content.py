@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     import onnxruntime
 
 PARTS = len(PART_NAMES)
-CODE_SIZE = 64  # numbers a part has in Z^t (Sec. III-C)
 
 
 class PromptEncoder:
@@ -36,9 +35,9 @@ class PromptEncoder:
         """Z^t `(6, 64)` of six descriptions; ModelError when the network is damaged or gives no finite numbers."""
         embeddings = self._text_encoder.encode(descriptions.as_tuple())[None]
         z = np.asarray(self._session.run(["z"], {"embeddings": embeddings})[0], np.float32)
-        if z.shape != (1, PARTS, CODE_SIZE) or not np.isfinite(z).all():
+        if z.ndim != 3 or z.shape[:2] != (1, PARTS) or not np.isfinite(z).all():
             raise ModelError(
-                f"{self._path}: gave z of shape {z.shape}, expected {(1, PARTS, CODE_SIZE)} finite numbers.",
+                f"{self._path}: gave z of shape {z.shape}, expected {(1, PARTS)} times finite numbers.",
                 "Choose another model, or export this one again.",
             )
         return z[0]

@@ -1,0 +1,56 @@
+"""The ablations of Table I differ from the full model in what they name, and run."""
+
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from runtime.errors import FileError, UsageError  # noqa: E402
+from training.ablations import SHARED, prepare  # noqa: E402
+from training.export import EmbeddingGraph  # noqa: E402
+from training.networks.generator import Generator  # noqa: E402
+from training.networks.phase import PeriodicAutoencoder  # noqa: E402
+from training.presets import ABLATIONS, ablation, preset  # noqa: E402
+
+
+@pytest.mark.parametrize("name", ABLATIONS)
+def test_every_variant_makes_a_frame(name: str) -> None:
+    config = ablation(preset("tiny"), name)
+    generator = Generator(config).eval()
+    y, alpha = generator.decode_mixture(torch.randn(3, 472), torch.randn(3, config.style_size))[:2]
+    assert y.shape == (3, config.output_size)
+    assert alpha.shape == (3, config.experts)
+
+
+def test_the_variants_change_what_they_are_named_for() -> None:
+    full = preset("tiny")
+    count = {n: sum(p.numel() for p in Generator(ablation(full, n)).parameters()) for n in ABLATIONS}
+    assert count["4-experts"] < count["4-content-experts"] < count["full"] < count["no-content-encoder"]
+    assert ablation(full, "no-content-encoder").style_size == 6 * full.text_size
+    has_graph = [
+        any("graph" in n for n, _ in PeriodicAutoencoder(ablation(full, name)).named_parameters())
+        for name in ("full", "pae")
+    ]
+    assert has_graph == [True, False]
+
+
+def test_an_unknown_variant_lists_the_known_ones() -> None:
+    with pytest.raises(UsageError, match="4-content-experts"):
+        ablation(preset("tiny"), "nothing")
+
+
+def test_without_a_content_encoder_the_sentences_are_the_code() -> None:
+    words = torch.randn(2, 6, 384)
+    graph = EmbeddingGraph(torch.zeros(6 * 384), 2.0 * torch.ones(6 * 384))
+    assert torch.allclose(graph(words), words / 2.0)
+
+
+def test_shared_stages_are_copied_and_missed(tmp_path) -> None:
+    run = tmp_path / "run"
+    run.mkdir()
+    for file in SHARED["full"]:
+        (run / file).write_bytes(b"x")
+    prepare(run, tmp_path / "out", "pae")
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["content_final.pt"]
+    (run / "phase.npy").unlink()
+    with pytest.raises(FileError, match=r"phase\.npy"):
+        prepare(run, tmp_path / "other", "full")

@@ -1,0 +1,71 @@
+"""The ablation rows of Table I: every variant trained for the same few steps, on the same data, and exported.
+
+    python -m training.ablations --clips DIR --run DIR --out DIR --stage2-steps 3000 --stage3-steps 1000
+
+`--run` is the folder of a finished run: its phases and content encoder serve the variants that do not change them.
+Every variant lands in OUT/<name>/model; `sport evaluate --model` scores them beside each other.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import shutil
+from pathlib import Path
+
+from runtime.errors import FileError, run_command
+from training import pipeline
+from training.presets import ABLATIONS
+
+log = logging.getLogger("sport.train")
+
+# What a variant can take over from the full model's run, by the stages that its change leaves alone.
+_PHASE, _CONTENT = ("phase.npy", "phase_final.pt"), ("content_final.pt",)
+SHARED: dict[str, tuple[str, ...]] = {
+    "full": _PHASE + _CONTENT,
+    "pae": _CONTENT,
+    "4-experts": _PHASE + _CONTENT,
+    "4-content-experts": _PHASE + _CONTENT,
+    "no-content-encoder": _PHASE,
+    "whole-body-contrast": _PHASE,
+}
+
+
+def prepare(run: Path, out: Path, name: str) -> None:
+    """Copy what the variant `name` shares with `run` into `out`; FileError names what is missing."""
+    out.mkdir(parents=True, exist_ok=True)
+    for file in SHARED[name]:
+        if (out / file).exists():
+            continue
+        if not (run / file).exists():
+            raise FileError(f"{run / file}: missing.", "Train stages phase and content there first.")
+        shutil.copy(run / file, out / file)
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description="Train and export the ablations of Table I.")
+    parser.add_argument("--clips", type=Path, required=True)
+    parser.add_argument("--run", type=Path, required=True, help="folder of the full model's run")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--only", nargs="*", choices=tuple(ABLATIONS), default=list(ABLATIONS))
+    parser.add_argument("--preset", default="compact")
+    parser.add_argument("--phase-steps", type=int, default=1500)
+    parser.add_argument("--content-steps", type=int, default=1500)
+    parser.add_argument("--stage2-steps", type=int, default=3000)
+    parser.add_argument("--stage3-steps", type=int, default=1000)
+    args = parser.parse_args(argv)
+    for name in args.only:
+        folder = args.out / name
+        if (folder / "model" / "metadata.json").exists():
+            log.info("%s: already exported", name)
+            continue
+        prepare(args.run, folder, name)
+        steps = [f"--{stage}-steps={getattr(args, f'{stage}_steps')}" for stage in ("phase", "content")]
+        steps += [f"--stage2-steps={args.stage2_steps}", f"--stage3-steps={args.stage3_steps}"]
+        common = ["--preset", args.preset, "--clips", str(args.clips), "--out", str(folder), "--layers", "0"]
+        pipeline.main(["all", *common, "--ablation", name, *steps])
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_command("ablations", main))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+import numpy as np
 from viewer_fakes import FakeController
 
 from viewer.app import App
@@ -80,3 +81,19 @@ def typing(app: App) -> bool:
 def message(app: App) -> str:
     current = app.state.messages.current
     return "" if current is None else current.text
+
+
+def words(app: App) -> dict[str, str]:
+    """The descriptions the character moves by."""
+    answer = app.state.prompt.edit.a
+    assert answer is not None
+    return answer.words.to_mapping()
+
+
+def prompt(app: App) -> str:
+    answer = app.state.prompt.edit.a
+    return "" if answer is None else answer.prompt
+
+
+def style(app: App) -> np.ndarray:
+    return controller(app).styles[-1][0]

@@ -16,10 +16,11 @@ from viewer_fakes import FakeController
 from runtime.errors import UsageError
 from runtime.terrain import Terrain
 from viewer.messages import Messages
-from viewer.panels.layout import Rect, arrange
+from viewer.panels.layout import Rect, arrange, view_centre
 from viewer.playback import Playback
 from viewer.settings import Settings, config_directory, load_settings, save_settings
 from viewer.simulation import MAX_STEPS, Simulation, interpolate
+from viewer.state import Stats
 from viewer.takes import export_target, file_stem, free_path
 
 
@@ -98,6 +99,30 @@ def test_panels_never_overlap(size: tuple[int, int], scale: float) -> None:
             assert a.y + a.height <= size[1] + 1e-6
             for b in rects[i + 1 :]:
                 assert not a.overlaps(b)
+
+
+def test_the_picture_is_centred_in_what_the_panels_leave() -> None:
+    wide, narrow = arrange(1280, 720, 1.0), arrange(800, 600, 1.0)
+    assert view_centre(arrange(1280, 720, 1.0, panels=False)) == 0.0
+    assert view_centre(wide) == pytest.approx(2 * (wide.view.x + wide.view.width / 2) / 1280 - 1)
+    assert narrow.tabs is not None
+    assert (1 + view_centre(narrow)) / 2 * 800 > narrow.tabs.x + narrow.tabs.width + 100
+    assert view_centre(arrange(360, 600, 1.0)) == 0.0  # hardly anything is left
+
+
+def test_rates_are_those_of_the_clock() -> None:
+    stats = Stats()
+    for _ in range(100):
+        stats.add(
+            work_s=0.08, interval_s=0.1, steps=1
+        )  # offscreen: one step a picture, however long it takes
+    assert stats.fps == pytest.approx(10.0)
+    assert stats.steps_per_s == pytest.approx(10.0)
+    assert stats.frame_ms == pytest.approx(80.0)
+    for i in range(1000):
+        stats.add(0.001, 1 / 144, steps=[1, 0, 1, 0, 0][i % 5] + (i % 60 == 0))
+    assert stats.fps == pytest.approx(144.0, rel=0.01)
+    assert stats.steps_per_s == pytest.approx(60.0, rel=0.05)
 
 
 def test_simulation_steps_at_60_hz_whatever_the_display() -> None:

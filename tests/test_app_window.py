@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +58,19 @@ def test_change_of_scale_does_not_add_up(start: Start) -> None:
         app.window._wanted_scale = scale
         run(app)
     assert imgui.get_style().window_padding.x == before
+
+
+def test_the_status_line_tells_the_true_rates(start: Start) -> None:
+    app = start()
+    run(app, 3)
+    begin, first = time.perf_counter(), app.frames_shown
+    while app.frames_shown < first + 40:
+        run(app)
+        time.sleep(0.02)
+    rate = (app.frames_shown - first) / (time.perf_counter() - begin)
+    assert app.state.stats.fps == pytest.approx(rate, rel=0.5)
+    assert app.state.stats.fps < 51.0  # not the 60 steps that they simulate
+    assert app.state.stats.steps_per_s == pytest.approx(app.state.stats.fps, rel=0.3)
 
 
 def test_minimised_window_draws_nothing_and_comes_back(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:

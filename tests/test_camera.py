@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from render_scene import hills
 
 from viewer.camera import FollowCamera, OrbitCamera, spring
+from viewer.render.frame import make_frame
 
 untimed = settings(deadline=None)  # a busy machine must not fail them
 yaws = st.floats(-math.pi, math.pi)
@@ -40,13 +41,26 @@ def test_heading_is_the_ground_direction_of_the_view(yaw: float, pitch: float, d
 
 
 @untimed
-@given(yaws, pitches, ndc, ndc, st.floats(0.5, 3.0))
-def test_ray_goes_through_the_point_that_projects_there(yaw, pitch, x, y, aspect) -> None:
+@given(yaws, pitches, ndc, ndc, st.floats(0.5, 3.0), st.sampled_from([0.0, 0.4]))
+def test_ray_goes_through_the_point_that_projects_there(yaw, pitch, x, y, aspect, shift) -> None:
     camera = OrbitCamera((0.5, 1.0, 0.2), yaw, pitch, 5.0)
+    camera.shift = shift
     origin, direction = camera.ray(x, y, aspect)
     point = np.append(origin + 3.0 * direction, 1.0)
     clip = camera.projection_matrix(aspect).astype(float) @ camera.view_matrix().astype(float) @ point
     np.testing.assert_allclose(clip[:2] / clip[3], [x, y], atol=1e-4)
+
+
+def test_a_shifted_camera_shows_its_target_there_and_the_same_sky_behind() -> None:
+    camera = OrbitCamera((0.5, 1.0, 0.2), 0.7, 0.2, 5.0)
+    camera.shift = 0.4
+    clip = camera.projection_matrix(1.5) @ camera.view_matrix() @ np.append(camera.target, 1.0)
+    np.testing.assert_allclose(clip[:2] / clip[3], [0.4, 0.0], atol=1e-5)
+    frame = make_frame(camera, (150, 100), [], 0.0, 512)
+    right, up, forward = np.frombuffer(frame.uniforms[128:], np.float32).reshape(7, 4)[1:4, :3]
+    for x, y in ((-1.0, 0.5), (0.4, 0.0), (1.0, -1.0)):  # as sky.frag finds its rays
+        ray = forward + x * right + y * up
+        np.testing.assert_allclose(ray / np.linalg.norm(ray), camera.ray(x, y, 1.5)[1], atol=1e-5)
 
 
 def test_character_facing_away_has_its_left_on_the_left_of_the_picture() -> None:

@@ -1,0 +1,95 @@
+"""The real application without a display: two prompts blended by body part."""
+
+from __future__ import annotations
+
+import numpy as np
+from app_driver import Start, click, controller, press, run, style, words
+from viewer_fakes import FakeEncoder, FakeLibrary
+
+from runtime.prompts.blend import read_words
+
+
+def test_a_blend_moves_each_part_by_its_share(start: Start) -> None:
+    app = start(prompt="a proud king")
+    run(app)
+    king, duck = style(app), FakeEncoder().encode(FakeLibrary().expand("a duck").descriptions)
+    app.prompting.submit_prompt("a duck", "b")
+    assert np.allclose(style(app), (king + duck) / 2)  # half at first, so that it shows
+    app.prompting.set_all_weights(0.0)
+    app.prompting.set_weight("torso", 1.0)
+    app.prompting.set_weight("head", 0.25)
+    styles = len(controller(app).styles)
+    run(app)
+    assert len(controller(app).styles) == styles + 1  # three changes, one fold
+    assert np.array_equal(style(app)[:4], king[:4])
+    assert np.array_equal(style(app)[4], duck[4])
+    assert np.allclose(style(app)[5], 0.75 * king[5] + 0.25 * duck[5])
+    run(app, 3)
+    assert len(controller(app).styles) == styles + 1  # and none without a change
+
+
+def test_the_slider_for_all_leaves_locked_parts(start: Start) -> None:
+    app = start(prompt="a proud king")
+    run(app)
+    app.prompting.submit_prompt("a duck", "b")
+    app.prompting.toggle_lock("head")
+    app.prompting.set_all_weights(1.0)
+    assert app.state.prompt.edit.weights == (1.0,) * 5 + (0.5,)
+    assert app.state.prompt.edit.master_weight == 1.0
+
+
+def test_a_blend_is_undone_swapped_dropped_and_kept_in_takes(start: Start) -> None:
+    app = start(prompt="a proud king")
+    run(app, 2)
+    marks: list[str] = []
+    app.prompting.mark = marks.append
+    app.prompting.submit_prompt("a duck", "b")
+    for weight in (0.1, 0.2, 0.3):  # one drag
+        app.prompting.set_weight("torso", weight)
+        run(app)
+    app.prompting.commit("blend of torso")
+    blended = style(app)
+    kept = read_words(marks[-1])
+    assert (kept.a, kept.b, kept.weights) == ("a proud king", "a duck", (0.5, 0.5, 0.5, 0.5, 0.3, 0.5))
+    app.prompting.swap()
+    run(app)
+    assert np.allclose(style(app), blended, atol=1e-4)
+    assert (app.state.prompt.box.text, app.state.prompt.other.text) == ("a duck", "a proud king")
+    assert words(app)["torso"] == app.state.prompt.parts["torso"] == "torso of a duck"
+    press(app, "ctrl", "z")
+    press(app, "ctrl", "z")
+    assert app.state.prompt.edit.weights == (0.5,) * 6
+    press(app, "ctrl", "z")
+    run(app)
+    assert (app.state.prompt.edit.b, app.state.prompt.other.text) == (None, "")
+    press(app, "ctrl", "y")
+    assert app.state.prompt.other.text == "a duck"
+    app.prompting.drop_blend()
+    run(app)
+    assert marks[-1] == "a proud king"
+    assert not app.state.prompt.edit.blended
+
+
+def test_the_blend_panel_is_used_by_mouse_and_keys(start: Start) -> None:
+    app = start(prompt="a proud king")
+    run(app, 3)
+    click(app, 135, 227)  # the tab
+    click(app, 160, 280)  # prompt B
+    app.window.inject_text("a duck")
+    run(app, 3)
+    press(app, "enter")
+    run(app, 2)
+    assert app.state.prompt.edit.b is not None
+    assert app.state.prompt.edit.b.prompt == "a duck"
+    steps = app.prompting.history.undo_label
+    app.window.inject_mouse(200, 383, 0, True)  # the slider for all
+    run(app, 2)
+    for x in (220, 240, 290):
+        app.window.inject_mouse(x, 383)
+        run(app, 2)
+    app.window.inject_mouse(290, 383, 0, False)
+    run(app, 2)
+    assert app.state.prompt.edit.master_weight > 0.8
+    assert (steps, app.prompting.history.undo_label) == ("“a duck”", "blend of all parts")
+    press(app, "ctrl", "z")  # the drag is one step
+    assert app.state.prompt.edit.weights == (0.5,) * 6

@@ -1,0 +1,114 @@
+"""The real application without a display: suggestions while a prompt is typed, and the history of prompts."""
+
+from __future__ import annotations
+
+import threading
+
+from app_driver import Start, click, controller, press, prompt, run, run_until, type_prompt, typing
+from viewer_fakes import FakeLibrary
+
+from viewer.settings import load_settings, save_settings
+
+
+def test_suggestions_show_while_typing_and_are_taken_by_keys(start: Start) -> None:
+    app = start()
+    run(app, 2)
+    styles = len(controller(app).styles)
+    type_prompt(app, "prou")
+    box = app.state.prompt.box
+    assert box.suggesting
+    found = [s.text for s in app.suggester.suggestions(box)]
+    # begins so, has a word that begins so, means the like
+    assert found == ["proud peacock", "a proud king", "waddling duck", "goose step"]
+    press(app, "down")
+    press(app, "down")
+    press(app, "up")
+    assert box.picked == 0
+    press(app, "tab")
+    assert (box.text, box.suggesting, typing(app)) == ("proud peacock", False, True)
+    assert len(controller(app).styles) == styles  # taken into the field, not yet asked
+    app.window.inject_text(", head down")
+    run(app, 2)
+    assert box.text == "proud peacock, head down"
+    press(app, "enter")
+    assert prompt(app) == "proud peacock, head down"
+
+
+def test_enter_on_a_suggestion_asks_for_it(start: Start) -> None:
+    app = start()
+    run(app, 2)
+    type_prompt(app, "king")
+    press(app, "down")
+    press(app, "down")
+    press(app, "enter")
+    run(app)
+    assert prompt(app) == "an old king"
+    assert app.state.prompt.box.text == "an old king"
+    assert not typing(app)
+
+
+def test_escape_closes_the_list_and_then_leaves_the_field(start: Start) -> None:
+    app = start(prompt="a proud king")
+    run(app, 2)
+    type_prompt(app, "limp")
+    press(app, "escape")
+    assert (app.state.prompt.box.suggesting, app.state.prompt.box.text) == (False, "limp")
+    assert typing(app)
+    press(app, "escape")
+    run(app)
+    assert not typing(app)
+    assert app.state.prompt.box.text == "a proud king"  # as before it was entered
+
+
+def test_a_suggestion_is_taken_by_the_mouse(start: Start) -> None:
+    app = start()
+    run(app, 2)
+    type_prompt(app, "prou")
+    box_bottom = 96  # of the field, pixels
+    click(app, 160, box_bottom + 5 + 23 + 12)  # the second line
+    assert prompt(app) == "a proud king"
+    assert not app.state.prompt.box.suggesting
+
+
+def test_meaning_is_looked_up_on_a_worker_only(start: Start) -> None:
+    app = start()
+    app.jobs.blocking = False
+    run(app, 2)
+    library = app.expanders.library
+    assert isinstance(library, FakeLibrary)
+    type_prompt(app, "quack")
+    run_until(app, lambda: app.state.prompt.box.near_to == "quack")
+    assert {text for text, _ in library.looked_up} <= {"qu", "qua", "quac", "quack"}
+    assert threading.main_thread().name not in {thread for _, thread in library.looked_up}
+    similar = [(s.text, s.similarity) for s in app.suggester.suggestions(app.state.prompt.box)]
+    assert similar == list(FakeLibrary.near)
+
+
+# history
+
+
+def test_the_history_is_recalled_remembered_and_has_no_doubles(start: Start) -> None:
+    app = start()
+    run(app, 2)
+    for text in ("one", "two", "One ", "three"):
+        app.prompting.submit_prompt(text)
+    assert app.state.settings.prompt_history == ["three", "One", "two"]
+    type_prompt(app, "x")
+    press(app, "backspace")
+    box = app.state.prompt.box
+    assert [s.text for s in app.suggester.suggestions(box)] == ["three", "One", "two"]
+    seen = []
+    for key in ("up", "up", "up", "up", "down", "down", "down"):
+        press(app, key)
+        seen.append(box.text)
+    assert seen == ["three", "One", "two", "two", "One", "three", ""]
+    save_settings(app.state.settings, app.config)
+    assert load_settings(app.config)[0].prompt_history == ["three", "One", "two"]
+
+
+def test_the_prompt_that_the_program_begins_with_is_no_history(start: Start) -> None:
+    app = start()
+    run(app)
+    assert app.state.settings.prompt_history == []
+    app.prompting.submit_prompt("  ")  # nor is one that had no answer
+    assert app.state.settings.prompt_history == []

@@ -16,7 +16,7 @@ from training.presets import ABLATIONS, ablation, preset  # noqa: E402
 def test_every_variant_makes_a_frame(name: str) -> None:
     config = ablation(preset("tiny"), name)
     generator = Generator(config).eval()
-    y, alpha = generator.decode_mixture(torch.randn(3, 472), torch.randn(3, config.style_size))[:2]
+    y, _, alpha = generator.decode_mixture(torch.randn(3, 472), torch.randn(3, config.style_size))
     assert y.shape == (3, config.output_size)
     assert alpha.shape == (3, config.experts)
 

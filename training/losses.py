@@ -1,4 +1,4 @@
-"""The paper's losses, Eq. 2, 3, 8, 9 (stage 1), 10 to 13 (stage 2) and 14 (stage 3)."""
+"""The paper's losses: Eq. 2, 3, 7, 8, 9 (stage 1), 10 to 13 (stage 2) and 14 (stage 3)."""
 
 from __future__ import annotations
 
@@ -31,6 +31,17 @@ def reconstruction(target: Tensor, from_motion: Tensor, from_text: Tensor) -> Te
     return smooth_l1_loss(from_motion, target) + smooth_l1_loss(from_text, target)
 
 
+def stage1(
+    recon: Tensor,
+    contrast: Tensor,
+    divergence: Tensor,
+    embedding: Tensor,
+    weights: tuple[float, float, float],
+) -> Tensor:
+    """Eq. 7 of Eq. 3, 2, 8 and 9; `weights` are lambda_con, lambda_KL and lambda_emb."""
+    return recon + weights[0] * contrast + weights[1] * divergence + weights[2] * embedding
+
+
 def divergence(a: Gaussian, b: Gaussian | None) -> Tensor:
     """KL(a, b) of diagonal normals, mean over the batch; b None is the standard normal."""
     mean = torch.zeros_like(a.mean) if b is None else b.mean
@@ -59,6 +70,16 @@ def embedding_similarity(z_motion: Tensor, z_text: Tensor) -> Tensor:
     return smooth_l1_loss(z_text, z_motion)
 
 
+def stage2(rec: Tensor, contact_error: Tensor, contact_weight: float = 1.0) -> Tensor:
+    """Eq. 10 of Eq. 11 and 12; the paper adds them without a weight."""
+    return rec + contact_weight * contact_error
+
+
+def motion(target: Tensor, predicted: Tensor, weights: Tensor) -> Tensor:
+    """Eq. 11: mean squared error of normalised y `(B, n)`, every entry with its weight `(n,)` (the paper: 1)."""
+    return (weights * (predicted - target).square()).mean()
+
+
 def contact(labels: Tensor, squared_foot_velocity: Tensor) -> Tensor:
     """Eq. 12, 13 with a differentiable step.
 
@@ -67,6 +88,11 @@ def contact(labels: Tensor, squared_foot_velocity: Tensor) -> Tensor:
     """
     soft = torch.sigmoid((CONTACT_SPEED - squared_foot_velocity) / (0.5 * CONTACT_SPEED))
     return mse_loss(soft, labels)
+
+
+def codes(target: Tensor, predicted: Tensor) -> Tensor:
+    """Eq. 14: mean squared error between E_d's codes Z^c and the denoiser's, `(B, K, n)`."""
+    return mse_loss(predicted, target)
 
 
 def hard_contact(squared_foot_velocity: Tensor) -> Tensor:

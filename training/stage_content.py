@@ -116,12 +116,8 @@ def run(
             "kl": terms.kullback_leibler(text, motion),
             "embedding": terms.embedding_similarity(z_motion, z_text),
         }
-        result["total"] = (
-            result["recon"]
-            + LAMBDA_CONTRAST * (0.5 * whole + parts)
-            + LAMBDA_KL * result["kl"]
-            + LAMBDA_EMBEDDING * result["embedding"]
-        )
+        contrast, shares = 0.5 * whole + parts, (LAMBDA_CONTRAST, LAMBDA_KL, LAMBDA_EMBEDDING)
+        result["total"] = terms.stage1(result["recon"], contrast, result["kl"], result["embedding"], weights)
         return result
 
     train(

@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn.functional import mse_loss
 
 from runtime.features import INPUT, OUTPUT
 from runtime.skeleton import SPORT_SKELETON
@@ -98,8 +97,7 @@ def _corrupt(x: Tensor, level: float) -> Tensor:
 
 def stage2_loss(data: MotionData, target: Tensor, predicted: Tensor) -> dict[str, Tensor]:
     """Eq. 10 to 13: weighted MSE of M and the contact term; the squared foot velocity is that of the predicted j^v."""
-    weights = loss_weights(target.device)
-    reconstruction = (weights * (predicted - target).square()).mean()
+    reconstruction = terms.motion(target, predicted, loss_weights(target.device))
     normal = data.normal
     field = OUTPUT["joint_velocities"]
     velocity = predicted[:, field] * normal.y_deviation[field] + normal.y_mean[field]
@@ -163,7 +161,7 @@ def run_stage2(
         y = module.decode_mixture(mixed.x, mixed.z)[0].float()
         lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
         result = stage2_loss(data, mixed.target, y)
-        return result | {"total": result["rec"] + CONTACT_WEIGHT * result["contact"]}
+        return result | {"total": terms.stage2(result["rec"], result["contact"], CONTACT_WEIGHT)}
 
     train(session, "stage2", state, rows, losses, steps, _warm_restarts(steps, 1e-3), batch, max_minutes)
     module.load_state_dict(state.average.values)
@@ -240,11 +238,11 @@ def run_stage3(
         predicted = module.denoiser(noisy, e, n).float()
         y = blend_codes(module.clean_codes(predicted), alpha.float())
         lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
-        result = {"codes": mse_loss(predicted, codes.float())}
+        result = {"codes": terms.codes(codes.float(), predicted)}
         total = result["codes"]
         if step > 0.25 * steps:
             result |= stage2_loss(data, mixed.target, y)
-            total = 0.1 * total + result["rec"] + CONTACT_WEIGHT * result["contact"]
+            total = 0.1 * total + terms.stage2(result["rec"], result["contact"], CONTACT_WEIGHT)
         return result | {"total": total}
 
     def rate(step: int) -> float:  # Sec. III-G: 4e-4 down to 1e-5

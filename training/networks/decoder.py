@@ -70,7 +70,10 @@ class ResidualBlock(nn.Module):
 
 
 class Denoiser(nn.Module):
-    """mu_hat(Z^c_tau, tau, E): noisy codes `(B, K, output)` to the clean codes `(B, K, output)`, all standardised."""
+    """mu_hat(Z^c_tau, tau, E) of Eq. 5 and 6, predicted directly.
+
+    Noisy codes `(B, K, output)` to the clean codes `(B, K, output)`, all standardised.
+    """
 
     def __init__(self, config: ModelConfig) -> None:
         super().__init__()

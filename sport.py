@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from runtime.errors import UsageError, run_command
 
@@ -17,6 +17,7 @@ _EXAMPLES = """examples:
   sport view --offscreen --frames 120 --screenshot shot.png
   sport generate --prompt "a proud walk" --path circle --seconds 12 --out proud.bvh
   sport generate --prompts "0:walk calmly; 4:drunk" --terrain hills --out change.bvh
+  sport generate --prompt "a proud walk" --blend drunk --blend-weights torso=1,head=0.5 --out blend.bvh
   sport bench --json bench.json
   sport train all --preset compact --data DIR --out DIR     needs pip install -e '.[train]'
 """
@@ -72,6 +73,7 @@ def _add_view(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     view.set_defaults(command=_view)
     view.add_argument("--terrain", metavar="NAME|FILE", help="a ready terrain, PNG, NPY or mesh file")
     view.add_argument("--prompt", metavar="TEXT", help="style to begin with")
+    _add_blend(view)
     view.add_argument("--model", type=Path, metavar="DIR", help="folder of an exported model")
     view.add_argument("--character", type=Path, metavar="GLB", help="skinned character")
     view.add_argument("--clip", type=Path, metavar="BVH", help="clip to open")
@@ -107,6 +109,8 @@ def _view(options: argparse.Namespace) -> int:
         panels=not options.no_panels,
         terrain=options.terrain,
         prompt=options.prompt,
+        blend=options.blend,
+        blend_weights=_blend_weights(options),
         model=options.model,
         character=options.character,
         clip=options.clip,
@@ -119,6 +123,23 @@ def _view(options: argparse.Namespace) -> int:
     from viewer.app import run
 
     return run(view_options)
+
+
+def _add_blend(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--blend", metavar="TEXT", help="a second prompt to blend with")
+    command.add_argument(
+        "--blend-weights",
+        metavar="LIST",
+        help='share of it in each body part: "left_arm=1,torso=0.5", or one number for all (default: 0.5)',
+    )
+
+
+def _blend_weights(options: argparse.Namespace) -> tuple[float, ...]:
+    from runtime.prompts.blend import parse_weights
+
+    if options.blend is None and options.blend_weights is not None:
+        raise UsageError("--blend-weights: there is no second prompt.", "Add --blend.")
+    return parse_weights("0.5" if options.blend_weights is None else options.blend_weights)
 
 
 def _size(text: str | None) -> tuple[int | None, int | None]:
@@ -144,6 +165,7 @@ def _add_generate(commands: argparse._SubParsersAction[argparse.ArgumentParser])
     style.add_argument("--prompt", metavar="TEXT", help="how the character moves")
     style.add_argument("--prompts", metavar="LIST", help='prompts with times: "0:walk calmly; 4:drunk"')
     style.add_argument("--parts", type=Path, metavar="JSON", help="file that says what six body parts do")
+    _add_blend(generate)
     generate.add_argument(
         "--expander",
         choices=("library", "gpt"),
@@ -180,16 +202,23 @@ def _generate(options: argparse.Namespace) -> int:
     from runtime.atomic import check_target
     from runtime.clip import check_bvh_options, save_bvh
     from runtime.generate import DEFAULT_PROMPT, generate_clip, load_parts, parse_prompts
+    from runtime.prompts.blend import BlendedPrompt
+    from runtime.prompts.expander import check_prompt
 
     check_bvh_options(options.fps, options.unit)
     check_target(options.out)
     if options.seed < 0:
         raise UsageError(f"--seed {options.seed}: expected 0 or more.", "Choose another seed.")
-    prompt = DEFAULT_PROMPT if options.prompt is None else options.prompt
+    prompt: Any = DEFAULT_PROMPT if options.prompt is None else options.prompt
+    weights = _blend_weights(options)
     if options.prompts is not None:
         prompt = parse_prompts(options.prompts)
+        if options.blend is not None:
+            raise UsageError("--blend: blends one prompt, not several with times.", "Use --prompt.")
     elif options.parts is not None:
         prompt = load_parts(options.parts)
+    if options.blend is not None:
+        prompt = BlendedPrompt(prompt, check_prompt(options.blend), weights)
     clip = generate_clip(
         prompt,
         options.terrain,

@@ -19,6 +19,7 @@ from runtime.terrain import Terrain
 if TYPE_CHECKING:
     from runtime.controller import Controller
     from runtime.model import MotionModel
+    from runtime.prompts.blend import BlendedPrompt, Words
     from runtime.prompts.expander import Expander
     from runtime.prompts.parts import PartDescriptions
     from runtime.prompts.text_encoder import TextEncoder
@@ -113,7 +114,7 @@ def parse_prompts(script: str) -> tuple[PromptEvent, ...]:
 
 
 def generate_clip(
-    prompt: str | PartDescriptions | Sequence[PromptEvent] = DEFAULT_PROMPT,
+    prompt: str | PartDescriptions | BlendedPrompt | Sequence[PromptEvent] = DEFAULT_PROMPT,
     terrain: str | Path | Terrain = "flat",
     path: str = "forward",
     gait: str = "walk",
@@ -130,8 +131,8 @@ def generate_clip(
 ) -> Clip:
     """Generate a clip of `seconds` at 60 frames a second; equal arguments give equal bytes.
 
-    `prompt` is one prompt, six descriptions, or several prompts with times, `terrain` a name, file or terrain, `path` and
-    `gait` are those of `runtime.paths`. `model` is a model folder, by default the shipped one; `expander`, `report` and
+    `prompt` is one prompt, six descriptions, a blend of two, or several prompts with times (also those of a take),
+    `terrain` a name, file or terrain, `path` and `gait` are those of `runtime.paths`. `model` is a model folder, by default the shipped one; `expander`, `report` and
     `text_encoder` are those of `open_prompter`. SportError names what cannot be used.
     """
     from runtime.controller import Controller
@@ -147,23 +148,34 @@ def generate_clip(
     ground = terrain if isinstance(terrain, Terrain) else load_terrain(terrain)
     motion_model = load_model(model)
     to_style = open_prompter(motion_model, expander, report, text_encoder)
-    styles = [(event.seconds, to_style(words)) for event, words in zip(events, asked, strict=True)]
+    styles = [(event.seconds, _style(words, to_style)) for event, words in zip(events, asked, strict=True)]
     controller = Controller(motion_model, ground, seed)
     poses = simulate(controller, script, styles, round(seconds * FPS), transition_seconds)
     return clip_of(poses, name, events, str(terrain) if not isinstance(terrain, Terrain) else terrain.name)
 
 
 def _events(
-    prompt: str | PartDescriptions | Sequence[PromptEvent],
-) -> tuple[tuple[PromptEvent, ...], list[str | PartDescriptions]]:
-    """The clip's prompt events, and for each what is to be expanded or encoded."""
+    prompt: str | PartDescriptions | BlendedPrompt | Sequence[PromptEvent],
+) -> tuple[tuple[PromptEvent, ...], list[Words | BlendedPrompt]]:
+    """The clip's prompt events, and for each what is to be expanded, encoded or blended."""
+    from runtime.prompts.blend import BlendedPrompt, read_words, write_words
     from runtime.prompts.expander import check_prompt
     from runtime.prompts.parts import PartDescriptions
 
-    if isinstance(prompt, PartDescriptions):
-        return (PromptEvent(0.0, prompt.to_json()),), [prompt]
-    events = (PromptEvent(0.0, prompt),) if isinstance(prompt, str) else tuple(prompt)
-    return events, [check_prompt(event.prompt) for event in events]
+    if isinstance(prompt, str):
+        return (PromptEvent(0.0, prompt),), [check_prompt(prompt)]
+    if isinstance(prompt, PartDescriptions | BlendedPrompt):
+        return (PromptEvent(0.0, write_words(prompt)),), [prompt]
+    asked = [read_words(event.prompt) for event in prompt]
+    return tuple(prompt), [check_prompt(words) if isinstance(words, str) else words for words in asked]
+
+
+def _style(words: Words | BlendedPrompt, to_style: PromptToStyle) -> Array:
+    from runtime.prompts.blend import BlendedPrompt, blend_parts
+
+    if isinstance(words, BlendedPrompt):
+        return blend_parts(to_style(words.a), to_style(words.b), words.weights)
+    return to_style(words)
 
 
 def simulate(

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from walker import WalkerModel
 
+import runtime.generate as generate_module
+import runtime.model
+import sport
+from runtime.clip import PromptEvent
 from runtime.errors import PromptError
 from runtime.prompts.blend import (
     ALL_A,
@@ -100,3 +105,56 @@ def test_a_prompt_that_looks_like_json_stays_a_prompt(prompt):
 def test_a_damaged_event_is_named(value):
     with pytest.raises(PromptError):
         read_words(json.dumps(value))
+
+
+# the command
+
+
+def style_of(words):
+    """A stand-in for the prompt encoder: other words, another Z^t."""
+    return np.full((6, 64), (sum(map(ord, write_words(words))) % 100) / 200.0, np.float32)
+
+
+@pytest.fixture
+def walker(monkeypatch):
+    monkeypatch.setattr(runtime.model, "load_model", lambda folder=None, threads=1: WalkerModel())
+    monkeypatch.setattr(generate_module, "open_prompter", lambda model, *_: style_of)
+
+
+def test_generate_blends(walker, tmp_path):
+    def written(*arguments):
+        out = tmp_path / "clip.bvh"
+        assert sport.main(["generate", *arguments, "--seconds", "0.3", "--out", str(out)]) == 0
+        return out.read_bytes()
+
+    proud, drunk = written("--prompt", "proud"), written("--prompt", "drunkard")
+    both = ("--prompt", "proud", "--blend", "drunkard")
+    assert proud != drunk
+    assert written(*both, "--blend-weights", "0") == proud
+    assert written(*both, "--blend-weights", "1") == drunk
+    assert written(*both) not in (proud, drunk)
+    assert written(*both, "--blend-weights", "torso=1") not in (proud, drunk, written(*both))
+
+
+def test_the_events_of_a_take_make_its_style_again(walker):
+    """What the viewer kept of a prompt, of edited words and of a blend is what `generate` is given."""
+    blended = BlendedPrompt("proud", PARTS, (0.0, 0.0, 0.0, 0.0, 1.0, 0.25))
+    kept = (PromptEvent(0.0, write_words(blended)),)
+    z = blend_parts(style_of("proud"), style_of(PARTS), blended.weights)
+    events, asked = generate_module._events(kept)
+    assert events == kept
+    assert np.array_equal(generate_module._style(asked[0], style_of), z)
+    clip = generate_module.generate_clip(blended, seconds=0.1)
+    assert clip.prompts == kept
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [(["--blend-weights", "1"], "--blend"), (["--blend", "drunk", "--blend-weights", "tail=1"], "tail"),
+     (["--blend", " "], "empty"), (["--prompts", "0:a", "--blend", "drunk"], "--blend")],
+)  # fmt: skip
+def test_a_blend_that_cannot_be_made_is_one_sentence(walker, tmp_path, capsys, arguments, told):
+    out = tmp_path / "clip.bvh"
+    assert sport.main(["generate", *arguments, "--out", str(out)]) == 2
+    assert told in capsys.readouterr().err
+    assert not out.exists()

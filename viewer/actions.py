@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -59,6 +60,10 @@ class Actions:
             self.prompting.submit_prompt(DEFAULT_PROMPT, remembered=False)
         else:
             self.prompting.submit_prompt(options.prompt)
+        if options.blend is not None:
+            state.prompt.edit = dataclasses.replace(state.prompt.edit, weights=options.blend_weights)
+            state.prompt.tab_requested = "blend"
+            self.prompting.submit_prompt(options.blend, "b")
         if options.clip is not None:
             self.takes.open(options.clip)
 

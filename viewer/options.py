@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from runtime.errors import UsageError
+from runtime.prompts.blend import ALL_A, Weights
 
 MIN_SIDE, MAX_SIDE = 64, 8192  # pixels
 MAX_FRAMES = 1_000_000
@@ -30,6 +31,8 @@ class ViewOptions:
     panels: bool = True
     terrain: str | None = None  # a name of the library or a file
     prompt: str | None = None
+    blend: str | None = None  # a second prompt
+    blend_weights: Weights = (0.5,) * len(ALL_A)  # its share in each body part
     model: Path | None = None  # directory of an exported model
     character: Path | None = None  # GLB
     clip: Path | None = None  # BVH to open

@@ -252,7 +252,7 @@ class Prompting:
             known = before or dataclasses.replace(answer, prompt="", said=result.request)
             answer = dataclasses.replace(known, words=result.request, z=result.z, final=True)
         changes: dict[str, Any] = {side: answer}
-        if side == "b" and not edit.blended:
+        if side == "b" and not any(edit.weights):
             changes["weights"] = FIRST_BLEND
         unchanged = question.stepped and answer.words == before.words
         self._adopt(side, dataclasses.replace(edit, **changes), question)

@@ -44,6 +44,7 @@ class PromptState:
     asked: frozenset[str] = frozenset()  # sides ("a", "b") whose answer is on its way
     available: bool = True  # False when the model could not be loaded
     loading: bool = True
+    tab_requested: str = ""  # "blend": shown from the next frame on
     search: str = ""
     ready: tuple[str, ...] = ()  # prompts to choose from
     library: tuple[str, ...] = ()  # prompts to suggest

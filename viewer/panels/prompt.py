@@ -63,7 +63,9 @@ def draw(state: AppState, actions: Actions) -> None:
         _scrolling("parts", lambda: prompt_parts.draw(prompt, prompting))
         imgui.end_tab_item()
     blended = " •" if prompt.edit.blended else ""
-    if imgui.begin_tab_item(f"Blend{blended}###blend")[0]:
+    wanted = imgui.TabItemFlags_.set_selected if prompt.tab_requested == "blend" else 0
+    if imgui.begin_tab_item(f"Blend{blended}###blend", None, wanted)[0]:
+        prompt.tab_requested = ""
         _scrolling("blend", lambda: prompt_blend.draw(state, prompting, actions.suggester))
         imgui.end_tab_item()
     if imgui.begin_tab_item("Ready prompts")[0]:

@@ -97,12 +97,15 @@ class Controller:
 
     def set_style(self, z: Array, transition_seconds: float = 1.0) -> None:
         """Blend to Z^t `(6, 64)` over the given time, starting with the next frame."""
-        target = self.model.fold_style(z)
-        if transition_seconds <= 0:
-            self._style, self._blend = target, 1.0
-            self._from_z = self._to_z = target.z
+        z = np.ascontiguousarray(z, np.float32)
+        fits = z.shape == self._style.z.shape and bool(np.all(np.isfinite(z)))
+        if (
+            transition_seconds <= 0 or not fits
+        ):  # `fold_style` says what is wrong with a code that does not fit
+            self._style, self._blend = self.model.fold_style(z), 1.0
+            self._from_z = self._to_z = self._style.z
             return
-        self._from_z, self._to_z = self._style.z, target.z
+        self._from_z, self._to_z = self._style.z, z  # folded once a frame while it blends
         self._blend, self._blend_seconds = 0.0, float(transition_seconds)
 
     def set_terrain(self, terrain: Terrain) -> None:

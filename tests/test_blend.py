@@ -158,3 +158,26 @@ def test_a_blend_that_cannot_be_made_is_one_sentence(walker, tmp_path, capsys, a
     assert sport.main(["generate", *arguments, "--out", str(out)]) == 2
     assert told in capsys.readouterr().err
     assert not out.exists()
+
+
+# the controller
+
+
+def test_a_style_that_changes_each_frame_is_folded_once_a_frame():
+    """As while a slider is dragged."""
+    from runtime.controller import Controller
+    from runtime.controls import Controls
+    from runtime.terrain import Terrain
+
+    model = WalkerModel()
+    controller = Controller(model, Terrain.flat())
+    folded, fold = [], model.fold_style
+    model.fold_style = lambda z: folded.append(z) or fold(z)
+    for i in range(30):
+        controller.set_style(np.full((6, 64), i / 30.0), 0.1)
+        controller.step(Controls())
+        assert len(folded) == i + 1
+    for _ in range(10):
+        controller.step(Controls())
+    assert controller.style.z[0, 0] == pytest.approx(29 / 30)
+    assert len(folded) == 36  # the last tenth of a second, then no more

@@ -117,7 +117,7 @@ def run(
             "embedding": terms.embedding_similarity(z_motion, z_text),
         }
         contrast, shares = 0.5 * whole + parts, (LAMBDA_CONTRAST, LAMBDA_KL, LAMBDA_EMBEDDING)
-        result["total"] = terms.stage1(result["recon"], contrast, result["kl"], result["embedding"], weights)
+        result["total"] = terms.stage1(result["recon"], contrast, result["kl"], result["embedding"], shares)
         return result
 
     train(

@@ -56,7 +56,7 @@ def _draw_row(row: Array, clip: np.lib.npyio.NpzFile) -> None:
         yaw = np.arctan2(forward[0], forward[2])
         centre = np.array([hips[t, 0], float(terrain.height(hips[t, 0], hips[t, 2])), hips[t, 2]])
         _draw_ground(axis, terrain, centre, yaw)
-        _draw_figure(
+        draw_figure(
             axis, rotations.rotate(rotations.from_yaw(-yaw), positions[t] - centre), clip["contacts"][t]
         )
 
@@ -80,7 +80,8 @@ def _project(p: Array) -> tuple[Array, Array]:
     return v[..., 0], v[..., 1]
 
 
-def _draw_figure(axis: Any, p: Array, contacts: Array) -> None:
+def draw_figure(axis: Any, p: Array, contacts: Array) -> None:
+    """One pose `(31, 3)` in the figure's own frame as bones, seen from the front left; points in contact are green."""
     for part, joints in PART_JOINTS.items():
         for j in joints:
             parent = SPORT_SKELETON.parents[j]

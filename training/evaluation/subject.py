@@ -30,7 +30,7 @@ class Subject:
     def __init__(self, folder: Path, texts: dict[str, list[PartDescriptions]]) -> None:
         self.folder = folder
         self.model: MotionModel = load_model(folder)
-        self._texts = texts
+        self.texts = texts
         words = text_encoder_of(self.model.metadata, folder)
         self._prompts = PromptEncoder(words, self.model.prompt_path)
         self._styles: dict[tuple[str, int], Array] = {}
@@ -49,9 +49,9 @@ class Subject:
 
     def style(self, style: str, number: int) -> Array:
         """Z^t `(6, 64)` of one of a style's descriptions; any number counts round."""
-        key = (style, number % len(self._texts[style]))
+        key = (style, number % len(self.texts[style]))
         if key not in self._styles:
-            self._styles[key] = self._prompts.encode(self._texts[style][key[1]])
+            self._styles[key] = self._prompts.encode(self.texts[style][key[1]])
         return self._styles[key]
 
 

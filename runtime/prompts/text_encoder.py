@@ -117,7 +117,7 @@ class TextEncoder:
                 int(values["max_tokens"]),
                 str(values.get("graph", _SHIPPED_GRAPH)),
             )
-            if found.graph != Path(found.graph).name:
+            if found.graph != Path(found.graph).name or not found.graph:
                 raise ValueError("'graph' is no plain file name")
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise _damaged(path, "the text encoder's metadata", error, self._remedy) from error

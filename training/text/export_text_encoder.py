@@ -72,12 +72,12 @@ def quantise(source: Path, target: Path) -> None:
     quantize_dynamic(source, target, weight_type=QuantType.QInt8, per_channel=True, reduce_range=True)
 
 
-def write_tokenizer(source: Path, target: Path) -> None:
+def write_tokenizer(source: Path, target: Path, max_tokens: int = MAX_TOKENS) -> None:
     """The tokenizer without its fixed padding, so that short descriptions stay short."""
     from tokenizers import Tokenizer
 
     tokenizer = Tokenizer.from_file(str(source))
-    tokenizer.enable_truncation(MAX_TOKENS)
+    tokenizer.enable_truncation(max_tokens)
     tokenizer.no_padding()
     tokenizer.save(str(target), pretty=False)
 

@@ -124,8 +124,8 @@ def load_encoder(directory: Path) -> SentenceEncoder:
 
 
 def read_safetensors(path: Path) -> dict[str, np.ndarray]:
-    """Arrays of a safetensors file (float32 and int64 only); FileError when it is damaged."""
-    dtypes = {"F32": np.dtype("<f4"), "I64": np.dtype("<i8")}
+    """Arrays of a safetensors file (float16, float32 and int64 only); FileError when it is damaged."""
+    dtypes = {"F16": np.dtype("<f2"), "F32": np.dtype("<f4"), "I64": np.dtype("<i8")}
     try:
         raw = path.read_bytes()
         (size,) = struct.unpack("<Q", raw[:8])

@@ -1,12 +1,14 @@
 """Minutes of random play without a window, with checks: `python -m benchmarks.soak --minutes 10`.
 
-Random sticks, gaits, prompts and terrains; the exit code is 1 when a bar is missed.
+Random sticks, gaits, prompts and terrains; the exit code is 1 when a bar is missed. An hour (`--minutes 60`) takes about a
+quarter of one.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 import time
 from dataclasses import dataclass, field
@@ -17,10 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.feet import skating, sole_skating, toe_heights
+from runtime import features
 from runtime.atomic import check_target, write_atomic
 from runtime.controller import Controller
 from runtime.controls import Controls, Gait
-from runtime.errors import run_command
+from runtime.errors import UsageError, run_command
 from runtime.generate import FPS, open_prompter
 from runtime.model import load_model
 from runtime.pose import Pose
@@ -38,6 +41,7 @@ PROMPTS = (
     "an aeroplane, arms spread", "a shy girl", "a zombie",
 )  # fmt: skip
 SEGMENT_SECONDS = 20.0  # on one terrain
+PROGRESS_SEGMENTS = 15  # five minutes
 SETTLE_SECONDS = 1.5  # after a change; what follows is a steady stretch
 STRETCH_SECONDS = 1.0  # shortest steady stretch
 TURN_BACK_M = 10.0
@@ -47,6 +51,13 @@ MAX_BONE_CHANGE_M = 1e-3
 SPEED_TOLERANCE = 0.15
 MAX_SKATING_CM = 0.05  # per frame, walking on flat ground
 MAX_PENETRATION_CM = 2.0  # 99th percentile, hills and stairs
+# A figure that glides in one pose, or stands where it should walk: its feet hardly move relative to the root. In a walk
+# they do so with about the speed of the root.
+FROZEN_SHARE = 0.25  # of the asked speed, mean over a second
+MAX_GROWTH_MB = (
+    60.0  # of memory after the first segment; a tenth of it is what the figures themselves take in an hour
+)
+FEET = [4, 5, 9, 10]
 
 
 @dataclass
@@ -72,6 +83,8 @@ def main(argv: list[str] | None = None) -> int:
     if options.json is not None:
         check_target(options.json)
     begin = time.perf_counter()
+    if not 0.1 <= options.minutes <= 1440.0:
+        raise UsageError(f"--minutes {options.minutes}: expected 0.1 to 1440.", "Try 10.")
     report = soak(options.minutes * 60.0, options.seed, options.model)
     report["wall_seconds"] = time.perf_counter() - begin
     print_report(report)
@@ -90,13 +103,18 @@ def soak(seconds: float, seed: int, model: Path | None) -> dict[str, Any]:
     controller = Controller(network, grounds["flat"], seed)
     measured: list[dict[str, Any]] = []
     waiting: list[str] = []
-    for _ in range(max(1, round(seconds / SEGMENT_SECONDS))):
+    memory: list[float] = []
+    count = max(1, round(seconds / SEGMENT_SECONDS))
+    for number in range(count):
         waiting = waiting or [str(name) for name in rng.permutation(TERRAINS)]
         ground = grounds[waiting.pop()]
         controller.set_terrain(ground)
         controller.reset(0.0, 0.0, float(rng.uniform(-np.pi, np.pi)))
         measured.append(measure(play_segment(controller, styles, rng)))
-    return summarise(measured)
+        memory.append(resident_mb())
+        if (number + 1) % PROGRESS_SEGMENTS == 0 and number + 1 < count:
+            print(f"{(number + 1) * SEGMENT_SECONDS / 60.0:.0f} minutes", file=sys.stderr, flush=True)
+    return summarise(measured, memory)
 
 
 def play_segment(controller: Controller, styles: list[Array], rng: np.random.Generator) -> Segment:
@@ -152,31 +170,63 @@ def measure(segment: Segment) -> dict[str, Any]:
         "hips": hips[:, 1] - segment.terrain.height(hips[:, 0], hips[:, 2]),
         "bone_change": float(change.max()),
         "speeds": _steady_speeds(segment),
+        "foot_movement": foot_movement(segment),
         "skating": skating(positions, segment.terrain)[walking],
         "sole_skating": sole_skating(positions, segment.terrain)[walking],
         "toes": toe_heights(positions, segment.terrain).ravel(),
     }
 
 
-def _steady_speeds(segment: Segment) -> list[tuple[str, float, float]]:
-    """(gait, asked, real) in m/s of every stretch on which neither wish nor style changed for a while."""
+def _steady_stretches(segment: Segment) -> list[tuple[int, int]]:
+    """First and last frame (excluded) of every stretch of moving on which neither wish nor style changed for a while."""
     steady = np.array(segment.since_change) >= round(SETTLE_SECONDS * FPS)
     moving = (np.array(segment.asked) > 0.3) & (np.array(segment.gaits) != Gait.JUMP)
     good = np.concatenate([[False], steady & moving, [False]]).astype(int)
     starts, ends = np.flatnonzero(np.diff(good) == 1), np.flatnonzero(np.diff(good) == -1)
+    long_enough = ends - starts >= round(STRETCH_SECONDS * FPS)
+    return [(int(a), int(b)) for a, b in zip(starts[long_enough], ends[long_enough], strict=True)]
+
+
+def foot_movement(segment: Segment) -> list[float]:
+    """For every whole second of the steady stretches: speed of the feet relative to the root, over the asked speed."""
+    root = np.stack([pose.root_position for pose in segment.poses])
+    yaw = np.array([pose.root_yaw for pose in segment.poses])
+    feet = np.stack([pose.positions for pose in segment.poses])[:, FEET] - root[:, None]
+    speed = np.linalg.norm(np.diff(features.to_root(feet, yaw[:, None]), axis=0), axis=-1).mean(1) * FPS
+    shares = []
+    for first, last in _steady_stretches(segment):
+        for begin in range(first, last - FPS, FPS):
+            asked = float(np.mean(segment.asked[begin : begin + FPS]))
+            shares.append(float(speed[begin : begin + FPS].mean()) / asked)
+    return shares
+
+
+def resident_mb() -> float:
+    """Memory of this process in MB; NaN where the system does not tell (not Linux)."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    except OSError:
+        return float("nan")
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def _steady_speeds(segment: Segment) -> list[tuple[str, float, float]]:
+    """(gait, asked, real) in m/s of every steady stretch."""
     root = np.stack([pose.root_position for pose in segment.poses])[:, [0, 2]]
     result: list[tuple[str, float, float]] = []
-    for first, last in zip(starts, ends, strict=True):
-        if last - first < round(STRETCH_SECONDS * FPS):
-            continue
+    for first, last in _steady_stretches(segment):
         travelled = float(np.linalg.norm(np.diff(root[first:last], axis=0), axis=-1).sum())
         real = travelled * FPS / (last - first - 1)
         result.append((segment.gaits[first].name.lower(), float(np.mean(segment.asked[first:last])), real))
     return result
 
 
-def summarise(measured: list[dict[str, Any]]) -> dict[str, Any]:
-    """All segments together, per terrain and per gait, and the bars that were missed."""
+def summarise(measured: list[dict[str, Any]], memory: list[float]) -> dict[str, Any]:
+    """All segments together, per terrain and per gait, and the bars that were missed.
+
+    `memory` is that of the process after every segment, MB.
+    """
+    movement = np.array([share for m in measured for share in m["foot_movement"]])
     hips = np.concatenate([m["hips"] for m in measured])
     report: dict[str, Any] = {
         "frames": sum(m["frames"] for m in measured),
@@ -184,6 +234,10 @@ def summarise(measured: list[dict[str, Any]]) -> dict[str, Any]:
         "messages": [text for m in measured for text in m["messages"]],
         "hips_m": [float(hips.min()), float(hips.max())],
         "bone_change_m": max(m["bone_change"] for m in measured),
+        "moving_seconds": len(movement),
+        "frozen_seconds": int(np.sum(movement < FROZEN_SHARE)),
+        "least_foot_movement": float(movement.min()) if len(movement) else None,
+        "memory_growth_mb": memory[-1] - memory[0] if np.isfinite(memory).all() else None,
         "terrains": {},
         "gaits": {},
     }
@@ -219,6 +273,8 @@ def _missed(report: dict[str, Any]) -> list[str]:
     bars = {
         "poses that are not finite": report["not_finite"] == 0 and not report["messages"],
         "hips height over ground": HIPS_RANGE_M[0] <= low and high <= HIPS_RANGE_M[1],
+        "frozen poses": report["frozen_seconds"] == 0,
+        "memory growth": (report["memory_growth_mb"] or 0.0) <= MAX_GROWTH_MB,
         "bone lengths": report["bone_change_m"] <= MAX_BONE_CHANGE_M,
         "speed on steady stretches": report.get("speed_error", 0.0) <= SPEED_TOLERANCE,
         "skating on flat ground": terrains.get("flat", {"skating_cm": 0.0})["skating_cm"] <= MAX_SKATING_CM,
@@ -235,6 +291,13 @@ def print_report(report: dict[str, Any]) -> None:
     print(f"{minutes:.1f} minutes, {report['frames']} frames in {report['wall_seconds']:.0f} s")
     print(f"not finite {report['not_finite']}, messages {len(report['messages'])} {report['messages'][:2]}")
     print(f"hips over ground {report['hips_m'][0]:.2f} to {report['hips_m'][1]:.2f} m")
+    least = report["least_foot_movement"]
+    print(
+        f"frozen {report['frozen_seconds']} of {report['moving_seconds']} moving seconds, least movement of the feet"
+        f" {'-' if least is None else f'{least:.2f}'} of the asked speed"
+    )
+    growth = report["memory_growth_mb"]
+    print(f"memory grew by {'-' if growth is None else f'{growth:.0f}'} MB")
     print(f"bone length change at most {report['bone_change_m'] * 1000:.4f} mm")
     print(
         f"{'terrain':10} {'skating':>8} {'at sole':>8} {'sunk p99':>9} {'sunk max':>9}   (walking; cm per frame, cm)"

@@ -240,7 +240,7 @@ ARM: dict[str, tuple[dict[str, object], tuple[str, ...], str]] = {
             "{s} arm punching straight ahead",
             "{s} fist thrusting forward and pulling back",
         ),
-        "swing",
+        "hand_front",
     ),
 }
 ARM_SWING: dict[str, tuple[float, tuple[str, ...]]] = {

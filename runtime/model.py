@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,15 @@ from numpy.typing import NDArray
 
 from runtime.assets import asset_path
 from runtime.errors import ModelError
-from runtime.model_files import check_graphs, open_graph, read_graph, read_metadata
+from runtime.model_files import (
+    FOLDED,
+    INT8_GRAPH,
+    check_graphs,
+    choose_precision,
+    open_graph,
+    read_graph,
+    read_metadata,
+)
 
 Array = NDArray[np.float32]
 
@@ -33,12 +42,17 @@ class Style:
 class MotionModel:
     """One frame of motion: x and a style to y, by five denoising steps inside one graph.
 
-    Deterministic for equal inputs and noise. `noise_shape` is `(steps, experts, output size)`,
+    Deterministic for equal inputs and noise. `precision` is that of the loaded step graph, fp32 or int8. With int8 a
+    character's output depends a little on the others of its batch: they share the scale of the activations.
+    `noise_shape` is `(steps, experts, output size)`,
     `style_shape` that of Z^t: (6, 64), or of six sentence embeddings for a network without a content encoder.
     """
 
-    def __init__(self, folder: Path, metadata: dict[str, Any], threads: int = 1) -> None:
+    def __init__(
+        self, folder: Path, metadata: dict[str, Any], threads: int = 1, precision: str = "auto"
+    ) -> None:
         self.folder = folder
+        self.precision = choose_precision(folder, metadata, precision)
         self.name = str(metadata["name"])
         self.metadata = metadata
         config = metadata["config"]
@@ -48,11 +62,15 @@ class MotionModel:
             int(config["output_size"]),
         )
         self.style_shape = (6, int(config.get("style_size", 384)) // 6)
+        step = "step" if self.precision == "fp32" else INT8_GRAPH
         prompt, self._style, self._step = (
             open_graph(folder / f"{name}.onnx", read_graph(folder, name, metadata), threads)
-            for name in ("prompt", "style", "step")
+            for name in ("prompt", "style", step)
         )
-        check_graphs(folder, prompt, self._style, self._step, self.noise_shape, self.style_shape)
+        self._styles_apart = check_graphs(
+            folder, prompt, self._style, self._step, self.noise_shape, self.style_shape, step
+        )
+        self._stacked: tuple[tuple[Style, ...], dict[str, Array]] = ((), {})
         self.provider = self._step.get_providers()[0].removesuffix("ExecutionProvider")
 
     @property
@@ -72,20 +90,35 @@ class MotionModel:
         walk, jog = float(np.clip(speeds[0], 0.4, 2.2)), float(np.clip(speeds[1], 1.2, 5.0))
         return Style(z, bias, weight, content_bias, walk, max(jog, 1.3 * walk))
 
-    def step(self, x: Array, noise: Array, style: Style) -> tuple[Array, Array]:
-        """y `(B, 473)` and alpha `(B, experts)` of inputs `(B, 472)` and noise `(B, *noise_shape)`."""
-        feed = {
-            "x": x,
-            "noise": noise,
-            "front_bias": style.front_bias,
-            "content_weight": style.content_weight,
-            "content_bias": style.content_bias,
-        }
-        y, alpha = self._step.run(None, feed)
+    def step(self, x: Array, noise: Array, style: Style | Sequence[Style]) -> tuple[Array, Array]:
+        """y `(B, 473)` and alpha `(B, experts)` of inputs `(B, 472)` and noise `(B, *noise_shape)`.
+
+        `style` is one for all characters, or one for each; the same list again is not stacked anew.
+        """
+        y, alpha = self._step.run(None, {"x": x, "noise": noise, **self._folded(style, len(x))})
         return y, alpha
 
+    def _folded(self, style: Style | Sequence[Style], count: int) -> dict[str, Array]:
+        if isinstance(style, Style):
+            tensors = {name: getattr(style, name) for name in FOLDED}
+            return {name: tensor[None] for name, tensor in tensors.items()} if self._styles_apart else tensors
+        if len(style) != count or not self._styles_apart:
+            problem = f"{len(style)} styles for {count} characters"
+            problem = problem if self._styles_apart else "this model takes one style for all characters"
+            raise ModelError(
+                f"{self.folder}: {problem}.", "Give a style for each, with a newly exported model."
+            )
+        known, tensors = self._stacked
+        if len(known) != count or any(a is not b for a, b in zip(known, style, strict=True)):
+            tensors = {name: np.stack([getattr(one, name) for one in style]) for name in FOLDED}
+            self._stacked = (tuple(style), tensors)
+        return tensors
 
-def load_model(folder: Path | str | None = None, threads: int = 1) -> MotionModel:
-    """Load and check a model folder (default: the shipped one); ModelError names what is wrong with it."""
+
+def load_model(folder: Path | str | None = None, threads: int = 1, precision: str = "auto") -> MotionModel:
+    """Load and check a model folder (default: the shipped one); ModelError names what is wrong with it.
+
+    `precision` is fp32, int8, or auto: what the folder's metadata name as the better one.
+    """
     folder = Path(folder) if folder is not None else asset_path(DEFAULT_MODEL)
-    return MotionModel(folder, read_metadata(folder), threads)
+    return MotionModel(folder, read_metadata(folder), threads, precision)

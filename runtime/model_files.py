@@ -20,6 +20,8 @@ MAX_METADATA_BYTES = 16 * 1024 * 1024
 MAX_GRAPH_BYTES = 1024 * 1024 * 1024
 REMEDY = "Install the program again, or name another model folder."
 FOLDED = ("front_bias", "content_weight", "content_bias")  # what a style gives to every frame
+INT8_GRAPH = "step_int8"  # optional twin of "step" with 8-bit weights (python -m training.quantize)
+PRECISIONS = ("auto", "fp32", "int8")
 _Shapes = dict[str, list[int | None] | None]  # by name in order; None stands for any number or shape
 _JSON_NAMES: dict[type, str] = {str: "string", dict: "object", list: "list"}
 _FIELDS: dict[str, type] = {
@@ -83,6 +85,23 @@ def _check_numbers(path: Path, field: str, values: Any, count: int) -> None:
         raise ModelError(f"{path}: field '{field}' is not a list of {count} finite numbers.", REMEDY)
 
 
+def choose_precision(folder: Path, metadata: dict[str, Any], asked: str) -> str:
+    """fp32 or int8 for one of PRECISIONS; ModelError when the folder has no int8 graph, or names another default."""
+    path = folder / "metadata.json"
+    quantised = metadata.get("quantised", {})
+    if not isinstance(quantised, dict) or quantised.get("default", "fp32") not in PRECISIONS[1:]:
+        raise ModelError(f"{path}: field 'quantised.default' is neither fp32 nor int8.", REMEDY)
+    if asked not in PRECISIONS:
+        raise ModelError(f"precision {asked[:40]}: unknown.", f"Use one of {', '.join(PRECISIONS)}.")
+    precision = str(quantised.get("default", "fp32")) if asked == "auto" else asked
+    if precision == "int8" and INT8_GRAPH not in metadata["sha256"]:
+        raise ModelError(
+            f"{path}: the model has no 8-bit graph ({INT8_GRAPH}.onnx).",
+            f"Make it with `python -m training.quantize {folder}`, or use --precision fp32.",
+        )
+    return precision
+
+
 def read_graph(folder: Path, name: str, metadata: dict[str, Any]) -> bytes:
     """The bytes of `name`.onnx, which must be those that the metadata was written for."""
     path = folder / f"{name}.onnx"
@@ -120,19 +139,27 @@ def check_graphs(
     step: onnxruntime.InferenceSession,
     noise_shape: tuple[int, int, int],
     style_shape: tuple[int, int] = (6, 64),
-) -> None:
-    """ModelError when the graphs do not fit this program, the metadata or each other."""
+    step_name: str = "step",
+) -> bool:
+    """Whether `step` takes a style for each character; ModelError when the graphs do not fit this program, the
+    metadata or each other."""
     prompt_path = folder / "prompt.onnx"
     _check_shapes(prompt_path, prompt.get_inputs(), {"embeddings": [None, 6, None]})
     # what comes after z are the distribution's parameters, which evaluation compares (models of version 0.1 lack them)
     _check_shapes(prompt_path, prompt.get_outputs()[:1], {"z": [None, *style_shape]})
-    style_path, step_path = folder / "style.onnx", folder / "step.onnx"
+    style_path, step_path = folder / "style.onnx", folder / f"{step_name}.onnx"
     _check_shapes(style_path, style.get_inputs(), {"z": [*style_shape]})
     _check_shapes(style_path, style.get_outputs(), {**dict.fromkeys(FOLDED), "speeds": [2]})
     folded = {value.name: list(value.shape) for value in style.get_outputs() if value.name in FOLDED}
-    inputs: _Shapes = {"x": [None, INPUT_SIZE], "noise": [None, *noise_shape], **folded}
+    # models of version 0.1 take one style for all characters, without a dimension for it
+    bias = next((value for value in step.get_inputs() if value.name == FOLDED[0]), None)
+    apart = bias is not None and len(bias.shape) > len(folded[FOLDED[0]])
+    leading = [None] if apart else []
+    taken: _Shapes = {name: [*leading, *shape] for name, shape in folded.items()}
+    inputs: _Shapes = {"x": [None, INPUT_SIZE], "noise": [None, *noise_shape], **taken}
     _check_shapes(step_path, step.get_inputs(), inputs)
     _check_shapes(step_path, step.get_outputs(), {"y": [None, OUTPUT_SIZE], "alpha": [None, noise_shape[1]]})
+    return apart
 
 
 def _check_shapes(path: Path, values: Any, expected: _Shapes) -> None:

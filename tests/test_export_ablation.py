@@ -8,8 +8,9 @@ pytest.importorskip("onnxscript")
 
 from runtime.features import INPUT_SIZE, OUTPUT_SIZE  # noqa: E402
 from training.batches import Normalisation  # noqa: E402
-from training.export import StyleGraph, _export  # noqa: E402
+from training.export import StyleGraph  # noqa: E402
 from training.export_ablation import MixtureStepGraph  # noqa: E402
+from training.export_step import export_step  # noqa: E402
 from training.networks.generator import Generator  # noqa: E402
 from training.presets import PRESETS  # noqa: E402
 
@@ -47,18 +48,10 @@ def test_the_exported_graph_keeps_the_noise_as_an_input_and_ignores_it(parts, tm
     import onnxruntime
 
     generator, normal, _, folded = parts
-    noise = torch.randn(2, 5, 8, OUTPUT_SIZE)
-    batch, fixed = {0: torch.export.Dim("batch", min=1, max=4096)}, None
     path = tmp_path / "step.onnx"
-    example = (torch.randn(2, INPUT_SIZE), noise, *folded)
-    _export(
-        MixtureStepGraph(generator, normal).eval(),
-        example,
-        INPUTS,
-        ["y", "alpha"],
-        (batch, batch, fixed, fixed, fixed),
-        path,
-    )
+    export_step(MixtureStepGraph(generator, normal), generator, 5, path)
+    noise = torch.randn(2, 5, 8, OUTPUT_SIZE)
+    example = (torch.randn(2, INPUT_SIZE), noise, *(tensor[None] for tensor in folded))
     session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
     assert [i.name for i in session.get_inputs()] == INPUTS
     feed = dict(zip(INPUTS, [e.numpy() for e in example], strict=True))

@@ -12,18 +12,18 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from runtime.features import FPS, INPUT_SIZE, LAYOUT_VERSION
+from runtime.features import FPS, LAYOUT_VERSION
+from runtime.model_files import FOLDED
 from runtime.skeleton import SPORT_SKELETON, J
 from training.batches import Normalisation
 from training.export_ablation import MixtureStepGraph
+from training.export_graph import BATCH, export_graph
+from training.export_step import StepGraph, export_step
 from training.model_card import model_card
 from training.networks.content import JOINT_FEATURES, SEQUENCE_LENGTH, ContentEncoder
-from training.networks.decoder import blend_codes
 from training.networks.diffusion import ReverseStep
 from training.networks.generator import Generator
 from training.presets import ModelConfig
-
-OPSET = 18
 
 
 class PromptGraph(nn.Module):
@@ -84,26 +84,6 @@ class StyleGraph(nn.Module):
         return (*self.modulator.fold(flat), speeds)
 
 
-class StepGraph(nn.Module):
-    """One frame: x `(B, 472)` and noise to y `(B, output)`, in real units; the five steps are unrolled."""
-
-    def __init__(self, generator: Generator, normal: Normalisation, steps: list[ReverseStep]) -> None:
-        super().__init__()
-        self.generator = generator
-        self.steps = steps
-        for name, value in normal.tensors().items():
-            self.register_buffer(name, value)
-
-    def forward(
-        self, x: Tensor, noise: Tensor, front_bias: Tensor, content_weight: Tensor, content_bias: Tensor
-    ) -> tuple[Tensor, Tensor]:
-        w, alpha = self.generator.encoder((x - self.x_mean) / self.x_deviation)
-        folded = (front_bias, content_weight, content_bias)
-        e = self.generator.modulator.forward_folded(w, alpha, folded)
-        codes = self.generator.sample_codes(e, noise, self.steps)
-        return blend_codes(codes, alpha) * self.y_deviation + self.y_mean, alpha
-
-
 @dataclass
 class Trained:
     """Everything the export needs."""
@@ -138,92 +118,35 @@ def export_model(trained: Trained, folder: Path) -> None:
     mixture = trained.decoder == "mixture"
     step = MixtureStepGraph(generator, normal) if mixture else StepGraph(generator, normal, trained.steps)
     torch.manual_seed(0)
-    z = torch.randn(6, config.style_size // 6)
-    with torch.no_grad():
-        folded = style(z)[:3]
-    noise = torch.randn(2, len(trained.steps), config.experts, config.output_size)
-    dynamic = torch.export.Dim("batch", min=1, max=4096)
-    batch, fixed = {0: dynamic}, None
-    graphs = {
-        "prompt": (
+    errors = {
+        "prompt": export_graph(
             prompt,
             (torch.randn(2, 6, config.text_size),),
             ["embeddings"],
             ["z", "mean", "log_variance"] if content is not None else ["z"],
-            (batch,),
+            ({0: BATCH},),
+            folder / "prompt.onnx",
         ),
-        "style": (
+        "style": export_graph(
             style,
-            (z,),
+            (torch.randn(6, config.style_size // 6),),
             ["z"],
-            ["front_bias", "content_weight", "content_bias", "speeds"],
-            (fixed,),
+            [*FOLDED, "speeds"],
+            (None,),
+            folder / "style.onnx",
         ),
-        "step": (
-            step,
-            (torch.randn(2, INPUT_SIZE), noise, *folded),
-            ["x", "noise", "front_bias", "content_weight", "content_bias"],
-            ["y", "alpha"],
-            (batch, batch, fixed, fixed, fixed),
-        ),
+        "step": export_step(step, generator, len(trained.steps), folder / "step.onnx"),
     }
     if content is not None:
-        graphs["motion"] = (
+        errors["motion"] = export_graph(
             MotionGraph(content, trained.sequence_scales),
             (torch.randn(2, SEQUENCE_LENGTH, J, JOINT_FEATURES), torch.randn(2, SEQUENCE_LENGTH, 3)),
             ["joints", "root"],
             ["mean", "log_variance"],
-            (batch, batch),
+            ({0: BATCH}, {0: BATCH}),
+            folder / "motion.onnx",
         )
-    errors = {}
-    for name, (module, example, inputs, outputs, shapes) in graphs.items():
-        errors[name] = _export(module.eval(), example, inputs, outputs, shapes, folder / f"{name}.onnx")
     _write_metadata(trained, folder, errors)
-
-
-def _export(
-    module: nn.Module, example: tuple, inputs: list[str], outputs: list[str], shapes: tuple, path: Path
-) -> float:
-    with torch.no_grad():
-        torch.onnx.export(
-            module,
-            example,
-            str(path),
-            input_names=inputs,
-            output_names=outputs,
-            opset_version=OPSET,
-            dynamo=True,
-            dynamic_shapes=shapes,
-            external_data=False,
-            verbose=False,
-        )
-        expected = module(*example)
-    strip_traces(path)
-    import onnxruntime
-
-    session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
-    got = session.run(None, dict(zip(inputs, [e.numpy() for e in example], strict=True)))
-    expected = expected if isinstance(expected, tuple) else (expected,)
-    error = max(float(np.abs(a.numpy() - b).max()) for a, b in zip(expected, got, strict=True))
-    scale = max(float(a.abs().max()) for a in expected)
-    if error > 1e-4 * max(1.0, scale):
-        raise RuntimeError(f"{path}: ONNX differs from torch by {error:.2e}")
-    return error
-
-
-def strip_traces(path: Path) -> None:
-    """Take the exporter's stack traces out of a graph: they hold the paths of this machine."""
-    import onnx
-
-    model = onnx.load(str(path))
-    graph = model.graph
-    parts = [model, graph, *graph.node, *graph.input, *graph.output, *graph.value_info, *graph.initializer]
-    for function in model.functions:
-        parts += [function, *function.node, *function.value_info]
-    for part in parts:
-        part.ClearField("metadata_props")
-        part.ClearField("doc_string")
-    onnx.save(model, str(path))
 
 
 def _write_metadata(trained: Trained, folder: Path, errors: dict[str, float]) -> None:

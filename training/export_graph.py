@@ -1,0 +1,77 @@
+"""One torch module written as an ONNX graph, compared with torch, and cleaned of what the exporter leaves in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import nn
+
+OPSET = 18
+LARGEST_DIFFERENCE = 1e-4  # between torch and the graph, relative to outputs above one
+BATCH = torch.export.Dim("batch", min=1, max=4096)
+
+
+def export_graph(
+    module: nn.Module,
+    example: tuple,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    shapes: tuple,
+    path: Path,
+    leading: dict[str, str] | None = None,
+) -> float:
+    """Write `module` and return its largest difference from torch on the example; RuntimeError above 1e-4.
+
+    `shapes` are the dynamic shapes of `torch.export`, one for each input. `leading` names the first dimension of inputs
+    anew: torch ties dimensions that the products of a graph broadcast.
+    """
+    module = module.eval()
+    with torch.no_grad():
+        torch.onnx.export(
+            module,
+            example,
+            str(path),
+            input_names=list(inputs),
+            output_names=list(outputs),
+            opset_version=OPSET,
+            dynamo=True,
+            dynamic_shapes=shapes,
+            external_data=False,
+            verbose=False,
+        )
+        expected = module(*example)
+    _clean(path, leading or {})
+    import onnxruntime
+
+    session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+    got = session.run(None, dict(zip(inputs, [e.numpy() for e in example], strict=True)))
+    expected = expected if isinstance(expected, tuple) else (expected,)
+    error = max(float(np.abs(a.numpy() - b).max()) for a, b in zip(expected, got, strict=True))
+    scale = max(float(a.abs().max()) for a in expected)
+    if error > LARGEST_DIFFERENCE * max(1.0, scale):
+        raise RuntimeError(f"{path}: ONNX differs from torch by {error:.2e}")
+    return error
+
+
+def _clean(path: Path, leading: dict[str, str]) -> None:
+    """Take out the exporter's stack traces, which hold paths of this machine, and the shapes it inferred."""
+    import onnx
+
+    model = onnx.load(str(path))
+    graph = model.graph
+    for value in graph.input:
+        if value.name in leading:
+            value.type.tensor_type.shape.dim[0].dim_param = leading[value.name]
+    # inferred shapes tie the renamed dimensions, and quantisation fails on them
+    del graph.value_info[:]
+    parts: list[Any] = [model, graph, *graph.node, *graph.input, *graph.output, *graph.initializer]
+    for function in model.functions:
+        parts += [function, *function.node, *function.value_info]
+    for part in parts:
+        part.ClearField("metadata_props")
+        part.ClearField("doc_string")
+    onnx.save(model, str(path))

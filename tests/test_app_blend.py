@@ -82,12 +82,12 @@ def test_the_blend_panel_is_used_by_mouse_and_keys(start: Start) -> None:
     assert app.state.prompt.edit.b is not None
     assert app.state.prompt.edit.b.prompt == "a duck"
     steps = app.prompting.history.undo_label
-    app.window.inject_mouse(200, 383, 0, True)  # the slider for all
+    app.window.inject_mouse(200, 364, 0, True)  # the slider for all
     run(app, 2)
     for x in (220, 240, 290):
-        app.window.inject_mouse(x, 383)
+        app.window.inject_mouse(x, 364)
         run(app, 2)
-    app.window.inject_mouse(290, 383, 0, False)
+    app.window.inject_mouse(290, 364, 0, False)
     run(app, 2)
     assert app.state.prompt.edit.master_weight > 0.8
     assert (steps, app.prompting.history.undo_label) == ("“a duck”", "blend of all parts")

@@ -145,7 +145,7 @@ def test_the_library_answers_at_once_and_the_language_model_when_it_can(
 def test_newer_words_do_not_get_the_older_answer(asking: Callable[[], App], model: Model) -> None:
     app = asking()
     app.prompting.submit_prompt("a duck")
-    run_until(app, lambda: bool(model.asked))
+    run_until(app, lambda: source(app) == ("a duck", "library") and bool(model.asked))
     app.state.prompt.parts["head"] = "head shaking"
     app.prompting.submit_part("head")  # the person goes on with the library's words
     run_until(app, lambda: not app.state.prompt.asked)

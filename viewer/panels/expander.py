@@ -54,7 +54,7 @@ def _fields(state: AppState, expanders: Expanders) -> None:
     widgets.label("Model")
     done, settings.gpt_model = _text("##model", DEFAULT_MODEL, settings.gpt_model)
     changed |= done
-    widgets.label("Key")
+    widgets.label("API key")
     known = expanders.key_from_environment
     hint = "from OPENAI_API_KEY" if known else "none (endpoints of your own may need none)"
     done, expander.key = _text("##key", hint, expander.key, imgui.InputTextFlags_.password)
@@ -85,6 +85,8 @@ def _test(state: AppState, expanders: Expanders) -> None:
         expanders.test()
     imgui.end_disabled()
     said, good = expander.report or expander.problem, expander.report_good and bool(expander.report)
+    if not said and expander.language_model:
+        said, good = f"{expander.language_model}, from the next prompt on", True
     if said:
         with widgets.color(imgui.Col_.text, theme.ACCENT if good else theme.WARNING):
             imgui.text_wrapped(f"{ICON.check if good else ICON.warning} {said}".replace("%", "%%"))

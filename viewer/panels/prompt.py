@@ -22,7 +22,8 @@ from viewer.state import AppState, PromptState
 
 BLEND_RANGE_S = (0.1, 5.0)
 HINT = "How should the character move?\nFor example: an exhausted soldier"
-NEAREST_ROWS = 3
+NEAREST_ROWS = 3  # in a tall panel, else one
+TALL = 620.0  # pixels at scale 1
 MIN_LIST_HEIGHT = 150.0  # pixels at scale 1
 TOOLS_WIDTH = 3 * 26.0 + 2 * 4.0  # pixels at scale 1
 
@@ -54,7 +55,8 @@ def draw(state: AppState, actions: Actions) -> None:
     prompt, prompting = state.prompt, actions.prompting
     _prompt_box(prompt, actions)
     _apply(state, prompting)
-    near = prompt_answer.draw(prompt.edit.a, "a" in prompt.asked, state, NEAREST_ROWS)
+    rows = NEAREST_ROWS if imgui.get_window_height() >= px(TALL) else 1
+    near = prompt_answer.draw(prompt.edit.a, "a" in prompt.asked, state, rows)
     if near is not None:
         prompting.submit_prompt(near)
     if not imgui.begin_tab_bar("prompt tabs"):

@@ -19,8 +19,8 @@ _HINTS = {
 BAR_WIDTH = 46.0  # pixels at scale 1
 
 
-def draw(answer: Answer | None, asked: bool, state: AppState, rows: int) -> str | None:
-    """The answer with at most `rows` of the nearest prompts; a nearest prompt that was clicked, else None."""
+def draw(answer: Answer | None, asked: bool, state: AppState, rows: int, lines: int = 2) -> str | None:
+    """The answer with at most `rows` of the nearest prompts and `lines` of remarks; a prompt that was clicked, else None."""
     if not state.prompt.available:
         widgets.muted(f"{ICON.warning} Prompts need a motion model.")
         return None
@@ -28,19 +28,19 @@ def draw(answer: Answer | None, asked: bool, state: AppState, rows: int) -> str 
         waiting = f"{ICON.clock} {'Loading' if state.prompt.loading else 'Preparing the style'}…"
         widgets.muted(waiting if asked or state.prompt.loading else f"{ICON.note} Type a prompt.")
         return None
-    _who(answer, asked, state)
+    _who(answer, asked, state, rows)
     chosen = None
     if answer.source != "gpt":
-        for text, similarity in answer.nearest[: 1 if answer.note else rows]:
+        for text, similarity in answer.nearest[: min(rows, 1) if answer.note else rows]:
             if _near(text, similarity):
                 chosen = text
     if answer.note:
         far = bool(answer.nearest) and answer.nearest[0][1] < GOOD_MATCH
-        _note(answer.note, far or answer.note.startswith("Language model"))
+        _note(answer.note, far or answer.note.startswith("Language model"), lines)
     return chosen
 
 
-def _who(answer: Answer, asked: bool, state: AppState) -> None:
+def _who(answer: Answer, asked: bool, state: AppState, rows: int) -> None:
     widgets.tag(_ANSWERED.get(answer.source, answer.source))
     widgets.tooltip(f"{_HINTS.get(answer.source, '')}, in {answer.milliseconds:.0f} ms")
     if answer.edited:
@@ -49,20 +49,23 @@ def _who(answer: Answer, asked: bool, state: AppState) -> None:
         widgets.tooltip(
             "Words of " + ", ".join(part.replace("_", " ") for part in answer.edited) + " are yours"
         )
-    text = _summary(answer, asked, state)
+    text = _summary(answer, asked, state, rows)
     imgui.same_line(0, px(7))
     with widgets.color(imgui.Col_.text, theme.MUTED):
         imgui.text_unformatted(widgets.elided(text, imgui.get_content_region_avail().x))
     widgets.tooltip(text)
 
 
-def _summary(answer: Answer, asked: bool, state: AppState) -> str:
+def _summary(answer: Answer, asked: bool, state: AppState, rows: int) -> str:
     if asked:
         return f"{ICON.clock} asking {state.expander.language_model or 'for the next'}…"
     if answer.source == "gpt":
         return state.expander.language_model or "language model"
     if answer.source == "explicit":
         return "your own words"
+    if answer.nearest and not rows:
+        text, similarity = answer.nearest[0]
+        return f"{max(similarity, 0.0):.0%} like “{text}”"
     return "nearest prompts" if answer.nearest else "no style named"
 
 
@@ -91,8 +94,8 @@ def _near(text: str, similarity: float) -> bool:
     return bool(clicked)
 
 
-def _note(text: str, warns: bool) -> None:
-    """A remark on the answer, on at most two lines."""
+def _note(text: str, warns: bool, lines: int) -> None:
+    """A remark on the answer, on at most so many lines."""
     width = imgui.get_content_region_avail().x - px(20)
     with widgets.color(imgui.Col_.text, theme.WARNING if warns else theme.ACCENT):
         imgui.text_unformatted(ICON.warning if warns else ICON.note)
@@ -100,7 +103,7 @@ def _note(text: str, warns: bool) -> None:
     imgui.begin_group()
     with widgets.color(imgui.Col_.text, theme.MUTED):
         imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + width)
-        imgui.text_unformatted(widgets.elided(text, 1.85 * width))
+        imgui.text_unformatted(widgets.elided(text, (lines - 0.15 * (lines > 1)) * width))
         imgui.pop_text_wrap_pos()
     imgui.end_group()
     widgets.tooltip(text)

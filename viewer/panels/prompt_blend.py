@@ -30,9 +30,7 @@ def draw(state: AppState, prompting: Prompting, suggester: Suggester) -> None:
         else:
             widgets.muted("Type a second prompt: each body part then takes its share of it.", wrap=True)
         return
-    near = prompt_answer.draw(prompt.edit.b, "b" in prompt.asked, state, 1)
-    if near is not None:
-        prompting.submit_prompt(near, "b")
+    prompt_answer.draw(prompt.edit.b, "b" in prompt.asked, state, rows=0, lines=1)
     imgui.dummy(imgui.ImVec2(0, px(1)))
     _ends()
     _all(state, prompting)

@@ -111,7 +111,7 @@ class Shell:
     def _titled(self, panel: _Contents) -> None:
         top, start = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
         widgets.heading(self.fonts, panel.icon, panel.name)
-        _tools(panel, top, start)
+        _tools(panel, imgui.ImVec2(top.x, top.y - px(3)), start)
         panel.draw()
 
     def _status(self, layout: Layout) -> None:
@@ -152,7 +152,7 @@ def _tools(panel: _Contents, top: imgui.ImVec2, width: float) -> None:
     if panel.tools is None or width < px(panel.tools_width):
         return
     after = imgui.get_cursor_pos()
-    imgui.set_cursor_pos(imgui.ImVec2(top.x + width - px(panel.tools_width), top.y - px(3)))
+    imgui.set_cursor_pos(imgui.ImVec2(top.x + width - px(panel.tools_width), top.y))
     panel.tools()
     imgui.set_cursor_pos(after)
 

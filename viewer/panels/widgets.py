@@ -71,7 +71,9 @@ def icon_button(
     """A button of an icon alone, without a background until the mouse is over it; `size` is its side at scale 1."""
     side = px(size) if size else imgui.get_frame_height()
     imgui.begin_disabled(not enabled)
-    imgui.push_style_var(imgui.StyleVar_.frame_padding, imgui.ImVec2(0, 0))
+    # padding as in a frame of this height, or the line would grow to keep the baselines level
+    padding = max((side - imgui.get_text_line_height()) / 2, 0.0)
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, imgui.ImVec2(0, padding))
     with color(imgui.Col_.button, theme.CLEAR), color(imgui.Col_.text, tint):
         clicked = bool(imgui.button(f"{icon}##{name}", imgui.ImVec2(side, side)))
     imgui.pop_style_var()

@@ -1,0 +1,432 @@
+"""The text evaluation: retrieval, part edits, independence and timing, on motions and codes whose answers are known."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from walker import WalkerModel, walk
+
+from runtime import rotations
+from runtime.controls import Gait
+from runtime.errors import FileError, ModelError, UsageError
+from runtime.features import OUTPUT
+from runtime.prompts.expander import Expansion
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import PART_NAMES, SPORT_SKELETON
+from training.data.clip_files import TrainingClip
+from training.data.height_patches import Patches
+from training.evaluation import part_edits, retrieval, text_main, text_timing, text_walks
+from training.evaluation.part_edits import Case, catalogue_cases, load_reference, score, targets
+from training.evaluation.retrieval import Clips, Codes, first_ranks, held_out_clips, recall
+from training.evaluation.text_independence import (
+    by_slot,
+    independence,
+    own_and_others,
+    part_changes,
+    seed_floor,
+)
+from training.evaluation.text_prompts import FREE_PROMPTS
+from training.evaluation.text_report import BEGIN, END, bars, markdown, write_markdown
+from training.evaluation.text_walks import Walk, Walker, mean_rotation, rotation_change, summarise
+from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
+from training.layering.pose_edits import Motion, apply
+
+NEUTRAL = PartDescriptions(**{part: f"{part} as always" for part in PART_NAMES})
+FRAMES = 300
+
+
+def write_clip(folder: Path, name: str, frames: int = FRAMES, split: str = "train", **changes: str) -> None:
+    hips, local, contacts = walk(frames)
+    for side, sign in (("Left", -1.0), ("Right", 1.0)):  # the skeleton rests with its arms spread
+        down = rotations.from_axis_angle(np.array([0.0, 0.0, 1.0]), np.array(sign * 1.3))
+        local[:, SPORT_SKELETON.index(f"{side}Arm")] = down
+    flat = Patches(np.zeros((1, 3, 3), np.float16), (-200.0, -200.0), 200.0)
+    gait = np.eye(6)[np.full(frames, Gait.WALK)]
+    values = {"style": "neutral", "content": "walk", "source": "cmu"} | changes
+    TrainingClip(
+        name, hips, local, contacts, gait, **values, split=split, tier="exact", patches=flat
+    ).save(folder)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def clips(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("clips")
+    write_clip(folder, "cmu_01")
+    write_clip(folder, "cmu_02", 280)
+    write_clip(folder, "cmu_03", 60)  # too short to measure on
+    write_clip(folder, "cmu_04", style="angry")
+    for name in ("cmu_05", "cmu_05_m", "cmu_05_t", "layer_00000"):
+        write_clip(folder, name, split="held_out")
+    write_clip(folder, "rollout_1", split="held_out", source="pfnn_rollouts", content="mixed locomotion")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def reference(clips: Path) -> part_edits.Reference:
+    return load_reference(clips)
+
+
+# --- retrieval --------------------------------------------------------------------------------------------------------
+
+
+def test_codes_compare_as_equation_2_does() -> None:
+    random = np.random.default_rng(0)
+    mean, log_variance = random.standard_normal((2, 4, 6, 64))
+    codes = Codes.of(mean, log_variance)
+    both = np.concatenate([mean, np.exp(log_variance / 2)], -1).reshape(4, -1)
+    cosine = both[0] @ both[1] / np.linalg.norm(both[0]) / np.linalg.norm(both[1])
+    assert codes.similarity(codes)[0, 1] == pytest.approx(cosine)
+    np.testing.assert_allclose(np.diag(codes.similarity(codes, by_part=True)), 1.0)
+    assert codes.mean().similarity(codes)[0, 2] == pytest.approx(codes.similarity(codes)[:, 2].mean())
+
+
+def test_ranks_count_the_nearest_relevant_entry_and_ties_against_it() -> None:
+    similarity = np.array([[0.9, 0.8, 0.7, 0.1], [0.1, 0.5, 0.5, 0.2], [0.1, 0.2, 0.3, 0.4]])
+    relevant = np.array([[0, 1, 1, 0], [0, 1, 0, 0], [0, 0, 0, 1]], bool)
+    assert first_ranks(similarity, relevant).tolist() == [2, 2, 1]
+    found = recall(similarity, relevant, ["a", "a", "b"])
+    assert (found.r1, found.r3, found.median_rank) == (pytest.approx(1 / 3), 1.0, 2.0)
+    assert found.r1_by_style == 0.5  # of a no query, of b every one
+    assert found.chance_r1 == pytest.approx((2 / 4 + 1 / 4 + 1 / 4) / 3)
+
+
+def test_chance_is_what_random_similarities_give() -> None:
+    random = np.random.default_rng(1)
+    relevant = np.arange(30) % 6 == np.zeros((4000, 1))
+    found = recall(random.random((4000, 30)), relevant, ["a"] * 4000)
+    assert found.r1 == pytest.approx(found.chance_r1, abs=0.03)
+    assert found.r3 == pytest.approx(found.chance_r3, abs=0.03)
+    assert abs(found.median_rank - found.chance_rank) <= 1
+
+
+def _codes(*numbers: int) -> Codes:
+    """Codes that are alike where the numbers are."""
+    mean = np.stack([np.random.default_rng(n).standard_normal((6, 64)) for n in numbers])
+    return Codes.of(mean, np.zeros_like(mean))
+
+
+def test_scores_tell_what_is_confused_with_what() -> None:
+    styles = ["angry", "angry", "happy", "neutral_bn"]
+    found = Clips(list("abcd"), styles, _codes(0, 0, 0, 2))  # the happy clip moves as the angry ones
+    texts = {
+        "angry": _codes(0, 0),
+        "happy": _codes(1),
+        "neutral": _codes(2),
+        "neutral_bn": _codes(3),
+        "old": _codes(4),
+    }
+    scores = retrieval._score(found, texts)
+    whole = scores["whole"]
+    assert whole["motion_to_text"]["r1"] == 0.5
+    assert whole["motion_to_text_alike"]["r1"] == 0.75  # a neutral walk of another data set is one
+    assert whole["text_to_motion"]["queries"] == 4  # no held-out clip is old, so nobody asks for it
+    assert scores["by_style"]["happy"]["motion_taken_for"] == {"angry": 1}
+    assert scores["by_style"]["angry"]["text_to_motion"] == 1.0
+    assert scores["by_style"]["neutral_bn"]["motion_to_text"] == 0.0
+
+
+def test_only_held_out_captured_clips_are_asked_for(clips: Path, tmp_path: Path) -> None:
+    assert [p.stem for p in held_out_clips(clips, mirrored=False)] == ["cmu_05"]
+    assert [p.stem for p in held_out_clips(clips, mirrored=True)] == ["cmu_05_m"]
+    with pytest.raises(FileError, match="no held-out clips"):
+        held_out_clips(tmp_path, mirrored=False)
+
+
+def test_a_model_without_the_text_distribution_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("onnx")
+    from onnx import TensorProto, helper
+
+    tensors = [helper.make_tensor_value_info(n, TensorProto.FLOAT, ["n", 6, 64]) for n in ("embeddings", "z")]
+    graph = helper.make_graph(
+        [helper.make_node("Identity", ["embeddings"], ["z"])], "g", tensors[:1], tensors[1:]
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    monkeypatch.setattr(retrieval, "read_metadata", lambda folder: {})
+    monkeypatch.setattr(retrieval, "read_graph", lambda *_: model.SerializeToString())
+    with pytest.raises(ModelError, match="log_variance"):
+        retrieval.TextSide(Path("old"), None)
+
+
+# --- part edits -------------------------------------------------------------------------------------------------------
+
+
+def test_every_held_out_edit_and_pair_is_asked_for_in_all_its_phrases() -> None:
+    cases = {c.name: c for c in catalogue_cases(NEUTRAL)}
+    zero_shot = [c for c in cases.values() if c.kind in ("held out", "pair")]
+    assert {c.name for c in zero_shot} == HELD_OUT | set(HELD_OUT_PAIRS)
+    assert len(cases) == len(EDITS) + len(HELD_OUT_PAIRS)
+    for case in zero_shot:
+        assert len(case.variants) >= 3
+        assert set(case.seeds) == {0, 1, 2}
+        for name in case.edits:
+            for part, phrases in EDITS[name].phrases.items():
+                assert {getattr(v, part) for v in case.variants} == set(phrases)
+        for part in set(PART_NAMES) - set(case.parts):
+            assert {getattr(v, part) for v in case.variants} == {getattr(NEUTRAL, part)}
+    assert len(catalogue_cases(NEUTRAL, trained=False)) == len(zero_shot)
+
+
+def test_free_prompts_are_no_sentences_of_the_catalogue() -> None:
+    sentences = {p for e in EDITS.values() for phrases in e.phrases.values() for p in phrases}
+    assert len(FREE_PROMPTS) >= 20
+    assert not set(FREE_PROMPTS) & (sentences | set(HELD_OUT_PAIRS))
+    assert all(name in EDITS for edits in FREE_PROMPTS.values() for name in edits)
+
+
+def test_the_reference_takes_neutral_walks_that_are_long_enough(reference: part_edits.Reference) -> None:
+    assert [name for name, _, _ in reference.walks] == ["cmu_01", "cmu_02", "cmu_05"]
+
+
+def test_a_folder_without_neutral_walks_is_named(tmp_path: Path) -> None:
+    write_clip(tmp_path, "cmu_04", style="angry")
+    with pytest.raises(FileError, match="neutral"):
+        load_reference(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["left_arm.overhead", "head.down_far", "torso.lean_back_far", "legs.crouch"])
+def test_described_amounts_are_those_of_the_edit(reference: part_edits.Reference, name: str) -> None:
+    described = reference.described(reference.edited((name,)), (name,))
+    assert list(described) == targets((name,))
+    (part, field), amount = next(iter(described.items()))
+    least = {"hand_level": 2.0, "pitch": 40.0 if part == "head" else -15.0, "knee_bend": 10.0}[field]
+    assert amount / least > 1.0
+
+
+def test_a_measure_that_walks_disagree_about_describes_nothing(reference: part_edits.Reference) -> None:
+    (before, after), *_ = reference.edited(("head.up",))
+    assert reference.described([(before, after), (after, before)], ("head.up",)) == {}
+
+
+def edited(motion: Motion, *names: str, share: float = 1.0) -> text_walks.Summary:
+    """A motion with edits, or in between."""
+    changed = motion
+    for name in names:
+        changed = apply(changed, EDITS[name], np.random.default_rng(0))
+    local = rotations.slerp(motion.local, changed.local, np.array(share)) if share != 1.0 else changed.local
+    return summarise(changed.hips, local, changed.contacts)
+
+
+@pytest.mark.parametrize(
+    ("made", "share", "right_way", "enough"),
+    [("head.down_far", 1.0, True, True), ("head.down_far", 0.3, True, False), ("head.up_far", 1.0, False, False),
+     ("torso.sway", 0.0, False, False)],
+)  # fmt: skip
+def test_scores_follow_direction_and_amount(
+    reference: part_edits.Reference, made: str, share: float, right_way: bool, enough: bool
+) -> None:
+    name = "head.down_far"
+    _, motion, plain = reference.walks[0]
+    described = reference.described(reference.edited((name,)), (name,))
+    case = Case(name, "held out", (name,), (NEUTRAL,), (0,))
+    row = score(case, [edited(motion, made, share=share)], {0: plain}, described)
+    assert (row["right_way"], row["enough"]) == (right_way, enough)
+    if made == name:
+        assert row["worst_share"] == pytest.approx(share, abs=0.15)
+    json.dumps(row)
+
+
+def test_a_pair_needs_both_of_its_parts(reference: part_edits.Reference) -> None:
+    pair = HELD_OUT_PAIRS["both arms stretched out in front"]
+    _, motion, plain = reference.walks[0]
+    described = reference.described(reference.edited(pair), pair)
+    case = Case("both", "pair", pair, (NEUTRAL,), (0,))
+    assert score(case, [edited(motion, *pair)], {0: plain}, described)["enough"]
+    assert not score(case, [edited(motion, pair[0])], {0: plain}, described)["right_way"]
+
+
+def test_the_median_of_the_walks_counts(reference: part_edits.Reference) -> None:
+    name = "left_arm.overhead"
+    _, motion, plain = reference.walks[0]
+    described = reference.described(reference.edited((name,)), (name,))
+    case = Case(name, "held out", (name,), (NEUTRAL,) * 3, (0, 0, 0))
+    done = edited(motion, name)
+    row = score(case, [done, plain, done], {0: plain}, described)
+    assert row["enough"]
+    assert row["runs_enough"] == pytest.approx(2 / 3)
+    assert part_edits.shares([row, {**row, "right_way": False}])["right_way"] == 0.5
+
+
+# --- part independence ------------------------------------------------------------------------------------------------
+
+
+def test_mean_rotations_do_not_mind_signs_and_order() -> None:
+    random = np.random.default_rng(0)
+    axis = rotations.normalize(random.standard_normal((50, 2, 3)))
+    local = rotations.from_axis_angle(axis, 0.2 * random.standard_normal((50, 2)))
+    flipped = local[::-1] * np.where(random.random((50, 1, 1)) < 0.5, -1.0, 1.0)
+    dot = np.abs((mean_rotation(local) * mean_rotation(flipped)).sum(-1))
+    np.testing.assert_allclose(dot, 1.0, atol=1e-9)
+
+
+def test_a_walk_out_of_step_or_turned_differs_little_from_itself() -> None:
+    hips, local, contacts = walk(64 * 6)
+    early, late = (summarise(x[0], x[1], x[2]) for x in (
+        (hips[:256], local[:256], contacts[:256]), (hips[32:288], local[32:288], contacts[32:288])
+    ))  # fmt: skip
+    assert np.degrees(rotation_change(early, late)).max() < 0.6
+    turn = rotations.from_yaw(np.array(1.0))
+    turned = local.copy()
+    turned[:, 0] = rotations.multiply(turn, local[:, 0])
+    other = summarise(rotations.rotate(turn, hips)[:256], turned[:256], contacts[:256])
+    assert np.degrees(rotation_change(early, other)).max() < 0.1
+
+
+def test_a_nodding_head_changes_though_its_mean_does_not(reference: part_edits.Reference) -> None:
+    _, motion, plain = reference.walks[0]
+    changes = part_changes(plain, edited(motion, "head.nodding"))
+    assert changes["head"] > 2.0
+    assert own_and_others(changes, ["head"])[1] < 0.01
+
+
+def test_an_edit_of_one_part_leaves_the_others_alone(reference: part_edits.Reference) -> None:
+    _, motion, plain = reference.walks[0]
+    case = Case("left_arm.side", "trained", ("left_arm.side",), (NEUTRAL,), (0,))
+    both = edited(motion, "left_arm.side", "right_arm.side")
+    alone = independence(case, [edited(motion, "left_arm.side")], {0: plain}, reference.edited(case.edits))
+    leaky = independence(case, [both], {0: plain}, reference.edited(case.edits))
+    assert alone["own"] > 20.0
+    assert alone["others"] < 0.01
+    assert leaky["parts"]["right_arm"] > 20.0
+    slots = by_slot([alone, leaky])
+    assert slots["left_arm"]["within"] == slots["all"]["within"] == 1.0
+    assert slots["all"]["edit_ratio"] < 1e-3
+    # the whole other arm went along: few of all the joints, but all of one part
+    assert leaky["most"] == pytest.approx(leaky["own"], rel=0.2)
+    assert slots["all"]["most_ratio"] > 0.4
+    both_arms = {**leaky, "others": 0.3 * leaky["own"]}
+    assert by_slot([alone, both_arms])["all"]["within"] == 0.5
+    assert seed_floor({0: plain, 1: plain, 2: plain}) == pytest.approx(0.0, abs=1e-4)
+
+
+# --- walks, timing and the whole --------------------------------------------------------------------------------------
+
+
+class Standing(WalkerModel):
+    """The same pose at every step, as high as the style says: two runs differ by nothing but the style."""
+
+    def step(self, x, noise, style):
+        self.frame = 0
+        y, alpha = super().step(x, 0.0 * noise, style)
+        y[:, OUTPUT["joint_positions"].start + 1] += 0.1 * style.z.mean()
+        return y, alpha
+
+
+def test_a_walk_is_made_once_and_always_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = []
+    monkeypatch.setattr(text_walks, "_model", lambda folder: made.append(folder) or WalkerModel())
+    walker = Walker(Path("model"), seconds=0.5)
+    asked = [Walk.of(np.full((6, 64), tilt), 0) for tilt in (0.0, 0.3, 0.0)]
+    first, tilted, again = walker.make(asked)
+    assert first is again
+    assert len(made) == 2
+    assert walker.frames == 2 * 150
+    assert abs(tilted.body.head.roll - first.body.head.roll) > 5.0
+    other = Walker(Path("model"), seconds=0.5).make(asked[:1])[0]
+    assert np.array_equal(first.mean, other.mean)
+
+
+def test_the_frame_after_a_new_prompt_answers_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(text_timing, "_WALKED", 10)
+    monkeypatch.setattr(text_timing, "_AFTER", 130)
+    z = np.zeros((6, 64), np.float32)
+    for seconds in (0.0, 1.0):
+        found = text_timing.response(Standing(), z, z + 0.3, seconds)
+        assert found["first_frame"] == 0.0
+        assert found["half_seconds"] == pytest.approx(0.5 * seconds, abs=0.1)
+
+
+def test_a_steady_motion_is_as_smooth_through_a_change_as_in_between(monkeypatch: pytest.MonkeyPatch) -> None:
+    time = np.arange(360)[:, None, None] / 60.0
+    swinging = np.sin(2 * np.pi * time + np.arange(31)[:, None] + np.arange(3))
+    monkeypatch.setattr(text_timing, "transition", lambda *_: (swinging, 180))
+    rows = text_timing.transitions(WalkerModel(), {"a → b": (np.zeros(0), np.zeros(0))})
+    assert rows["a → b"]["ratio"] == pytest.approx(1.0, abs=0.05)
+
+
+class Prompter:
+    """In place of a model's way from words to Z^t: a raised word tilts the head."""
+
+    def __init__(self, folder: Path, text_encoder: Path | None) -> None:
+        self.model, self.words = WalkerModel(), None
+
+    def expand(self, prompt: str) -> Expansion:
+        return Expansion(NEUTRAL.replace("head", prompt), "library", note="made up")
+
+    def z(self, descriptions: PartDescriptions) -> np.ndarray:
+        return np.full((6, 64), 0.3 if "tilted" in descriptions.head else 0.0, np.float32)
+
+    def z_of(self, prompt: str) -> np.ndarray:
+        return self.z(self.expand(prompt).descriptions)
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few cases and short walks of the synthetic walker."""
+    monkeypatch.setattr(text_main, "_Prompter", Prompter)
+    monkeypatch.setattr(text_walks, "_model", lambda folder: WalkerModel())
+    monkeypatch.setattr(text_main, "FREE_PROMPTS", {"cocked, tilted left": ("head.tilted_left",)})
+    monkeypatch.setattr(text_main, "SECONDS", 0.5)
+    kept = ("head.tilted_left", "head.turned_right", "hands on hips", "torso.twist")
+    every = part_edits.catalogue_cases
+    monkeypatch.setattr(
+        part_edits, "catalogue_cases", lambda *a, **k: [c for c in every(*a, **k) if c.name in kept]
+    )
+
+
+def arguments(clips: Path, *more: str) -> argparse.Namespace:
+    parser = argparse.ArgumentParser()
+    text_main.add_arguments(parser)
+    return parser.parse_args(["--clips", str(clips), "--model", "no_such_model", "--workers", "1", *more])
+
+
+def test_from_clips_to_tables(small: None, clips: Path, tmp_path: Path) -> None:
+    asked = arguments(clips, "--only", "edits", "--only", "retrieval")
+    results = text_main.run(asked)
+    rows = {r["name"]: r for r in results["edits"]["rows"]}
+    # the synthetic model tilts the head for "tilted", whatever else is said, and does nothing for other words
+    assert abs(rows["head.tilted_left"]["worst_share"]) > 0.5
+    assert rows["hands on hips"]["worst_share"] == pytest.approx(0.0, abs=0.05)
+    assert rows["cocked, tilted left"]["words"] == {"head": "cocked, tilted left"}
+    assert results["edits"]["summary"]["zero-shot"]["cases"] == 3
+    assert "missing" in results["retrieval"]
+    assert json.dumps(results) == json.dumps(text_main.run(asked))
+    outcome = {name: met for name, _, met in bars(results)}
+    assert list(outcome.values()).count(None) == 2
+    assert "**no**" in markdown(results)
+
+    page = tmp_path / "page.md"
+    page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n", encoding="utf-8")
+    write_markdown(page, results)
+    write_markdown(page, results)
+    text = page.read_text(encoding="utf-8")
+    assert text.startswith(f"before\n{BEGIN}\n`sport evaluate --text")
+    assert text.endswith(f"{END}\nafter\n")
+    assert "\nold\n" not in text
+    assert text.count("### Part edits") == 1
+    assert str(clips) not in text
+
+
+def test_a_page_without_markers_keeps_its_words(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("# Words\n", encoding="utf-8")
+    write_markdown(page, {"command": "c", "model": "m"})
+    assert page.read_text(encoding="utf-8").startswith(f"# Words\n\n{BEGIN}\n`c`")
+
+
+def test_a_number_of_workers_that_makes_no_sense_is_named(small: None, clips: Path) -> None:
+    with pytest.raises(UsageError, match="--workers 0"):
+        text_main.run(arguments(clips, "--workers", "0"))
+
+
+def test_joints_of_the_parts_are_apart() -> None:
+    from runtime.skeleton import PART_JOINTS
+    from training.evaluation.text_independence import JOINTS
+
+    for part, joints in JOINTS.items():
+        assert set(joints) <= set(PART_JOINTS[part])
+    assert len({j for joints in JOINTS.values() for j in joints}) == 21
+    assert SPORT_SKELETON.index("LThumb") not in JOINTS["left_arm"]

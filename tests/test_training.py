@@ -138,6 +138,7 @@ def test_lanes_restart_at_the_end_of_their_clip(clips):
 def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(clips, tmp_path):
     out = tmp_path / "run"
     steps = ["--phase-steps", "2", "--content-steps", "2", "--stage2-steps", "3", "--stage3-steps", "3"]
+    steps += ["--layers", "0"]
     common = [
         "--preset",
         "tiny",
@@ -151,6 +152,8 @@ def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(clips, 
         "cpu",
     ]
     assert main(["all", *common, *steps]) == 0
+    assert main(["export", *common, "--decoder", "mixture"]) == 0  # stage 2 alone: w/o-Diffusion
+    assert load_model(out / "model-mixture").metadata["decoder"] == "mixture"
     model = load_model(out / "model")
     assert (out / "model" / "README.md").read_text().startswith("# Model")
     poses = []

@@ -48,9 +48,9 @@ def path_error(xz: Array, course: Array) -> Array:
 
 
 def run_course(
-    model: MotionModel, terrain: Terrain, style: str, z: Array, gait: Gait, seconds: float, seed: int
+    model: MotionModel, terrain: Terrain, style: str, code: Array, gait: Gait, seconds: float, seed: int
 ) -> CourseRun:
-    """Full stick along the ring, pointed at the place 0.9 m ahead; the seed also chooses where it begins.
+    """Full stick along the ring in style `code` (Z^t), pointed at the place 0.9 m ahead; the seed also chooses where it begins.
 
     The first 2 s, from standing, are not scored.
     """
@@ -58,8 +58,9 @@ def run_course(
     place = int(np.random.default_rng(seed).integers(POINTS))
     heading = course[(place + 5) % POINTS] - course[place]
     controller = Controller(model, terrain, seed)
-    controller.set_style(z, 0.0)
-    controller.reset(*(float(v) for v in course[place]), float(np.arctan2(*heading)))
+    controller.set_style(code, 0.0)
+    x, z = (float(v) for v in course[place])
+    controller.reset(x, z, float(np.arctan2(*heading)))
     recorder = Recorder(controller)
     roots, speeds = [], []
     for _ in range(LEAD_IN_FRAMES + round(seconds * FPS)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,7 +136,7 @@ class ReplayController(Controller):
 
     def _steer(self, controls: Controls) -> None:
         now = slice(self._frame + PAD - PRESENT, self._frame + PAD - PRESENT + LENGTH)
-        trajectory = self._trajectory
+        trajectory: Any = self._trajectory
         trajectory.xz, trajectory.yaw = self._path[now].copy(), self._facing[now].copy()
         trajectory.gait = self._gaits[now].copy()
         self._frame += 1

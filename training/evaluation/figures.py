@@ -34,7 +34,7 @@ PHASE_STYLES = ("neutral", "masculine2", "chicken")  # the first two alike, the 
 PHASE_SECONDS = 4.0
 BETWEEN = ("neutral", "aeroplane")
 STEPS = 7
-FONT = {"font.size": 12, "axes.titlesize": 13}
+FONT: dict[Any, Any] = {"font.size": 12, "axes.titlesize": 13}
 DPI = 110
 
 

@@ -68,7 +68,9 @@ class Comparison:
         return self.distance / self.reference if self.reference > 0 else float("nan")
 
 
-def compare(generated: Array, captured: Array, units: Sequence[int] | Array, seed: int = 0) -> Comparison:
+def compare(
+    generated: Array, captured: Array, units: Sequence[int] | NDArray[np.generic], seed: int = 0
+) -> Comparison:
     """Compare rows `(N, k)` with rows `(M, k)`; `units` `(M,)` are the takes that a half keeps or leaves whole.
 
     Every draw splits the captured units into two random halves of n windows; the reference is the distance between

@@ -35,7 +35,7 @@ def markdown(results: dict[str, Any]) -> str:
     ]
     for model in results["models"]:
         lines += [f"### {model['name']}", "", *_bars(model, results["held_out"])]
-        lines += [*_styles(model, results), *_skating(model), *_terrain(model)]
+        lines += [*_styles(model, results), *_skating(model), *_terrain(model, results["rollouts"])]
     return "\n".join(lines) + "\n"
 
 
@@ -80,7 +80,7 @@ def _held_out_row(row: dict[str, Any], sets: Sequence[str]) -> list[str]:
         "–",
         _pair(mean_skating(row["skating"])),
         *("–", "–", "–"),
-        f"{_mean(found['score']):.2f} / {_mean(found['merged_score']):.2f}",
+        f"{_mean(found['score']):.2f} / {_mean(found['merged_score']):.2f}, {len(found['score'])} styles",
         *("1", "–"),
     ]
 
@@ -110,7 +110,7 @@ def _model_row(model: dict[str, Any], sets: Sequence[str]) -> list[str]:
         f"{diversity['temperature_1']['pose']:.3f} / {diversity['temperature_0']['pose']:.3f}",
         f"{times['network_ms']:.2f} / {times['frame_ms']:.2f}",
         f"{model['parameters'] / 1e6:.2f} M",
-        f"{_mean(found['score']):.2f} / {_mean(found['merged_score']):.2f}",
+        f"{_mean(found['score']):.2f} / {_mean(found['merged_score']):.2f}, {len(found['score'])} styles",
         _number(transitions.get("ratio"), 2),
         _number(_mean(errors), 2),
     ]
@@ -186,9 +186,12 @@ def _skating(model: dict[str, Any]) -> list[str]:
     return _table([*head, "m/s: real / asked"], rows)
 
 
-def _terrain(model: dict[str, Any]) -> list[str]:
+def _terrain(model: dict[str, Any], rollouts: dict[str, Any] | None) -> list[str]:
     keys = ("sunk_joint_p99", "sunk_sole_p95", "sunk_sole_p99", "float_p50", "float_p95", "path_error_m")
-    rows = [[name, *(_number(found[k], 2) for k in keys)] for name, found in model["terrain"].items()]
+    found = dict(model["terrain"])
+    for gait, row in (rollouts or {}).get("terrain", {}).items():
+        found[f"{gait}, terrain rollouts (PFNN)"] = row | {"path_error_m": None}
+    rows = [[name, *(_number(row[k], 2) for k in keys)] for name, row in found.items()]
     head = ["ground", "joints sunk p99 (cm)", "soles sunk p95", "p99", "lowest point over ground p50", "p95"]
     return _table([*head, "path error (m)"], rows)
 

@@ -64,7 +64,9 @@ def count_parameters(metadata: dict[str, Any]) -> int:
     from training.presets import ModelConfig
 
     known = {f.name for f in fields(ModelConfig)}
-    values = {k: tuple(v) if isinstance(v, list) else v for k, v in metadata["config"].items() if k in known}
+    values: dict[str, Any] = {
+        k: tuple(v) if isinstance(v, list) else v for k, v in metadata["config"].items() if k in known
+    }
     generator = Generator(ModelConfig(**values))
     mixture = metadata.get("decoder") == "mixture"
     return sum(

@@ -38,10 +38,10 @@ def terrain_feet(positions: Array, terrain: Terrain) -> TerrainFeet:
         sunk_joint_p99=_sunk(heights, 99),
         sunk_sole_p95=_sunk(soles, 95),
         sunk_sole_p99=_sunk(soles, 99),
-        float_p50=float(max(0.0, np.percentile(lowest, 50))),
-        float_p95=float(max(0.0, np.percentile(lowest, 95))),
+        float_p50=max(0.0, float(np.percentile(lowest, 50))),
+        float_p95=max(0.0, float(np.percentile(lowest, 95))),
     )
 
 
 def _sunk(heights: Array, percentile: float) -> float:
-    return float(max(0.0, np.percentile(-heights, percentile)))
+    return max(0.0, float(np.percentile(-heights, percentile)))

@@ -61,7 +61,9 @@ def window_set(
             encoded.append(encoder_features(encoder, root, starts))
         units.append(count + starts // unit_frames)
         count += 1 + len(motion) // unit_frames
-    return WindowSet(*(np.concatenate(rows) for rows in (kinematic, temporal, encoded, units)))
+    return WindowSet(
+        np.concatenate(kinematic), np.concatenate(temporal), np.concatenate(encoded), np.concatenate(units)
+    )
 
 
 def joined(sets: Iterable[WindowSet]) -> WindowSet:

@@ -11,6 +11,7 @@ import json
 import os
 import sys
 import time
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -187,17 +188,18 @@ def _steady_stretches(segment: Segment) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(starts[long_enough], ends[long_enough], strict=True)]
 
 
-def foot_movement(segment: Segment) -> list[float]:
-    """For every whole second of the steady stretches: speed of the feet relative to the root, over the asked speed."""
+def foot_movement(segment: Segment) -> list[tuple[str, float]]:
+    """Gait, and speed of the feet relative to the root over the asked speed, of every whole second of steady moving."""
     root = np.stack([pose.root_position for pose in segment.poses])
     yaw = np.array([pose.root_yaw for pose in segment.poses])
     feet = np.stack([pose.positions for pose in segment.poses])[:, FEET] - root[:, None]
     speed = np.linalg.norm(np.diff(features.to_root(feet, yaw[:, None]), axis=0), axis=-1).mean(1) * FPS
-    shares = []
+    shares: list[tuple[str, float]] = []
     for first, last in _steady_stretches(segment):
         for begin in range(first, last - FPS, FPS):
             asked = float(np.mean(segment.asked[begin : begin + FPS]))
-            shares.append(float(speed[begin : begin + FPS].mean()) / asked)
+            share = float(speed[begin : begin + FPS].mean()) / asked
+            shares.append((segment.gaits[begin].name.lower(), share))
     return shares
 
 
@@ -226,7 +228,9 @@ def summarise(measured: list[dict[str, Any]], memory: list[float]) -> dict[str, 
 
     `memory` is that of the process after every segment, MB.
     """
-    movement = np.array([share for m in measured for share in m["foot_movement"]])
+    seconds = [item for m in measured for item in m["foot_movement"]]
+    movement = np.array([share for _, share in seconds])
+    frozen = Counter(gait for gait, share in seconds if share < FROZEN_SHARE)
     hips = np.concatenate([m["hips"] for m in measured])
     report: dict[str, Any] = {
         "frames": sum(m["frames"] for m in measured),
@@ -235,7 +239,8 @@ def summarise(measured: list[dict[str, Any]], memory: list[float]) -> dict[str, 
         "hips_m": [float(hips.min()), float(hips.max())],
         "bone_change_m": max(m["bone_change"] for m in measured),
         "moving_seconds": len(movement),
-        "frozen_seconds": int(np.sum(movement < FROZEN_SHARE)),
+        "frozen_seconds": frozen.total(),
+        "frozen_gaits": dict(frozen),
         "least_foot_movement": float(movement.min()) if len(movement) else None,
         "memory_growth_mb": memory[-1] - memory[0] if np.isfinite(memory).all() else None,
         "terrains": {},
@@ -293,7 +298,7 @@ def print_report(report: dict[str, Any]) -> None:
     print(f"hips over ground {report['hips_m'][0]:.2f} to {report['hips_m'][1]:.2f} m")
     least = report["least_foot_movement"]
     print(
-        f"frozen {report['frozen_seconds']} of {report['moving_seconds']} moving seconds, least movement of the feet"
+        f"frozen {report['frozen_seconds']} of {report['moving_seconds']} moving seconds {report['frozen_gaits']}, least movement of the feet"
         f" {'-' if least is None else f'{least:.2f}'} of the asked speed"
     )
     growth = report["memory_growth_mb"]

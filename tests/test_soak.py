@@ -44,7 +44,7 @@ def segments():
 
 
 def test_feet_of_a_walk_move_and_those_of_a_frozen_figure_do_not(segments):
-    walking, frozen = (np.array(soak.foot_movement(s)) for s in segments)
+    walking, frozen = (np.array([share for _, share in soak.foot_movement(s)]) for s in segments)
     assert len(walking) == len(frozen) == 3  # whole seconds after it settled
     assert walking.min() > 0.6
     assert frozen[0] > 0.6
@@ -61,6 +61,7 @@ def test_frozen_seconds_and_growing_memory_miss_their_bars(segments):
     assert not {"frozen poses", "memory growth"} & set(good["missed"])
     bad = soak.summarise([soak.measure(s) for s in segments], [100.0, 300.0])
     assert {"frozen poses", "memory growth"} <= set(bad["missed"])
+    assert bad["frozen_gaits"] == {"walk": bad["frozen_seconds"]}
     assert bad["frozen_seconds"] >= 1
     json.dumps(bad)
 

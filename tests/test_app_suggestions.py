@@ -64,9 +64,19 @@ def test_a_suggestion_is_taken_by_the_mouse(start: Start) -> None:
     app = start()
     run(app, 2)
     type_prompt(app, "prou")
-    box_bottom = 96  # of the field, pixels
-    click(app, 160, box_bottom + 5 + 23 + 12)  # the second line
+    top = 134  # of the list, under the field and its button, pixels
+    click(app, 160, top + 5 + 23 + 12)  # the second line
     assert prompt(app) == "a proud king"
+    assert not app.state.prompt.box.suggesting
+
+
+def test_the_button_stays_in_reach_while_the_list_is_open(start: Start) -> None:
+    app = start()
+    run(app, 2)
+    type_prompt(app, "prou")
+    assert app.state.prompt.box.suggesting
+    click(app, 80, 117)
+    assert prompt(app) == "prou"
     assert not app.state.prompt.box.suggesting
 
 

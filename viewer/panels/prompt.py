@@ -78,7 +78,10 @@ def draw(state: AppState, actions: Actions) -> None:
 
 def _prompt_box(prompt: PromptState, actions: Actions) -> None:
     applied = "" if prompt.edit.a is None else prompt.edit.a.prompt
-    chosen = prompt_field.draw("##prompt", prompt.box, HINT, actions.suggester, actions.prompting, applied)
+    button = imgui.get_frame_height_with_spacing()  # stays in reach while the list is open
+    chosen = prompt_field.draw(
+        "##prompt", prompt.box, HINT, actions.suggester, actions.prompting, applied, below=button
+    )
     if chosen is not None:
         actions.prompting.submit_prompt(chosen)
 

@@ -43,8 +43,12 @@ def draw(
     prompting: Prompting,
     applied: str,
     lines: int = 2,
+    below: float = 0.0,
 ) -> str | None:
-    """Draw the field; the prompt that was entered or chosen, else None. `applied` is the prompt in force."""
+    """Draw the field; the prompt that was entered or chosen, else None.
+
+    `applied` is the prompt in force, `below` what the list leaves free under the field, in screen units.
+    """
     if box.focus_requested:
         imgui.set_keyboard_focus_here()
     width = imgui.get_content_region_avail().x
@@ -61,7 +65,7 @@ def draw(
     if not box.text and not active:
         _hint_over_item(hint)
     if found and chosen is None:  # also in the frame whose click on the list took the keyboard away
-        position = imgui.ImVec2(corner.x, corner.y + size.y + px(3))
+        position = imgui.ImVec2(corner.x, corner.y + size.y + below + px(3))
         chosen = _list(name, found, box, position, width)
     if chosen is not None:
         box.text, box.suggesting = chosen, False

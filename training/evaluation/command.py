@@ -149,4 +149,4 @@ def _command(args: argparse.Namespace) -> str:
 
 
 def _short(folder: Path) -> str:
-    return folder.as_posix() if not folder.is_absolute() else folder.name
+    return folder.as_posix() if not folder.is_absolute() else "/".join(folder.parts[-2:])

@@ -35,6 +35,7 @@ Report = Callable[[str], None]
 STYLE_COMPONENTS = 32  # principal components of the distances of one style: it has a few hundred windows
 OVERALL_COMPONENTS = 128  # of the distances of all styles together
 TRAINING_SECONDS = 150.0  # of a style's training clips, for the classifier and the principal axes
+TRAINING_HOP = 20  # frames between two windows
 HELD_OUT_SECONDS = 240.0
 MIN_GAIT_SECONDS = 2.0  # of a captured gait without which a style is not asked for it
 
@@ -114,7 +115,7 @@ def make_plan(
         segments[group] = driving_segments(capture, group, options.follow_seconds, options.seed)
         reference[group] = window_set((s.load() for s in segments[group]), encoder)
         parts = _parts(capture, group, False, TRAINING_SECONDS, options.seed)
-        windows = window_set((s.load() for s in parts), encoder)
+        windows = window_set((s.load() for s in parts), encoder, hop=TRAINING_HOP)
         training.append(windows)
         labels += [segments[group][0].clip.style] * len(windows)
         parts = _parts(capture, group, True, HELD_OUT_SECONDS, options.seed)

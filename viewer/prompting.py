@@ -12,6 +12,7 @@ from runtime.errors import SportError
 from runtime.prompts.blend import ALL_A, Weights, write_words
 from runtime.prompts.expander import Expander
 from runtime.prompts.parts import PartDescriptions
+from viewer.prompt_messages import answer_message
 from viewer.services import PromptWorkerLike
 from viewer.state import AppState, FieldState
 from viewer.style_edit import Answer, StyleEdit, UndoStack
@@ -262,7 +263,11 @@ class Prompting:
         if question.remembered and isinstance(result.request, str):
             settings = self.state.settings
             settings.prompt_history = remember(settings.prompt_history, result.request)
-        self._tell(answer, question, isinstance(result.request, str))
+        if isinstance(result.request, str) and (
+            self._styled or answer.note
+        ):  # the first answers without a word
+            model = self.state.expander.language_model or "the language model"
+            self.state.messages.post(*answer_message(answer, question.label, model, question.stepped))
         question.stepped = True
 
     def _adopt(self, side: Side, edit: StyleEdit, question: _Question) -> None:
@@ -273,22 +278,6 @@ class Prompting:
             self.history.replace(edit)
         else:
             self.history.push(question.label, edit)
-
-    def _tell(self, answer: Answer, question: _Question, prompted: bool) -> None:
-        """Say in the status line who answered."""
-        messages, model = self.state.messages, self.state.expander.language_model
-        if not prompted:
-            return
-        if not answer.final:
-            messages.note(f"The library answered at once; {model or 'the language model'} is being asked.")
-        elif answer.note:
-            warned = question.stepped or answer.note.startswith("Language model")
-            (messages.warn if warned else messages.note)(answer.note)
-        elif answer.source == "gpt":
-            messages.note(f"{model or 'The language model'} answered: {question.label}.")
-        elif answer.nearest and self._styled:
-            text, similarity = answer.nearest[0]
-            messages.note(f"Library: {question.label} is {similarity:.0%} like “{text}”.")
 
     def _hand_over(self) -> None:
         """Give the style that is due to the controller; folding it costs about a millisecond."""

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.assets import asset_path
 from runtime.atomic import check_target, write_atomic
 from runtime.errors import FileError, SportError, run_command
 from runtime.model import MotionModel, load_model
@@ -71,7 +72,7 @@ def main(argv: list[str] | None = None) -> int:
     for target in filter(None, (options.json, options.markdown)):
         check_target(target)
     answers, first_ms = measure(prompts, load_model(options.model))
-    report = summarise(answers, first_ms)
+    report = {"library_entries": library_size(), **summarise(answers, first_ms)}
     print_report(report)
     if options.json is not None:
         content = {**report, "answers": [asdict(answer) for answer in answers]}
@@ -103,6 +104,14 @@ class Stopwatch:
     def read(self) -> tuple[float, float]:
         """(processor, wall) in milliseconds."""
         return (time.process_time() - self._cpu) * 1e3, (time.perf_counter() - self._wall) * 1e3
+
+
+def library_size() -> int:
+    """How many prompts the shipped library has an answer of its own for."""
+    from runtime.prompts.library_data import load_library, load_styles
+
+    styles = load_styles(asset_path("prompts/styles.json"))
+    return len(load_library(asset_path("prompts/library.json"), styles))
 
 
 def measure(prompts: Sequence[str], model: MotionModel) -> tuple[list[Answer], float]:
@@ -203,7 +212,8 @@ def _figures(report: dict[str, Any]) -> list[str]:
     noted = sum(report["notes"].values())
     return [
         f"{report['prompts']} prompts, {len(report['problems'])} without an answer or with an empty part",
-        f"{report['in_the_library']} stand in the library word for word, median similarity of the nearest entry"
+        f"library of {report['library_entries']} entries; {report['in_the_library']} of the prompts are among its words"
+        f" (similarity 1), median similarity of the nearest entry"
         f" {report['median_similarity']:.2f}",
         f"{report['different_answers']} different answers, the most common one given"
         f" {report['most_common_answer']} times",

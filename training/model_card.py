@@ -1,13 +1,29 @@
-"""The model card that travels with the exported networks."""
+"""The model card that travels with the exported networks.
+
+    python -m training.model_card FOLDER --soak soak.json --text text.json --motion evaluation.json
+
+puts measured figures into an exported model's metadata and card.
+"""
 
 from __future__ import annotations
 
+import argparse
+import json
+from pathlib import Path
 from typing import Any
 
-_LIMITS = """- Trained on about 35 captured styles; a prompt far from them is composed from the nearest ones, part by part.
+from runtime.atomic import write_atomic
+from runtime.errors import FileError, run_command
+
+_LIMITS = """- Trained on about 35 captured styles, on recombinations of their parts, and on parametric edits of parts; a prompt far
+  from them is composed from the nearest ones, part by part.
+- Left and right of torso and head, and turned-out against turned-in feet, are told apart only where both were trained:
+  sentence embeddings hardly differ in such words.
+- Edits of the legs (wide stance, dragging, high knees) come out weaker than those of arms, torso and head.
+- Waving, nodding and flapping beat with the steps; standing still they are weak.
 - Terrain is known from distilled rollouts of PFNN and from flat capture laid over hills and stairs; there is only about
   a minute of captured stairs and uneven ground, and no capture of climbing over walls.
-- Jumping and crouching were seen in the neutral style only."""
+- Jumping was seen in the neutral style only."""
 
 
 def model_card(metadata: dict[str, Any], curves: dict[str, str]) -> str:
@@ -38,8 +54,67 @@ def model_card(metadata: dict[str, Any], curves: dict[str, str]) -> str:
         "- Analytic-DPM variance per step of tau: "
         + ", ".join(f"{v:.4f}" for v in metadata["sigma_bar_squared"]),
         "",
+        "## Metrics",
+        *(metadata.get("metrics") or ["Not measured yet."]),
+        "",
         "## Limits",
         _LIMITS,
         "",
     ]
     return "\n".join(lines)
+
+
+def soak_metrics(soak: dict[str, Any]) -> list[str]:
+    """Lines from the JSON of `benchmarks.soak`."""
+    minutes = soak["frames"] / 3600
+    lines = [
+        f"- {minutes:.0f} minutes of random play (`benchmarks.soak`): {soak['not_finite']} values not finite,"
+        f" {soak['frozen_seconds']} of {soak['moving_seconds']} moving seconds frozen, mean speed error"
+        f" {100 * soak['speed_error']:.1f} %"
+    ]
+    skating = ", ".join(f"{k} {v['skating_cm']:.4f}" for k, v in soak["terrains"].items())
+    return [*lines, f"- Toe skating by the paper's formula in it, cm per frame: {skating}"]
+
+
+def text_metrics(text: dict[str, Any]) -> list[str]:
+    """Lines from the JSON of `sport evaluate --text`."""
+    from training.evaluation.text_report import bars
+
+    return [f"- {asked}: {measured}" for asked, measured, _ in bars(text)]
+
+
+def motion_metrics(motion: dict[str, Any]) -> list[str]:
+    """Lines from the JSON of `sport evaluate`, of its first model."""
+    from training.evaluation.bars import check
+
+    found = check(motion["models"][0], motion["held_out"])
+    return [f"- {bar.name}: {bar.met} of {bar.cases} cases" for bar in found]
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description="Put measured figures into a model's card.")
+    parser.add_argument("model", type=Path, help="folder of an exported model")
+    sources = {"soak": soak_metrics, "text": text_metrics, "motion": motion_metrics}
+    for name in sources:
+        parser.add_argument(f"--{name}", type=Path, help=f"JSON of the {name} measurement")
+    args = parser.parse_args(argv)
+    metadata = _read(args.model / "metadata.json")
+    lines: list[str] = []
+    for name, lines_of in sources.items():
+        if getattr(args, name) is not None:
+            lines += lines_of(_read(getattr(args, name)))
+    metadata["metrics"] = lines
+    write_atomic(args.model / "metadata.json", json.dumps(metadata, indent=1) + "\n")
+    write_atomic(args.model / "README.md", model_card(metadata, metadata.get("curves", {})))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise FileError(f"{path}: not a readable JSON file.", "Run the measurement again.") from error
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_command("model card", main))

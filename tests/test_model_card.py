@@ -1,0 +1,55 @@
+"""Measured figures travel with a model: in its metadata and in its card."""
+
+import json
+
+import pytest
+
+from runtime.assets import asset_path
+from runtime.errors import FileError
+from training.model_card import main, model_card
+
+SOAK = {
+    "frames": 7200,
+    "not_finite": 0,
+    "frozen_seconds": 3,
+    "moving_seconds": 90,
+    "speed_error": 0.051,
+    "terrains": {"flat": {"skating_cm": 0.0123}, "hills": {"skating_cm": 0.02}},
+}
+
+
+@pytest.fixture
+def model(tmp_path):
+    folder = tmp_path / "model"
+    folder.mkdir()
+    metadata = json.loads(asset_path("models/compact/metadata.json").read_text("utf-8"))
+    metadata["curves"] = {"phase": "step 3 of 3, losses total 0.5"}
+    metadata.pop("metrics", None)
+    (folder / "metadata.json").write_text(json.dumps(metadata))
+    return folder
+
+
+def test_a_card_without_measurements_says_so(model) -> None:
+    metadata = json.loads((model / "metadata.json").read_text())
+    card = model_card(metadata, metadata["curves"])
+    assert "Not measured yet." in card
+    assert "step 3 of 3" in card
+
+
+def test_figures_reach_metadata_and_card(model, tmp_path) -> None:
+    soak = tmp_path / "soak.json"
+    soak.write_text(json.dumps(SOAK))
+    main([str(model), "--soak", str(soak)])
+    card = (model / "README.md").read_text()
+    assert "2 minutes of random play" in card
+    assert "3 of 90 moving seconds frozen" in card
+    assert "mean speed error 5.1 %" in card
+    assert "flat 0.0123, hills 0.0200" in card
+    assert len(json.loads((model / "metadata.json").read_text())["metrics"]) == 2
+
+
+def test_a_damaged_measurement_is_named(model, tmp_path) -> None:
+    broken = tmp_path / "soak.json"
+    broken.write_text("{")
+    with pytest.raises(FileError, match=r"soak\.json"):
+        main([str(model), "--soak", str(broken)])

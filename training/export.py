@@ -167,6 +167,7 @@ def _write_metadata(trained: Trained, folder: Path, errors: dict[str, float]) ->
         "exported": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
         "credits": trained.credits,
         "notes": trained.notes,
+        "curves": trained.curves,
     }
     (folder / "metadata.json").write_text(json.dumps(metadata, indent=1) + "\n", encoding="utf-8")
     (folder / "README.md").write_text(model_card(metadata, trained.curves), encoding="utf-8")

@@ -14,12 +14,13 @@ from runtime.features import INPUT, OUTPUT
 from runtime.skeleton import SPORT_SKELETON
 from training import losses as terms
 from training.batches import Frames, Normalisation, loss_weights, random_rows
+from training.checkpoint import START
 from training.networks.decoder import blend_codes
 from training.networks.diffusion import Schedule, add_noise, analytic_variance, noise_estimate
 from training.networks.generator import Generator
 from training.presets import ModelConfig
 from training.rollouts import RolloutLanes, normalised
-from training.session import MovingAverage, Session, StageState, save_checkpoint, train
+from training.session import MovingAverage, Session, StageState, load_checkpoint, save_checkpoint, train
 from training.styles import pick_paraphrases
 
 _FEET = [SPORT_SKELETON.index(n) for n in ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")]
@@ -148,6 +149,8 @@ def run_stage2(
     """Train everything but the diffusion decoder; AdamWR: cosine annealing with warm restarts (Sec. III-G)."""
     torch.manual_seed(session.seed + 2)
     module = Generator(config).to(session.device)
+    if (session.out / START).exists():  # weights of an earlier model, unpacked by training.checkpoint
+        module.load_state_dict(load_checkpoint(session.out / START)["module"])
     parameters = [p for n, p in module.named_parameters() if not n.startswith("denoiser")]
     optimizer = torch.optim.AdamW(parameters, lr=1e-3, weight_decay=1e-4)
     state = StageState(module, optimizer, MovingAverage(module, 0.9995))

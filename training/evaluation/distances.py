@@ -1,0 +1,84 @@
+"""The distances of several models alone, a tenth of the whole evaluation: is the diffusion worth its steps?
+
+python -m training.evaluation.distances --clips DIR --model A --model B --json FILE --markdown FILE
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from runtime.atomic import write_atomic
+from runtime.errors import run_command
+from runtime.motion_encoder import MotionEncoder
+from training.evaluation.plan import Options, make_plan
+from training.evaluation.score_styles import score_following
+from training.evaluation.subject import Subject
+
+log = logging.getLogger("sport.evaluate")
+BEGIN, END = "<!-- distances: begin -->", "<!-- distances: end -->"
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Command line."""
+    parser = argparse.ArgumentParser(
+        description="Compare models by distance to capture and style recognition."
+    )
+    parser.add_argument("--clips", type=Path, required=True, help="folder of imported clips")
+    parser.add_argument(
+        "--model", type=Path, action="append", required=True, help="can be given several times"
+    )
+    parser.add_argument("--seconds", type=float, default=12.0, help="of followed paths per style")
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--markdown", type=Path, help="write the table between this file's markers")
+    parser.add_argument("--seed", type=int, default=0)
+    args = parser.parse_args(argv)
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    options = replace(Options(), follow_seconds=args.seconds, recognise_seconds=8.0, seed=args.seed)
+    # one encoder serves all, that of the first model
+    plan = make_plan(args.clips, None, options, MotionEncoder(args.model[0]), log.info)
+    results = {}
+    for folder in args.model:
+        subject = Subject(folder, plan.texts)
+        label = f"{folder.name} ({subject.decoder})"
+        results[label] = score_following(plan, subject, log.info)
+        if args.json is not None:
+            write_atomic(args.json, json.dumps(results, indent=1) + "\n")
+    text = table(results)
+    print(text)
+    if args.markdown is not None:
+        _between_markers(args.markdown, text)
+    return 0
+
+
+def table(results: dict[str, dict[str, Any]]) -> str:
+    """Markdown: overall distance, its ratio to that of two halves of the capture, and recognition."""
+    sets = sorted({name for r in results.values() for name in r["fmd"]})
+    head = ["model", *(f"FMD, {n} (halves)" for n in sets), "styles recognised, mean"]
+    lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
+    for label, result in results.items():
+        cells = [label]
+        for name in sets:
+            found = result["fmd"][name]
+            cells.append(f"{found['distance']:.2f} ({found['reference']:.2f})")
+        score = result["recognition"]["score"]
+        cells.append(f"{100 * sum(score.values()) / max(1, len(score)):.0f} %")
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def _between_markers(path: Path, text: str) -> None:
+    old = path.read_text(encoding="utf-8") if path.exists() else f"{BEGIN}\n{END}\n"
+    before, begin, rest = old.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not (begin and end):
+        before, after = old.rstrip() + "\n\n", "\n"
+    write_atomic(path, f"{before}{BEGIN}\n{text}\n{END}{after}")
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_command("distances", main))

@@ -20,6 +20,8 @@ shot() { # PICTURE SIZE FRAMES OPTIONS...
 }
 
 shot viewer.png 1280x720 110 --terrain hills --prompt "an exhausted soldier, left arm hanging" --controls "w 1.3; w+q 0.6"
+shot blend.png 1280x720 110 --terrain flat --prompt "a proud queen" --blend "an exhausted soldier" \
+  --blend-weights "left_leg=0.3,right_leg=0.3,torso=1,head=0.5" --controls "w 1.3; w+q 0.6"
 shot help.png 1280x720 3 --controls "f1 0.2" --terrain flat
 small=(640x400 210 --no-panels --controls "w+shift 2; w 0.8; w+q 0.7")
 shot stairs.png "${small[@]}" --terrain stairs --prompt "a proud, self-important person"

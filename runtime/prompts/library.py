@@ -2,47 +2,62 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.assets import asset_path
-from runtime.prompts.clauses import is_filler, parse_clauses
+from runtime.prompts.clauses import parse_clauses
+from runtime.prompts.compose import compose_elements, compose_neighbours, sources_note
 from runtime.prompts.expander import Expansion, check_prompt
+from runtime.prompts.language import ENGLISH, is_foreign, knows_no_word
 from runtime.prompts.library_data import (
     NEUTRAL_STYLE,
     LibraryEmbeddings,
     LibraryEntry,
+    PromptLibrary,
     Style,
     embed_library,
     library_hash,
     load_embeddings,
-    load_library,
+    load_prompt_library,
     load_styles,
 )
 from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.phrases import Element, PhraseIndex, read_phrases
+from runtime.prompts.spelling import Spelling
 from runtime.prompts.text_encoder import TextEncoderLike
+from runtime.prompts.words import PART_WORDS, PERSONS, SIDES, Word, words_of
 from runtime.skeleton import PART_NAMES
 
-# Cosine similarities of prompts, set on the examples of tests/test_prompts.py.
-SAME = 0.97  # the prompt is the entry's, clauses included
+# Cosine similarities of prompts, set on the first lists of tests/prompt_lists.py.
 NEAR = 0.62  # the best entry is taken whole
-FAR = 0.40  # below, the prompt says nothing about a way of moving
-NEIGHBOURS = 4  # entries that vote for each part in between
-TEMPERATURE = 0.06  # of the softmax over their similarities
-SECOND_GAIN = 0.06  # rise of the cosine that makes a second entry worth mixing in: "a depressed robot"
-MOOD_PARTS = ("torso", "head")  # posture tells a mood, limbs tell a character
+FAR = 0.45  # below, the prompt says nothing about a way of moving
+STRETCH = 0.56  # what is left of a prompt beside the phrases found names an entry
+ONE_WORD = 0.72  # the same where that is a single word, whose neighbours are many
+PLAIN = 0.2  # neutral walks are like everything that "walks": what is asked for by a style is none
+ANIMAL = 0.25  # how far below 0 the bodily score may lie where an animal is named: "a dog that has just had a bath"
+NEIGHBOURS = 4  # entries that vote for each part between FAR and NEAR
+MAX_STRETCHES = 4  # embedded for one prompt
+_FOREIGN = "is not English, the only language that the library reads: neutral. A language model reads others."
+_UNKNOWN = "has no word that the library knows, which reads English only: neutral."
 
 
 @dataclass(frozen=True)
 class _Library:
-    entries: tuple[LibraryEntry, ...]
+    content: PromptLibrary
     embeddings: LibraryEmbeddings
-    neutral: PartDescriptions
+    phrases: PhraseIndex
+    spelling: Spelling
+    neutral: int  # its entry
+    plain: list[int]  # entries that are neutral in one way or another
+
+    @property
+    def entries(self) -> tuple[LibraryEntry, ...]:
+        return self.content.entries
 
 
 class LibraryExpander:
@@ -58,28 +73,20 @@ class LibraryExpander:
     def expand(self, prompt: str) -> Expansion:
         """Six descriptions for any prompt; PromptError when it is empty, over-long or has control characters."""
         prompt = check_prompt(prompt)
-        ranked = self._rank(prompt)
-        if ranked[0][1] >= SAME and _sides(prompt) == _sides(self._library.entries[ranked[0][0]].prompt):
-            return _expansion(self._library.entries[ranked[0][0]].descriptions, self._near(ranked), {}, "")
-        parsed = parse_clauses(prompt)
-        if is_filler(parsed.rest):
-            if parsed.parts:
-                return _expansion(self._library.neutral, (), parsed.parts, "", explicit=True)
-            return _expansion(self._library.neutral, (), {}, "The prompt names no style: neutral.")
-        if parsed.parts:
-            ranked = self._rank(parsed.rest)
-        best = ranked[0][1]
-        near = self._near(ranked)
-        if best < FAR:
-            note = f"Nothing in the library is like “{_short(parsed.rest)}” ({best:.2f}): neutral."
-            return _expansion(self._library.neutral, near, parsed.parts, note)
-        mixed = self._mixed(parsed.rest, *ranked[0])
-        if mixed is not None:
-            return _expansion(mixed[0], near, parsed.parts, mixed[1])
-        if best >= NEAR:
-            return _expansion(self._library.entries[ranked[0][0]].descriptions, near, parsed.parts, "")
-        note = f"Composed from the nearest prompts; the best is only {best:.2f} like it."
-        return _expansion(self._compose(ranked[:NEIGHBOURS]), near, parsed.parts, note)
+        library = self._library
+        whole = library.phrases.whole(prompt)
+        if whole is not None:
+            return _expansion(
+                library.entries[whole].descriptions, self._near(self._rank(prompt), whole), {}, ""
+            )
+        if is_foreign(prompt, library.phrases.known):
+            return self._neutral((), {}, f"“{_short(prompt)}” {_FOREIGN}")
+        text, read = library.spelling.corrected(prompt)
+        expansion = self._expand_english(text)
+        if not read:
+            return expansion
+        note = ", ".join(f"“{wrong}” read as “{right}”" for wrong, right in read.items())
+        return replace(expansion, note=f"{note[0].upper()}{note[1:]}. {expansion.note}".strip())
 
     @property
     def ready_prompts(self) -> tuple[str, ...]:
@@ -90,73 +97,141 @@ class LibraryExpander:
         """The library's prompts most like `text`, with their cosine similarity, best first; takes milliseconds."""
         return self._near(self._rank(check_prompt(text)))
 
+    def _expand_english(self, prompt: str) -> Expansion:
+        parsed = parse_clauses(prompt)
+        words = words_of(parsed.rest)
+        if not any(word.says for word in words):
+            if parsed.parts:
+                return self._neutral((), parsed.parts, "", explicit=True)
+            return self._neutral((), {}, "The prompt names no style: neutral.")
+        return self._expand_rest(parsed.rest, words, parsed.parts)
+
+    def _expand_rest(self, rest: str, words: list[Word], stated: dict[str, str]) -> Expansion:
+        """What a prompt asks for beside its clauses: by its phrases, by the nearest entries, or nothing."""
+        library = self._library
+        reading = read_phrases(words, library.phrases)
+        elements, note, text = list(reading.elements), "", rest
+        if reading.denied:
+            note = f"Left out, as it is denied: “{_short(', '.join(reading.denied))}”."
+            kept = sorted({*reading.left, *(i for e in elements for i in range(e.start, e.end))})
+            if not any(words[i].says for i in kept):
+                return self._neutral((), stated, note)
+            text = " ".join(words[i].text for i in kept)
+        ranked = self._rank(text)
+        near = self._near(ranked)
+        if not self._about_somebody(words, elements):
+            animal = any(library.entries[e.entry].category == "animals" for e in elements)
+            reason = self._says_nothing(text, ranked[0][1], ANIMAL if animal else 0.0)
+            if reason:
+                return self._neutral(near, stated, reason)
+        if elements:
+            elements += self._stretches(words, reading.left)
+        explained = sum(_saying(words, e) * e.similarity for e in elements)
+        asked = sum(words[i].says for i in reading.left) + sum(_saying(words, e) for e in reading.elements)
+        by_words = any(e.only for e in elements) or ranked[0][0] in reading.mentioned
+        if not elements or (not by_words and ranked[0][1] >= NEAR and asked * ranked[0][1] >= explained):
+            return self._by_neighbours(text, ranked, stated, note)
+        made = compose_elements(elements, library.entries, library.embeddings, library.neutral)
+        similarity = {e.entry: e.similarity for e in elements}
+        if len(set(made.sources.values())) > 1:
+            note = f"{sources_note(made.sources, library.entries, similarity)}. {note}".strip()
+        return _expansion(made.descriptions, near, stated, note)
+
+    def _by_neighbours(
+        self, text: str, ranked: list[tuple[int, float]], stated: dict[str, str], note: str
+    ) -> Expansion:
+        """The nearest entry, or what the nearest ones agree on; neutral when they are far."""
+        library = self._library
+        best, near = ranked[0][1], self._near(ranked)
+        if best < FAR:
+            return self._neutral(near, stated, f"{_far(text, best)} {note}".strip())
+        if best >= NEAR:
+            return _expansion(library.entries[ranked[0][0]].descriptions, near, stated, note)
+        made = compose_neighbours(ranked[:NEIGHBOURS], library.entries, library.embeddings)
+        parts = sources_note(made.sources, library.entries, dict(ranked))
+        note = f"Composed from the nearest prompts, {best:.0%} like it at best: {parts}. {note}".strip()
+        return _expansion(made.descriptions, near, stated, note)
+
+    def _stretches(self, words: list[Word], left: tuple[int, ...]) -> list[Element]:
+        """Entries that stretches beside a prompt's phrases are like: "lethargic" in "a lethargic robot"."""
+        elements = []
+        for start, end in _runs(words, left)[:MAX_STRETCHES]:
+            text = " ".join(word.text for word in words[start:end])
+            entry, similarity = self._rank(text)[0]
+            one = sum(word.says for word in words[start:end]) == 1
+            if similarity < (ONE_WORD if one else STRETCH):
+                continue
+            if not self._library.phrases.only_alone(words[start:end]) and self._bodily(text) > 0.0:
+                elements.append(Element(entry, start, end, similarity))
+        return elements
+
+    def _about_somebody(self, words: list[Word], elements: list[Element]) -> bool:
+        """Whether a prompt names a person or asks for parts, so that it is about a body whatever else it says."""
+        people = ("characters", "occupations", "ages")
+        return any(word.text in PERSONS for word in words) or any(
+            e.only or self._library.entries[e.entry].category in people for e in elements
+        )
+
+    def _says_nothing(self, text: str, best: float, margin: float) -> str:
+        """Why a prompt says nothing about a way of moving, or ""."""
+        if knows_no_word(text, self._library.phrases.known) and best < NEAR:
+            return f"“{_short(text)}” {_UNKNOWN}"
+        if best < FAR or self._bodily(text) < -margin:
+            return _far(text, best)
+        return ""
+
+    def _bodily(self, text: str) -> float:
+        """Above 0 where a text is rather about somebody's body than about nothing bodily."""
+        weights = self._library.embeddings.bodily
+        return float(self._encoder.encode([text])[0] @ weights[:-1] + weights[-1])
+
+    def _neutral(
+        self,
+        near: tuple[tuple[str, float], ...],
+        stated: dict[str, str],
+        note: str,
+        explicit: bool = False,
+    ) -> Expansion:
+        library = self._library
+        return _expansion(library.entries[library.neutral].descriptions, near, stated, note, explicit)
+
     def _rank(self, text: str) -> list[tuple[int, float]]:
         """(entry, cosine similarity) of the nearest entries, best first; an entry counts by its best prompt."""
         embeddings = self._library.embeddings
         similarity = embeddings.prompts @ self._encoder.encode([text])[0]
         by_entry = np.full(len(self._library.entries), -1.0, np.float32)
         np.maximum.at(by_entry, embeddings.entry_of, similarity)
+        by_entry[self._library.plain] -= PLAIN
         order = np.argsort(-by_entry, kind="stable")[: NEIGHBOURS + 1]
         return [(int(i), float(np.clip(by_entry[i], -1.0, 1.0))) for i in order]
 
-    def _near(self, ranked: list[tuple[int, float]]) -> tuple[tuple[str, float], ...]:
+    def _near(
+        self, ranked: list[tuple[int, float]], first: int | None = None
+    ) -> tuple[tuple[str, float], ...]:
+        """Prompts and similarities; `first` is the entry that was asked for in so many words."""
+        if first is not None:
+            ranked = [(first, 1.0), *((i, s) for i, s in ranked if i != first)][: len(ranked)]
         return tuple((self._library.entries[i].prompt, similarity) for i, similarity in ranked)
-
-    def _mixed(self, text: str, first: int, similarity: float) -> tuple[PartDescriptions, str] | None:
-        """A mood on a character with a note, where the two together say clearly more of `text` than `first`."""
-        entries = self._library.entries
-        second, joint = self._best_partner(text, first, similarity)
-        if joint < max(similarity + SECOND_GAIN, NEAR):
-            return None
-        mood, character = sorted((entries[first], entries[second]), key=lambda e: not e.mood)
-        if character.descriptions in self._plain:  # "an angry man": a man walks no way of his own
-            return mood.descriptions, f"Taken as “{mood.prompt}”."
-        mixed = character.descriptions
-        for part in MOOD_PARTS:
-            mixed = mixed.replace(part, getattr(mood.descriptions, part))
-        return mixed, f"“{character.prompt}” with torso and head of “{mood.prompt}”."
-
-    def _best_partner(self, text: str, first: int, s1: float) -> tuple[int, float]:
-        """Entry that best completes `first` for `text`, and the cosine of `text` with the plane of both."""
-        embeddings, entries = self._library.embeddings, self._library.entries
-        query = self._encoder.encode([text])[0]
-        own = np.flatnonzero(embeddings.entry_of == first)
-        e1 = embeddings.prompts[own[np.argmax(embeddings.prompts[own] @ query)]]
-        s2, c = embeddings.prompts @ query, embeddings.prompts @ e1
-        plane = np.sqrt(np.maximum(s1**2 + s2**2 - 2 * s1 * s2 * c, 0) / np.maximum(1 - c**2, 0.05))
-        mood = np.array([entry.mood for entry in entries])[embeddings.entry_of]
-        # both must point towards the text, and one be a mood, the other a character
-        useless = (s2 < FAR) | (s2 < s1 * c) | (s1 < s2 * c) | (mood == entries[first].mood)
-        plane = np.where(useless, 0.0, plane)
-        best = int(np.argmax(plane))
-        return int(embeddings.entry_of[best]), float(plane[best])
-
-    def _compose(self, ranked: list[tuple[int, float]]) -> PartDescriptions:
-        """For each part the neighbour's words that the neighbours, weighted by their similarity, agree on most."""
-        indices = [i for i, _ in ranked]
-        weights = softmax(np.array([s for _, s in ranked], np.float32) / TEMPERATURE)
-        vectors = self._library.embeddings.parts[indices]  # (k, 6, D)
-        words = {}
-        for p, part in enumerate(PART_NAMES):
-            agreement = weights * (vectors[:, p] @ (vectors[:, p].T @ weights))
-            winner = indices[int(np.argmax(agreement))]
-            words[part] = getattr(self._library.entries[winner].descriptions, part)
-        return PartDescriptions(**words)
 
     @cached_property
     def _library(self) -> _Library:
         path = self._library_path
-        entries = load_library(path, self._styles)
-        digest = library_hash(path, path.with_name("styles.json"))
-        stored = load_embeddings(path.with_suffix(".npz"), digest, self._encoder, len(entries))
-        neutral = self._styles[NEUTRAL_STYLE].descriptions[0]
-        return _Library(entries, stored or embed_library(entries, self._encoder), neutral)
-
-    @cached_property
-    def _plain(self) -> frozenset[PartDescriptions]:
-        """Descriptions of people who walk in no way in particular."""
-        plain = [s.descriptions[0] for name, s in self._styles.items() if name.startswith(NEUTRAL_STYLE)]
-        return frozenset(plain)
+        content = load_prompt_library(path, self._styles)
+        stored = load_embeddings(
+            path.with_suffix(".npz"), library_hash(content), self._encoder, len(content.entries)
+        )
+        styles = [entry.style for entry in content.entries]
+        if NEUTRAL_STYLE not in styles:  # a library of one's own
+            neutral = LibraryEntry(
+                "neutral", (), self._styles[NEUTRAL_STYLE].descriptions[0], style=NEUTRAL_STYLE
+            )
+            content = replace(content, entries=(*content.entries, neutral))
+            styles, stored = [*styles, NEUTRAL_STYLE], None
+        embeddings = stored or embed_library(content, self._encoder)
+        plain = [i for i, style in enumerate(styles) if style.startswith(NEUTRAL_STYLE)]
+        phrases = PhraseIndex(content)
+        spelling = Spelling(phrases.known | ENGLISH, embeddings.other_words)
+        return _Library(content, embeddings, phrases, spelling, styles.index(NEUTRAL_STYLE), plain)
 
     @cached_property
     def _styles(self) -> dict[str, Style]:
@@ -165,12 +240,6 @@ class LibraryExpander:
     @property
     def _library_path(self) -> Path:
         return asset_path("prompts/library.json") if self._path is None else self._path
-
-
-def softmax(x: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Softmax over the last axis."""
-    e = np.exp(x - x.max(axis=-1, keepdims=True))
-    return np.asarray(e / e.sum(axis=-1, keepdims=True), np.float32)
 
 
 def _expansion(
@@ -189,9 +258,27 @@ def _expansion(
     )
 
 
-def _sides(text: str) -> set[str]:
-    """Left and right, which sentence embeddings hardly tell apart."""
-    return {"left", "right"} & set(text.lower().replace(",", " ").split())
+def _runs(words: list[Word], left: tuple[int, ...]) -> list[tuple[int, int]]:
+    """Stretches (start, end) of neighbouring words of one clause among `left`, those that can name something."""
+    runs: list[list[int]] = []
+    for i in left:
+        if runs and runs[-1][-1] == i - 1 and words[i].clause == words[i - 1].clause:
+            runs[-1].append(i)
+        else:
+            runs.append([i])
+    return [
+        (run[0], run[-1] + 1)
+        for run in runs
+        if any(words[i].says and words[i].stem not in {*PART_WORDS, *SIDES} for i in run)
+    ]
+
+
+def _saying(words: list[Word], element: Element) -> int:
+    return sum(word.says for word in words[element.start : element.end])
+
+
+def _far(text: str, best: float) -> str:
+    return f"“{_short(text)}” says nothing about a body, {best:.0%} like the nearest prompt: neutral."
 
 
 def _short(text: str, limit: int = 40) -> str:

@@ -2,34 +2,47 @@
 
     python -m training.text.build_library [--prompts assets/prompts]
 
-Run it after every change of library.json or styles.json; without it the viewer computes them at its first prompt.
+Run it after every change of library.json, or of a style's first description in styles.json; without it the viewer computes them at its first prompt.
 """
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
+from tokenizers import Tokenizer
+
+from runtime.assets import asset_path
 from runtime.errors import run_command
+from runtime.prompts.language import ENGLISH
 from runtime.prompts.library_data import (
     embed_library,
     library_hash,
-    load_library,
+    load_prompt_library,
     load_styles,
     save_embeddings,
 )
+from runtime.prompts.phrases import PhraseIndex
+from runtime.prompts.spelling import Spelling
 from runtime.prompts.text_encoder import TextEncoder
 
 
 def build_library(directory: Path) -> Path:
     """Write library.npz beside library.json and styles.json; returns its path."""
-    library, styles = directory / "library.json", directory / "styles.json"
-    entries = load_library(library, load_styles(styles))
+    library = load_prompt_library(directory / "library.json", load_styles(directory / "styles.json"))
     encoder = TextEncoder()
     target = directory / "library.npz"
-    digest = library_hash(library, styles)
-    save_embeddings(target, embed_library(entries, encoder), digest, encoder.name)
+    embeddings = replace(embed_library(library, encoder), other_words=other_words(PhraseIndex(library).known))
+    save_embeddings(target, embeddings, library_hash(library), encoder.name)
     return target
+
+
+def other_words(known: frozenset[str]) -> tuple[str, ...]:
+    """Words of the text encoder's vocabulary that are one letter off a known one: "hoarse" is no mistyped horse."""
+    spelling = Spelling(known | ENGLISH)
+    vocabulary = Tokenizer.from_file(str(asset_path("text/tokenizer.json"))).get_vocab()
+    return tuple(sorted(word for word in vocabulary if word.isalpha() and spelling.nearest(word) is not None))
 
 
 def main(argv: list[str] | None = None) -> None:

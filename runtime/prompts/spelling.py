@@ -1,0 +1,76 @@
+"""Typing errors: an unknown word that is one letter off a known one is read as that."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from functools import cached_property
+
+SHORTEST = 5  # letters of a word that is corrected: shorter ones are one letter off too many others
+SHORTEST_CHANGED = 8  # where a letter is changed for another: "lugging" is no "lagging"
+
+
+class Spelling:
+    """Corrects words by one letter inserted, left out, changed or exchanged with its neighbour, to `known` ones.
+
+    `others` are words that are not corrected although they are one letter off: "hoarse" is no horse.
+    """
+
+    def __init__(self, known: Iterable[str], others: Iterable[str] = ()) -> None:
+        self._known = frozenset(known)
+        self._others = frozenset(others)
+
+    def corrected(self, text: str) -> tuple[str, dict[str, str]]:
+        """The text with its typing errors corrected, and what was read as what."""
+        read: dict[str, str] = {}
+
+        def correct(match: re.Match[str]) -> str:
+            word = match.group(0)
+            right = self.nearest(word.lower())
+            if right is None:
+                return word
+            read[word] = right
+            return right
+
+        return re.sub(r"[^\W\d_]+(?:'[^\W\d_]+)?", correct, text), read
+
+    def nearest(self, word: str) -> str | None:
+        """The known word that a lower-case word is one letter off, or None for what is no typing error."""
+        if len(word) < SHORTEST or not word.isascii() or word in self._known or word in self._others:
+            return None
+        if self._inflected(word):
+            return None
+        found = {right for form in (word, *_shortened(word)) for right in self._forms.get(form, ())}
+        found = {right for right in found if right[0] == word[0] and _one_off(word, right)}
+        return min(found, key=lambda right: (abs(len(right) - len(word)), right), default=None)
+
+    def _inflected(self, word: str) -> bool:
+        """Whether a word is a known one with another ending."""
+        endings = ("s", "es", "d", "ed", "ing", "ly", "er", "y", "ness", "ful", "less", "'s")
+        stems = {word.removesuffix(ending) for ending in endings if word.endswith(ending)}
+        return any(form in self._known for stem in stems for form in (stem, stem + "e", stem[:-1]))
+
+    @cached_property
+    def _forms(self) -> dict[str, tuple[str, ...]]:
+        """Every known word by itself and by what is left of it without one letter."""
+        forms: dict[str, tuple[str, ...]] = {}
+        for word in sorted(self._known):
+            if len(word) >= SHORTEST and word.isalpha():
+                for form in (word, *_shortened(word)):
+                    forms[form] = (*forms.get(form, ()), word)
+        return forms
+
+
+def _shortened(word: str) -> set[str]:
+    return {word[:i] + word[i + 1 :] for i in range(len(word))}
+
+
+def _one_off(one: str, other: str) -> bool:
+    """Whether two words differ by one letter inserted, left out, changed or exchanged with its neighbour."""
+    if len(one) != len(other):
+        return abs(len(one) - len(other)) == 1
+    different = [i for i, (a, b) in enumerate(zip(one, other, strict=True)) if a != b]
+    if len(different) == 2:
+        i, j = different
+        return j == i + 1 and one[i] == other[j] and one[j] == other[i]
+    return len(different) == 1 and len(one) >= SHORTEST_CHANGED

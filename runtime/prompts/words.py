@@ -1,0 +1,117 @@
+"""A prompt as words: what names a way of moving, and what only holds the sentence together."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+
+def word_set(text: str) -> frozenset[str]:
+    """The words of a text, as a set."""
+    return frozenset(text.split())
+
+
+ARTICLES = word_set("a an the his her hers their theirs its my your our some this these that those")
+PERSONS = word_set(
+    "person persons people someone somebody one man men woman women human humans character figure guy guys girl boy lady "
+    "fellow he she they i you we me him them us whoever passer passerby pedestrian individual"
+)
+PREPOSITIONS = word_set(
+    "in on at of to from with by through over under across along against into onto toward towards near for after before "
+    "during between around beside behind past about upon off within among up down out"
+)
+LINKS = word_set("and but while when who whose that which as like or then because so if than")
+# what a prompt may still say without naming a way of its own
+FILLER = frozenset(
+    ARTICLES
+    | PERSONS
+    | LINKS
+    | word_set(
+        "it who walking walk walks walked moving move moves standing stand stands running run runs going goes go normally "
+        "normal please make is are was were be being been am has have having had does do doing did just both very style "
+        "manner way gait kind sort type crossing making getting gets got trying tries taking coming comes putting "
+        "ordinary regular plain average usual typical neutral default unremarkable using looks seems feels feeling looking "
+        "keeps keep stays staying can could would will there here dressed wearing wears wear carrying holding"
+    )
+)
+SLIGHT = word_set("slightly somewhat mildly little bit faintly half almost")
+STRONG = word_set(
+    "very extremely totally completely really utterly incredibly so too terribly deeply absolutely super"
+)
+DEGREES = SLIGHT | STRONG | word_set("rather quite fairly pretty")
+# what a body part is called, and the parts that it means: "arms like a robot", "penguin legs"
+PART_WORDS = {
+    **dict.fromkeys(("arm", "hand", "elbow"), ("left_arm", "right_arm")),
+    **dict.fromkeys(("leg", "foot", "feet", "knee", "step"), ("left_leg", "right_leg")),
+    **dict.fromkeys(("torso", "body", "chest", "shoulder", "hip", "back", "posture"), ("torso",)),
+    **dict.fromkeys(("head", "face", "neck", "eye"), ("head",)),
+}
+SIDES = word_set("left right upper lower both other")
+NEGATIONS = word_set("not never isn't aren't wasn't doesn't don't didn't neither nor")
+ABSENCES = word_set("no without")  # deny only what the library knows: "no energy" is a way to be tired
+_SPELLINGS = {
+    "armor": "armour",
+    "armored": "armoured",
+    "plow": "plough",
+    "mommy": "mum",
+    "pajamas": "pyjamas",
+}
+_WORD = re.compile(r"[^\W_]+(?:'[^\W_]+)?")
+_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
+
+
+@dataclass(frozen=True)
+class Word:
+    """One word of a prompt: as written in lower case, its stem, and the number of the clause it stands in."""
+
+    text: str
+    stem: str
+    clause: int
+
+    @property
+    def says(self) -> bool:
+        """Whether it can name a way of moving."""
+        held = self.text in FILLER or self.text in PREPOSITIONS or self.text in DEGREES
+        return not held and not self.text.isdigit()
+
+
+def words_of(text: str) -> list[Word]:
+    """The words of a prompt without articles; commas and full stops begin a new clause."""
+    clauses = re.split(r"[,.;:!?()\n]+", plain(text))
+    return [
+        Word(word, stem(word), number)
+        for number, clause in enumerate(clauses)
+        for word in _WORD.findall(clause)
+        if word not in ARTICLES
+    ]
+
+
+def plain(text: str) -> str:
+    """Lower case with straight quotes; a name such as "ArmsAboveHead" is taken apart."""
+    if " " not in text.strip():
+        text = _CAMEL.sub(" ", text)
+    return text.lower().replace("’", "'")
+
+
+@cache
+def stem(word: str) -> str:
+    """A word without plural or possessive s, in British spelling."""
+    word = word.removesuffix("'s")
+    word = _SPELLINGS.get(word, word)
+    if len(word) > 4 and word.endswith("ies"):
+        return word[:-3] + "y"
+    if len(word) > 3 and word.endswith("s") and not word.endswith(("ss", "us", "is")):
+        return word[:-1]
+    return word
+
+
+def key(words: Sequence[Word]) -> str:
+    """What two spellings of one phrase share: stems without spaces."""
+    return "".join(word.stem for word in words).replace("'", "")
+
+
+def distinct_words(texts: Sequence[str]) -> frozenset[str]:
+    """All words of some texts, articles too."""
+    return frozenset(_WORD.findall(plain(" . ".join(texts))))

@@ -1,0 +1,189 @@
+"""Clauses that say what a part does: what is understood, and that it is said in the words of the training."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from runtime.prompts.clauses import parse_clauses
+from runtime.skeleton import PART_NAMES
+from training.layering.catalog import EDITS
+
+SIDES = ("left", "right")
+
+
+@pytest.mark.parametrize(
+    ("prompt", "rest", "expected"),
+    [
+        (
+            "an exhausted soldier, left arm hanging",
+            "an exhausted soldier",
+            {"left_arm": "left arm hanging limp"},
+        ),
+        ("an old pirate limping on his right leg", "an old pirate", {"right_leg": "right leg"}),
+        ("a person limping with the left foot", "a person", {"left_leg": "limping on the left leg"}),
+        ("limping badly on my right leg", "", {"right_leg": "limping"}),
+        ("a spy looking down", "a spy", {"head": "looking at the ground"}),
+        ("a cook with crossed arms", "a cook", {"left_arm": "folded across", "right_arm": "folded across"}),
+        ("someone looking left and right", "someone", {"head": "turning left and right"}),
+        ("Left arm spinning like a propeller", "", {"left_arm": "left arm spinning like a propeller"}),
+        (
+            "hunched, on tiptoes with bent knees",
+            "",
+            {"torso": "rounded", "left_leg": "knee bent", "right_leg": "tiptoe"},
+        ),
+        (
+            "left and right hand behind the back",
+            "",
+            {"left_arm": "behind the back", "right_arm": "behind the back"},
+        ),
+        (
+            "left hand on the head, limping on the right leg, looking down",
+            "",
+            {"left_arm": "on the head", "right_leg": "limping", "head": "down"},
+        ),
+        (
+            "one hand on the hip and the other on the head",
+            "",
+            {"right_arm": "on the hip", "left_arm": "on the head"},
+        ),
+        ("left hand raised, the other behind the back", "", {"left_arm": "overhead", "right_arm": "behind"}),
+        (
+            "arms and legs stiff",
+            "",
+            {part: "st" for part in ("left_arm", "right_arm", "left_leg", "right_leg")},
+        ),
+        ("a zombie whose arms hang down", "a zombie", {"left_arm": "hanging", "right_arm": "hanging"}),
+        # words of parts that say nothing about a part
+        ("head teacher", "head teacher", {}),
+        ("an arms dealer", "an arms dealer", {}),
+        ("a man with a cane", "a man with a cane", {}),
+        ("feeling down", "feeling down", {}),
+        ("hand in hand", "hand in hand", {}),
+        ("head over heels in love", "head over heels in love", {}),
+        ("back to school kid", "back to school kid", {}),
+        ("arms like a robot", "arms like a robot", {}),
+    ],
+)
+def test_clauses(prompt: str, rest: str, expected: dict[str, str]) -> None:
+    parsed = parse_clauses(prompt)
+    assert parsed.rest == rest
+    assert set(parsed.parts) == set(expected)
+    for part, words in expected.items():
+        assert words in parsed.parts[part]
+
+
+@pytest.mark.parametrize(
+    ("prompt", "edits"),
+    [
+        ("hands on hips", "left_arm.on_hip right_arm.on_hip"),
+        ("right hand on the hip", "right_arm.on_hip"),
+        ("both arms raised overhead", "left_arm.overhead right_arm.overhead"),
+        ("raising the left hand", "left_arm.overhead"),
+        ("hands in pockets", "left_arm.in_pocket right_arm.in_pocket"),
+        ("arms crossed", "left_arm.folded right_arm.folded"),
+        ("hands clasped behind his back", "left_arm.behind_back right_arm.behind_back"),
+        ("both hands behind the head", "left_arm.behind_head right_arm.behind_head"),
+        ("left hand on the head", "left_arm.on_head"),
+        ("right hand at the ear", "right_arm.at_ear"),
+        ("hands in front of the face", "left_arm.before_face right_arm.before_face"),
+        ("right hand holding the belly", "right_arm.on_belly"),
+        ("left hand on the heart", "left_arm.on_chest"),
+        ("arms stretched out in front", "left_arm.forward right_arm.forward"),
+        ("right arm slightly raised to the side", "right_arm.side_low"),
+        ("arms spread like wings", "left_arm.side right_arm.side"),
+        ("left arm stretched backward", "left_arm.backward"),
+        ("right hand waving", "right_arm.waving"),
+        ("arms flapping", "left_arm.flapping right_arm.flapping"),
+        ("left fist punching", "left_arm.punching"),
+        ("arms swinging widely", "left_arm.swing_wide right_arm.swing_wide"),
+        ("arms hardly swinging", "left_arm.swing_little right_arm.swing_little"),
+        ("no arm swing", "left_arm.hanging right_arm.hanging"),
+        ("without swinging the arms", "left_arm.hanging right_arm.hanging"),
+        ("arms not swinging", "left_arm.hanging right_arm.hanging"),
+        ("neither hand raised", "left_arm.hanging right_arm.hanging"),
+        ("knees lifted high", "left_leg.high_knee right_leg.high_knee"),
+        ("dragging the left foot", "left_leg.dragging"),
+        ("limping on the right leg", "right_leg.limping"),
+        ("toes turned out", "left_leg.toes_out right_leg.toes_out"),
+        ("pigeon-toed", "left_leg.toes_in right_leg.toes_in"),
+        ("wide stance", "left_leg.wide right_leg.wide"),
+        ("feet very far apart", "legs.very_wide"),
+        ("feet together", "left_leg.narrow right_leg.narrow"),
+        ("on tiptoe", "legs.tiptoe"),
+        ("knees slightly bent", "legs.crouch_little"),
+        ("crouching", "legs.crouch"),
+        ("deep crouch", "legs.crouch_deep"),
+        ("leaning slightly forward", "torso.lean_forward_little"),
+        ("torso leaning forward", "torso.lean_forward"),
+        ("leaning very far forward", "torso.lean_forward_far"),
+        ("leaning slightly back", "torso.lean_back_little"),
+        ("leaning far back", "torso.lean_back_far"),
+        ("torso leaning to the left", "torso.lean_left"),
+        ("leaning far to the right", "torso.lean_right_far"),
+        ("shoulders hunched", "torso.slump"),
+        ("chest out", "torso.chest_out"),
+        ("shoulders twisting", "torso.twist"),
+        ("looking down", "head.down"),
+        ("head slightly lowered", "head.down_little"),
+        ("head hanging low", "head.down_far"),
+        ("chin up", "head.up"),
+        ("looking up at the sky", "head.up_far"),
+        ("head turned to the left", "head.turned_left"),
+        ("looking right", "head.turned_right"),
+        ("head tilted to the right", "head.tilted_right"),
+        ("looking around", "head.looking_around"),
+        ("shaking his head", "head.shaking"),
+        ("nodding", "head.nodding"),
+    ],
+)
+def test_clauses_are_said_as_the_networks_were_told(prompt: str, edits: str) -> None:
+    told = {part: phrases for edit in edits.split() for part, phrases in EDITS[edit].phrases.items()}
+    parsed = parse_clauses(prompt)
+    assert parsed.rest == ""
+    assert set(parsed.parts) == set(told)
+    for part, phrases in told.items():
+        assert any(parsed.parts[part].startswith(phrase) for phrase in phrases), parsed.parts[part]
+
+
+@pytest.mark.parametrize(
+    ("prompt", "rest", "part", "words"),
+    [
+        ("a man not looking down", "a man", "head", "looking straight ahead"),
+        ("without moving the head", "", "head", "still"),
+        ("not limping", "", "left_leg", "stepping evenly"),
+        ("walks without bending the knees", "walks", "right_leg", "stiff and straight"),
+        ("never lifting the feet", "", "left_leg", "dragging"),
+        ("a king, not leaning forward", "a king", "torso", "upright"),
+        ("with no hands on hips", "", "right_arm", "hanging at the side"),
+        ("neither arm moving", "", "left_arm", "not swinging"),
+    ],
+)
+def test_denials_say_what_is_there_instead(prompt: str, rest: str, part: str, words: str) -> None:
+    parsed = parse_clauses(prompt)
+    assert parsed.rest == rest
+    assert words in parsed.parts[part]
+
+
+@pytest.mark.parametrize("prompt", ["left arm raised", "right hand waving", "limping on the left leg"])
+def test_the_other_side_is_left_alone(prompt: str) -> None:
+    side = next(side for side in SIDES if side in prompt)
+    assert [part for part in parse_clauses(prompt).parts if side not in part] == []
+
+
+@given(st.text(max_size=300))
+@settings(max_examples=150, deadline=None)
+def test_any_text_parses_to_usable_descriptions(text: str) -> None:
+    for part, description in parse_clauses(text).parts.items():
+        assert part in PART_NAMES
+        assert 0 < len(description) <= 300
+
+
+def test_the_longest_prompt_parses_quickly() -> None:
+    started = time.process_time()
+    for word in ("left ", "looking ", "arms and ", "the his her ", "raised the left ", "hands and feet up "):
+        parse_clauses((word * 1000)[:1000])
+    assert time.process_time() - started < 2.0

@@ -58,6 +58,25 @@ def test_escape_leaves_the_text_field(start: Start) -> None:
     assert controller(app).z > 0.0
 
 
+def test_keys_that_follow_enter_at_once_are_words(start: Start) -> None:
+    """On a slow machine a whole word arrives within two frames."""
+    app = start()
+    run(app, 3)
+    press_down = app.window.inject_key
+    press_down("enter", True)
+    press_down("enter", False)
+    run(app, 2)
+    for letter in "drunk":
+        press_down(letter, True)
+        app.window.inject_text(letter)
+        press_down(letter, False)
+        run(app)
+    run(app, 3)
+    assert not app.state.clips.recording
+    assert controller(app).x == 0.0
+    assert app.state.prompt.box.text == "drunk"
+
+
 def test_focus_loss_releases_keys(start: Start) -> None:
     app = start()
     run(app, 2)

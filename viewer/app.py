@@ -183,7 +183,7 @@ class App:
 
     def _read_devices(self, dt: float) -> Intent:
         self._play_script(dt)
-        if imgui.get_io().want_text_input:
+        if self._typing:
             self.keyboard.release_all()
         pad = self.pads.poll()
         device = pad.name if pad is not None else "keyboard"
@@ -274,7 +274,13 @@ class App:
     # --- events
 
     def _on_key(self, name: str, down: bool) -> None:
-        self.keyboard.key(name, down, typing=bool(imgui.get_io().want_text_input))
+        self.keyboard.key(name, down, self._typing)
+
+    @property
+    def _typing(self) -> bool:
+        """Whether keys are words: also in the frames until ImGui says so, in which a slow machine gets several keys."""
+        entered = imgui.internal.get_input_text_state(imgui.internal.get_active_id()) is not None
+        return bool(imgui.get_io().want_text_input or entered or self.state.prompt.box.focus_requested)
 
     def _on_focus(self, focused: bool) -> None:
         if not focused:

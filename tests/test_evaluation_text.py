@@ -27,7 +27,7 @@ from training.evaluation.text_independence import (
     independence,
     own_and_others,
     part_changes,
-    seed_floor,
+    seed_changes,
 )
 from training.evaluation.text_prompts import FREE_PROMPTS
 from training.evaluation.text_report import BEGIN, END, bars, markdown, write_markdown
@@ -101,6 +101,8 @@ def test_chance_is_what_random_similarities_give() -> None:
     assert found.r1 == pytest.approx(found.chance_r1, abs=0.03)
     assert found.r3 == pytest.approx(found.chance_r3, abs=0.03)
     assert abs(found.median_rank - found.chance_rank) <= 1
+    small = recall(np.ones((1, 1)), np.ones((1, 1), bool), ["a"])
+    assert (small.r1, small.chance_r3) == (1.0, 1.0)
 
 
 def _codes(*numbers: int) -> Codes:
@@ -299,7 +301,10 @@ def test_an_edit_of_one_part_leaves_the_others_alone(reference: part_edits.Refer
     assert slots["all"]["most_ratio"] > 0.4
     both_arms = {**leaky, "others": 0.3 * leaky["own"]}
     assert by_slot([alone, both_arms])["all"]["within"] == 0.5
-    assert seed_floor({0: plain, 1: plain, 2: plain}) == pytest.approx(0.0, abs=1e-4)
+    assert alone["seed_others"] == 0.0  # one seed
+    found = seed_changes({0: plain, 1: edited(motion, "left_arm.side"), 2: plain})
+    assert found["left_arm"] == pytest.approx(2 / 3 * alone["own"], rel=0.2)
+    assert found["head"] < 0.01
 
 
 # --- walks, timing and the whole --------------------------------------------------------------------------------------

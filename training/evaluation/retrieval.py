@@ -170,6 +170,7 @@ def first_ranks(similarity: Array, relevant: NDArray[np.bool_]) -> NDArray[np.in
 
 def _chance(size: int, relevant: int, k: int) -> float:
     """Chance that a random order has a relevant entry among the first k."""
+    k = min(k, size)
     return 1.0 - comb(size - relevant, k) / comb(size, k)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,7 @@ def independence(
     """A case's changes against the neutral walk of the same seed, and what the edit itself does on captured walks."""
     walks = [part_changes(neutral[seed], s) for s, seed in zip(summaries, case.seeds, strict=True)]
     edits = [part_changes(before, after) for before, after in reference]
+    seed_own, seed_others, _ = own_and_others(seed_changes(neutral), case.parts)
     own, others, most = np.mean([own_and_others(w, case.parts) for w in walks], axis=0)
     edit_own, edit_others, edit_most = np.mean([own_and_others(e, case.parts) for e in edits], axis=0)
     return {
@@ -69,6 +71,8 @@ def independence(
         "edit_own": float(edit_own),
         "edit_others": float(edit_others),
         "edit_most": float(edit_most),
+        "seed_own": seed_own,
+        "seed_others": seed_others,
         "parts": {p: float(np.mean([w[p] for w in walks])) for p in PART_NAMES},
     }
 
@@ -93,14 +97,8 @@ def _summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
     }
 
 
-def seed_floor(neutral: dict[int, Summary]) -> float:
-    """Degrees by which all joints differ between neutral walks of two seeds, mean over the pairs of seeds."""
-    joints = [j for group in JOINTS.values() for j in group]
-    seeds = sorted(neutral)
-    found = [
-        np.degrees(rotation_change(neutral[a], neutral[b]))[joints].mean()
-        for a in seeds
-        for b in seeds
-        if a < b
-    ]
-    return float(np.mean(found)) if found else float("nan")
+def seed_changes(neutral: dict[int, Summary]) -> dict[str, float]:
+    """Degrees of each part between neutral walks of two seeds, mean over the pairs: what comes without any word."""
+    pairs = list(combinations(neutral.values(), 2))
+    found = [part_changes(a, b) for a, b in pairs]
+    return {part: float(np.mean([f[part] for f in found])) if found else 0.0 for part in PART_NAMES}

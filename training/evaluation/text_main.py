@@ -26,7 +26,7 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.text_encoder import TextEncoder, library_encoder, text_encoder_of
 from training.evaluation import part_edits
 from training.evaluation.part_edits import Case, Reference
-from training.evaluation.text_independence import by_slot, independence, seed_floor
+from training.evaluation.text_independence import by_slot, independence, seed_changes
 from training.evaluation.text_prompts import FREE_PROMPTS
 from training.evaluation.text_report import markdown, write_markdown
 from training.evaluation.text_timing import timing
@@ -187,7 +187,7 @@ def _edits(args: argparse.Namespace, prompter: _Prompter) -> dict[str, Any]:
         "independence": {
             "rows": independent,
             "by_slot": by_slot(independent),
-            "seed_floor": seed_floor(neutral_walks),
+            "seeds": seed_changes(neutral_walks),
         },
     }
 

@@ -44,7 +44,7 @@ def bars(results: dict[str, Any]) -> list[tuple[str, str, bool | None]]:
         zero = results["edits"]["summary"]["zero-shot"]
         for key, asked, bar in (
             ("right_way", "change the described way", part_edits.RIGHT_BAR),
-            ("enough", "by at least half the described amount", part_edits.ENOUGH_BAR),
+            ("enough", "reach at least half the described change", part_edits.ENOUGH_BAR),
         ):
             name = f"zero-shot part edits that {asked}: at least {100 * bar:.0f} %"
             found.append((name, f"{100 * zero[key]:.0f} % of {zero['cases']}", zero[key] >= bar))
@@ -206,6 +206,7 @@ def _independence(found: dict[str, Any]) -> list[str]:
             f"{s['edits']}",
             f"{s['own']:.1f}°",
             f"{s['others']:.1f}°",
+            f"{s['seed_others']:.1f}°",
             f"{100 * s['ratio']:.0f} % ({100 * s['edit_ratio']:.0f})",
             f"{100 * s['within']:.0f} %",
             f"{100 * s['most_ratio']:.0f} % ({100 * s['edit_most_ratio']:.0f})",
@@ -217,13 +218,15 @@ def _independence(found: dict[str, Any]) -> list[str]:
         "edits",
         "its change",
         "the others'",
+        "the others' between two seeds",
         "ratio",
         "edits within 25 %",
         "the other part that changes most",
     ]
+    seeds = ", ".join(f"{part.replace('_', ' ')} {change:.1f}°" for part, change in found["seeds"].items())
     note = (
         "In brackets what the edits themselves do when they are applied to captured walks. "
-        f"Two seeds of the neutral prompt differ by {found['seed_floor']:.1f}° in the same measure."
+        f"Two seeds of the neutral prompt differ, in the same measure, by: {seeds}."
     )
     return ["### Part independence", "", *_table(head, rows), note, ""]
 

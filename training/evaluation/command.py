@@ -63,6 +63,9 @@ def build_parser() -> argparse.ArgumentParser:
         "--quick", action="store_true", help="a trial: too little motion for figures to quote"
     )
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--text", action="store_true", help="score what prompts do instead; see `sport evaluate --text --help`"
+    )
     return parser
 
 

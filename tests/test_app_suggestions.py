@@ -122,3 +122,18 @@ def test_the_prompt_that_the_program_begins_with_is_no_history(start: Start) -> 
     assert app.state.settings.prompt_history == []
     app.prompting.submit_prompt("  ")  # nor is one that had no answer
     assert app.state.settings.prompt_history == []
+
+
+def test_the_shipped_library_is_what_is_suggested() -> None:
+    from runtime.prompts.library import LibraryExpander
+    from runtime.prompts.text_encoder import TextEncoder
+    from viewer.services import library_prompts
+
+    prompts = library_prompts()
+    assert len(prompts) > 200
+    assert len({prompt.casefold() for prompt in prompts}) == len(prompts)
+    near = LibraryExpander(TextEncoder()).nearest("somebody tipsy")
+    assert len(near) >= 3
+    assert {text for text, _ in near} <= set(prompts)
+    assert [similarity for _, similarity in near] == sorted((s for _, s in near), reverse=True)
+    assert near[0][1] > 0.5

@@ -96,10 +96,10 @@ def _near(text: str, similarity: float) -> bool:
 
 def _note(text: str, warns: bool, lines: int) -> None:
     """A remark on the answer, on at most so many lines."""
-    width = imgui.get_content_region_avail().x - px(20)
     with widgets.color(imgui.Col_.text, theme.WARNING if warns else theme.ACCENT):
         imgui.text_unformatted(ICON.warning if warns else ICON.note)
     imgui.same_line(0, px(4))
+    width = imgui.get_content_region_avail().x
     imgui.begin_group()
     with widgets.color(imgui.Col_.text, theme.MUTED):
         imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + width)

@@ -56,6 +56,8 @@ SIDES = ("left", "right")
             "",
             {part: "st" for part in ("left_arm", "right_arm", "left_leg", "right_leg")},
         ),
+        ("a nurse that lets the left arm dangle", "a nurse", {"left_arm": "hanging limp"}),
+        ("elbows out", "", {"left_arm": "like a wing", "right_arm": "like a wing"}),
         ("a zombie whose arms hang down", "a zombie", {"left_arm": "hanging", "right_arm": "hanging"}),
         # words of parts that say nothing about a part
         ("head teacher", "head teacher", {}),
@@ -122,6 +124,7 @@ def test_clauses(prompt: str, rest: str, expected: dict[str, str]) -> None:
         ("leaning very far forward", "torso.lean_forward_far"),
         ("leaning slightly back", "torso.lean_back_little"),
         ("leaning far back", "torso.lean_back_far"),
+        ("slightly leaning forward", "torso.lean_forward_little"),
         ("torso leaning to the left", "torso.lean_left"),
         ("leaning far to the right", "torso.lean_right_far"),
         ("shoulders hunched", "torso.slump"),

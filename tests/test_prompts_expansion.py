@@ -105,6 +105,24 @@ def test_sides_are_not_mistaken(prompt: str, side: str, other: str) -> None:
     assert getattr(there, f"{side}_{part}") != mirror_text(getattr(there, f"{other}_{part}"))
 
 
+def test_what_is_left_of_a_clause_is_an_entry_too() -> None:
+    limping = expand("a chicken with a limp")
+    assert limping.explicit_parts == ("right_leg",)
+    assert moves_like("a chicken with a limp", "chicken", (*ARMS, "left_leg", "torso", "head"))
+
+
+@pytest.mark.parametrize(
+    ("prompt", "unlike"),
+    [
+        ("a star athlete", "star"),
+        ("a child running to the ice cream van", "ice"),
+        ("an angry mob", "mobster"),
+    ],
+)
+def test_words_that_mean_something_else_in_company_are_not_taken(prompt: str, unlike: str) -> None:
+    assert not moves_like(prompt, unlike, ("left_leg",))
+
+
 def test_only_clauses_are_explicit_on_a_neutral_body() -> None:
     expansion = expand("a person with hands on hips")
     assert expansion.source == "explicit"
@@ -180,6 +198,7 @@ def test_whoever_is_only_mentioned_does_not_move(prompt: str, like: str, unlike:
         ("a soldier who isn't tired", "soldier"),
         ("a waiter, not hurried", "waiter"),
         ("no longer sad, a robot", "robot"),
+        ("a robot, neither sad nor drunk", "robot"),
         ("not sad but happy", "happy"),
         ("a king without sadness or shame", "king"),
     ],

@@ -46,7 +46,7 @@ FOLLOWING_WORDS = (
     r"half|stuffed|turned|sore|hurt|lame|weak|tucked|overhead|sideways|crossed|folded|off|inward|outward|thrown|drawn|flung|bound|spun|without|"
     r"swings?|hangs?|drags?|flaps?|points?|rests?|shakes?|droops?|dangles?|sways?|\w+ly|all over"
 )
-CLAUSE_START = rf"(?:{OWNERS}\b|(?:{NOUNS})s?\b|(?:{LEADING_VERBS})\b|look|lean|limp|hunch|crouch|without |not |never |on |nose )"
+CLAUSE_START = rf"(?:{OWNERS}\b|(?:{NOUNS})s?\b|(?:{LEADING_VERBS})\b|look|lean|limp|hunch|crouch|lets? |letting |without |not |never |on |nose )"
 POSTURE_VERBS = r"(?:looking|looks|staring|gazing|leaning|limping|hobbling|dragging|without (?:swinging|moving|bending|lifting|turning))"
 # what a posture verb belongs to: "torso leaning back", "not looking down", "left foot dragging"
 _HOLDERS = "not never without torso body back spine head face eyes gaze foot feet leg legs toes knee slightly far heavily"
@@ -54,10 +54,10 @@ _UNBROKEN = "".join(rf"(?<!\b{word})" for word in _HOLDERS.split())
 # "and" separates clauses only where a new one begins, so that "up and down" stays whole
 SEPARATOR = (
     rf"\s*[,;.:!?\n]+\s*|(?<!limping)(?<!hobbling)(?<!limps)\s+(?:with|while|but|whose)\s+|\s+and\s+(?={CLAUSE_START})"
-    rf"|{_UNBROKEN}\s+(?={POSTURE_VERBS}\b)"
+    rf"|\s+(?:that|who|which)\s+(?=(?:has|keeps|holds|lets)\b)|{_UNBROKEN}\s+(?={POSTURE_VERBS}\b)"
 )
 NOUN_CLAUSE = (
-    rf"^(?:(?:with|and|has|having|keeping|keeps|holding|holds)\s+)?"
+    rf"^(?:(?:with|and|has|having|keeping|keeps|holding|holds|lets|letting|let)\s+)?"
     rf"(?P<owners>(?:{OWNERS}\s+)*)(?P<noun>{NOUNS})s?\s+(?P<rest>(?:\w+ing|\w+ed|{FOLLOWING_WORDS})\b.*)$"
 )
 OTHER_CLAUSE = rf"^(?:with |and )?the other(?: one)?\s+(?P<rest>(?:\w+ing|\w+ed|{FOLLOWING_WORDS})\b.*)$"
@@ -69,6 +69,7 @@ TWO_NOUNS = rf"\b(?P<first>(?:{NOUNS})s?)\s+and\s+(?P<second>(?:{NOUNS})s?)\s+(?
 _SIDE = r"(?P<side>left|right)"
 _THE = r"(?:the |his |her |their |its |my )?"
 _DENIED = r"(?P<denied>not |never |isn't |doesn't |without |no |without a |no longer )?"
+_FIRST = r"(?:(?:very|far|slightly|heavily|deeply|a bit|a little|strongly|somewhat) )?"
 _LEVEL = r"(?: (?:very far|so far|far|slightly|heavily|deeply|a bit|a little|way|right|all the way|strongly|somewhat))?"
 IDIOMS: tuple[tuple[str, str, str], ...] = (
     (
@@ -96,7 +97,7 @@ IDIOMS: tuple[tuple[str, str, str], ...] = (
     (r"\barms? akimbo\b", "arms", "akimbo"),
     (r"\bempty[- ]handed\b", "arms", "swinging"),
     (
-        rf"\b{_DENIED}(?:look|star|gaz|glanc|peer)(?:ing|s|es)?\s+(?:\w+\s+){{0,4}}?(?:down|up|left|right|around|behind|back|ahead|side to side|sky|floor|ground|feet|phone|book|hands|shoulder|upwards?|downwards?|ceiling|clouds|stars|shoes)(?: (?:and|or) (?:left|right|down|up))?(?: (?:at|to|towards|on|over|his|her|the|their|its|my|sides?|sky|floor|ground|feet|shoulders?|left|right)\b)*",
+        rf"\b{_DENIED}{_FIRST}(?:look|star|gaz|glanc|peer)(?:ing|s|es)?\s+(?:\w+\s+){{0,4}}?(?:down|up|left|right|around|behind|back|ahead|side to side|sky|floor|ground|feet|phone|book|hands|shoulder|upwards?|downwards?|ceiling|clouds|stars|shoes)(?: (?:and|or) (?:left|right|down|up))?(?: (?:at|to|towards|on|over|his|her|the|their|its|my|sides?|sky|floor|ground|feet|shoulders?|left|right)\b)*",
         "head",
         "",
     ),
@@ -104,13 +105,13 @@ IDIOMS: tuple[tuple[str, str, str], ...] = (
     (r"\b(?:nose|chin) (?:up|in the air|held high)\b", "head", "up"),
     (r"\bchin on (?:the |his |her )?chest\b", "head", "hanging"),
     (
-        rf"\b{_DENIED}(?:leaning|leans|leant|tilting|tilted|bending|bent|lean){_LEVEL}"
+        rf"\b{_DENIED}{_FIRST}(?:leaning|leans|leant|tilting|tilted|bending|bent|lean){_LEVEL}"
         r"(?: (?:over|to|into))?(?: (?:the|one|his|her|their))?(?: (?:forwards?|backwards?|back|left|right|sideways|side|over|double|wind))(?: side)?(?: (?:slightly|far|a lot|a bit))?\b",
         "torso",
         "",
     ),
     (
-        rf"\b{_DENIED}(?:hunched|hunching|stooped|stooping|slouched|slouching|hunchbacked)(?: (?:over|forward|down))?\b",
+        rf"\b{_DENIED}{_FIRST}(?:hunched|hunching|stooped|stooping|slouched|slouching|hunchbacked)(?: (?:over|forward|down))?\b",
         "torso",
         "",
     ),
@@ -133,6 +134,7 @@ IDIOMS: tuple[tuple[str, str, str], ...] = (
         "legs",
         "deep crouch",
     ),
+    (r"\bslightly crouch(?:ing|ed)\b", "legs", "slightly bent"),
     (rf"\b{_DENIED}(?:crouch(?:ing|ed|es)?|squatting)\b", "legs", "crouch"),
     (r"\bhigh[- ]knees\b|\bknees high\b|\bknees lifted high\b", "legs", "high"),
     (r"\bvery wide[- ](?:legged|stance)\b|\bfeet (?:very )?far apart\b", "legs", "very wide"),

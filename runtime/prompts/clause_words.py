@@ -47,7 +47,11 @@ ARM_ACTIONS: Actions = (
     (r"\bcross|\bfold", "{s} arm folded across the chest"),
     (r"\b(?:heart|chest)\b", "{s} hand on the chest"),
     (r"\b(?:stomach|belly|ribs?|tummy|wound)\b|on .*\bside\b", "{s} hand pressed on the stomach"),
-    (r"\b(?:knees?|thighs?)\b", "{s} arm straight down in front, hand pressing on the thigh"),
+    (r"\bon .*\b(?:knees?|thighs?)\b", "{s} arm straight down in front, hand pressing on the thigh"),
+    (
+        r"elbow.*(?:\bout\b|\bwing)",
+        "{s} elbow bent and drawn back out to the side like a wing, hand behind the hip",
+    ),
     (
         r"sling|\bbroken\b|bandage|in a cast|plaster|injur|hurt|wounded",
         "{s} elbow bent, forearm across the stomach, not swinging",

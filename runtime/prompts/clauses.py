@@ -11,7 +11,15 @@ from runtime.prompts.parts import MAX_CHARACTERS
 from runtime.skeleton import PART_NAMES
 
 _LIMBS = ("arm", "leg")
-_NAMED = ("fist", "nose", "heel", "toe", "hip", "chin")  # whose actions are not those of the whole part
+_NAMED = (
+    "fist",
+    "elbow",
+    "nose",
+    "heel",
+    "toe",
+    "hip",
+    "chin",
+)  # whose actions are not those of the whole part
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,7 @@ from runtime.skeleton import PART_NAMES
 NEAR = 0.62  # the best entry is taken whole
 FAR = 0.45  # below, the prompt says nothing about a way of moving
 STRETCH = 0.56  # what is left of a prompt beside the phrases found names an entry
+WHOLE = 0.3  # words that an entry must explain more than the phrases found do, to be taken in place of them
 ONE_WORD = 0.72  # the same where that is a single word, whose neighbours are many
 PLAIN = 0.2  # neutral walks are like everything that "walks": what is asked for by a style is none
 ANIMAL = 0.25  # how far below 0 the bodily score may lie where an animal is named: "a dog that has just had a bath"
@@ -119,7 +120,7 @@ class LibraryExpander:
             text = " ".join(words[i].text for i in kept)
         ranked = self._rank(text)
         near = self._near(ranked)
-        if not self._about_somebody(words, elements):
+        if any(words[i].says for i in reading.left) and not self._about_somebody(words, elements):
             animal = any(library.entries[e.entry].category == "animals" for e in elements)
             reason = self._says_nothing(text, ranked[0][1], ANIMAL if animal else 0.0)
             if reason:
@@ -129,7 +130,8 @@ class LibraryExpander:
         explained = sum(_saying(words, e) * e.similarity for e in elements)
         asked = sum(words[i].says for i in reading.left) + sum(_saying(words, e) for e in reading.elements)
         by_words = any(e.only for e in elements) or ranked[0][0] in reading.mentioned
-        if not elements or (not by_words and ranked[0][1] >= NEAR and asked * ranked[0][1] >= explained):
+        better = ranked[0][1] >= NEAR and asked * ranked[0][1] >= explained + WHOLE
+        if not elements or (better and not by_words):
             return self._by_neighbours(text, ranked, stated, note)
         made = compose_elements(elements, library.entries, library.embeddings, library.neutral)
         similarity = {e.entry: e.similarity for e in elements}

@@ -143,18 +143,19 @@ def read_phrases(words: list[Word], index: PhraseIndex) -> Reading:
     gone: set[int] = set()
     denied: list[str] = []
     for at, word in enumerate(words):
-        if at in covered or word.text not in NEGATIONS | ABSENCES:
+        if at in (covered | gone) or word.text not in NEGATIONS | ABSENCES:
             continue
-        reach = [i for e in _denied_elements(words, found, at) for i in range(e.start, e.end)]
         if at + 1 < len(words) and words[at + 1].text == "to":
             continue  # "trying not to fall" is a way to walk
-        if not reach and word.text in NEGATIONS:
-            reach = _clause_rest(words, at)
-        if reach:  # without it: "no energy" says what is there by what is not
+        reaches = [list(range(e.start, e.end)) for e in _denied_elements(words, found, at)]
+        if not reaches and word.text in NEGATIONS:
+            reaches = [_clause_rest(words, at)]
+        for reach in filter(None, reaches):  # without any, "no energy" says what is there by what is not
+            if gone.isdisjoint(reach):
+                denied.append(" ".join(words[i].text for i in reach))
             gone.update((at, *reach))
-            denied.append(" ".join(words[i].text for i in reach))
-            if words[at + 1].text == "longer":
-                gone.add(at + 1)
+        if at in gone and words[at + 1].text == "longer":
+            gone.add(at + 1)
     kept = [e for e in found if gone.isdisjoint(range(e.start, e.end))]
     left = tuple(i for i in range(len(words)) if i not in gone and i not in covered)
     subjects = _subjects(words, kept, index.entries)

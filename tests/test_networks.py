@@ -135,44 +135,22 @@ def test_motion_parts_do_not_see_other_parts():
 
 def test_exported_graphs_agree_with_torch(tmp_path):
     pytest.importorskip("onnxscript")
+    from tiny_model import tiny_trained
+
     from runtime.model import load_model
     from runtime.motion_encoder import MotionEncoder
-    from training.batches import Normalisation
-    from training.export import Trained, export_model
-    from training.networks.diffusion import Schedule, reverse_steps
+    from training.export import export_model
 
-    torch.manual_seed(7)
-    config = preset("tiny")
-    schedule = Schedule.linear()
-    steps = reverse_steps(schedule, schedule.subsequence(5), np.full(5, 0.01))
-    generator = Generator(config).eval()
-    normal = Normalisation(torch.randn(472), torch.rand(472) + 0.5, torch.randn(473), torch.rand(473) + 0.5)
-    trained = Trained(
-        config,
-        ContentEncoder(config).eval(),
-        generator,
-        normal,
-        torch.zeros(384),
-        torch.ones(384),
-        torch.zeros(385, 2),
-        steps,
-        np.zeros(5),
-        {"output": [0.0] * 473, "phase": [0.0] * 130},
-        [],
-        {"clips": 1, "frames": 60, "styles": ["none"], "licence": "none", "seed": 0, "steps": {}},
-        {},
-        {
-            "joint_mean": torch.randn(31, 9),
-            "joint_deviation": torch.rand(31, 9) + 0.5,
-            "root_deviation": torch.rand(3) + 0.5,
-        },
-    )
+    trained = tiny_trained()
+    normal, steps = trained.normal, trained.steps
     export_model(trained, tmp_path)
     model = load_model(tmp_path)
     z, x = torch.randn(1, 384), torch.randn(2, 472)
     noise = torch.randn(2, 5, 8, 473)
     with torch.no_grad():
-        expected = generator.sample((x - normal.x_mean) / normal.x_deviation, z.expand(2, -1), noise, steps)
+        expected = trained.generator.sample(
+            (x - normal.x_mean) / normal.x_deviation, z.expand(2, -1), noise, steps
+        )
         expected = expected * normal.y_deviation + normal.y_mean
     style = model.fold_style(z.view(6, 64).numpy())
     y, _ = model.step(x.numpy(), noise.numpy(), style)

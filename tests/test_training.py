@@ -155,6 +155,7 @@ def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(clips, 
     assert main(["export", *common, "--decoder", "mixture"]) == 0  # stage 2 alone: w/o-Diffusion
     assert load_model(out / "model-mixture").metadata["decoder"] == "mixture"
     model = load_model(out / "model")
+    assert load_model(out / "model", precision="int8").metadata["quantised"]["relative_error"] > 0.0
     assert (out / "model" / "README.md").read_text().startswith("# Model")
     poses = []
     for _ in range(2):

@@ -12,6 +12,7 @@ import torch
 
 from runtime.assets import asset_path
 from runtime.errors import FileError
+from runtime.features import OUTPUT_SIZE
 from runtime.prompts.text_encoder import SHIPPED, TextEncoder
 from training import stage_content, stage_motion, stage_phase
 from training.batches import Frames, Normalisation
@@ -23,6 +24,7 @@ from training.networks.content import ContentEncoder
 from training.networks.diffusion import Schedule, reverse_steps
 from training.networks.generator import Generator
 from training.presets import ABLATIONS, PRESETS, ModelConfig, ablation, preset
+from training.quantize import quantize_model
 from training.session import Session, load_checkpoint, save_checkpoint
 from training.styles import StyleTexts, load_style_texts
 
@@ -185,6 +187,8 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
         )
         folder = args.out / ("model-mixture" if mixture else "model")
         export_model(trained, folder)
+        if config.output_size == OUTPUT_SIZE:  # the runtime, which measures it, loads no other
+            quantize_model(folder, text_encoder=args.text_encoder)
         log.info("exported to %s", folder)
 
 

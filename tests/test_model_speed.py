@@ -1,0 +1,200 @@
+"""The exported step: a style for each character, its 8-bit twin, and no processor time while it waits."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("onnxscript")
+
+from runtime.errors import FileError, ModelError  # noqa: E402
+from runtime.features import OUTPUT  # noqa: E402
+from runtime.model import load_model  # noqa: E402
+from training.quantize import KEPT, Frames, main, quantize_model, quantize_step, relative_error  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    from tiny_model import tiny_trained
+
+    from training.export import export_model
+
+    path = tmp_path_factory.mktemp("tiny")
+    export_model(tiny_trained(), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def frames(folder):
+    random = np.random.default_rng(1)
+    model = load_model(folder)
+    return Frames(
+        random.standard_normal((40, 472), np.float32),
+        random.standard_normal((40, *model.noise_shape), np.float32),
+        [model.fold_style(random.standard_normal((6, 64), np.float32)) for _ in range(40)],
+    )
+
+
+@pytest.fixture(scope="module")
+def quantised(folder, frames, tmp_path_factory):
+    path = tmp_path_factory.mktemp("quantised") / "model"
+    shutil.copytree(folder, path)
+    return path, quantize_model(path, frames=frames)
+
+
+def single_steps(model, frames, count):
+    return np.concatenate(
+        [model.step(frames.x[i : i + 1], frames.noise[i : i + 1], frames.styles[i])[0] for i in range(count)]
+    )
+
+
+def test_a_style_for_each_character_is_as_if_each_were_alone(folder, frames):
+    model = load_model(folder)
+    alone = single_steps(model, frames, 8)
+    together, alpha = model.step(frames.x[:8], frames.noise[:8], frames.styles[:8])
+    assert np.abs(together - alone).max() < 1e-4
+    assert alpha.shape == (8, 8)
+    assert np.abs(alone - model.step(frames.x[:8], frames.noise[:8], frames.styles[0])[0])[1:].max() > 1e-3
+
+
+def test_one_style_serves_all_characters(folder, frames):
+    model = load_model(folder)
+    shared, _ = model.step(frames.x[:8], frames.noise[:8], frames.styles[3])
+    listed, _ = model.step(frames.x[:8], frames.noise[:8], [frames.styles[3]] * 8)
+    assert np.abs(shared - listed).max() < 1e-4
+
+
+def test_styles_are_stacked_anew_when_one_changes(folder, frames):
+    model = load_model(folder)
+    styles = list(frames.styles[:4])
+    first, _ = model.step(frames.x[:4], frames.noise[:4], styles)
+    styles[2] = frames.styles[9]
+    second, _ = model.step(frames.x[:4], frames.noise[:4], styles)
+    assert np.array_equal(first[[0, 1, 3]], second[[0, 1, 3]])
+    assert not np.allclose(first[2], second[2])
+
+
+def test_styles_must_be_as_many_as_characters(folder, frames):
+    with pytest.raises(ModelError, match="3 styles for 4 characters"):
+        load_model(folder).step(frames.x[:4], frames.noise[:4], frames.styles[:3])
+
+
+def test_the_unrolled_frame_is_the_plain_one(frames):
+    """Folding, hoisting and laying out the weights anew changes nothing but the speed."""
+    from tiny_model import tiny_trained
+
+    from training.export_step import PlainGraph, StepGraph
+
+    trained = tiny_trained()
+    z = torch.randn(2, 384)
+    x, noise = torch.tensor(frames.x[:2]), torch.tensor(frames.noise[:2])
+    with torch.no_grad():
+        plain = PlainGraph(trained.generator, trained.normal, trained.steps)(x, z, noise)
+        folds = [trained.generator.modulator.fold(one[None]) for one in z]
+        folded = [torch.stack(tensors) for tensors in zip(*folds, strict=True)]
+        fast, _ = StepGraph(trained.generator, trained.normal, trained.steps)(x, noise, *folded)
+    assert torch.allclose(plain, fast, atol=1e-4)
+
+
+def test_the_8_bit_twin_is_near_and_says_how_near(quantised, frames):
+    path, section = quantised
+    full, small = load_model(path, precision="fp32"), load_model(path, precision="int8")
+    assert (full.precision, small.precision) == ("fp32", "int8")
+    expected, got = single_steps(full, frames, 40), single_steps(small, frames, 40)
+    assert not np.array_equal(expected, got)
+    assert 0.0 < section["relative_error"] < 0.03
+    apart = (got - expected)[:, OUTPUT["joint_positions"]].reshape(40, 31, 3)
+    apart = np.linalg.norm(apart, axis=-1)
+    assert 1e3 * apart.max() == pytest.approx(section["joint_error_max_mm"], abs=0.01)
+    assert json.loads((path / "metadata.json").read_text())["quantised"] == section
+
+
+def test_what_is_sensitive_stays_in_full_precision(quantised):
+    import onnx
+
+    model = onnx.load(quantised[0] / "step_int8.onnx")
+    floats = {t.name for t in model.graph.initializer if t.data_type == onnx.TensorProto.FLOAT}
+    eight = {t.name for t in model.graph.initializer if t.data_type == onnx.TensorProto.UINT8}
+    assert set(KEPT) <= floats
+    assert {"encoder_first_quantized", "convolution_0_quantized", "linear_0_quantized"} <= eight
+    products = [n for n in model.graph.node if n.op_type == "MatMulInteger"]
+    assert len(products) == 3 + 5 * 3  # encoder and front; code, convolution and linear in each of five steps
+
+
+def test_the_second_row_takes_the_rounding_of_activations_away(folder, frames, tmp_path, monkeypatch):
+    model = load_model(folder)
+    errors = {}
+    for name, refined in (("with", ("encoder_first", "encoder_second")), ("without", ("front_wide",))):
+        monkeypatch.setattr("training.quantize.REFINED", refined)
+        copy = tmp_path / name
+        shutil.copytree(folder, copy)
+        quantize_model(copy, frames=frames)
+        got = single_steps(load_model(copy, precision="int8"), frames, 40)
+        errors[name] = relative_error(single_steps(model, frames, 40), got, got.std(0))
+    assert errors["with"] < 0.9 * errors["without"]
+
+
+def test_the_metadata_say_what_auto_means(quantised, frames, tmp_path):
+    path, section = quantised
+    assert section["default"] == "fp32"
+    assert load_model(path).precision == "fp32"
+    copy = tmp_path / "model"
+    shutil.copytree(path, copy)
+    assert quantize_model(copy, "int8", frames)["default"] == "int8"
+    assert load_model(copy).precision == "int8"
+    assert load_model(copy, precision="fp32").precision == "fp32"
+
+
+def test_a_model_of_the_papers_size_is_loaded_with_8_bits(folder, frames, tmp_path):
+    shutil.copytree(folder, tmp_path / "model")
+    path = tmp_path / "model" / "metadata.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"name": "paper-rotations"}))
+    assert quantize_model(tmp_path / "model", frames=frames)["default"] == "int8"
+
+
+def test_a_missing_or_damaged_8_bit_graph_is_named_with_its_remedy(folder, quantised, tmp_path):
+    with pytest.raises(ModelError, match="no 8-bit graph") as error:
+        load_model(folder, precision="int8")
+    assert "training.quantize" in str(error.value)
+    with pytest.raises(ModelError, match="precision int3"):
+        load_model(folder, precision="int3")
+    shutil.copytree(quantised[0], tmp_path / "model")
+    graph = tmp_path / "model" / "step_int8.onnx"
+    data = bytearray(graph.read_bytes())
+    data[len(data) // 2] ^= 1
+    graph.write_bytes(bytes(data))
+    load_model(tmp_path / "model")  # fp32 needs none of it
+    with pytest.raises(ModelError, match="damaged"):
+        load_model(tmp_path / "model", precision="int8")
+    graph.unlink()
+    with pytest.raises(ModelError, match="No such file"):
+        load_model(tmp_path / "model", precision="int8")
+
+
+def test_an_unknown_default_in_the_metadata_is_refused(quantised, tmp_path):
+    shutil.copytree(quantised[0], tmp_path / "model")
+    path = tmp_path / "model" / "metadata.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"quantised": {"default": "int2"}}))
+    with pytest.raises(ModelError, match="neither fp32 nor int8"):
+        load_model(tmp_path / "model")
+
+
+def test_a_graph_of_an_older_export_cannot_be_quantised(folder, tmp_path):
+    with pytest.raises(FileError, match="Export the model again"):
+        quantize_step(folder / "style.onnx", tmp_path / "out.onnx")
+
+
+def test_the_command_measures_the_models_own_walks(folder, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("training.quantize.COURSES", (("a proud queen", "circle", "walk", "flat"),))
+    shutil.copytree(folder, tmp_path / "model")
+    assert main([str(tmp_path / "model")]) == 0
+    assert "relative_error" in capsys.readouterr().out
+    assert json.loads((tmp_path / "model" / "metadata.json").read_text())["quantised"]["frames"] == 80
+
+
+def test_sessions_do_not_spin_while_the_character_waits(folder):
+    for session in (load_model(folder, threads=2)._step, load_model(folder)._style):
+        options = session.get_session_options()
+        assert options.get_session_config_entry("session.intra_op.allow_spinning") == "0"

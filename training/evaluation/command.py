@@ -64,7 +64,9 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument(
-        "--text", action="store_true", help="score what prompts do instead; see `sport evaluate --text --help`"
+        "--text",
+        action="store_true",
+        help="score what prompts do instead; see `sport evaluate --text --help`",
     )
     return parser
 

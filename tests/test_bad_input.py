@@ -329,7 +329,7 @@ def test_the_viewer_says_it_goes_on_and_loses_nothing(tmp_path: Path) -> None:
 
     try:
         app.frame()
-        terrain, style = app.state.terrain, app.state.prompt.shown_prompt
+        terrain, style = app.state.terrain, app.state.prompt.edit
         controller = app.state.simulation.controller
         assert controller is not None
         app.takes.toggle_recording()
@@ -354,7 +354,7 @@ def test_the_viewer_says_it_goes_on_and_loses_nothing(tmp_path: Path) -> None:
             play()
             assert words in shown()
         assert app.state.terrain is terrain
-        assert app.state.prompt.shown_prompt == style
+        assert app.state.prompt.edit is style
         app.takes.toggle_recording()
         app.takes.play(0)
         app.state.clips.export_path = str(tmp_path / "kept.bvh")

@@ -16,6 +16,7 @@ from training.evaluation.motion import RootFeatures, window_index, window_starts
 from training.evaluation.recognition import balanced, recognition
 from training.evaluation.smoothness import jerk, transition_jerk
 from training.evaluation.terrain_feet import terrain_feet
+from training.evaluation.window_sets import WindowSet, halves, joined
 
 FLAT = Terrain.flat(size_m=100.0)
 
@@ -46,21 +47,38 @@ def test_frechet_distance_does_not_turn_with_the_axes_and_takes_rank_deficient_s
     assert frechet_distance(few, few + 1.0) == pytest.approx(50.0)
 
 
-def test_compare_uses_equal_numbers_and_keeps_units_whole():
+def test_compare_uses_equal_numbers_of_windows():
     rng = np.random.default_rng(0)
     captured, units = rng.normal(size=(400, 5)), np.repeat(np.arange(20), 20)
     same = compare(rng.normal(size=(4000, 5)), captured, units)
     assert same.windows == 200
     assert same.ratio == pytest.approx(1.0, abs=0.5)
     assert compare(rng.normal(size=(4000, 5)) + 1.0, captured, units).ratio > 10.0
-    assert compare(captured, captured, np.zeros(400)).windows == 0  # one take has no halves
+    assert compare(captured, captured, np.zeros(400, int)).windows == 0  # one half has no other
 
 
-def test_windows_of_one_take_never_lie_in_both_halves():
-    """Units that differ a lot make halves that differ a lot: were they torn, the reference would be near zero."""
-    units = np.repeat([0, 1], 100)
-    captured = np.random.default_rng(0).normal(size=(200, 2)) + 10.0 * units[:, None]
-    assert compare(captured, captured, units).reference == pytest.approx(200.0, rel=0.2)
+def test_halves_of_one_take_lie_on_different_sides():
+    """Takes that differ a lot do not make the reference larger; halves of a take that differ do."""
+    units = np.repeat(np.arange(40), 20)
+    noise = np.random.default_rng(0).normal(size=(800, 2))
+    by_take = noise + 10.0 * (units[:, None] // 2 % 2)
+    assert compare(by_take, by_take, units).reference < 0.5
+    single = np.repeat([0, 1], 400)
+    by_half = noise + 10.0 * single[:, None]
+    assert compare(by_half, by_half, single).reference == pytest.approx(200.0, rel=0.1)
+
+
+def test_windows_over_the_middle_of_a_take_are_left_out():
+    starts = window_starts(300, 10)
+    unit = halves(3, 300, starts)
+    assert starts[unit == 6].max() + 79 <= 150
+    assert starts[unit == 7].min() == 150
+    assert (unit == -1).sum() == (starts > 71).sum() - (starts >= 150).sum()
+    assert set(halves(3, 157, window_starts(157, 10))) == {6}  # too short for two windows
+    captured = np.zeros((40, 2))
+    captured[20:] = 100.0
+    units = np.repeat([0, 1, -1], [10, 10, 20])
+    assert compare(captured[:20], captured, units).distance == 0.0
 
 
 def test_projection_keeps_what_varies_and_ignores_what_does_not():
@@ -108,7 +126,10 @@ def test_soles_count_at_their_resting_heights():
     positions = standing(0.0, step=(0.01, 0.0, 0.0))
     positions[:, [5, 10], 1], positions[:, [4, 9], 1] = TOE_HEIGHT, ANKLE_HEIGHT
     found = foot_skating(positions, FLAT, np.ones(11, bool))
-    assert (found.toes, found.soles) == (0.0, pytest.approx(1.0))
+    assert (found.toes, found.toe_soles, found.soles) == (0.0, pytest.approx(1.0), pytest.approx(1.0))
+    positions[:, [4, 9], 1] += 0.1  # heels up: half of the points stand
+    found = foot_skating(positions, FLAT, np.ones(11, bool))
+    assert (found.toe_soles, found.soles) == (pytest.approx(1.0), pytest.approx(0.5))
 
 
 def test_terrain_feet_tells_sinking_from_floating():
@@ -171,6 +192,12 @@ def test_windows_cover_forty_samples_of_every_second_frame():
     assert window_starts(79, 10).tolist() == [0]
     assert len(window_starts(78, 10)) == 0
     assert window_index(np.array([5]))[0, [0, 1, 39]].tolist() == [5, 7, 83]
+
+
+def test_joined_sets_keep_their_takes_apart():
+    rows = np.zeros((3, 1))
+    sets = [WindowSet(rows, rows, rows[:0], np.array(u)) for u in ([0, 1, -1], [0, 0, 1])]
+    assert joined(sets).unit.tolist() == [0, 1, -1, 2, 2, 3]
 
 
 def glide(frames=120):

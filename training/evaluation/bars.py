@@ -10,7 +10,11 @@ NORMAL_STYLES = ("neutral", "neutral_bn", "neutral_bn2")
 MAX_NORMAL_SKATING_CM = 0.05
 ROUGH_SHARE = 1.5
 RECOGNITION_SHARE = 0.8
-MEASURES = {"toes": "the paper's formula", "soles": "at the soles"}
+MEASURES = {
+    "toes": "the paper's formula",
+    "toe_soles": "under the toes",
+    "soles": "under toes and heels",
+}
 
 
 @dataclass(frozen=True)

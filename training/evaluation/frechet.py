@@ -69,27 +69,29 @@ class Comparison:
 
 
 def compare(
-    generated: Array, captured: Array, units: Sequence[int] | NDArray[np.generic], seed: int = 0
+    generated: Array, captured: Array, units: Sequence[int] | NDArray[np.integer], seed: int = 0
 ) -> Comparison:
-    """Compare rows `(N, k)` with rows `(M, k)`; `units` `(M,)` are the takes that a half keeps or leaves whole.
+    """Compare rows `(N, k)` with rows `(M, k)`.
 
-    Every draw splits the captured units into two random halves of n windows; the reference is the distance between
-    these, the distance that of n generated windows to n captured ones. Both are means over `SEEDS` draws.
+    `units` `(M,)` are 2 s in the first and 2 s + 1 in the second half of take s, and -1 in windows that reach over its
+    middle, which are left out. Every draw gives one half of every take, at random, to one side and the other to the
+    other: both sides hold the same mix of motions, and no frame twice. The reference is the distance between n windows of
+    either side; the distance that of n generated windows to n captured ones. Both are means over `SEEDS` draws.
     """
     rng = np.random.default_rng(seed)
-    groups = [np.flatnonzero(np.asarray(units) == u) for u in np.unique(np.asarray(units))]
+    unit = np.asarray(units)
+    takes, half = unit // 2, unit % 2
     distances, references, sizes = [], [], []
     for _ in range(SEEDS):
-        order = [groups[i] for i in rng.permutation(len(groups))]
-        filled = np.cumsum([len(g) for g in order])
-        middle = max(1, int(np.argmin(np.abs(filled - filled[-1] / 2))) + 1)
-        if middle >= len(order):
+        flip = rng.integers(0, 2, int(takes.max(initial=0)) + 1)
+        first_side = half == flip[takes]
+        sides = [np.flatnonzero((unit >= 0) & own) for own in (first_side, ~first_side)]
+        n = min(*(len(side) for side in sides), len(generated), MAX_WINDOWS)
+        if n < 2:
             return Comparison(float("nan"), float("nan"), 0)
-        halves = np.concatenate(order[:middle]), np.concatenate(order[middle:])
-        n = min(*(len(h) for h in halves), len(generated), MAX_WINDOWS)
-        first, second = (captured[rng.permutation(h)[:n]] for h in halves)
+        first, second = (captured[rng.permutation(side)[:n]] for side in sides)
         drawn = generated[rng.permutation(len(generated))[:n]]
         references.append(frechet_distance(first, second))
-        distances.append(frechet_distance(drawn, captured[rng.permutation(len(captured))[:n]]))
+        distances.append(frechet_distance(drawn, captured[rng.permutation(np.concatenate(sides))[:n]]))
         sizes.append(n)
     return Comparison(float(np.mean(distances)), float(np.mean(references)), int(np.min(sizes)))

@@ -13,6 +13,7 @@ from runtime.atomic import write_atomic
 from runtime.errors import FileError, run_command
 from training.evaluation.bars import check
 
+SKATING = ("toes", "toe_soles", "soles")
 BEGIN, END = "<!-- motion evaluation: begin -->", "<!-- motion evaluation: end -->"
 
 
@@ -56,7 +57,7 @@ def _table_one(results: dict[str, Any]) -> list[str]:
     sets = results["feature_sets"]
     head = [
         *(f"FMD, {n} features" for n in sets),
-        "skating toes / soles, before lock",
+        "skating at toe joints / under toes / under soles, before lock",
         "after lock",
         "diversity T 1 / T 0",
         "network / frame (ms)",
@@ -105,8 +106,8 @@ def _model_row(model: dict[str, Any], sets: Sequence[str]) -> list[str]:
     return [
         f"{model['name']} ({model['decoder']})",
         *(f"{following['fmd'][n]['distance']:.2f} ({following['fmd'][n]['ratio']:.1f} x)" for n in sets),
-        _pair([_mean([c["flat"]["before"][m] for c in courses]) for m in ("toes", "soles")]),
-        _pair([_mean([c["flat"]["after"][m] for c in courses]) for m in ("toes", "soles")]),
+        _pair([_mean([c["flat"]["before"][m] for c in courses]) for m in SKATING]),
+        _pair([_mean([c["flat"]["after"][m] for c in courses]) for m in SKATING]),
         f"{diversity['temperature_1']['pose']:.3f} / {diversity['temperature_0']['pose']:.3f}",
         f"{times['network_ms']:.2f} / {times['frame_ms']:.2f}",
         f"{model['parameters'] / 1e6:.2f} M",
@@ -117,11 +118,11 @@ def _model_row(model: dict[str, Any], sets: Sequence[str]) -> list[str]:
 
 
 def mean_skating(gaits: dict[str, dict[str, float]]) -> list[float]:
-    """Toes and soles over all frames of walking and jogging."""
+    """The three measures over all frames of walking and jogging."""
     frames = sum(g["frames"] for g in gaits.values())
     return [
         sum(g[m] * g["frames"] for g in gaits.values() if g["frames"]) / frames if frames else float("nan")
-        for m in ("toes", "soles")
+        for m in SKATING
     ]
 
 
@@ -153,7 +154,7 @@ def _styles(model: dict[str, Any], results: dict[str, Any]) -> list[str]:
             [
                 style,
                 *(
-                    f"{fmd[n]['distance']:.2f} / {fmd[n]['reference']:.2f} ({fmd[n]['ratio']:.1f} x)"
+                    f"{_number(fmd[n]['distance'], 2)} / {_number(fmd[n]['reference'], 2)} ({_number(fmd[n]['ratio'], 1)} x)"
                     for n in sets
                 ),
                 str(fmd[sets[0]]["windows"]),
@@ -181,8 +182,15 @@ def _skating(model: dict[str, Any]) -> list[str]:
             cells = [found["captured"], found["flat"]["before"], found["flat"]["after"]]
             cells += [found["rough"]["before"], found["rough"]["after"]]
             speed = f"{found['flat']['speed_m_s']:.2f} / {found['flat']['asked_m_s']:.2f}"
-            rows.append([f"{style} {gait}{mark}", *(_pair([c["toes"], c["soles"]]) for c in cells), speed])
-    head = ["skating, toes / soles", "capture", "flat, before lock", "after", "rough, before", "after"]
+            rows.append([f"{style} {gait}{mark}", *(_pair([c[m] for m in SKATING]) for c in cells), speed])
+    head = [
+        "skating at toe joints / under toes / under soles",
+        "capture",
+        "flat, before lock",
+        "after",
+        "rough, before",
+        "after",
+    ]
     return _table([*head, "m/s: real / asked"], rows)
 
 

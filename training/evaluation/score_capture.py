@@ -43,7 +43,7 @@ def score_held_out(plan: Plan, report: Report) -> dict[str, Any]:
         "name": "held-out capture",
         "clips": sum(len(plan.capture.of(g, True)) for g in styles),
         "fmd": {n: _split_distance(plan, n, styles) for n in plan.feature_sets},
-        "skating": {g: _skating(s) for g, s in skating.items()},
+        "skating": {g: s.as_dict() for g, s in skating.items()},
         "jerk_m_s3": float(np.concatenate(jerks).mean()),
         "recognition": asdict(recognition(known)),
     }
@@ -52,10 +52,6 @@ def score_held_out(plan: Plan, report: Report) -> dict[str, Any]:
 def _add(skating: dict[str, Skating], motion: Motion) -> None:
     for name, gait in GAITS.items():
         skating[name] += foot_skating(motion.positions, motion.terrain, motion.gait == gait)
-
-
-def _skating(s: Skating) -> dict[str, float]:
-    return {"toes": s.toes, "soles": s.soles, "frames": s.frames}
 
 
 def _split_distance(plan: Plan, name: str, styles: list[str]) -> dict[str, float]:
@@ -97,7 +93,7 @@ def score_rollouts(plan: Plan, report: Report) -> dict[str, Any] | None:
     result: dict[str, Any] = {
         "name": "terrain rollouts (PFNN)",
         "clips": len(clips),
-        "skating": {g: _skating(s) for g, s in skating.items()},
+        "skating": {g: s.as_dict() for g, s in skating.items()},
         "terrain": {
             gait: dict(zip(keys, np.mean(values, axis=0).tolist(), strict=True))
             for gait, values in rows.items()

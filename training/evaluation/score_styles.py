@@ -93,7 +93,7 @@ def score_following(plan: Plan, subject: Subject, report: Report) -> dict[str, A
                 "fmd": {n: style_distance(plan, n, group, made.windows) for n in plan.feature_sets},
                 "path_error_m": made.path_error,
                 "speed_ratio": made.speed_ratio,
-                "skating": {g: _skating(s) for g, s in made.skating.items() if s.frames},
+                "skating": {g: s.as_dict() for g, s in made.skating.items() if s.frames},
             }
             for group, made in done.items()
         },
@@ -123,10 +123,6 @@ def _comparison(c: Comparison) -> dict[str, float]:
     return {"distance": c.distance, "reference": c.reference, "ratio": c.ratio, "windows": c.windows}
 
 
-def _skating(s: Skating) -> dict[str, float]:
-    return {"toes": s.toes, "soles": s.soles, "frames": s.frames}
-
-
 def score_courses(plan: Plan, subject: Subject, rough: Terrain, report: Report) -> dict[str, Any]:
     """Skating before and after foot lock, path error and speed, per style and gait, on level and on rough ground."""
     result: dict[str, Any] = {}
@@ -136,7 +132,7 @@ def score_courses(plan: Plan, subject: Subject, rough: Terrain, report: Report) 
         result[style] = {}
         for gait in plan.gaits(style):
             captured, held_out = captured_skating(plan, style, gait)
-            result[style][gait] = {"captured": _skating(captured) | {"held_out": held_out}}
+            result[style][gait] = {"captured": captured.as_dict() | {"held_out": held_out}}
             for ground in (flat_ground(), rough):
                 result[style][gait][ground.name] = _course(plan, subject, ground, style, gait, number)
     return result
@@ -153,8 +149,8 @@ def _course(
     before = foot_skating(run.motion.unlocked, ground, everything)
     after = foot_skating(run.motion.positions, ground, everything)
     return {
-        "before": _skating(before),
-        "after": _skating(after),
+        "before": before.as_dict(),
+        "after": after.as_dict(),
         "path_error_m": float(run.path_error.mean()),
         "path_error_p95_m": float(np.percentile(run.path_error, 95)),
         "speed_m_s": _speed(run.motion.positions[:, 0, ::2].astype(np.float64)),

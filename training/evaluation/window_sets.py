@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from runtime.motion_encoder import MotionEncoder
 from training.evaluation.encoder_features import SIZE, encoder_features
 from training.evaluation.kinematic_features import kinematic_features, temporal_features
-from training.evaluation.motion import Motion, window_starts
+from training.evaluation.motion import WINDOW_FRAMES, Motion, window_starts
 
 Array = NDArray[np.floating]
 
@@ -20,7 +20,7 @@ HOP = 10  # frames between the beginnings of two windows
 
 @dataclass(frozen=True)
 class WindowSet:
-    """Rows of windows: `unit` `(N,)` numbers the motions that they were cut from."""
+    """Rows of windows: `unit` `(N,)` tells which half of which motion they lie in (see `frechet.compare`)."""
 
     kinematic: Array  # (N, 234)
     temporal: Array  # (N, 88)
@@ -45,34 +45,39 @@ class WindowSet:
         return WindowSet(self.kinematic[rows], self.temporal[rows], encoder, self.unit[rows])
 
 
-def window_set(
-    motions: Iterable[Motion], encoder: MotionEncoder | None, hop: int = HOP, unit_frames: int = 240
-) -> WindowSet:
-    """Windows `hop` frames apart of every motion; a motion is one unit for every `unit_frames` begun."""
+def window_set(motions: Iterable[Motion], encoder: MotionEncoder | None, hop: int = HOP) -> WindowSet:
+    """Windows `hop` frames apart of every motion."""
     kinematic, temporal = [np.zeros((0, 234), np.float32)], [np.zeros((0, 88), np.float32)]
     encoded, units = [np.zeros((0, SIZE), np.float32)], [np.zeros(0, np.int64)]
-    count = 0
-    for motion in motions:
+    for number, motion in enumerate(motions):
         starts = window_starts(len(motion), hop)
         root = motion.root_features()
         kinematic.append(kinematic_features(root, starts))
         temporal.append(temporal_features(root, starts))
         if encoder is not None:
             encoded.append(encoder_features(encoder, root, starts))
-        units.append(count + starts // unit_frames)
-        count += 1 + len(motion) // unit_frames
+        units.append(halves(number, len(motion), starts))
     return WindowSet(
         np.concatenate(kinematic), np.concatenate(temporal), np.concatenate(encoded), np.concatenate(units)
     )
 
 
+def halves(number: int, frames: int, starts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Units of the windows of motion `number`: a half holds whole windows only; a short motion has but one half."""
+    middle = frames // 2
+    if middle < WINDOW_FRAMES:
+        return np.full(len(starts), 2 * number)
+    second, first = starts >= middle, starts + WINDOW_FRAMES <= middle
+    return np.where(second, 2 * number + 1, np.where(first, 2 * number, -1))
+
+
 def joined(sets: Iterable[WindowSet]) -> WindowSet:
     """All windows of several sets; their units stay apart."""
     listed = list(sets)
-    offset = np.cumsum([0] + [int(s.unit.max()) + 1 if len(s) else 0 for s in listed])
+    offset = np.cumsum([0] + [2 * (int(s.unit.max()) // 2 + 1) if len(s) else 0 for s in listed])
     return WindowSet(
         np.concatenate([s.kinematic for s in listed]),
         np.concatenate([s.temporal for s in listed]),
         np.concatenate([s.encoder for s in listed]),
-        np.concatenate([s.unit + o for s, o in zip(listed, offset, strict=False)]),
+        np.concatenate([np.where(s.unit < 0, -1, s.unit + o) for s, o in zip(listed, offset, strict=False)]),
     )

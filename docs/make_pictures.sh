@@ -45,3 +45,18 @@ for i in "${!styles[@]}"; do
 done
 python -m viewer.contact_sheet "${files[@]}" --labels "${styles[@]}" --out "$images/styles.png"
 echo "$images/styles.png"
+
+# Words about single parts, in combinations that training never showed
+words=(
+  "a queen with her hands on her hips"
+  "arms crossed, head down"
+  "a zombie, both arms stretched out in front"
+  "a tired waiter, left hand on the head"
+)
+files=()
+for i in "${!words[@]}"; do
+  sport generate "${model[@]}" --prompt "${words[$i]}" --path forward --seconds 6 --seed 1 --out "$clips/words$i.bvh"
+  files+=("$clips/words$i.bvh")
+done
+python -m viewer.contact_sheet "${files[@]}" --labels "${words[@]}" --out "$images/words.png"
+echo "$images/words.png"

@@ -71,7 +71,7 @@ def measure(frames: int, model: Path | None) -> dict[str, Any]:
             figures[name] = None
             figures["notes"].append(f"{name}: {error}")
     figures.update(
-        cpu=_cpu_name(), cores=os.cpu_count(), threads=1, python=platform.python_version(), frames=frames
+        cpu=cpu_name(), cores=os.cpu_count(), threads=1, python=platform.python_version(), frames=frames
     )
     return figures
 
@@ -178,7 +178,8 @@ def _children_mb() -> float | None:
     return peak / (1 << 20) if sys.platform == "darwin" else peak / 1024
 
 
-def _cpu_name() -> str:
+def cpu_name() -> str:
+    """The processor as the system calls it."""
     try:
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from runtime.prompts.expander import Expander
 
 UNTUNED_PROMPTS = Path(__file__).parent / "data" / "untuned_prompts.txt"
+BLIND_PROMPTS = UNTUNED_PROMPTS.with_name("blind_prompts.txt")  # written blind; never edited
+BLIND_GRADES = UNTUNED_PROMPTS.with_name("blind_grades.csv")  # what a reader said of each
 WARM_UP_PROMPT = "somebody going by"  # loads what the first prompt loads
 MAX_MS = 50.0  # processor time from prompt to Z^t, warm
 SAMPLE_ROWS = 30
@@ -83,13 +85,14 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def read_prompts(path: Path) -> list[str]:
-    """The lines of a text file in UTF-8, empty ones left out; FileError when there is none."""
+    """The lines of a text file in UTF-8 without empty ones and comments (#); FileError when there is none."""
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not text in UTF-8"
         raise FileError(f"{path}: {reason}.", "Choose a text file with one prompt a line.") from error
-    prompts = [line.strip() for line in lines if line.strip()]
+    stripped = [line.strip() for line in lines]
+    prompts = [line for line in stripped if line and not line.startswith("#")]
     if not prompts:
         raise FileError(f"{path}: no prompt in it.", "Write one prompt a line.")
     return prompts

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import json
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -136,3 +138,20 @@ def test_the_shipped_model_is_measured_warm() -> None:
     answers, first_ms = prompts.measure(["an old man"], load_model())
     assert answers[0].problem == ""
     assert first_ms > answers[0].cpu_ms > 0.0
+
+
+def test_comments_are_no_prompts(tmp_path: Path) -> None:
+    path = tmp_path / "commented.txt"
+    path.write_text("# when and how\na queen\n # another\nwalk on #1\n", encoding="utf-8")
+    assert prompts.read_prompts(path) == ["a queen", "walk on #1"]
+
+
+def test_the_blind_prompts_are_graded_one_by_one() -> None:
+    found = prompts.read_prompts(prompts.BLIND_PROMPTS)
+    assert len(found) == len({prompt.lower() for prompt in found}) == 200
+    with prompts.BLIND_GRADES.open(encoding="utf-8", newline="") as file:
+        grades = list(csv.DictReader(file))
+    assert [grade["prompt"] for grade in grades] == found
+    known = {"right", "partly", "wrong", "neutral, missed", "neutral, rightly"}
+    assert {grade["before"] for grade in grades} == known
+    assert sha256(prompts.BLIND_PROMPTS.read_bytes()).hexdigest().startswith("275a7132760f6a5e")

@@ -1,10 +1,14 @@
 """Reverse steps against the equations, on distributions with a known answer."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
 
+from runtime.features import INPUT_SIZE  # noqa: E402
+from training.networks.decoder import blend_codes  # noqa: E402
 from training.networks.diffusion import (  # noqa: E402
     Schedule,
     add_noise,
@@ -12,6 +16,8 @@ from training.networks.diffusion import (  # noqa: E402
     noise_estimate,
     reverse_steps,
 )
+from training.networks.generator import Generator  # noqa: E402
+from training.presets import preset  # noqa: E402
 
 
 def test_schedule_ends_in_noise():
@@ -73,3 +79,40 @@ def test_analytic_variance_widens_the_reverse_steps():
     plain = reverse_steps(schedule, tau, None)
     wide = reverse_steps(schedule, tau, np.full(5, 0.5))
     assert all(w.deviation > p.deviation for w, p in zip(wide[:-1], plain[:-1], strict=True))
+
+
+def _generator(**changes):
+    torch.manual_seed(0)
+    return Generator(replace(preset("tiny"), **changes)).eval()
+
+
+def test_residual_targets_blend_to_the_captured_motion():
+    """E_d's codes and what is diffused add up to y, whatever the experts' shares."""
+    generator = _generator()
+    size = generator.config.output_size
+    generator.code_mean.normal_()
+    generator.code_deviation.uniform_(0.5, 2.0)
+    e, alpha = torch.randn(3, generator.config.embedding), torch.softmax(torch.randn(3, 8), -1)
+    y = torch.randn(3, size)
+    codes = generator.clean_codes(generator.target_codes(e, alpha, y), e)
+    assert torch.allclose(blend_codes(codes, alpha), y, atol=1e-5)
+
+
+def test_without_the_residual_the_targets_are_the_codes_of_the_paper():
+    generator = _generator(residual_diffusion=False)
+    e, alpha = torch.randn(3, generator.config.embedding), torch.full((3, 8), 1 / 8)
+    targets = generator.target_codes(e, alpha, torch.full((3, generator.config.output_size), 9.0))
+    assert torch.equal(targets, generator.mixture_decoder.codes(e))
+
+
+def test_a_silent_denoiser_leaves_the_mixture_decoder():
+    """Stage 3 begins with zero heads: without noise the sample is E_d's output."""
+    generator = _generator()
+    torch.nn.init.zeros_(generator.denoiser.head.weight)
+    torch.nn.init.zeros_(generator.denoiser.head.bias)
+    schedule = Schedule.linear()
+    steps = reverse_steps(schedule, schedule.subsequence(5), None)
+    x, z = torch.randn(2, INPUT_SIZE), torch.randn(2, generator.config.style_size)
+    noise = torch.zeros(2, 5, 8, generator.config.output_size)
+    expected, _, _ = generator.decode_mixture(x, z)
+    assert torch.allclose(generator.sample(x, z, noise, steps), expected, atol=1e-5)

@@ -69,7 +69,7 @@ def test_equation_4_and_5_the_sampler_written_out():
             variance += (np.sqrt(before) - np.sqrt(now) * kappa) ** 2 * sigma[n]
             z = z + np.sqrt(variance) * noise[:, 5 - n]
     ours = generator.sample_codes(e, noise, reverse_steps(schedule, tau, sigma))
-    assert torch.allclose(ours, generator.clean_codes(z.float()), atol=1e-4)
+    assert torch.allclose(ours, generator.clean_codes(z.float(), e), atol=1e-4)
 
 
 def test_equation_5_lambda_of_neighbouring_steps_is_that_of_section_3g():

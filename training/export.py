@@ -121,7 +121,7 @@ def export_model(trained: Trained, folder: Path) -> None:
     errors = {
         "prompt": export_graph(
             prompt,
-            (torch.randn(2, 6, config.text_size),),
+            (torch.randn(2, 6, config.sentence_size),),
             ["embeddings"],
             ["z", "mean", "log_variance"] if content is not None else ["z"],
             ({0: BATCH},),
@@ -158,7 +158,11 @@ def _write_metadata(trained: Trained, folder: Path, errors: dict[str, float]) ->
         "fps": FPS,
         "config": asdict(trained.config),
         "decoder": trained.decoder,
-        "text_encoder": {"name": trained.config.text_encoder, "dimensions": trained.config.text_size},
+        "text_encoder": {
+            "name": trained.config.text_encoder,
+            "dimensions": trained.config.text_size,
+            "direction_words": trained.config.direction_words,
+        },
         "reverse_steps": [asdict(s) for s in trained.steps],
         "sigma_bar_squared": trained.sigma_bar_squared.tolist(),
         "sha256": {n: hashlib.sha256((folder / f"{n}.onnx").read_bytes()).hexdigest() for n in errors},

@@ -89,6 +89,10 @@ class StepGraph(FrameGraph):
         self.norm = denoiser.norm
         self.keep("head_weight", denoiser.head.weight.T)
         self.keep("head_bias", denoiser.head.bias)
+        if self.config.residual_diffusion:
+            base = generator.mixture_decoder.layer
+            self.keep("base_weight", base.weight.permute(1, 0, 2).flatten(1))  # (embedding, K output)
+            self.keep("base_bias", base.bias)
         self.keep("code_mean", generator.code_mean)
         self.keep("code_deviation", generator.code_deviation)
         # the tokens at the three taps of the convolution, in a row of tokens with a zero at each end
@@ -108,7 +112,10 @@ class StepGraph(FrameGraph):
             )
             if number + 1 < len(self.steps):
                 codes = codes + step.deviation * noise[:, number + 1]
-        y = blend_codes(codes * self.code_deviation + self.code_mean, alpha)
+        codes = codes * self.code_deviation + self.code_mean
+        if self.config.residual_diffusion:
+            codes = codes + (e @ self.base_weight).view(-1, *codes.shape[1:]) + self.base_bias
+        y = blend_codes(codes, alpha)
         return y * self.y_deviation + self.y_mean, alpha
 
     def _denoise(self, codes: Tensor, condition: Tensor, number: int) -> Tensor:

@@ -138,7 +138,9 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
     table = load_frames(clips, limit=args.limit)
     weights = sampling_weights(table)
     log.info("%d clips, %d frames, %d styles", len(table.styles), len(table), len(set(table.styles)))
-    texts = load_style_texts(table, args.styles or asset_path("prompts/styles.json"), encoder, clips)
+    texts = load_style_texts(
+        table, args.styles or asset_path("prompts/styles.json"), encoder, clips, config.direction_words
+    )
 
     phase = _phase(args, session, config, table, weights, "phase" in wanted)
     if wanted == {"phase"}:

@@ -7,6 +7,7 @@ from typing import Any
 
 from runtime.errors import UsageError
 from runtime.features import OUTPUT_SIZE, PAPER_OUTPUT_SIZE
+from runtime.prompts.direction_words import GROUPS
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,15 @@ class ModelConfig:
     part_contrast: bool = True  # False: stage 1 contrasts the whole body only
     text_encoder: str = "all-MiniLM-L6-v2"  # paper CLIP ViT-B/32, of 512
     text_size: int = 384  # numbers of a sentence embedding
+    direction_words: bool = True  # also numbers for words such as left and right (paper: the embedding alone)
+    # Eq. 14 with the captured motion in place of E_d's own codes, and the denoiser's output added to these codes
+    # (paper: the codes alone, which the denoiser learns from nothing)
+    residual_diffusion: bool = True
+
+    @property
+    def sentence_size(self) -> int:
+        """Numbers that the content encoder reads of a sentence."""
+        return self.text_size + (len(GROUPS) if self.direction_words else 0)
 
 
 _COMPACT = ModelConfig()
@@ -53,6 +63,8 @@ _PAPER = ModelConfig(
     phase_kernel=121,
     content_layers=6,
     content_feedforward=1024,
+    direction_words=False,
+    residual_diffusion=False,
 )
 PRESETS: dict[str, ModelConfig] = {
     "compact": _COMPACT,
@@ -70,7 +82,9 @@ ABLATIONS: dict[str, dict[str, Any]] = {
     "pae": {"part_aware_phase": False},
     "4-experts": {"experts": 4},
     "4-content-experts": {"content_experts": 4},
-    "no-content-encoder": {"content_encoder": False},
+    "no-content-encoder": {"content_encoder": False, "direction_words": False},
+    "no-direction-words": {"direction_words": False},
+    "distilled-diffusion": {"residual_diffusion": False},  # Eq. 14 as it stands in the paper
     "whole-body-contrast": {"part_contrast": False},
 }
 

@@ -21,7 +21,9 @@ from training.styles import StyleTexts, pick_paraphrases
 STRIDE = 2  # frames between two samples: 40 samples are 1.3 s, more than one step
 # Eq. 7. The paper's lambda_con is 1e-2 for 100 styles over a long training; the shorter one here needs more of it.
 LAMBDA_CONTRAST, LAMBDA_KL, LAMBDA_EMBEDDING = 0.1, 1e-5, 1e-5
-WORD_NOISE = 0.01  # on the components (about 0.05) of sentence embeddings: near words give near content
+# On the components (about 0.05) of sentence embeddings, of a random strength for each: near words give near content, and
+# what the direction words tell is not learned by heart from the embeddings instead.
+WORD_NOISE = (0.01, 0.04)
 
 
 class Sequences:
@@ -100,7 +102,7 @@ def run(
         sentence = pick_paraphrases(index, clips)
         words = torch.stack([e[sentence[:, k]] for k, e in enumerate(embeddings)], 1)
         motion = module.motion(joints, root)
-        text = module.text(words + WORD_NOISE * torch.randn_like(words))
+        text = module.text(words + _word_noise(words, config.text_size))
         z_motion, z_text = motion.sample(), text.sample()
         same = keys[clips][:, None] == keys[clips][None, :]  # (B, B, 6)
         m, t = motion.parameters_flat().float(), text.parameters_flat().float()
@@ -137,6 +139,15 @@ def run(
         {"module": module.state_dict(), "config": asdict(config), "scales": sequences.scales},
     )
     return module.eval()
+
+
+def _word_noise(words: Tensor, size: int) -> Tensor:
+    """Noise for the embeddings in `words` `(B, 6, D)`, their first `size` numbers; the direction words get none."""
+    least, most = WORD_NOISE
+    strength = least + (most - least) * torch.rand_like(words[..., :1])
+    noise = strength * torch.randn_like(words)
+    noise[..., size:] = 0.0
+    return noise
 
 
 @torch.no_grad()

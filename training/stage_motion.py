@@ -192,14 +192,17 @@ def _warm_restarts(steps: int, peak: float, cycles: int = 3) -> Callable[[int], 
 
 @torch.no_grad()
 def measure_codes(module: Generator, data: MotionData, session: Session, batches: int = 8) -> None:
-    """Standardisation of Z^c from E_d's codes; fills the module's buffers."""
+    """Standardisation of what is diffused; fills the module's buffers."""
     module.eval()
+    module.code_mean.zero_()
+    module.code_deviation.fill_(1.0)
     rows = random_rows(data.weights, 2048, 0, data.frames.last, session.generator(5))
     codes = []
     for _ in range(batches):
         item = next(rows)
-        e, _ = module.embed(data.input(item, data.patch(item)), data.styles(item))
-        codes.append(module.mixture_decoder.codes(e))
+        patch = data.patch(item)
+        e, alpha = module.embed(data.input(item, patch), data.styles(item))
+        codes.append(module.target_codes(e, alpha, data.output(item, patch)))
     stacked = torch.cat(codes)
     module.code_mean.copy_(stacked.mean(0))
     module.code_deviation.copy_(stacked.std(0).clamp_min(1e-2))
@@ -214,9 +217,12 @@ def run_stage3(
     batch: int = 1024,
     max_minutes: float | None = None,
 ) -> Generator:
-    """Train the denoiser on E_d's codes (Eq. 14), then also with stage-2 supervision of the blended output."""
+    """Train the denoiser on `target_codes` (Eq. 14), then also with stage-2 supervision of the blended output."""
     torch.manual_seed(session.seed + 3)
     measure_codes(module, data, session)
+    if config.residual_diffusion:  # so it begins as E_d
+        torch.nn.init.zeros_(module.denoiser.head.weight)
+        torch.nn.init.zeros_(module.denoiser.head.bias)
     module.requires_grad_(False)
     module.denoiser.requires_grad_(True)
     optimizer = torch.optim.AdamW(module.denoiser.parameters(), lr=1e-3, weight_decay=1e-4)
@@ -233,13 +239,13 @@ def run_stage3(
         with torch.no_grad():
             mixed = mixed_batch(data, item, lanes, 0.2)
             e, alpha = module.embed(mixed.x, mixed.z)
-            codes = (module.mixture_decoder.codes(e) - module.code_mean) / module.code_deviation
+            codes = module.target_codes(e, alpha, mixed.target)
             n = tau[torch.randint(len(tau), (batch,), device=item.device)]
             anywhere = torch.randint(1, config.diffusion_steps + 1, (batch,), device=item.device)
             n = torch.where(torch.rand(batch, device=item.device) < 0.3, anywhere, n)
             noisy = add_noise(schedule, codes.float(), n, torch.randn(codes.shape, device=item.device))
         predicted = module.denoiser(noisy, e, n).float()
-        y = blend_codes(module.clean_codes(predicted), alpha.float())
+        y = blend_codes(module.clean_codes(predicted, e.float()), alpha.float())
         lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
         result = {"codes": terms.codes(codes.float(), predicted)}
         total = result["codes"]
@@ -270,8 +276,9 @@ def estimate_variance(
     module.eval()
     for _ in range(batches):
         item = next(rows)
-        e, _ = module.embed(data.input(item, data.patch(item)), data.styles(item))
-        codes = (module.mixture_decoder.codes(e) - module.code_mean) / module.code_deviation
+        patch = data.patch(item)
+        e, alpha = module.embed(data.input(item, patch), data.styles(item))
+        codes = module.target_codes(e, alpha, data.output(item, patch))
         for k, step in enumerate(tau):
             n = torch.full((len(item),), int(step), device=item.device)
             noisy = add_noise(schedule, codes, n, torch.randn_like(codes))

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from runtime.errors import FileError
+from runtime.prompts.direction_words import with_direction_words
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.text_encoder import TextEncoderLike
 from runtime.skeleton import PART_NAMES
@@ -30,7 +31,8 @@ MIX = 0.4  # share of draws in which every part takes a paraphrase of its own
 class StyleTexts:
     """Descriptions of every clip.
 
-    `sentences[k]` are part k's distinct sentences with unit embeddings `embeddings[k]` `(U_k, 384)`;
+    `sentences[k]` are part k's distinct sentences with embeddings `embeddings[k]` `(U_k, D)`, to which the direction
+    words belong if asked for;
     `index` `(clips, PARAPHRASES, 6)` points into them. `keys` `(clips, 6)` numbers what a part does: equal keys are
     the same content, whatever the words. `names` are the keys' names.
     """
@@ -61,12 +63,16 @@ def pick_paraphrases(index: Tensor, clips: Tensor, generator: torch.Generator | 
 
 
 def load_style_texts(
-    table: FrameTable, path: Path, encoder: TextEncoderLike, clips: Path | None = None
+    table: FrameTable,
+    path: Path,
+    encoder: TextEncoderLike,
+    clips: Path | None = None,
+    words: bool = False,
 ) -> StyleTexts:
     """Gather and embed every description; FileError names a style of the data that has none.
 
     `clips` is the folder of the clips: its `layers.json` holds the descriptions of layered clips, its
-    `captions.json`, if there, sentences measured on each captured one.
+    `captions.json`, if there, sentences measured on each captured one. `words` appends the direction words.
     """
     library = _read(path, "Restore assets/prompts/styles.json.")
     layers = _optional(clips, LAYERS)
@@ -88,11 +94,11 @@ def load_style_texts(
         chosen += [PartDescriptions.from_mapping(d) for d in measured]
         descriptions.append([d.mirrored() for d in chosen] if mirrored else chosen)
         keys.append([style + ("_m" if mirrored else "")] * len(PART_NAMES))
-    return _indexed(descriptions, keys, encoder)
+    return _indexed(descriptions, keys, encoder, words)
 
 
 def _indexed(
-    descriptions: list[list[PartDescriptions]], keys: list[list[str]], encoder: TextEncoderLike
+    descriptions: list[list[PartDescriptions]], keys: list[list[str]], encoder: TextEncoderLike, words: bool
 ) -> StyleTexts:
     sentences, embeddings = [], []
     index = np.zeros((len(descriptions), PARAPHRASES, len(PART_NAMES)), np.int64)
@@ -102,7 +108,8 @@ def _indexed(
         number = {text: i for i, text in enumerate(distinct)}
         index[:, :, k] = [[number[t] for t in row] for row in texts]
         sentences.append(distinct)
-        embeddings.append(np.asarray(encoder.encode(distinct), np.float32))
+        vectors = np.asarray(encoder.encode(distinct), np.float32)
+        embeddings.append(with_direction_words(distinct, vectors) if words else vectors)
     names = sorted({key for row in keys for key in row})
     numbers = {key: i for i, key in enumerate(names)}
     return StyleTexts(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import ModelError
+from runtime.prompts.direction_words import GROUPS, with_direction_words
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.text_encoder import TextEncoderLike, open_session
 from runtime.skeleton import PART_NAMES
@@ -24,7 +25,7 @@ class PromptEncoder:
     """Text encoder and body-part network in one: descriptions in, Z^t out.
 
     `onnx_path` is a network with input `embeddings` (N, 6, D) and output `z` (N, 6, 64), loaded at the first
-    `encode`; its D must be that of `text_encoder`.
+    `encode`; its D must be that of `text_encoder`, or that and the direction words.
     """
 
     def __init__(self, text_encoder: TextEncoderLike, onnx_path: Path) -> None:
@@ -33,8 +34,11 @@ class PromptEncoder:
 
     def encode(self, descriptions: PartDescriptions) -> NDArray[np.float32]:
         """Z^t `(6, 64)` of six descriptions; ModelError when the network is damaged or gives no finite numbers."""
-        embeddings = self._text_encoder.encode(descriptions.as_tuple())[None]
-        z = np.asarray(self._session.run(["z"], {"embeddings": embeddings})[0], np.float32)
+        texts = descriptions.as_tuple()
+        session, embeddings = self._session, self._text_encoder.encode(texts)
+        if session.get_inputs()[0].shape[2] != embeddings.shape[1]:
+            embeddings = with_direction_words(texts, embeddings)
+        z = np.asarray(session.run(["z"], {"embeddings": embeddings[None]})[0], np.float32)
         if z.ndim != 3 or z.shape[:2] != (1, PARTS) or not np.isfinite(z).all():
             raise ModelError(
                 f"{self._path}: gave z of shape {z.shape}, expected {(1, PARTS)} times finite numbers.",
@@ -46,10 +50,12 @@ class PromptEncoder:
     def _session(self) -> onnxruntime.InferenceSession:
         session = open_session(self._path)
         shapes = {i.name: list(i.shape) for i in session.get_inputs()}
-        expected = [PARTS, self._text_encoder.dimensions]
-        if shapes.get("embeddings", [])[1:] != expected or "z" not in {o.name for o in session.get_outputs()}:
+        size = self._text_encoder.dimensions
+        expected = ([PARTS, size], [PARTS, size + len(GROUPS)])
+        known = list(shapes) == ["embeddings"] and shapes["embeddings"][1:] in expected
+        if not known or "z" not in {o.name for o in session.get_outputs()}:
             raise ModelError(
-                f"{self._path}: inputs {shapes}, expected embeddings (N, {expected[0]}, {expected[1]}) "
+                f"{self._path}: inputs {shapes}, expected embeddings (N, {PARTS}, {size}) "
                 f"of {self._text_encoder.name} and an output z.",
                 "Choose a model that was trained with this text encoder.",
             )

@@ -103,7 +103,7 @@ class MotionSequenceEncoder(nn.Module):
 
 
 class PartTextEncoder(nn.Module):
-    """Body-part MLP: six sentence embeddings `(B, 6, D)` to six VAE tokens; parts never mix."""
+    """Body-part MLP: six sentences `(B, 6, D)`, embedded, to six VAE tokens; parts never mix."""
 
     def __init__(self, text_size: int, hidden: int = 256) -> None:
         super().__init__()
@@ -152,5 +152,5 @@ class ContentEncoder(nn.Module):
     def __init__(self, config: ModelConfig) -> None:
         super().__init__()
         self.motion = MotionSequenceEncoder(config)
-        self.text = PartTextEncoder(config.text_size)
+        self.text = PartTextEncoder(config.sentence_size)
         self.decoder = SequenceDecoder(config)

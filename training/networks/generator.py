@@ -15,7 +15,8 @@ from training.presets import ModelConfig
 class Generator(nn.Module):
     """Normalised x `(B, 472)` and Z^t `(B, 384)` to normalised y `(B, output)`.
 
-    `code_mean`, `code_deviation` `(K, output)` standardise Z^c for the diffusion; measured before stage 3.
+    `code_mean`, `code_deviation` `(K, output)` standardise what is diffused, measured before stage 3: Z^c, or with
+    `residual_diffusion` what Z^c has over the codes of E_d.
     """
 
     def __init__(self, config: ModelConfig) -> None:
@@ -39,9 +40,21 @@ class Generator(nn.Module):
         e, alpha = self.embed(x, z)
         return self.mixture_decoder(e, alpha), e, alpha
 
-    def clean_codes(self, predicted: Tensor) -> Tensor:
-        """Standardised codes back to the scale of y."""
-        return predicted * self.code_deviation + self.code_mean
+    def target_codes(self, e: Tensor, alpha: Tensor, target: Tensor) -> Tensor:
+        """What the diffusion learns, standardised `(B, K, output)`: E_d's codes (Eq. 14), or what they lack.
+
+        The latter is the same for every expert: the shares sum to one, so that E_d's codes and it blend to `target`,
+        the captured y. So the diffusion learns how the capture spreads around E_d's mean.
+        """
+        codes = self.mixture_decoder.codes(e)
+        if self.config.residual_diffusion:
+            codes = (target - blend_codes(codes, alpha))[:, None].expand_as(codes)
+        return (codes - self.code_mean) / self.code_deviation
+
+    def clean_codes(self, predicted: Tensor, e: Tensor) -> Tensor:
+        """Z^c on the scale of y from what the denoiser predicted."""
+        codes = predicted * self.code_deviation + self.code_mean
+        return codes + self.mixture_decoder.codes(e) if self.config.residual_diffusion else codes
 
     def sample_codes(self, e: Tensor, noise: Tensor, steps: list[ReverseStep]) -> Tensor:
         """Eq. 4: Z^c_0 `(B, K, output)` from `noise` `(B, len(steps), K, output)` by the reverse steps (Eq. 5)."""
@@ -53,7 +66,7 @@ class Generator(nn.Module):
             codes = step.clean * clean + step.noisy * codes
             if n + 1 < len(steps):
                 codes = codes + step.deviation * noise[:, n + 1]
-        return self.clean_codes(codes)
+        return self.clean_codes(codes, e)
 
     def sample(self, x: Tensor, z: Tensor, noise: Tensor, steps: list[ReverseStep]) -> Tensor:
         """y by the diffusion decoder."""

@@ -58,15 +58,23 @@ class _Body:
 class Controller:
     """Deterministic: the same model, seed, controls, terrain and styles give the same poses."""
 
-    def __init__(self, model: MotionModel, terrain: Terrain, seed: int = 0, temperature: float = 1.0) -> None:
+    def __init__(
+        self,
+        model: MotionModel,
+        terrain: Terrain,
+        seed: int = 0,
+        temperature: float = 1.0,
+        strength: float | None = None,
+    ) -> None:
         self.model = model
+        self._strength = model.strength if strength is None else strength
         self.terrain = terrain
         self.temperature = temperature
         self.seed = seed
         self.foot_lock_enabled = True
         self.message = ""  # last fault of the network, for the status line
         self._foot_lock = FootLock(SPORT_SKELETON)
-        self._style = model.fold_style(np.zeros(model.style_shape, np.float32))
+        self._style = model.fold_style(np.zeros(model.style_shape, np.float32), self._strength)
         self._from_z = self._to_z = self._style.z
         self._blend, self._blend_seconds = 1.0, 0.0
         self.asked_speed = 0.0
@@ -102,11 +110,21 @@ class Controller:
         if (
             transition_seconds <= 0 or not fits
         ):  # `fold_style` says what is wrong with a code that does not fit
-            self._style, self._blend = self.model.fold_style(z), 1.0
+            self._style, self._blend = self.model.fold_style(z, self._strength), 1.0
             self._from_z = self._to_z = self._style.z
             return
         self._from_z, self._to_z = self._style.z, z  # folded once a frame while it blends
         self._blend, self._blend_seconds = 0.0, float(transition_seconds)
+
+    @property
+    def strength(self) -> float:
+        """How far styles go from neutral, 1 as they were learned; the model's own by default."""
+        return self._strength
+
+    @strength.setter
+    def strength(self, value: float) -> None:
+        self._strength = value
+        self._style = self.model.fold_style(self._style.z, value)
 
     def set_terrain(self, terrain: Terrain) -> None:
         """Stand on another ground; the character stays where it is in X and Z."""
@@ -160,7 +178,7 @@ class Controller:
             return
         self._blend = min(1.0, self._blend + DT / self._blend_seconds)
         t = self._blend * self._blend * (3 - 2 * self._blend)
-        self._style = self.model.fold_style((1 - t) * self._from_z + t * self._to_z)
+        self._style = self.model.fold_style((1 - t) * self._from_z + t * self._to_z, self._strength)
 
     def _steer(self, controls: Controls) -> None:
         move = np.array(controls.move, np.float64)

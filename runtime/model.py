@@ -25,13 +25,14 @@ from runtime.model_files import (
 Array = NDArray[np.float32]
 
 DEFAULT_MODEL = "models/compact"
+MIN_STRENGTH, MAX_STRENGTH = 0.0, 2.0
 
 
 @dataclass(frozen=True)
 class Style:
     """What a prompt contributes to every frame: the modulator's folded weights and the natural speeds."""
 
-    z: Array  # (6, 64)
+    z: Array  # (6, 64), as it came from the prompt, whatever the strength
     front_bias: Array
     content_weight: Array
     content_bias: Array
@@ -42,6 +43,7 @@ class Style:
 class MotionModel:
     """One frame of motion: x and a style to y, by five denoising steps inside one graph.
 
+    `strength` is the default of how far a style goes from neutral, 1 as it was learned.
     Deterministic for equal inputs and noise. `precision` is that of the loaded step graph, fp32 or int8. With int8 a
     character's output depends a little on the others of its batch: they share the scale of the activations.
     `noise_shape` is `(steps, experts, output size)`,
@@ -62,6 +64,7 @@ class MotionModel:
             int(config["output_size"]),
         )
         self.style_shape = (6, int(config.get("style_size", 384)) // 6)
+        self._neutral, self.strength = _strength(folder, metadata, self.style_shape)
         step = "step" if self.precision == "fp32" else INT8_GRAPH
         prompt, self._style, self._step = (
             open_graph(folder / f"{name}.onnx", read_graph(folder, name, metadata), threads)
@@ -78,15 +81,22 @@ class MotionModel:
         """The text side of the content encoder: sentence embeddings to Z^t."""
         return self.folder / "prompt.onnx"
 
-    def fold_style(self, z: Array) -> Style:
-        """Fold Z^t `(6, 64)` into the modulator's weights: once per prompt, and per frame while prompts blend."""
+    def fold_style(self, z: Array, strength: float | None = None) -> Style:
+        """Fold Z^t `(6, 64)` into the modulator's weights: once per prompt, and per frame while prompts blend.
+
+        `strength` s (the model's own by default) draws the code out from that of neutral walking, n: n + s (z - n).
+        """
         z = np.ascontiguousarray(z, np.float32)
         if z.shape != self.style_shape or not np.all(np.isfinite(z)):
             raise ModelError(
                 f"Z^t: expected finite values of shape {self.style_shape}, got {z.shape}.",
                 "Encode the prompt again.",
             )
-        bias, weight, content_bias, speeds = self._style.run(None, {"z": z})
+        strength = self.strength if strength is None else strength
+        drawn = z
+        if self._neutral is not None and strength != 1.0:
+            drawn = self._neutral + np.float32(strength) * (z - self._neutral)
+        bias, weight, content_bias, speeds = self._style.run(None, {"z": drawn})
         walk, jog = float(np.clip(speeds[0], 0.4, 2.2)), float(np.clip(speeds[1], 1.2, 5.0))
         return Style(z, bias, weight, content_bias, walk, max(jog, 1.3 * walk))
 
@@ -113,6 +123,26 @@ class MotionModel:
             tensors = {name: np.stack([getattr(one, name) for one in style]) for name in FOLDED}
             self._stacked = (tuple(style), tensors)
         return tensors
+
+
+def _strength(folder: Path, metadata: dict[str, Any], shape: tuple[int, int]) -> tuple[Array | None, float]:
+    """Neutral Z^t and the default strength of `metadata`; None and 1 for a model without (then strength does nothing)."""
+    section = metadata.get("strength")
+    if section is None:
+        return None, 1.0
+    try:
+        neutral = np.array(section["neutral"], np.float32).reshape(shape)
+        default = float(section["default"])
+        fits = bool(np.isfinite(neutral).all()) and MIN_STRENGTH <= default <= MAX_STRENGTH
+    except (TypeError, KeyError, ValueError, OverflowError):
+        fits = False
+    if not fits:
+        raise ModelError(
+            f"{folder / 'metadata.json'}: field 'strength' is no neutral style {shape} with a default of "
+            f"{MIN_STRENGTH:g} to {MAX_STRENGTH:g}.",
+            "Export the model again.",
+        )
+    return neutral, default
 
 
 def load_model(folder: Path | str | None = None, threads: int = 1, precision: str = "auto") -> MotionModel:

@@ -172,7 +172,7 @@ def test_a_style_that_changes_each_frame_is_folded_once_a_frame():
     model = WalkerModel()
     controller = Controller(model, Terrain.flat())
     folded, fold = [], model.fold_style
-    model.fold_style = lambda z: folded.append(z) or fold(z)
+    model.fold_style = lambda z, strength: folded.append(z) or fold(z, strength)
     for i in range(30):
         controller.set_style(np.full((6, 64), i / 30.0), 0.1)
         controller.step(Controls())

@@ -114,3 +114,20 @@ def test_a_network_that_gives_nan_is_reported_and_the_character_goes_on():
     poses = drive(controller, FORWARD, 60)
     assert "not finite" in controller.message
     assert all(np.isfinite(p.positions).all() for p in poses)
+
+
+def test_strength_changes_the_style_that_holds_and_those_that_come():
+    model = WalkerModel()
+    strengths = []
+    fold = model.fold_style
+    model.fold_style = lambda z, strength: strengths.append(strength) or fold(z, strength)
+    controller = Controller(model, Terrain.flat(), strength=1.3)
+    z = np.full((6, 64), 0.2, np.float32)
+    controller.set_style(z, 0.0)
+    controller.strength = 0.5
+    assert np.array_equal(controller.style.z, z)
+    controller.set_style(2 * z, 0.1)
+    controller.step(Controls())
+    assert strengths == [1.3, 1.3, 0.5, 0.5]
+    assert controller.strength == 0.5
+    assert Controller(model, Terrain.flat()).strength == model.strength

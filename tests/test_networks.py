@@ -1,5 +1,6 @@
 """The networks against the paper: Table I's parameter counts, blending identities, masks, exported graphs."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -114,7 +115,7 @@ def test_phase_vectors_have_the_length_of_the_amplitude():
 def test_text_parts_never_mix():
     torch.manual_seed(5)
     content = ContentEncoder(preset("tiny")).eval()
-    text = torch.randn(1, 6, 384)
+    text = torch.randn(1, 6, preset("tiny").sentence_size)
     changed = text.clone()
     changed[:, 2] += 1.0
     difference = (content.text(text).mean - content.text(changed).mean).abs().amax(-1)[0]
@@ -137,7 +138,8 @@ def test_exported_graphs_agree_with_torch(tmp_path):
     pytest.importorskip("onnxscript")
     from tiny_model import tiny_trained
 
-    from runtime.model import load_model
+    from runtime.errors import ModelError
+    from runtime.model import MotionModel, load_model
     from runtime.motion_encoder import MotionEncoder
     from training.export import export_model
 
@@ -155,6 +157,17 @@ def test_exported_graphs_agree_with_torch(tmp_path):
     style = model.fold_style(z.view(6, 64).numpy())
     y, _ = model.step(x.numpy(), noise.numpy(), style)
     assert np.abs(y - expected.numpy()).max() < 1e-4
+
+    # n + s (z - n) for a strength s
+    drawn = model.fold_style(0.5 + 1.4 * (z.view(6, 64).numpy() - 0.5))
+    strong = model.fold_style(z.view(6, 64).numpy(), strength=1.4)
+    assert np.abs(strong.content_weight - drawn.content_weight).max() < 1e-5
+    assert np.abs(strong.content_weight - style.content_weight).max() > 1e-4
+    assert np.array_equal(strong.z, style.z)
+    metadata = json.loads((tmp_path / "metadata.json").read_text())
+    for broken in ({}, {"neutral": [1.0], "default": 1.0}, {"neutral": [0.5] * 384, "default": 9.0}):
+        with pytest.raises(ModelError, match="field 'strength'"):
+            MotionModel(tmp_path, metadata | {"strength": broken})
 
     joints, root = torch.randn(3, 40, 31, 9), torch.randn(3, 40, 3)
     scales = trained.sequence_scales

@@ -30,6 +30,7 @@ def tiny_trained(seed: int = 7) -> Trained:
         [],
         {"clips": 1, "frames": 60, "styles": ["none"], "licence": "none", "seed": 0, "steps": {}},
         {},
+        np.full((6, 64), 0.5, np.float32),
         {
             "joint_mean": torch.randn(31, 9),
             "joint_deviation": torch.rand(31, 9) + 0.5,

@@ -101,6 +101,7 @@ class Trained:
     credits: list[str]
     notes: dict[str, object]
     curves: dict[str, str]  # stage to its last losses
+    neutral: np.ndarray  # (6, 64) standardised Z^t of neutral walking, which `strength` starts from
     sequence_scales: dict[str, Tensor]  # stage 1: joint_mean, joint_deviation (31, 9), root_deviation (3,)
     decoder: str = "diffusion"  # or "mixture": the decoder of stage 2 (w/o-Diffusion)
 
@@ -163,6 +164,7 @@ def _write_metadata(trained: Trained, folder: Path, errors: dict[str, float]) ->
             "dimensions": trained.config.text_size,
             "direction_words": trained.config.direction_words,
         },
+        "strength": {"default": 1.0, "neutral": trained.neutral.flatten().tolist()},
         "reverse_steps": [asdict(s) for s in trained.steps],
         "sigma_bar_squared": trained.sigma_bar_squared.tolist(),
         "sha256": {n: hashlib.sha256((folder / f"{n}.onnx").read_bytes()).hexdigest() for n in errors},

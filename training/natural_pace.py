@@ -1,4 +1,4 @@
-"""What the runtime needs besides weights: each style's natural speeds, and the frame in which a character begins."""
+"""What the runtime needs besides weights: each style's natural speeds, what is neutral, and the frame of the beginning."""
 
 from __future__ import annotations
 
@@ -30,6 +30,14 @@ def style_speeds(table: FrameTable, style: StyleTable, ridge: float = 0.3, draws
         inputs = style.draw(index).cpu().numpy() if len(clips) else np.zeros((0, 384), np.float32)
         columns.append(_ridge(inputs, np.repeat(targets, draws), ridge, fallback))
     return np.stack(columns, 1).astype(np.float32)
+
+
+def neutral_style(table: FrameTable, style: StyleTable) -> np.ndarray:
+    """Mean Z^t `(6, n / 6)` of the words of neutral captured clips; of all clips where there are none."""
+    neutral = [s.startswith("neutral") for s in table.styles]
+    clips = [c for c, known in enumerate(neutral) if known] or list(range(len(table.styles)))
+    index = style.index[torch.as_tensor(clips, device=style.index.device)]
+    return style.of(index.flatten(0, 1)).mean(0).view(6, -1).cpu().numpy()
 
 
 def _ridge(inputs: np.ndarray, values: np.ndarray, ridge: float, fallback: float) -> np.ndarray:

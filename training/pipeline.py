@@ -19,7 +19,7 @@ from training.batches import Frames, Normalisation
 from training.export import Trained, export_model
 from training.export_ablation import DECODERS
 from training.frames import FrameTable, load_frames, sampling_weights
-from training.natural_pace import start_state, style_speeds
+from training.natural_pace import neutral_style, start_state, style_speeds
 from training.networks.content import ContentEncoder
 from training.networks.diffusion import Schedule, reverse_steps
 from training.networks.generator import Generator
@@ -184,6 +184,7 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
             [CREDITS[s] for s in sorted(set(table.sources))],
             _notes(args, table),
             last_losses(args.out),
+            neutral_style(table, z),
             _sequence_scales(args.out / "content_final.pt", table) if content is not None else {},
             args.decoder,
         )

@@ -185,6 +185,13 @@ def _add_generate(commands: argparse._SubParsersAction[argparse.ArgumentParser])
     generate.add_argument(
         "--transition", type=float, default=1.0, metavar="S", help="seconds between prompts"
     )
+    generate.add_argument(
+        "--strength",
+        type=float,
+        default=1.0,
+        metavar="S",
+        help="how far styles go from plain walking: 0 to 2, 1 as the model shows them",
+    )
     generate.add_argument("--seed", type=int, default=0, metavar="N")
     generate.add_argument("--fps", type=float, default=60.0, metavar="F", help="frames a second of the file")
     generate.add_argument("--unit", default="cm", metavar="UNIT", help="cm or m")
@@ -228,6 +235,7 @@ def _generate(options: argparse.Namespace) -> int:
         options.seed,
         speed=options.speed,
         transition_seconds=options.transition,
+        strength=options.strength,
         model=options.model,
         name=options.out.stem,
         expander=options.expander,

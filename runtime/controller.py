@@ -64,10 +64,10 @@ class Controller:
         terrain: Terrain,
         seed: int = 0,
         temperature: float = 1.0,
-        strength: float | None = None,
+        strength: float = 1.0,
     ) -> None:
         self.model = model
-        self._strength = model.strength if strength is None else strength
+        self._strength = strength
         self.terrain = terrain
         self.temperature = temperature
         self.seed = seed
@@ -118,7 +118,7 @@ class Controller:
 
     @property
     def strength(self) -> float:
-        """How far styles go from neutral, 1 as they were learned; the model's own by default."""
+        """How far styles go from neutral walking: 0 is neutral, 1 as the model shows them, more exaggerates."""
         return self._strength
 
     @strength.setter

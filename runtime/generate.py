@@ -128,28 +128,34 @@ def generate_clip(
     expander: str = "library",
     report: Callable[[str], None] = lambda _: None,
     text_encoder: Path | None = None,
+    strength: float = 1.0,
 ) -> Clip:
     """Generate a clip of `seconds` at 60 frames a second; equal arguments give equal bytes.
 
     `prompt` is one prompt, six descriptions, a blend of two, or several prompts with times (also those of a take),
     `terrain` a name, file or terrain, `path` and `gait` are those of `runtime.paths`. `model` is a model folder, by default the shipped one; `expander`, `report` and
-    `text_encoder` are those of `open_prompter`. SportError names what cannot be used.
+    `text_encoder` are those of `open_prompter`, `strength` is that of `Controller`. SportError names what cannot be used.
     """
     from runtime.controller import Controller
-    from runtime.model import load_model
+    from runtime.model import MAX_STRENGTH, MIN_STRENGTH, load_model
     from runtime.terrain_library import load_terrain
 
     if not 1.0 / FPS <= seconds <= MAX_SECONDS:
         raise UsageError(f"--seconds {seconds}: expected up to {MAX_SECONDS:.0f}.", "Choose a shorter time.")
     if not 0.0 <= transition_seconds <= 60.0:
         raise UsageError(f"--transition {transition_seconds}: expected 0 to 60 seconds.", "Try 1.")
+    if not MIN_STRENGTH <= strength <= MAX_STRENGTH:
+        raise UsageError(
+            f"--strength {strength}: expected {MIN_STRENGTH:g} to {MAX_STRENGTH:g}.",
+            "1 is as the model shows it.",
+        )
     script = control_script(path, gait, speed, seed)
     events, asked = _events(prompt)
     ground = terrain if isinstance(terrain, Terrain) else load_terrain(terrain)
     motion_model = load_model(model)
     to_style = open_prompter(motion_model, expander, report, text_encoder)
     styles = [(event.seconds, _style(words, to_style)) for event, words in zip(events, asked, strict=True)]
-    controller = Controller(motion_model, ground, seed)
+    controller = Controller(motion_model, ground, seed, strength=strength)
     poses = simulate(controller, script, styles, round(seconds * FPS), transition_seconds)
     return clip_of(poses, name, events, str(terrain) if not isinstance(terrain, Terrain) else terrain.name)
 

@@ -43,7 +43,6 @@ class Style:
 class MotionModel:
     """One frame of motion: x and a style to y, by five denoising steps inside one graph.
 
-    `strength` is the default of how far a style goes from neutral, 1 as it was learned.
     Deterministic for equal inputs and noise. `precision` is that of the loaded step graph, fp32 or int8. With int8 a
     character's output depends a little on the others of its batch: they share the scale of the activations.
     `noise_shape` is `(steps, experts, output size)`,
@@ -64,7 +63,7 @@ class MotionModel:
             int(config["output_size"]),
         )
         self.style_shape = (6, int(config.get("style_size", 384)) // 6)
-        self._neutral, self.strength = _strength(folder, metadata, self.style_shape)
+        self._neutral, self._strength = _strength(folder, metadata, self.style_shape)
         step = "step" if self.precision == "fp32" else INT8_GRAPH
         prompt, self._style, self._step = (
             open_graph(folder / f"{name}.onnx", read_graph(folder, name, metadata), threads)
@@ -81,10 +80,11 @@ class MotionModel:
         """The text side of the content encoder: sentence embeddings to Z^t."""
         return self.folder / "prompt.onnx"
 
-    def fold_style(self, z: Array, strength: float | None = None) -> Style:
+    def fold_style(self, z: Array, strength: float = 1.0) -> Style:
         """Fold Z^t `(6, 64)` into the modulator's weights: once per prompt, and per frame while prompts blend.
 
-        `strength` s (the model's own by default) draws the code out from that of neutral walking, n: n + s (z - n).
+        The code is drawn out from that of neutral walking, n: n + s (z - n), s being `strength` times what the model's
+        metadata found best.
         """
         z = np.ascontiguousarray(z, np.float32)
         if z.shape != self.style_shape or not np.all(np.isfinite(z)):
@@ -92,7 +92,7 @@ class MotionModel:
                 f"Z^t: expected finite values of shape {self.style_shape}, got {z.shape}.",
                 "Encode the prompt again.",
             )
-        strength = self.strength if strength is None else strength
+        strength *= self._strength
         drawn = z
         if self._neutral is not None and strength != 1.0:
             drawn = self._neutral + np.float32(strength) * (z - self._neutral)
@@ -126,7 +126,7 @@ class MotionModel:
 
 
 def _strength(folder: Path, metadata: dict[str, Any], shape: tuple[int, int]) -> tuple[Array | None, float]:
-    """Neutral Z^t and the default strength of `metadata`; None and 1 for a model without (then strength does nothing)."""
+    """Neutral Z^t and the strength that a model shows styles with; None and 1 for a model without (it has no strength)."""
     section = metadata.get("strength")
     if section is None:
         return None, 1.0

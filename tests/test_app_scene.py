@@ -51,6 +51,17 @@ def test_terrain_reaches_model_and_renderer(start: Start) -> None:
     assert app.state.terrain.name == "stairs"
 
 
+def test_strength_reaches_the_model_and_stays_in_the_settings(start: Start) -> None:
+    app = start()
+    run(app)
+    app.scene.set_strength(1.2)
+    assert controller(app).strength == 1.2
+    assert app.state.settings.strength == 1.2
+    app.scene.load_model(None, 0)
+    run(app)
+    assert controller(app).strength == 1.2
+
+
 def test_dropped_files_go_where_they_belong(start: Start, tmp_path: Path) -> None:
     app = start()
     run(app)

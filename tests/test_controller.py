@@ -130,4 +130,4 @@ def test_strength_changes_the_style_that_holds_and_those_that_come():
     controller.step(Controls())
     assert strengths == [1.3, 1.3, 0.5, 0.5]
     assert controller.strength == 0.5
-    assert Controller(model, Terrain.flat()).strength == model.strength
+    assert Controller(model, Terrain.flat()).strength == 1.0

@@ -67,7 +67,7 @@ class NoisyWalker(WalkerModel):
 class RestartingWalker(WalkerModel):
     """Begins its cycle anew with every controller, whose first style is zero: equal runs are equal."""
 
-    def fold_style(self, z, strength=None):
+    def fold_style(self, z, strength=1.0):
         self.frame = self.frame if np.any(z) else 0
         return super().fold_style(z, strength)
 

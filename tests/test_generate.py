@@ -133,7 +133,8 @@ def test_standing_stands(walker):
     ("changes", "error", "expected"),
     [({"prompt": "  "}, PromptError, "prompt"), ({"prompt": "x" * 10_000}, PromptError, "prompt"),
      ({"terrain": "lava"}, TerrainError, "lava"), ({"seconds": 0.0}, UsageError, "--seconds"),
-     ({"seconds": 1e9}, UsageError, "--seconds"), ({"transition_seconds": -1.0}, UsageError, "--transition")],
+     ({"seconds": 1e9}, UsageError, "--seconds"), ({"transition_seconds": -1.0}, UsageError, "--transition"),
+     ({"strength": 2.5}, UsageError, "--strength"), ({"strength": float("nan")}, UsageError, "--strength")],
 )  # fmt: skip
 def test_what_cannot_be_used_is_named(walker, changes, error, expected):
     with pytest.raises(error, match=expected):

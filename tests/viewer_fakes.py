@@ -29,7 +29,7 @@ class FakeController:
     def __init__(self, terrain: Terrain) -> None:
         self.terrain = terrain
         self.x, self.z, self.yaw = 0.0, 0.0, 0.0
-        self.temperature = 1.0
+        self.temperature = self.strength = 1.0
         self.steps = self.styled_at_step = 0
         self.styles: list[tuple[np.ndarray, float]] = []
         self.fail_with: Exception | None = None

@@ -63,7 +63,7 @@ class WalkerModel:
     def __post_init__(self):
         self.name, self.provider = "walker", "Test"
         self.noise_shape = (2, 2, features.OUTPUT_SIZE)
-        self.style_shape, self.strength = (6, 64), 1.0
+        self.style_shape = (6, 64)
         self.prompt_path = None
         self.folder = Path("walker")
         self.frame = 0
@@ -80,7 +80,7 @@ class WalkerModel:
             "name": self.name,
         }
 
-    def fold_style(self, z, strength=None):
+    def fold_style(self, z, strength=1.0):
         z = np.asarray(z, np.float32)
         return Style(z, z[:1], z[:1], z[:1], WALK_SPEED, 2.5)
 

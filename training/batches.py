@@ -11,6 +11,7 @@ from torch import Tensor
 
 from runtime import features
 from runtime.features import INPUT, OUTPUT
+from runtime.skeleton import PART_JOINTS, J
 from training.frames import FrameTable
 
 
@@ -117,6 +118,9 @@ _LOSS_WEIGHT = {
 }
 
 
+LEGS = 1.4  # of positions and rotations of the legs' joints: what words say of them is small beside the step itself
+
+
 def _field_deviation(values: Tensor, layout: dict[str, slice], scale: dict[str, float]) -> Tensor:
     deviation = values.std(0)
     for name, field in layout.items():
@@ -133,4 +137,7 @@ def loss_weights(device: torch.device) -> Tensor:
     weights = torch.ones(features.OUTPUT_SIZE, device=device)
     for name, value in _LOSS_WEIGHT.items():
         weights[OUTPUT[name]] = value
+    for name in ("joint_positions", "joint_rotations"):
+        joints = weights[OUTPUT[name]].view(J, -1)
+        joints[list(PART_JOINTS["left_leg"] + PART_JOINTS["right_leg"])] *= LEGS
     return weights / weights.mean()

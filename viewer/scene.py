@@ -103,6 +103,7 @@ class Scene:
         state.prompt.available = True
         state.model_name, state.provider = loaded.name, loaded.provider
         self.set_temperature(state.settings.temperature)
+        self.set_strength(state.settings.strength)
         self.expanders.library, self.suggester.nearest = loaded.library, loaded.library.nearest
         self.prompting.use(loaded.prompts)
 
@@ -112,6 +113,13 @@ class Scene:
         controller = self.state.simulation.controller
         if controller is not None and hasattr(controller, "temperature"):
             controller.temperature = temperature
+
+    def set_strength(self, strength: float) -> None:
+        """How far styles go from plain walking, from the next frame on; 1 is as the model shows them."""
+        self.state.settings.strength = strength
+        controller = self.state.simulation.controller
+        if controller is not None and hasattr(controller, "strength"):
+            controller.strength = strength
 
     def set_quality(self, name: str) -> None:
         """Render with another preset, "" for the one that fits this machine."""

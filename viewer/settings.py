@@ -34,6 +34,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "blend_seconds": (0.1, 5.0),
     "keep_seconds": (1.0, 300.0),
     "temperature": (0.0, 2.0),
+    "strength": (0.0, 1.5),
     "dead_zone": (0.0, 0.9),
     "height_map_cell_m": (0.01, 10.0),
     "height_map_height_m": (0.0, 100.0),
@@ -60,6 +61,7 @@ class Settings:
     show_skeleton: bool = False
     show_contacts: bool = False
     temperature: float = 1.0
+    strength: float = 1.0  # of styles, 1 as the model shows them
     blend_seconds: float = 0.8
     keep_seconds: float = 10.0  # what "save the last seconds" takes
     export_folder: str = "~/sport-clips"

@@ -54,7 +54,7 @@ def draw(state: AppState, actions: Actions) -> None:
     """Contents of the panel."""
     prompt, prompting = state.prompt, actions.prompting
     _prompt_box(prompt, actions)
-    _apply(state, prompting)
+    _apply(state, actions)
     rows = NEAREST_ROWS if imgui.get_window_height() >= px(TALL) else 1
     near = prompt_answer.draw(prompt.edit.a, "a" in prompt.asked, state, rows)
     if near is not None:
@@ -86,15 +86,15 @@ def _prompt_box(prompt: PromptState, actions: Actions) -> None:
         actions.prompting.submit_prompt(chosen)
 
 
-def _apply(state: AppState, prompting: Prompting) -> None:
-    """The button, and how long the change takes."""
+def _apply(state: AppState, actions: Actions) -> None:
+    """The button, how long the change takes and how far it goes."""
     width = imgui.get_content_region_avail().x
     hint = "Enter in the box does the same; Ctrl+Enter begins a new line"
     if (
         widgets.button(f"{ICON.wand} Apply", width * 0.4, hint, primary=True)
         and state.prompt.box.text.strip()
     ):
-        prompting.submit_prompt(state.prompt.box.text)
+        actions.prompting.submit_prompt(state.prompt.box.text)
     imgui.same_line(0, px(6))
     widgets.full_width()
     low, high = BLEND_RANGE_S
@@ -103,6 +103,14 @@ def _apply(state: AppState, prompting: Prompting) -> None:
     if changed:
         state.settings.blend_seconds = value
     widgets.tooltip("How long the character takes to change from one style to the next")
+    widgets.full_width()
+    percent = 100.0 * state.settings.strength
+    changed, value = widgets.slider("##strength", percent, 0.0, 150.0, "strength %.0f %%")
+    if changed:
+        actions.scene.set_strength(round(value) / 100.0)
+    widgets.tooltip(
+        "How far the style goes from plain walking: 0 leaves it out, more than 100 exaggerates it"
+    )
 
 
 def _scrolling(name: str, contents: Callable[[], None]) -> None:

@@ -126,7 +126,9 @@ def open_graph(path: Path, data: bytes, threads: int) -> onnxruntime.InferenceSe
     options.log_severity_level = 3
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     try:
-        return onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+        session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+        session._model_bytes = None  # kept to change the provider later, which nobody does: the file once more
+        return session
     except Exception as error:  # onnxruntime raises a dozen unrelated types for a damaged graph
         problem = f"not a graph that onnxruntime {onnxruntime.__version__} can load"
         raise ModelError(f"{path}: {problem}.", REMEDY) from error

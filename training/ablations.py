@@ -27,6 +27,8 @@ SHARED: dict[str, tuple[str, ...]] = {
     "4-experts": _PHASE + _CONTENT,
     "4-content-experts": _PHASE + _CONTENT,
     "no-content-encoder": _PHASE,
+    "no-direction-words": _PHASE,
+    "distilled-diffusion": _PHASE + _CONTENT,
     "whole-body-contrast": _PHASE,
 }
 
@@ -54,6 +56,7 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--content-steps", type=int, default=1500)
     parser.add_argument("--stage2-steps", type=int, default=3000)
     parser.add_argument("--stage3-steps", type=int, default=1000)
+    parser.add_argument("--batch", type=int, default=1024)
     args = parser.parse_args(argv)
     for name in args.only:
         folder = args.out / name
@@ -62,7 +65,11 @@ def main(argv: list[str] | None = None) -> None:
             continue
         prepare(args.run, folder, name)
         steps = [f"--{stage}-steps={getattr(args, f'{stage}_steps')}" for stage in ("phase", "content")]
-        steps += [f"--stage2-steps={args.stage2_steps}", f"--stage3-steps={args.stage3_steps}"]
+        steps += [
+            f"--stage2-steps={args.stage2_steps}",
+            f"--stage3-steps={args.stage3_steps}",
+            f"--batch={args.batch}",
+        ]
         common = ["--preset", args.preset, "--clips", str(args.clips), "--out", str(folder), "--layers", "0"]
         pipeline.main(["all", *common, "--ablation", name, *steps])
 

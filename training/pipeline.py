@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import logging
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -135,7 +136,7 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
     if args.device:
         session.device = torch.device(args.device)
     clips = args.clips or args.out / "clips"
-    table = load_frames(clips, limit=args.limit)
+    table = _load(clips, args.limit)
     weights = sampling_weights(table)
     log.info("%d clips, %d frames, %d styles", len(table.styles), len(table), len(set(table.styles)))
     texts = load_style_texts(
@@ -190,9 +191,16 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
         )
         folder = args.out / ("model-mixture" if mixture else "model")
         export_model(trained, folder)
-        if config.output_size == OUTPUT_SIZE:  # the runtime, which measures it, loads no other
+        # the runtime, which measures it, loads no other output; an ablation is not played with
+        if config.output_size == OUTPUT_SIZE and not args.ablation:
             quantize_model(folder, text_encoder=args.text_encoder)
         log.info("exported to %s", folder)
+
+
+@lru_cache(1)
+def _load(clips: Path, limit: int | None) -> FrameTable:
+    """The frames, kept for the next variant of an ablation."""
+    return load_frames(clips, limit=limit)
 
 
 def _scales(

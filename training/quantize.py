@@ -34,8 +34,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.floating]
 
 # Products that stay in full precision. They are small, and their error is not averaged out by what follows: E's
-# projection enters all denoising steps, the head gives the pose itself.
-KEPT = ("condition_weight", "head_weight", "encoder_second_bias")
+# projection enters all denoising steps, the head and the expert decoder (`base_weight`, where it is part of the graph)
+# give the pose itself.
+KEPT = ("condition_weight", "head_weight", "base_weight", "encoder_second_bias")
 # The encoder's products have one row for each character and wait for their weights: a second row costs nothing.
 REFINED = ("encoder_first", "encoder_second")
 REMAINDER = 16.0  # small enough for the second row not to widen the range of the first
@@ -61,8 +62,9 @@ class Frames:
 def quantize_step(source: Path, target: Path) -> None:
     """Write the step graph `source` with 8-bit weights, one scale for each column, and activations scaled as they come.
 
-    Weights are signed, which is 1.6 times as fast as unsigned where `runtime.processor.exact_8_bit_products`; elsewhere
-    the runtime does not load the graph. FileError when `source` is of an older export.
+    Weights are signed, which is 1.4 times as fast as unsigned. That needs `runtime.processor.exact_8_bit_products`:
+    elsewhere the runtime does not load the graph, as onnxruntime's own remedy (session.x64quantprecision) fails on
+    weights that several products share, as the denoising steps do. FileError when `source` is of an older export.
     """
     import onnx
     from onnxruntime.quantization import QuantType, quantize_dynamic

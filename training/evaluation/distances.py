@@ -44,7 +44,7 @@ def main(argv: list[str] | None = None) -> int:
     results = {}
     for folder in args.model:
         subject = Subject(folder, plan.texts)
-        label = f"{folder.name} ({subject.decoder})"
+        label = f"{subject.name} ({subject.decoder})"
         results[label] = score_following(plan, subject, log.info)
         if args.json is not None:
             write_atomic(args.json, json.dumps(results, indent=1) + "\n")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from runtime.errors import ModelError
 from runtime.features import INPUT, INPUT_SIZE, LAYOUT_VERSION, OUTPUT_SIZE
+from runtime.processor import exact_8_bit_products
 from runtime.skeleton import SPORT_SKELETON
 
 if TYPE_CHECKING:
@@ -22,6 +24,7 @@ REMEDY = "Install the program again, or name another model folder."
 FOLDED = ("front_bias", "content_weight", "content_bias")  # what a style gives to every frame
 INT8_GRAPH = "step_int8"  # optional twin of "step" with 8-bit weights (python -m training.quantize)
 PRECISIONS = ("auto", "fp32", "int8")
+_LOG = logging.getLogger("sport.model")
 _Shapes = dict[str, list[int | None] | None]  # by name in order; None stands for any number or shape
 _JSON_NAMES: dict[type, str] = {str: "string", dict: "object", list: "list"}
 _FIELDS: dict[str, type] = {
@@ -86,7 +89,10 @@ def _check_numbers(path: Path, field: str, values: Any, count: int) -> None:
 
 
 def choose_precision(folder: Path, metadata: dict[str, Any], asked: str) -> str:
-    """fp32 or int8 for one of PRECISIONS; ModelError when the folder has no int8 graph, or names another default."""
+    """fp32 or int8 for one of PRECISIONS; `auto` is fp32, with a warning in the log, where 8-bit products overflow.
+
+    ModelError when int8 is asked for and not there, or not exact here, and when the metadata name another default.
+    """
     path = folder / "metadata.json"
     quantised = metadata.get("quantised", {})
     if not isinstance(quantised, dict) or quantised.get("default", "fp32") not in PRECISIONS[1:]:
@@ -97,8 +103,14 @@ def choose_precision(folder: Path, metadata: dict[str, Any], asked: str) -> str:
     if precision == "int8" and INT8_GRAPH not in metadata["sha256"]:
         raise ModelError(
             f"{path}: the model has no 8-bit graph ({INT8_GRAPH}.onnx).",
-            f"Make it with `python -m training.quantize {folder}`, or use --precision fp32.",
+            f"Make it with `python -m training.quantize {folder}`, or load the model with precision fp32.",
         )
+    if precision == "int8" and not exact_8_bit_products():
+        problem = "8-bit products overflow on this processor, which has no VNNI"
+        if asked == "auto":
+            _LOG.warning("%s: %s; the slower fp32 graph is used.", folder, problem)
+            return "fp32"
+        raise ModelError(f"precision int8: {problem}.", "Load the model with precision fp32.")
     return precision
 
 
@@ -124,10 +136,14 @@ def open_graph(path: Path, data: bytes, threads: int) -> onnxruntime.InferenceSe
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
     options.log_severity_level = 3
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    # A frame is some hundred short products. To wake a second thread for each costs more than it wins, so it spins
+    # between them, but never beyond the frame.
+    options.add_session_config_entry("session.intra_op.allow_spinning", "1" if threads > 1 else "0")
+    options.add_session_config_entry("session.force_spinning_stop", "1")
     try:
         session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
-        session._model_bytes = None  # kept to change the provider later, which nobody does: the file once more
+        # kept to change the provider later, which nobody does: the file once more
+        session._model_bytes = None
         return session
     except Exception as error:  # onnxruntime raises a dozen unrelated types for a damaged graph
         problem = f"not a graph that onnxruntime {onnxruntime.__version__} can load"

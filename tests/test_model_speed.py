@@ -1,7 +1,11 @@
-"""The exported step: a style for each character, its 8-bit twin, and no processor time while it waits."""
+"""The exported step: a style for each character, its 8-bit twin, and no processor time while it waits.
+
+What is said of the twin's numbers holds where 8-bit products are exact; elsewhere the runtime refuses it.
+"""
 
 import json
 import shutil
+import time
 
 import numpy as np
 import pytest
@@ -9,9 +13,11 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("onnxscript")
 
+from runtime import processor  # noqa: E402
 from runtime.errors import FileError, ModelError  # noqa: E402
 from runtime.features import OUTPUT  # noqa: E402
 from runtime.model import load_model  # noqa: E402
+from runtime.processor import exact_8_bit_products  # noqa: E402
 from training.quantize import KEPT, Frames, main, quantize_model, quantize_step, relative_error  # noqa: E402
 
 
@@ -116,8 +122,9 @@ def test_what_is_sensitive_stays_in_full_precision(quantised):
 
     model = onnx.load(quantised[0] / "step_int8.onnx")
     floats = {t.name for t in model.graph.initializer if t.data_type == onnx.TensorProto.FLOAT}
-    eight = {t.name for t in model.graph.initializer if t.data_type == onnx.TensorProto.UINT8}
-    assert set(KEPT) <= floats
+    eight = {t.name for t in model.graph.initializer if t.data_type == onnx.TensorProto.INT8}
+    present = {t.name for t in onnx.load(quantised[0] / "step.onnx").graph.initializer}
+    assert {"condition_weight", "head_weight"} <= set(KEPT) & present <= floats
     assert {"encoder_first_quantized", "convolution_0_quantized", "linear_0_quantized"} <= eight
     products = [n for n in model.graph.node if n.op_type == "MatMulInteger"]
     assert len(products) == 3 + 5 * 3  # encoder and front; code, convolution and linear in each of five steps
@@ -194,7 +201,59 @@ def test_the_command_measures_the_models_own_walks(folder, tmp_path, monkeypatch
     assert json.loads((tmp_path / "model" / "metadata.json").read_text())["quantised"]["frames"] == 80
 
 
-def test_sessions_do_not_spin_while_the_character_waits(folder):
-    for session in (load_model(folder, threads=2)._step, load_model(folder)._style):
-        options = session.get_session_options()
-        assert options.get_session_config_entry("session.intra_op.allow_spinning") == "0"
+def test_a_second_thread_stops_spinning_with_the_frame(folder, frames):
+    def entries(threads):
+        model = load_model(folder, threads=threads)
+        options = [session.get_session_options() for session in (model._step, model._style)]
+        names = ("session.intra_op.allow_spinning", "session.force_spinning_stop")
+        return [[one.get_session_config_entry(name) for name in names] for one in options]
+
+    assert entries(1) == [["0", "1"]] * 2
+    assert entries(2) == [["1", "1"]] * 2
+
+
+def test_an_idle_model_takes_no_processor_time(folder, frames):
+    model = load_model(folder, threads=2)
+    used = []
+    for _ in range(3):  # the least of three: other tests' threads may still be ending
+        model.step(frames.x[:8], frames.noise[:8], frames.styles[:8])
+        before = time.process_time()
+        time.sleep(0.1)
+        used.append(time.process_time() - before)
+    assert min(used) < 0.001  # a thread that spins on takes some milliseconds before it gives up
+
+
+def test_8_bits_are_left_alone_where_they_overflow(quantised, frames, tmp_path, monkeypatch, caplog):
+    shutil.copytree(quantised[0], tmp_path / "model")
+    quantize_model(tmp_path / "model", "int8", frames)
+    monkeypatch.setattr("runtime.model_files.exact_8_bit_products", lambda: False)
+    with caplog.at_level("WARNING", "sport.model"):
+        assert load_model(tmp_path / "model").precision == "fp32"
+    assert "overflow" in caplog.text
+    assert "fp32" in caplog.text
+    with pytest.raises(ModelError, match="overflow on this processor") as error:
+        load_model(tmp_path / "model", precision="int8")
+    assert "precision fp32" in error.value.remedy
+
+
+def test_the_probe_of_8_bit_products_is_the_graph_it_says():
+    import onnx
+
+    model = onnx.load_from_string(processor.PRODUCT)
+    onnx.checker.check_model(model, full_check=True)
+    assert [node.op_type for node in model.graph.node] == ["MatMulInteger"]
+    kinds = [value.type.tensor_type.elem_type for value in model.graph.input]
+    assert kinds == [onnx.TensorProto.UINT8, onnx.TensorProto.INT8]
+
+
+def test_products_added_in_16_bits_are_found_out(monkeypatch):
+    saturated = np.full((2, 16), 32 * 32767, np.int32)  # the largest that pairs of 255 x 127 give in 16 bits
+    exact = np.full((2, 16), 64 * 255 * 127, np.int32)
+
+    def answer(y):
+        session = type("Session", (), {"__init__": lambda *_, **__: None, "run": lambda *_: (y,)})
+        monkeypatch.setattr("onnxruntime.InferenceSession", session)
+        return exact_8_bit_products()
+
+    assert answer(exact)
+    assert not answer(saturated)

@@ -17,6 +17,18 @@ from runtime.bvh import BvhMotion, format_bvh, read_bvh
 from runtime.errors import FileError, UsageError
 from runtime.pose import Pose
 from runtime.skeleton import SPORT_SKELETON, J
+from runtime.take_metadata import (
+    UNKNOWN,
+    Origin,
+    PromptEvent,
+    describe,
+    format_metadata,
+    gait_seconds,
+    read_metadata,
+    sidecar_path,
+)
+
+__all__ = ["Clip", "ClipRecorder", "PromptEvent", "check_bvh_options", "load_clip_bvh", "save_bvh"]
 
 Array = NDArray[np.floating]
 
@@ -36,14 +48,6 @@ END_OFFSETS = {
 
 
 @dataclass(frozen=True)
-class PromptEvent:
-    """A prompt that came into force `seconds` after the clip's first frame (0 or earlier: it held from the start)."""
-
-    seconds: float
-    prompt: str
-
-
-@dataclass(frozen=True)
 class Clip:
     """Poses of the SPORT skeleton at a fixed rate, as they were on the screen."""
 
@@ -54,6 +58,9 @@ class Clip:
     contacts: Array  # (T, 4) 0..1: left heel, left toe, right heel, right toe
     prompts: tuple[PromptEvent, ...] = ()
     terrain: str = "flat"  # name or file of the ground it was made on
+    origin: Origin = UNKNOWN  # model, seed and settings
+    gait_seconds: tuple[tuple[str, float], ...] = ()  # how long each gait was asked for
+    gaits: NDArray[np.int8] | None = None  # (T,) asked for in each frame; None for takes from files
 
     def __post_init__(self) -> None:
         n = len(self.hips_positions)
@@ -70,6 +77,10 @@ class Clip:
     def seconds(self) -> float:
         """Time from the first to the last frame."""
         return (len(self) - 1) / self.fps
+
+    def describe(self) -> str:
+        """How it was made, in some lines for a person; "" when nothing is known."""
+        return describe(self.terrain, self.prompts, self.origin, dict(self.gait_seconds))
 
     def pose(self, i: int, ground_m: float = 0.0) -> Pose:
         """The pose of frame `i`; `ground_m` is the height of the terrain under it."""
@@ -91,8 +102,11 @@ class Clip:
                 f"trim {first} to {last}: the clip has frames 0 to {len(self) - 1}.", "Choose others."
             )
         keep = slice(first, last + 1)
+        gaits = None if self.gaits is None else self.gaits[keep]
         return replace(
             self,
+            gaits=gaits,
+            gait_seconds=() if gaits is None else tuple(gait_seconds(gaits, self.fps).items()),
             hips_positions=self.hips_positions[keep],
             local_rotations=self.local_rotations[keep],
             contacts=self.contacts[keep],
@@ -107,7 +121,9 @@ class Clip:
             return self
         count = math.floor(self.seconds * fps + 1e-6) + 1
         hips, local, contacts = self._at(np.arange(count) / fps)
-        return replace(self, fps=fps, hips_positions=hips, local_rotations=local, contacts=contacts)
+        return replace(
+            self, fps=fps, hips_positions=hips, local_rotations=local, contacts=contacts, gaits=None
+        )
 
     def _at(self, seconds: Array) -> tuple[Array, Array, Array]:
         at = np.clip(np.asarray(seconds, np.float64) * self.fps, 0.0, len(self) - 1.0)
@@ -136,7 +152,7 @@ class ClipRecorder:
         self._frames: deque[Array] = deque()
         self._first = 0  # number of the oldest frame kept; frames count from 0 since the program's start
         self._begin: int | None = None  # number of the take's first frame
-        self._prompts: list[tuple[int, str]] = []
+        self._prompts: list[tuple[int, PromptEvent]] = []
 
     @property
     def recording(self) -> bool:
@@ -153,9 +169,9 @@ class ClipRecorder:
         """How far back `last` can reach."""
         return len(self._frames) / self.fps
 
-    def add(self, pose: Pose) -> None:
-        """Remember the pose of one simulated frame."""
-        row = np.concatenate([pose.hips_position, np.ravel(pose.local_rotations), pose.contacts])
+    def add(self, pose: Pose, gait: int = -1) -> None:
+        """Remember the pose of one simulated frame, and the gait that was asked for (-1: not known)."""
+        row = np.concatenate([pose.hips_position, np.ravel(pose.local_rotations), pose.contacts, [gait]])
         self._frames.append(row.astype(np.float32))
         keep = self._keep
         if self._begin is not None:
@@ -164,42 +180,49 @@ class ClipRecorder:
             self._frames.popleft()
             self._first += 1
 
-    def mark_prompt(self, prompt: str) -> None:
-        """Note that `prompt` holds from the next frame on."""
-        self._prompts.append((self._first + len(self._frames), prompt))
+    def mark_prompt(self, prompt: str, transition_seconds: float = 0.0, words: str = "") -> None:
+        """Note that `prompt` holds from the next frame on; see `PromptEvent`."""
+        event = PromptEvent(0.0, prompt, transition_seconds, words)
+        self._prompts.append((self._first + len(self._frames), event))
 
     def start(self) -> None:
         """Begin a take with the next frame; a running take goes on."""
         if self._begin is None:
             self._begin = self._first + len(self._frames)
 
-    def stop(self, name: str = "take", terrain: str = "flat") -> Clip:
+    def stop(self, name: str = "take", terrain: str = "flat", origin: Origin | None = None) -> Clip:
         """End the take; UsageError when none is running or it has no frame yet."""
         if self._begin is None:
             raise UsageError("no take is running.", "Start recording first.")
         begin, self._begin = self._begin, None
-        return self._clip(begin, name, terrain)
+        return self._clip(begin, name, terrain, origin)
 
-    def last(self, seconds: float, name: str = "take", terrain: str = "flat") -> Clip:
+    def last(
+        self, seconds: float, name: str = "take", terrain: str = "flat", origin: Origin | None = None
+    ) -> Clip:
         """The last `seconds` (at most what is remembered) as a clip; a running take goes on."""
         count = max(1, round(seconds * self.fps))
-        return self._clip(self._first + len(self._frames) - count, name, terrain)
+        return self._clip(self._first + len(self._frames) - count, name, terrain, origin)
 
-    def _clip(self, begin: int, name: str, terrain: str) -> Clip:
+    def _clip(self, begin: int, name: str, terrain: str, origin: Origin | None) -> Clip:
         begin = max(begin, self._first)
         rows = list(islice(self._frames, begin - self._first, None))
         if not rows:
             raise UsageError("nothing is recorded yet.", "Let the character move first.")
         table = np.stack(rows)
-        events = tuple(PromptEvent((frame - begin) / self.fps, prompt) for frame, prompt in self._prompts)
+        events = tuple(replace(event, seconds=(frame - begin) / self.fps) for frame, event in self._prompts)
+        gaits = table[:, -1].astype(np.int8)
         return Clip(
             name=name,
             fps=self.fps,
             hips_positions=table[:, :3],
-            local_rotations=table[:, 3:-4].reshape(-1, J, 4),
-            contacts=table[:, -4:],
+            local_rotations=table[:, 3:-5].reshape(-1, J, 4),
+            contacts=table[:, -5:-1],
             prompts=_shift_prompts(events, 0.0, len(rows) / self.fps),
             terrain=terrain,
+            origin=origin or UNKNOWN,
+            gait_seconds=tuple(gait_seconds(gaits, self.fps).items()),
+            gaits=gaits,
         )
 
 
@@ -214,7 +237,7 @@ def check_bvh_options(fps: float, unit: str, order: str = "ZYX") -> None:
 
 
 def save_bvh(clip: Clip, path: str | Path, fps: float = 60.0, unit: str = "cm", order: str = "ZYX") -> Path:
-    """Write a BVH that appears whole or not at all; the path written.
+    """Write a BVH that appears whole or not at all, and its `sidecar_path`; the BVH's path.
 
     `fps` resamples the clip, `unit` is "cm" or "m", `order` one of `ROTATION_ORDERS`. UsageError or FileError.
     """
@@ -230,14 +253,20 @@ def save_bvh(clip: Clip, path: str | Path, fps: float = 60.0, unit: str = "cm", 
         order=order,
         end_offsets=END_OFFSETS,
     )
+    path = Path(path)
     write_atomic(path, text)
-    return Path(path)
+    metadata = format_metadata(
+        text, clip.name, clip.seconds, clip.terrain, clip.prompts, clip.origin, dict(clip.gait_seconds)
+    )
+    write_atomic(sidecar_path(path), metadata)
+    return path
 
 
 def load_clip_bvh(path: str | Path) -> Clip:
     """A clip from a BVH of the 31-joint SPORT skeleton in any unit, channel order and joint order.
 
     FileError names the joints that are missing or rest otherwise. Contacts are zero: a BVH has none.
+    What the file beside it tells of prompts and origin is taken where it belongs to this BVH.
     """
     path = Path(path)
     motion = read_bvh(path)
@@ -250,12 +279,17 @@ def load_clip_bvh(path: str | Path) -> Clip:
     scale = _metres_per_unit(motion, order, path)
     if motion.skeleton.parents[order[0]] >= 0:
         raise FileError(f"{path}: expected the joint Hips as ROOT.", remedy)
+    made = read_metadata(path)
     return Clip(
         name=path.stem,
         fps=float(round(motion.fps, 3)),
         hips_positions=(motion.positions[:, order[0]] * scale).astype(np.float32),
         local_rotations=motion.local_rotations[:, order],
         contacts=np.zeros((len(motion.positions), 4), np.float32),
+        prompts=made.prompts,
+        terrain=made.terrain,
+        origin=made.origin,
+        gait_seconds=made.gait_seconds,
     )
 
 
@@ -292,8 +326,13 @@ def _shift_prompts(events: tuple[PromptEvent, ...], start: float, length: float)
     """Events seen from `start` on: the one in force there, and those within `length` seconds after it."""
     before = [e for e in events if e.seconds <= start]
     within = [e for e in events if start < e.seconds <= start + length]
-    kept = [PromptEvent(0.0, before[-1].prompt)] if before else []
-    return (*kept, *(PromptEvent(e.seconds - start, e.prompt) for e in within))
+    kept = []
+    if before:
+        left = (
+            before[-1].seconds + before[-1].transition_seconds - start
+        )  # a transition may still be under way
+        kept = [replace(before[-1], seconds=0.0, transition_seconds=max(left, 0.0))]
+    return (*kept, *(replace(e, seconds=e.seconds - start) for e in within))
 
 
 def _pose(hips: Array, local: Array, contacts: Array, ground_m: float) -> Pose:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,10 +15,12 @@ from runtime.clip import Clip, PromptEvent
 from runtime.errors import FileError, PromptError, SportError, UsageError
 from runtime.paths import ControlScript, Place, control_script
 from runtime.pose import Pose
+from runtime.take_metadata import gait_of, gait_seconds, origin_of
 from runtime.terrain import Terrain
 
 if TYPE_CHECKING:
     from runtime.controller import Controller
+    from runtime.controls import Controls
     from runtime.model import MotionModel
     from runtime.prompts.blend import BlendedPrompt, Words
     from runtime.prompts.expander import Expander
@@ -41,11 +44,13 @@ def open_prompter(
     expander: str = "library",
     report: Callable[[str], None] = lambda _: None,
     text_encoder: Path | None = None,
+    expanded: Callable[[str, PartDescriptions], object] = lambda *_: None,
 ) -> PromptToStyle:
     """The way from a prompt to Z^t `(6, 64)`: expansion, sentence embedding, body-part network.
 
     `expander` is one of EXPANDERS; `report` is told what an expansion remarks, such as how near the library came.
     `text_encoder` is the folder of the one that the model was trained with, where that is not the shipped one.
+    `expanded` is told each prompt with its six descriptions.
     """
     from runtime.prompts.content import PromptEncoder
     from runtime.prompts.parts import PartDescriptions
@@ -59,6 +64,7 @@ def open_prompter(
         if isinstance(prompt, PartDescriptions):
             return encoder.encode(prompt)
         expansion = expanding.expand(prompt)
+        expanded(prompt, expansion.descriptions)
         if expansion.note:
             report(f"“{prompt}”: {expansion.note}")
         return encoder.encode(expansion.descriptions)
@@ -153,11 +159,34 @@ def generate_clip(
     events, asked = _events(prompt)
     ground = terrain if isinstance(terrain, Terrain) else load_terrain(terrain)
     motion_model = load_model(model)
-    to_style = open_prompter(motion_model, expander, report, text_encoder)
+    meant: dict[str, PartDescriptions] = {}
+    to_style = open_prompter(motion_model, expander, report, text_encoder, meant.__setitem__)
     styles = [(event.seconds, _style(words, to_style)) for event, words in zip(events, asked, strict=True)]
     controller = Controller(motion_model, ground, seed, strength=strength)
-    poses = simulate(controller, script, styles, round(seconds * FPS), transition_seconds)
-    return clip_of(poses, name, events, str(terrain) if not isinstance(terrain, Terrain) else terrain.name)
+    gaits: list[int] = []
+
+    def watched(time: float, place: Place) -> Controls:
+        controls = script(time, place)
+        gaits.append(gait_of(controls))
+        return controls
+
+    poses = simulate(controller, watched, styles, round(seconds * FPS), transition_seconds)
+    events = tuple(
+        replace(
+            event,
+            transition_seconds=transition_seconds if event.seconds > 0.0 else 0.0,
+            words=_spelled_out(words, meant),
+        )
+        for event, words in zip(events, asked, strict=True)
+    )
+    spec = str(terrain) if not isinstance(terrain, Terrain) else terrain.name
+    asked_for = np.array(gaits, np.int8)
+    return replace(
+        clip_of(poses, name, events, spec),
+        origin=origin_of(controller, spec),
+        gaits=asked_for,
+        gait_seconds=tuple(gait_seconds(asked_for, FPS).items()),
+    )
 
 
 def _events(
@@ -182,6 +211,22 @@ def _style(words: Words | BlendedPrompt, to_style: PromptToStyle) -> Array:
     if isinstance(words, BlendedPrompt):
         return blend_parts(to_style(words.a), to_style(words.b), words.weights)
     return to_style(words)
+
+
+def _spelled_out(words: Words | BlendedPrompt, meant: dict[str, PartDescriptions]) -> str:
+    """The words of `PromptEvent.words`; `meant` has the descriptions of prompts as far as the prompter told them."""
+    from runtime.prompts.blend import BlendedPrompt
+
+    sides = (words.a, words.b) if isinstance(words, BlendedPrompt) else (words,)
+    parts = [meant.get(side) if isinstance(side, str) else side for side in sides]
+    known = [part for part in parts if part is not None]
+    if len(known) < len(parts):
+        return ""
+    return (
+        BlendedPrompt(*known, words.weights).to_json()
+        if isinstance(words, BlendedPrompt)
+        else known[0].to_json()
+    )
 
 
 def simulate(

@@ -42,7 +42,7 @@ def test_a_blend_is_undone_swapped_dropped_and_kept_in_takes(start: Start) -> No
     app = start(prompt="a proud king")
     run(app, 2)
     marks: list[str] = []
-    app.prompting.mark = marks.append
+    app.prompting.mark = lambda text, *_: marks.append(text)
     app.prompting.submit_prompt("a duck", "b")
     for weight in (0.1, 0.2, 0.3):  # one drag
         app.prompting.set_weight("torso", weight)

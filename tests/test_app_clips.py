@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from app_driver import Start, message, run
 from viewer_fakes import fake_services
 
 from runtime.bvh import read_bvh
+from runtime.clip import load_clip_bvh
 from viewer import app as app_module
 from viewer.app import App
 from viewer.options import ViewOptions
@@ -55,6 +57,37 @@ def test_record_play_trim_export(start: Start, tmp_path: Path) -> None:
     assert len(motion.positions) == 16
     assert motion.fps == pytest.approx(60.0, abs=1e-3)
     assert motion.positions[0, 0] == pytest.approx(100 * take.hips_positions[5], abs=0.01)
+
+
+def test_an_exported_take_tells_its_styles_with_their_transitions_and_what_was_asked_for(
+    start: Start, tmp_path: Path
+) -> None:
+    app = start(terrain="hills")
+    app.state.settings.blend_seconds = 0.4
+    run(app, 2)
+    app.prompting.submit_prompt("a proud king")
+    run(app, 2)
+    app.takes.toggle_recording()
+    app.window.inject_key("w", True)
+    run(app, 12)
+    app.prompting.submit_prompt("an old king")
+    run(app, 20)
+    app.takes.toggle_recording()
+    app.window.inject_key("w", False)
+    app.state.clips.export_path = str(tmp_path / "walk.bvh")
+    app.takes.export()
+    run(app, 2)
+    back = load_clip_bvh(tmp_path / "walk.bvh")
+    assert [event.prompt for event in back.prompts] == ["a proud king", "an old king"]
+    changed = back.prompts[1]
+    assert changed.transition_seconds == pytest.approx(0.4)
+    assert json.loads(changed.words)["torso"] == "torso of an old king"
+    assert changed.seconds == pytest.approx(12 / 60, abs=2 / 60)
+    assert dict(back.gait_seconds)["walk"] > 0.4
+    assert (back.terrain, back.origin.terrain_seed, back.origin.temperature) == ("hills", 0, 1.0)
+    app.takes.open(tmp_path / "walk.bvh")
+    run(app, 2)
+    assert "an old king" in app.state.clips.items[-1].clip.describe()
 
 
 def test_a_failing_export_keeps_the_clip(start: Start, tmp_path: Path) -> None:

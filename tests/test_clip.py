@@ -1,5 +1,8 @@
 """Clips, the recorder that is always on, and takes as BVH."""
 
+import json
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from walker import walk
@@ -8,9 +11,11 @@ from runtime import rotations
 from runtime.atomic import atomic_path, write_atomic
 from runtime.bvh import read_bvh
 from runtime.clip import Clip, ClipRecorder, PromptEvent, load_clip_bvh, save_bvh
+from runtime.controls import Controls, Gait
 from runtime.errors import FileError, UsageError
 from runtime.pose import Pose
 from runtime.skeleton import SPORT_SKELETON, J
+from runtime.take_metadata import Origin, gait_of, origin_of, sidecar_path
 
 
 def make_clip(frames=61, **changes):
@@ -137,7 +142,7 @@ def test_a_saved_clip_reads_back(tmp_path, fps, unit, order):
     assert (back.name, back.fps, len(back)) == ("take", fps, len(wanted))
     np.testing.assert_allclose(back.world()[0], wanted.world()[0], atol=1e-4)
     np.testing.assert_allclose(back.hips_positions, wanted.hips_positions, atol=1e-5)
-    assert [p.name for p in path.parent.iterdir()] == ["take.bvh"]
+    assert [p.name for p in path.parent.iterdir() if p.suffix == ".bvh"] == ["take.bvh"]
 
 
 def test_joint_names_and_channels_are_what_readers_expect(tmp_path):
@@ -174,6 +179,112 @@ def test_another_rest_pose_is_named(tmp_path):
     path.write_text(head + old + tail.replace("OFFSET 28.13000 0.00000", "OFFSET 0.00000 -28.13000", 1))
     with pytest.raises(FileError, match="LeftForeArm rests"):
         load_clip_bvh(path)
+
+
+# --- what a take was made with -----------------------------------------------------------------------------------------
+
+PARTS = dict.fromkeys(("left_arm", "right_arm", "left_leg", "right_leg", "torso", "head"), "it swings")
+ORIGIN = Origin("compact", "82" * 32, "fp32", 7, 0.5, 1.25, 0)
+
+
+def made_clip(**changes):
+    events = (PromptEvent(0.0, "calm"), PromptEvent(0.5, "drunk", 0.25, json.dumps(PARTS)))
+    known = {"prompts": events, "terrain": "hills", "origin": ORIGIN, "gait_seconds": (("walk", 1.0),)}
+    return make_clip(**{**known, **changes})
+
+
+def test_a_file_tells_how_it_was_made(tmp_path):
+    clip = made_clip()
+    path = save_bvh(clip, tmp_path / "take.bvh", 30)
+    told = json.loads(sidecar_path(path).read_text("utf-8"))
+    assert told["seed"] == 7
+    assert told["prompts"][1] == {
+        "seconds": 0.5,
+        "prompt": "drunk",
+        "transition_seconds": 0.25,
+        "words": PARTS,
+    }
+    back = load_clip_bvh(path)
+    assert (back.origin, back.prompts, back.terrain) == (ORIGIN, clip.prompts, "hills")
+    assert back.describe() == clip.describe()
+    for word in ("drunk", "0.5 s", "walk 1.0 s", "compact 82828282", "seed 7", "hills"):
+        assert word in back.describe()
+
+
+def test_a_ground_from_a_file_goes_by_its_name_without_its_folders(tmp_path):
+    path = save_bvh(made_clip(terrain="/home/somebody/secret/hill.png"), tmp_path / "take.bvh")
+    assert "somebody" not in sidecar_path(path).read_text("utf-8")
+    assert load_clip_bvh(path).terrain == "hill.png"
+
+
+@pytest.mark.parametrize("damage", ["missing", "cut", "a list", "another", "changed bvh", "not text"])
+def test_a_motion_opens_without_its_metadata(tmp_path, damage, caplog):
+    path = save_bvh(made_clip(), tmp_path / "take.bvh")
+    beside = sidecar_path(path)
+    if damage == "missing":  # as older programs wrote it
+        beside.unlink()
+    elif damage == "changed bvh":
+        path.write_text(path.read_text() + "\n")
+    else:
+        wrong = {
+            "cut": beside.read_text()[:80],
+            "a list": "[1]",
+            "another": '{"format": "x"}',
+            "not text": "\xff",
+        }
+        beside.write_bytes(wrong[damage].encode("latin-1"))
+    back = load_clip_bvh(path)
+    assert len(back) == 61
+    assert (back.origin, back.prompts, back.gait_seconds) == (Origin(), (), ())
+    assert ("take.bvh.json" in caplog.text) == (damage != "missing")
+
+
+def test_fields_of_another_type_or_from_another_version_are_left_out(tmp_path):
+    path = save_bvh(made_clip(), tmp_path / "take.bvh")
+    told = json.loads(sidecar_path(path).read_text("utf-8"))
+    told |= {
+        "seed": "7",
+        "model": 3,
+        "strength": float("nan"),
+        "gait_seconds": [1],
+        "terrain": None,
+        "new": 1,
+    }
+    told["prompts"] = [5, {"seconds": "x", "prompt": "calm", "words": "x"}, {}]
+    sidecar_path(path).write_text(json.dumps(told), "utf-8")
+    back = load_clip_bvh(path)
+    assert back.origin == Origin("", "82" * 32, "fp32", None, 0.5, None, 0)
+    assert back.prompts == (PromptEvent(0.0, "calm"), PromptEvent(0.0, ""))
+    assert (back.terrain, back.gait_seconds) == ("flat", ())
+
+
+def test_a_cut_keeps_what_is_left_of_a_transition_and_the_gaits_of_its_frames():
+    recorder = ClipRecorder()
+    recorder.start()
+    for k in range(60):
+        if k == 12:
+            recorder.mark_prompt("drunk", 0.5, json.dumps(PARTS))
+        recorder.add(make_pose(k), Gait.JOG if k < 30 else Gait.WALK)
+    take = recorder.stop("take", "hills", ORIGIN)
+    assert (take.origin, dict(take.gait_seconds)) == (ORIGIN, {"walk": 0.5, "jog": 0.5})
+    part = take.trim(24, 35)
+    assert dict(part.gait_seconds) == {"walk": 0.1, "jog": 0.1}
+    assert part.prompts[0].transition_seconds == pytest.approx(0.3)
+    assert take.trim(50, 59).prompts == (PromptEvent(0.0, "drunk", 0.0, json.dumps(PARTS)),)
+    np.testing.assert_array_equal(part.contacts, 0.0)
+
+
+def test_the_origin_names_the_step_graph_that_ran():
+    model = SimpleNamespace(name="m", precision="int8", metadata={"sha256": {"step": "a", "step_int8": "b"}})
+    found = origin_of(SimpleNamespace(model=model, seed=3, temperature=1.0, strength=1.0), "hill.png")
+    assert found == Origin("m", "b", "int8", 3, 1.0, 1.0, None)
+    assert origin_of(None, "hills") == Origin(terrain_seed=0)
+
+
+def test_a_stick_at_rest_asks_to_stand():
+    assert gait_of(Controls(gait=Gait.JOG)) == Gait.STAND
+    assert gait_of(Controls(move=(0.0, 0.2), gait=Gait.JOG)) == Gait.JOG
+    assert gait_of(Controls(gait=Gait.JUMP)) == Gait.JUMP
 
 
 # --- atomic files ----------------------------------------------------------------------------------------------------

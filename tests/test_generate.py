@@ -12,6 +12,7 @@ from runtime.controls import Gait
 from runtime.errors import PromptError, SportError, TerrainError, UsageError
 from runtime.generate import generate_clip, parse_prompts, simulate
 from runtime.paths import GAITS, PATH_NAMES, Place, control_script
+from runtime.prompts.parts import PartDescriptions
 from runtime.terrain import Terrain
 
 
@@ -122,6 +123,27 @@ def test_a_later_prompt_blends_in_at_its_time(walker):
     different = np.abs(one.local_rotations - two.local_rotations).max(axis=(1, 2))
     assert different[:60].max() == 0.0
     assert 0.0 < different[75] < different[150]
+
+
+def test_a_clip_tells_what_it_was_made_with(walker, monkeypatch):
+    parts = PartDescriptions(*("arm", "arm", "leg", "leg", "torso", "head"))
+
+    def open_prompter(model, expander, report, text_encoder, expanded):
+        def to_style(prompt):
+            expanded(prompt, parts)
+            return style_of(prompt)
+
+        return to_style
+
+    monkeypatch.setattr(generate_module, "open_prompter", open_prompter)
+    prompts = parse_prompts("0:calm; 1:drunk")
+    clip = generate_clip(prompts, "hills", gait="jog", seconds=2.0, seed=5, transition_seconds=0.5)
+    assert clip.prompts == (
+        PromptEvent(0.0, "calm", 0.0, parts.to_json()),
+        PromptEvent(1.0, "drunk", 0.5, parts.to_json()),
+    )
+    assert (clip.origin.seed, clip.origin.strength, clip.origin.terrain_seed) == (5, 1.0, 0)
+    assert dict(clip.gait_seconds) == {"jog": 2.0}
 
 
 def test_standing_stands(walker):

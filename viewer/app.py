@@ -216,9 +216,10 @@ class App:
             playback.advance(dt)
             return
         simulation = self.state.simulation
-        poses = simulation.advance(dt, to_controls(intent, self.camera.current.heading))
+        controls = to_controls(intent, self.camera.current.heading)
+        poses = simulation.advance(dt, controls)
         self._steps = len(poses)
-        self.takes.add_poses(poses)
+        self.takes.add_poses(poses, controls)
         if simulation.problem:
             self.state.messages.error(simulation.problem)
 

@@ -43,7 +43,7 @@ class Prompting:
     """Actions of the prompt panel. Side "a" is the prompt, side "b" the one it is blended with."""
 
     state: AppState
-    mark: Callable[[str], None] = lambda _: None  # told which words came into force, for the recorder
+    mark: Callable[[str, float, str], None] = lambda *_: None  # told what comes into force, for the recorder
     blocking: bool = False  # offscreen: an answer arrives in the same frame
     first_error: SportError | None = None
     history: UndoStack = field(default_factory=UndoStack)
@@ -294,7 +294,7 @@ class Prompting:
         except SportError as error:
             self._fail(error)
             return
-        self.mark(write_words(edit.replayable()))
+        self.mark(write_words(edit.replayable()), seconds, edit.spelled_out())
 
     def _fail(self, error: SportError) -> None:
         self.state.messages.error(error)

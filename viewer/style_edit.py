@@ -88,6 +88,14 @@ class StyleEdit:
             return self.a.replayable
         return BlendedPrompt(self.a.replayable, self.b.replayable, self.weights)
 
+    def spelled_out(self) -> str:
+        """The six descriptions, or a blend of two times six, as text that needs no library: what a take keeps too."""
+        if self.a is None:
+            return ""
+        if self.b is None or not self.blended:
+            return self.a.words.to_json()
+        return BlendedPrompt(self.a.words, self.b.words, self.weights).to_json()
+
     def kept_words(self) -> Mapping[str, str]:
         """Words of the locked parts, which the next prompt must leave alone."""
         if self.a is None:

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from runtime.controls import Controls
 from runtime.errors import SportError, UsageError
 from runtime.pose import Pose
+from runtime.take_metadata import Origin, gait_of, origin_of
 from viewer.jobs import Jobs
 from viewer.playback import Playback
 from viewer.state import AppState, ClipItem
@@ -28,10 +30,10 @@ class Takes:
     jobs: Jobs
     recorder: ClipRecorder
 
-    def add_poses(self, poses: list[Pose]) -> None:
-        """Remember simulated poses, as they are shown; call once a frame."""
+    def add_poses(self, poses: list[Pose], controls: Controls) -> None:
+        """Remember simulated poses, as they are shown, and what was asked for; call once a frame."""
         for pose in poses:
-            self.recorder.add(pose)
+            self.recorder.add(pose, gait_of(controls))
         clips = self.state.clips
         clips.memory_s = self.recorder.seconds
         clips.recorded_s = self.recorder.take_seconds
@@ -48,13 +50,14 @@ class Takes:
     def save_last(self) -> None:
         """Put the last seconds into the list, recording or not."""
         seconds = self.state.settings.keep_seconds
-        self._keep("Last seconds", lambda name, terrain: self.recorder.last(seconds, name, terrain))
+        self._keep("Last seconds", lambda *about: self.recorder.last(seconds, *about))
 
-    def _keep(self, kind: str, cut: Callable[[str, str], Clip]) -> None:
-        """Add what `cut(name, terrain)` makes of the memory to the list."""
-        clips = self.state.clips
+    def _keep(self, kind: str, cut: Callable[[str, str, Origin], Clip]) -> None:
+        """Add what `cut(name, terrain, origin)` makes of the memory to the list."""
+        clips, ground = self.state.clips, self.state.scene.terrain_spec
+        origin = origin_of(self.state.simulation.controller, ground)
         try:
-            clip = cut(f"{kind} {clips.counter + 1}", self.state.scene.terrain_spec)
+            clip = cut(f"{kind} {clips.counter + 1}", ground, origin)
         except SportError as error:
             self.state.messages.warn(str(error))
             return

@@ -82,7 +82,9 @@ def _row(state: AppState, takes: Takes, i: int) -> None:
     if imgui.invisible_button("row", imgui.ImVec2(width, height)):
         takes.select(i)
     hovered = imgui.is_item_hovered()
-    widgets.tooltip(f"Saved as {item.saved}" if item.saved else "Not exported yet")
+    if hovered:
+        saved = f"Saved as {item.saved}" if item.saved else "Not exported yet"
+        widgets.tooltip("\n".join(filter(None, (saved, item.clip.describe()))))
     if hovered or clips.selected == i:
         fill = theme.ACCENT_DIM if clips.selected == i else theme.FIELD
         low, high = corner, imgui.ImVec2(corner.x + width, corner.y + height)

@@ -118,7 +118,8 @@ _LOSS_WEIGHT = {
 }
 
 
-LEGS = 1.4  # of positions and rotations of the legs' joints: what words say of them is small beside the step itself
+# Of positions and rotations of a part's joints: what words change in them is small beside the step, and beside the arms.
+_PART_WEIGHT = {"left_leg": 1.6, "right_leg": 1.6, "torso": 2.0, "head": 2.5}
 
 
 def _field_deviation(values: Tensor, layout: dict[str, slice], scale: dict[str, float]) -> Tensor:
@@ -139,5 +140,6 @@ def loss_weights(device: torch.device) -> Tensor:
         weights[OUTPUT[name]] = value
     for name in ("joint_positions", "joint_rotations"):
         joints = weights[OUTPUT[name]].view(J, -1)
-        joints[list(PART_JOINTS["left_leg"] + PART_JOINTS["right_leg"])] *= LEGS
+        for part, value in _PART_WEIGHT.items():
+            joints[list(PART_JOINTS[part])] *= value
     return weights / weights.mean()

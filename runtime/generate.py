@@ -217,16 +217,14 @@ def _spelled_out(words: Words | BlendedPrompt, meant: dict[str, PartDescriptions
     """The words of `PromptEvent.words`; `meant` has the descriptions of prompts as far as the prompter told them."""
     from runtime.prompts.blend import BlendedPrompt
 
-    sides = (words.a, words.b) if isinstance(words, BlendedPrompt) else (words,)
-    parts = [meant.get(side) if isinstance(side, str) else side for side in sides]
-    known = [part for part in parts if part is not None]
-    if len(known) < len(parts):
-        return ""
-    return (
-        BlendedPrompt(*known, words.weights).to_json()
-        if isinstance(words, BlendedPrompt)
-        else known[0].to_json()
-    )
+    def parts(side: Words) -> PartDescriptions | None:
+        return meant.get(side) if isinstance(side, str) else side
+
+    if isinstance(words, BlendedPrompt):
+        a, b = parts(words.a), parts(words.b)
+        return "" if a is None or b is None else BlendedPrompt(a, b, words.weights).to_json()
+    known = parts(words)
+    return "" if known is None else known.to_json()
 
 
 def simulate(

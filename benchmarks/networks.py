@@ -4,7 +4,8 @@ python -m benchmarks.networks                              layers of the shipped
 python -m benchmarks.networks --preset paper               any preset, random weights (needs the extra `[train]`)
 
 `plain` blends the content experts in every frame, `folded` has them folded once for each prompt, `int8` is the same with
-8-bit weights. One run measures all, so that they are compared under the same conditions.
+8-bit weights. One run measures all, so that they are compared under the same conditions. `--markdown FILE` puts the table
+between the lines `<!-- networks NAME: begin -->` and `<!-- networks NAME: end -->` of a document.
 """
 
 from __future__ import annotations
@@ -76,31 +77,77 @@ def main(argv: list[str] | None = None) -> int:
     which.add_argument("--preset", help="random weights of this preset")
     which.add_argument("--model", type=Path, metavar="DIR", help="exported model (default: the shipped one)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures to FILE")
+    parser.add_argument("--markdown", type=Path, metavar="FILE", help="put the table into this document")
     options = parser.parse_args(argv)
-    return run(options.json, options.preset, options.model)
+    return run(options.json, options.preset, options.model, options.markdown)
 
 
-def run(json_path: Path | None, preset: str | None = None, model: Path | None = None) -> int:
-    """Measure, print a table and write `json_path`; the exit code."""
-    if json_path is not None:
-        check_target(json_path)
+def run(
+    json_path: Path | None,
+    preset: str | None = None,
+    model: Path | None = None,
+    markdown: Path | None = None,
+) -> int:
+    """Measure, print a table, write `json_path` and put the table into `markdown`; the exit code."""
+    for target in filter(None, (json_path, markdown)):
+        check_target(target)
     threads = [count for count in (1, 2) if count <= (os.cpu_count() or 1)]
     model = model or asset_path(DEFAULT_MODEL)
+    network = preset or model.name
+    if markdown is not None:
+        _around(markdown, network)
+    load = others_load()
     with tempfile.TemporaryDirectory() as folder:
         variants = _variants(Path(folder), preset, model)
         bandwidth = {count: read_bandwidth(count) for count in threads}
         rows = measure(variants, bandwidth, _errors(variants) if preset else _known_errors(model))
     figures = {
-        "network": preset or model.name,
+        "network": network,
         "cpu": cpu_name(),
         "cores": os.cpu_count(),
+        "cores_busy": None if load is None else round(load, 2),
         "read_bandwidth_gb_s": {str(count): round(value, 1) for count, value in bandwidth.items()},
         "rows": [asdict(row) for row in rows],
     }
     print(table(figures))
+    if markdown is not None:
+        write_markdown(markdown, figures)
     if json_path is not None:
         write_atomic(json_path, json.dumps(figures, indent=1) + "\n")
     return 0
+
+
+def others_load(seconds: float = 2.0) -> float | None:
+    """Cores that other processes keep busy just now; None where the system does not say (/proc/stat)."""
+
+    def busy() -> tuple[float, float]:
+        fields = [int(field) for field in Path("/proc/stat").read_text(encoding="ascii").split()[1:9]]
+        return sum(fields) - fields[3] - fields[4], sum(fields)  # without idle and waiting for a disk
+
+    try:
+        before = busy()
+        time.sleep(seconds)
+        after = busy()
+    except (OSError, ValueError):
+        return None
+    return (os.cpu_count() or 1) * (after[0] - before[0]) / max(1.0, after[1] - before[1])
+
+
+def write_markdown(path: Path, figures: dict[str, Any]) -> None:
+    """Replace what lies between the markers of this network; UsageError where `path` has none."""
+    before, after = _around(path, figures["network"])
+    write_atomic(path, f"{before}\n{table(figures)}\n{after}")
+
+
+def _around(path: Path, network: str) -> tuple[str, str]:
+    """The text of a document up to its table and after it, with the markers."""
+    begin, end = (f"<!-- networks {network}: {word} -->" for word in ("begin", "end"))
+    old = path.read_text(encoding="utf-8") if path.is_file() else ""
+    before, found, rest = old.partition(begin)
+    _, closed, after = rest.partition(end)
+    if not found or not closed:
+        raise UsageError(f"{path}: has no lines {begin} and {end}.", "Add them where the table belongs.")
+    return before + begin, end + after
 
 
 def _variants(folder: Path, preset: str | None, model: Path) -> list[Variant]:
@@ -222,9 +269,11 @@ def _known_errors(model: Path) -> dict[str, float]:
 def table(figures: dict[str, Any]) -> str:
     """The figures as Markdown."""
     speeds = ", ".join(f"{v} GB/s on {n} thread(s)" for n, v in figures["read_bandwidth_gb_s"].items())
+    busy = "an unknown number" if figures["cores_busy"] is None else f"{figures['cores_busy']:.1f}"
     return "\n".join(
         [
-            f"network {figures['network']} on {figures['cpu']}, {figures['cores']} cores; reads {speeds}",
+            f"network {figures['network']} on {figures['cpu']}, {figures['cores']} cores, {busy} of them busy"
+            f" with other work at the start; reads {speeds}",
             "",
             *_lines(Row(**row) for row in figures["rows"]),
         ]

@@ -13,8 +13,9 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("onnxscript")
 
+from benchmarks import networks  # noqa: E402
 from runtime import processor  # noqa: E402
-from runtime.errors import FileError, ModelError  # noqa: E402
+from runtime.errors import FileError, ModelError, UsageError  # noqa: E402
 from runtime.features import OUTPUT  # noqa: E402
 from runtime.model import load_model  # noqa: E402
 from runtime.processor import exact_8_bit_products  # noqa: E402
@@ -257,3 +258,36 @@ def test_products_added_in_16_bits_are_found_out(monkeypatch):
 
     assert answer(exact)
     assert not answer(saturated)
+
+
+def test_the_table_of_speeds_replaces_the_one_in_its_document(tmp_path):
+    row = networks.Row("folded int8", "shared", 1, 2, 4.5, 4.0, 9.0, 8.0, 1.5, 45.0, 0.0083)
+    figures = {
+        "network": "paper", "cpu": "a processor", "cores": 2, "cores_busy": 0.04,
+        "read_bandwidth_gb_s": {"1": 20.0}, "rows": [networks.asdict(row)],
+    }  # fmt: skip
+    document = tmp_path / "speed.md"
+    document.write_text("before\n<!-- networks paper: begin -->\nold\n<!-- networks paper: end -->\nafter\n")
+    for _ in range(2):
+        networks.write_markdown(document, figures)
+        text = document.read_text()
+        assert text.startswith("before\n")
+        assert text.endswith("\nafter\n")
+        assert "\nold\n" not in text
+        assert (
+            text.count("| folded int8 | shared | 1 | 2 | 4.50 | 4.00 | 9.00 | 8.00 | 1.50 | 45.0 | 0.83 % |")
+            == 1
+        )
+    with pytest.raises(UsageError, match="networks compact: begin"):
+        networks.write_markdown(document, figures | {"network": "compact"})
+
+
+def test_the_load_of_a_machine_is_a_number_of_its_cores(monkeypatch):
+    load = networks.others_load(0.05)
+    assert load is None or 0.0 <= load <= (networks.os.cpu_count() or 1) + 0.1
+    ticks = iter(["cpu 100 0 100 800 0 0 0 0 0 0\n", "cpu 200 0 150 850 0 0 0 0 0 0\n"])
+    monkeypatch.setattr(networks.Path, "read_text", lambda *_, **__: next(ticks))
+    monkeypatch.setattr(networks.os, "cpu_count", lambda: 2)
+    assert networks.others_load(0.0) == pytest.approx(2 * 150 / 200)
+    monkeypatch.setattr(networks.Path, "read_text", lambda *_, **__: "not the numbers of a processor")
+    assert networks.others_load(0.0) is None

@@ -73,8 +73,8 @@ def test_a_blend_is_undone_swapped_dropped_and_kept_in_takes(start: Start) -> No
 def test_the_blend_panel_is_used_by_mouse_and_keys(start: Start) -> None:
     app = start(prompt="a proud king")
     run(app, 3)
-    click(app, 135, 227)  # the tab
-    click(app, 160, 280)  # prompt B
+    click(app, 135, 255)  # the tab
+    click(app, 160, 308)  # prompt B
     app.window.inject_text("a duck")
     run(app, 3)
     press(app, "enter")
@@ -82,12 +82,12 @@ def test_the_blend_panel_is_used_by_mouse_and_keys(start: Start) -> None:
     assert app.state.prompt.edit.b is not None
     assert app.state.prompt.edit.b.prompt == "a duck"
     steps = app.prompting.history.undo_label
-    app.window.inject_mouse(200, 364, 0, True)  # the slider for all
+    app.window.inject_mouse(200, 392, 0, True)  # the slider for all
     run(app, 2)
     for x in (220, 240, 290):
-        app.window.inject_mouse(x, 364)
+        app.window.inject_mouse(x, 392)
         run(app, 2)
-    app.window.inject_mouse(290, 364, 0, False)
+    app.window.inject_mouse(290, 392, 0, False)
     run(app, 2)
     assert app.state.prompt.edit.master_weight > 0.8
     assert (steps, app.prompting.history.undo_label) == ("“a duck”", "blend of all parts")

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 UNTUNED_PROMPTS = Path(__file__).parent / "data" / "untuned_prompts.txt"
 BLIND_PROMPTS = UNTUNED_PROMPTS.with_name("blind_prompts.txt")  # written blind; never edited
+CLASS_PROMPTS = UNTUNED_PROMPTS.with_name("class_prompts.txt")  # of the kinds that failed there
+CLASS_GRADES = UNTUNED_PROMPTS.with_name("class_grades.csv")
 BLIND_GRADES = UNTUNED_PROMPTS.with_name("blind_grades.csv")  # what a reader said of each
 WARM_UP_PROMPT = "somebody going by"  # loads what the first prompt loads
 MAX_MS = 50.0  # processor time from prompt to Z^t, warm

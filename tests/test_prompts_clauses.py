@@ -163,12 +163,79 @@ def test_clauses_are_said_as_the_networks_were_told(prompt: str, edits: str) -> 
         ("a king, not leaning forward", "a king", "torso", "upright"),
         ("with no hands on hips", "", "right_arm", "hanging at the side"),
         ("neither arm moving", "", "left_arm", "not swinging"),
+        ("don't swing your arms", "", "right_arm", "not swinging"),
+        ("a butler who never looks up", "a butler", "head", "slightly lowered"),
+        ("no bouncing", "", "torso", "held level"),
+        ("a sailor, less hip sway", "a sailor", "torso", "held still"),
+        ("don't lift your heels off the ground", "", "left_leg", "dragging"),
     ],
 )
 def test_denials_say_what_is_there_instead(prompt: str, rest: str, part: str, words: str) -> None:
     parsed = parse_clauses(prompt)
     assert parsed.rest == rest
     assert words in parsed.parts[part]
+
+
+@pytest.mark.parametrize(
+    ("prompt", "part", "words"),
+    [
+        ("swing your arms a lot more", "left_arm", "swinging widely"),
+        ("swing the arms less", "left_arm", "swinging very little"),
+        ("turn the right foot out", "right_leg", "right foot turned outward"),
+        ("please keep the torso upright", "torso", "back straight"),
+        ("keep the trunk upright", "torso", "back straight"),
+        ("pushes the hips forward", "torso", "belly forward"),
+        ("lower your shoulders", "torso", "loose and level"),
+        ("bend forward 20 degrees", "torso", "torso leaning forward"),
+        ("bend forward by 70 degrees", "torso", "leaning far forward"),
+        ("lift the feet less", "left_leg", "lifted barely"),
+        ("pull in your belly", "torso", "upright"),
+    ],
+)
+def test_instructions_are_taken_by_their_words(prompt: str, part: str, words: str) -> None:
+    parsed = parse_clauses(prompt)
+    assert words in parsed.parts[part]
+    assert parsed.rest == ""
+
+
+def test_what_is_denied_adds_nothing_to_what_is_said() -> None:
+    assert parse_clauses("head down, never looking up").parts == parse_clauses("head down").parts
+    assert parse_clauses("never looking up, head down").parts == parse_clauses("head down").parts
+
+
+@pytest.mark.parametrize(
+    "prompt", ["hold back the tears", "an elephant's trunk", "turn back home", "swing hip hop"]
+)
+def test_orders_need_a_body_part(prompt: str) -> None:
+    assert parse_clauses(prompt).parts == {}
+
+
+# gestures of a hand at a part
+
+
+@pytest.mark.parametrize(
+    ("prompt", "rest", "part", "words"),
+    [
+        ("mopping the brow with his left hand", "", "left_arm", "in front of the face"),
+        ("an old man clutching his chest", "an old man", "right_arm", "on the chest"),
+        ("rubs her left ear", "", "left_arm", "to the ear"),
+        ("squeezing her right elbow", "", "left_arm", "folded across"),
+        ("wiping tears from the cheeks with both hands", "", "left_arm", "to the ear"),
+        ("a cook scratching his head", "a cook", "right_arm", "on the head"),
+    ],
+)
+def test_a_hand_goes_where_a_gesture_says(prompt: str, rest: str, part: str, words: str) -> None:
+    parsed = parse_clauses(prompt)
+    assert parsed.rest == rest
+    assert words in parsed.parts[part]
+    assert len(parsed.parts) == (2 if "both" in prompt else 1)
+
+
+@pytest.mark.parametrize(
+    "prompt", ["not touching the face", "a press officer", "pressing the knees together"]
+)
+def test_no_gesture_is_made_of_other_words(prompt: str) -> None:
+    assert "right_arm" not in parse_clauses(prompt).parts
 
 
 @pytest.mark.parametrize("prompt", ["left arm raised", "right hand waving", "limping on the left leg"])

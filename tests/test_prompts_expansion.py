@@ -89,7 +89,7 @@ def test_a_mood_of_nobody_in_particular_moves_the_whole_body(prompt: str, leg: s
 
 
 def test_far_words_are_composed_of_neighbours_and_say_how_near() -> None:
-    expansion = expand("someone being tickled")
+    expansion = expand("somebody measuring a room in strides")
     assert f"{expansion.nearest[0][1]:.0%}" in expansion.note
     assert expansion.nearest[0][0] in expansion.note
 
@@ -212,6 +212,51 @@ def test_what_is_denied_is_left_out_and_said(prompt: str, like: str) -> None:
 def test_denials_that_are_ways_to_say_something_are_kept(prompt: str) -> None:
     assert expand(prompt).note == ""
     assert not moves_like(prompt, NEUTRAL, PART_NAMES)
+
+
+@pytest.mark.parametrize(
+    ("prompt", "opposite"),
+    [
+        ("not so fast", "slow walk"),
+        ("less energetic", "relaxed stroller"),
+        ("not so slow", "impatient commuter"),
+        ("not stiff", "relaxed stroller"),
+    ],
+)
+def test_what_is_only_denied_is_turned_round_where_it_can_be(prompt: str, opposite: str) -> None:
+    assert moves_like(prompt, opposite, PART_NAMES)
+    assert f"In its place: “{opposite}”" in expand(prompt).note
+
+
+@pytest.mark.parametrize(
+    ("prompt", "entry"),
+    [("stiff as a poker", "stiff"), ("sad as a clown", "sad"), ("as tired as a dog", "tired")],
+)
+def test_a_comparison_that_says_how_much_is_no_figure(prompt: str, entry: str) -> None:
+    assert moves_like(prompt, entry, PART_NAMES)
+
+
+@pytest.mark.parametrize(
+    ("left", "right"),
+    [
+        ("sword in the left hand", "sword in the right hand"),
+        ("foot drop, left leg", "foot drop"),
+        ("a wooden left leg", "wooden leg"),
+        ("stroke patient, left side", "stroke patient, right side"),
+    ],
+)
+def test_the_other_side_is_mirrored(left: str, right: str) -> None:
+    assert expand(left).descriptions == expand(right).descriptions.mirrored()
+
+
+def test_an_unknown_instruction_is_no_other_one_of_that_part() -> None:
+    assert moves_like("unhook the right elbow", NEUTRAL, PART_NAMES)
+    assert "neutral" in expand("unhook the right elbow").note
+
+
+def test_a_mood_is_kept_beside_a_figure_near_the_whole_prompt() -> None:
+    assert moves_like("weary nurse going home after a very long shift", "nurse", LEGS)
+    assert not moves_like("weary nurse going home after a very long shift", "nurse", ("torso",))
 
 
 def test_trying_not_to_is_no_denial() -> None:

@@ -298,6 +298,12 @@ def test_a_malformed_entry_is_named(tmp_path: Path, entry: object) -> None:
         LibraryExpander(ENCODER, path).expand("crab")
 
 
+def test_an_unknown_opposite_is_named(tmp_path: Path) -> None:
+    path = _small_library(tmp_path, [{**CRAB, "opposite": "lobster"}])
+    with pytest.raises(FileError, match="lobster"):
+        LibraryExpander(ENCODER, path).expand("crab")
+
+
 @pytest.mark.parametrize(
     "lists", [{"alone": 7}, {"nothing": [""]}, {"categories": {"animals": {}}}, {"categories": ["animals"]}]
 )

@@ -146,12 +146,21 @@ def test_comments_are_no_prompts(tmp_path: Path) -> None:
     assert prompts.read_prompts(path) == ["a queen", "walk on #1"]
 
 
-def test_the_blind_prompts_are_graded_one_by_one() -> None:
-    found = prompts.read_prompts(prompts.BLIND_PROMPTS)
-    assert len(found) == len({prompt.lower() for prompt in found}) == 200
-    with prompts.BLIND_GRADES.open(encoding="utf-8", newline="") as file:
+@pytest.mark.parametrize(
+    ("prompts_file", "grades_file", "count", "digest"),
+    [
+        (prompts.BLIND_PROMPTS, prompts.BLIND_GRADES, 200, "64bcef4402cf7fa7"),
+        (prompts.CLASS_PROMPTS, prompts.CLASS_GRADES, 60, "c343aa74b397914a"),
+    ],
+)
+def test_prompts_kept_for_judging_are_unchanged_and_graded(
+    prompts_file: Path, grades_file: Path, count: int, digest: str
+) -> None:
+    found = prompts.read_prompts(prompts_file)
+    assert len(found) == len({prompt.lower() for prompt in found}) == count
+    assert sha256("\n".join(found).encode()).hexdigest()[:16] == digest
+    with grades_file.open(encoding="utf-8", newline="") as file:
         grades = list(csv.DictReader(file))
     assert [grade["prompt"] for grade in grades] == found
     known = {"right", "partly", "wrong", "neutral, missed", "neutral, rightly"}
-    assert {grade["before"] for grade in grades} == known
-    assert sha256(prompts.BLIND_PROMPTS.read_bytes()).hexdigest().startswith("275a7132760f6a5e")
+    assert {grade[when] for grade in grades for when in ("before", "after")} <= known

@@ -21,14 +21,19 @@ GROUPS = (
 )
 NOUNS = "|".join(nouns for _, nouns, _, _ in GROUPS)
 OWNERS = r"(?:his|her|their|the|its|my|your|a|an|one|both|left|right|two|other|neither|no|either|any)"
-DENIES = r"\b(?:no|not|never|without|neither|nor|isn't|aren't|doesn't|don't|cannot|can't|won't)\b"
-SLIGHTLY = r"\b(?:slightly|a little|a bit|a touch|somewhat|gently|half|halfway|barely|hardly)\b"
-FAR = r"\b(?:far|deep(?:ly)?|very|way|strongly|heavily|extremely|completely|fully|all the way|much|low|wide(?:ly)? apart|on (?:the|his|her) chest)\b"
+DENIES = (
+    r"\b(?:no|not|never|without|neither|nor|isn't|aren't|doesn't|don't|didn't|cannot|can't|won't|mustn't|shouldn't|"
+    r"avoid(?:s|ing)?|stop(?:s|ped)?|quit|refus(?:es|ing) to|(?:keep|refrain)(?:s|ing)? from)\b"
+)
+SLIGHTLY = r"\b(?:slightly|less|a little|a bit|a touch|somewhat|gently|half|halfway|barely|hardly)\b"
+FAR = r"\b(?:far|deep(?:ly)?|very|way|strongly|heavily|extremely|completely|fully|all the way|much|(?:[4-9]\d|1\d\d) degrees|low|wide(?:ly)? apart|on (?:the|his|her) chest)\b"
 # set phrases that only sound like a statement about a part
 NO_CLAUSE = (
     r"^(?:in|to|over|by|on) (?:hand|arm|heels?|toes?|foot|side|head|duty)\b|^(?:to|in) (?:school|work|business|time|the future|charge)\b"
-    r"|^(?:closed|shut|covered|of|off|over heels)\b|^(?:like|as) (?!(?:a |an )?(?:(?:bird|plane)'?s? )?wings?)|^(?:down|up) in\b"
+    r"|^(?:closed|shut|covered|of|off(?! the (?:ground|floor))|over heels)\b|^(?:like|as) (?!(?:a |an )?(?:(?:bird|plane)'?s? )?wings?)|^(?:down|up) in\b"
 )
+# "trunk" where it is the body's and not an elephant's
+TRUNK = r"\btrunk(?= (?:is )?(?:upright|straight|erect|still|stable|vertical|lean\w*|bent|flex\w*|rotat\w*|sway\w*)\b)"
 # Words before a part's name that make it a statement about that part: "raised left arm", "crossed arms".
 LEADING_VERBS = (
     r"raised|raising|raises|crossed|crossing|folded|folding|clenched|clenching|outstretched|stretched|stretching|"
@@ -37,6 +42,15 @@ LEADING_VERBS = (
     r"nodding|bobbing|turned|turning|straight|rounded|arched|drooping|trembling|rigid|injured|broken|wounded|lame|"
     r"pumping|swaying|twisting|rolling|shrugging|shrugged|loose|extended|extending|reaching|moving|flailing|clasped|"
     r"hunching|arching|puffing out|sticking out|pushing out|thrusting out|throwing back|wiggling|holding up|holding out"
+)
+# The same in the words of an instruction: "lower the elbows", "swings the arms", "keeping his head up". They need an
+# owner where the word after them is "back", which is no body part in "hold back", "turn back".
+ORDERS = (
+    r"(?:raise|lift|lower|drop|relax|loosen|tense|stiffen|straighten|bend|cross|fold|clench|stretch|extend|swing|wave|"
+    r"hang|drag|tilt|turn|rotate|twist|shake|nod|bow|arch|hunch|round|puff|stick|push|thrust|pull|draw|tuck|point|spread|"
+    r"flap|pump|sway|rock|roll|wiggle|shrug|move|bring|put|place|keep|hold|bounce|clasp|open|close)(?:e?s)?|"
+    r"lowering|dropping|relaxing|loosening|tensing|stiffening|straightening|rotating|pushing|pulling|drawing|tucking|"
+    r"pointing|bringing|putting|placing|keeping|clasping|bouncing|rocking"
 )
 # Words after a part's name that make it a statement, besides any -ing or -ed form.
 FOLLOWING_WORDS = (
@@ -57,11 +71,14 @@ SEPARATOR = (
     rf"|\s+(?:that|who|which)\s+(?=(?:has|keeps|holds|lets)\b)|{_UNBROKEN}\s+(?={POSTURE_VERBS}\b)"
 )
 NOUN_CLAUSE = (
-    rf"^(?:(?:with|and|has|having|keeping|keeps|holding|holds|lets|letting|let)\s+)?"
+    rf"^(?:please\s+)?(?:(?:with|and|has|having|keep|keeping|keeps|hold|holding|holds|lets|letting|let)\s+)?"
     rf"(?P<owners>(?:{OWNERS}\s+)*)(?P<noun>{NOUNS})s?\s+(?P<rest>(?:\w+ing|\w+ed|{FOLLOWING_WORDS})\b.*)$"
 )
 OTHER_CLAUSE = rf"^(?:with |and )?the other(?: one)?\s+(?P<rest>(?:\w+ing|\w+ed|{FOLLOWING_WORDS})\b.*)$"
-VERB_CLAUSE = rf"\b(?P<verb>{LEADING_VERBS})\s+(?P<owners>(?:{OWNERS}\s+)*)(?P<noun>{NOUNS})s?\b(?P<rest>.*)$"
+VERB_CLAUSE = (
+    rf"\b(?P<verb>{LEADING_VERBS}|(?:{ORDERS})(?!\s+(?:back|face|side|body)\b))\s+"
+    rf"(?P<owners>(?:{OWNERS}\s+)*)(?P<noun>{NOUNS})s?\b(?![- ]hop)(?P<rest>.*)$"
+)
 # "arms and legs stiff": one action of two parts
 TWO_NOUNS = rf"\b(?P<first>(?:{NOUNS})s?)\s+and\s+(?P<second>(?:{NOUNS})s?)\s+(?P<rest>(?:\w+ing|\w+ed|{FOLLOWING_WORDS})\b[^,;.:!?]*)"
 
@@ -69,6 +86,8 @@ TWO_NOUNS = rf"\b(?P<first>(?:{NOUNS})s?)\s+and\s+(?P<second>(?:{NOUNS})s?)\s+(?
 _SIDE = r"(?P<side>left|right)"
 _THE = r"(?:the |his |her |their |its |my )?"
 _DENIED = r"(?P<denied>not |never |isn't |doesn't |without |no |without a |no longer )?"
+# what is asked for less of, or not at all
+_QUIET = r"(?:no|not|never|without|less|stop|stops|don't|do not|doesn't|avoid|zero)(?: any| so| too| as| much| all that)* "
 _FIRST = r"(?:(?:very|far|slightly|heavily|deeply|a bit|a little|strongly|somewhat) )?"
 _LEVEL = r"(?: (?:very far|so far|far|slightly|heavily|deeply|a bit|a little|way|right|all the way|strongly|somewhat))?"
 IDIOMS: tuple[tuple[str, str, str], ...] = (
@@ -91,7 +110,11 @@ IDIOMS: tuple[tuple[str, str, str], ...] = (
         "hanging still",
     ),
     (r"\b(?:wide|big|strong|broad|exaggerated) arm[- ]?swings?\b", "arms", "swinging widely"),
-    (r"\b(?:little|small|slight|hardly any|barely any) arm[- ]?swing\b", "arms", "swinging little"),
+    (
+        r"\b(?:little|small|slight|hardly any|barely any|less|reduced|minimal) arm[- ]?swing\b",
+        "arms",
+        "swinging little",
+    ),
     (r"\bt-pose\b", "arms", "t-pose"),
     (r"\bhands up\b", "arms", "overhead"),
     (r"\barms? akimbo\b", "arms", "akimbo"),
@@ -105,10 +128,28 @@ IDIOMS: tuple[tuple[str, str, str], ...] = (
     (r"\b(?:nose|chin) (?:up|in the air|held high)\b", "head", "up"),
     (r"\bchin on (?:the |his |her )?chest\b", "head", "hanging"),
     (
-        rf"\b{_DENIED}{_FIRST}(?:leaning|leans|leant|tilting|tilted|bending|bent|lean){_LEVEL}"
-        r"(?: (?:over|to|into))?(?: (?:the|one|his|her|their))?(?: (?:forwards?|backwards?|back|left|right|sideways|side|over|double|wind))(?: side)?(?: (?:slightly|far|a lot|a bit))?\b",
+        rf"\b{_DENIED}{_FIRST}(?:leaning|leans|leant|tilting|tilted|tilts?|bending|bends?|bent|lean){_LEVEL}"
+        r"(?: (?:over|to|into))?(?: (?:the|one|his|her|their))?(?: (?:forwards?|backwards?|back|left|right|sideways|side|over|double|wind))(?: side)?(?: (?:from|at) the (?:waist|hips))?"
+        r"(?: (?:slightly|far|a lot|a bit|(?:by |about )?\d+ degrees))?\b",
         "torso",
         "",
+    ),
+    (
+        rf"\b{_QUIET}(?:(?:vertical|up[- ]and[- ]down) )?(?:bounc|bobb?)(?:e|es|ing|y|s)?\b(?: (?:up and down|so much|at all))*",
+        "torso",
+        "not bouncing",
+    ),
+    (
+        rf"\b{_QUIET}(?:(?:hips?|body|shoulder)[- ])?(?:sway|swaying|rocking|wiggle|wiggling)\b"
+        r"(?: (?:of|with|in) (?:the |his |her |their )?(?:hips?|body|shoulders?))?(?: so much| at all)*",
+        "torso",
+        "not swaying",
+    ),
+    (
+        r"\b(?:belly|stomach|tummy|abs) (?:(?:pulled|sucked|drawn|tucked) )?in$"
+        r"|\b(?:suck|pull|draw|tuck|hold)(?:s|ing)? in (?:the |his |her |their |your |my )?(?:belly|stomach|tummy|abs)\b",
+        "torso",
+        "upright",
     ),
     (
         rf"\b{_DENIED}{_FIRST}(?:hunched|hunching|stooped|stooping|slouched|slouching|hunchbacked)(?: (?:over|forward|down))?\b",

@@ -65,7 +65,15 @@ ARM_ACTIONS: Actions = (
         "{s} arm waving wildly in big loose arcs",
     ),
     (
-        r"swing\w* .*(?:widely|wide|high|hard|big|strong|exaggerat|broad|far|a lot)|(?:wide|big|broad|exaggerat|strong)\w* .*swing",
+        r"elbow.*(?:\bup|high|rais|lift)",
+        "{s} elbow raised out to the side, elbow bent sharply, hand at chest height",
+    ),
+    (
+        r"swing\w* .*\bless\b|\bless\b.*swing",
+        "{s} arm swinging very little",
+    ),
+    (
+        r"swing\w* .*(?:more|too|much|widely|wide|high|hard|big|strong|exaggerat|broad|far|a lot)|(?:wide|big|broad|exaggerat|strong)\w* .*swing",
         "{s} arm swinging widely",
     ),
     (
@@ -105,11 +113,12 @@ ARM_ACTIONS: Actions = (
             "{s} arm raised straight up above the head",
         ),
     ),
+    (r"relax(?!ed)|loosen", "{s} arm hanging at the side, swinging naturally"),
     (r"clench|fist|tense|tight", "{s} fist clenched beside the hip, elbow slightly bent, arm tense"),
     (r"\bswing|sway", "{s} arm hanging at the side, swinging naturally"),
     (r"limp|dangl|slack|loose|lifeless|droop|flopp|\bhang(?!.*straight)", "{s} arm hanging limp at the side"),
     (
-        r"hang|motionless|\bstill\b|\bstiff|rigid|glued|pressed|pinned|close|straight down|at (?:the |his |her |their )?sides?|relaxed|lower|down\b",
+        r"hang|motionless|\bstill\b|\bstiff|rigid|glued|pressed|pinned|close|straight down|at (?:the |his |her |their )?sides?|relaxed|lower|drop|down\b",
         "{s} arm hanging straight down, not swinging",
     ),
     (
@@ -128,11 +137,11 @@ LEG_ACTIONS: Actions = (
     (r"tip-?toe|on .*toes|heels? (?:raised|up|off|lifted|high)", "{s} foot on tiptoe, heel raised"),
     (r"on (?:the |his |her |their )?heels", "{s} leg stepping on the heel, toes raised off the ground"),
     (
-        r"turned in|pigeon|inward|pointing in|toes? in\b",
+        r"turned in|turns?  ?in\b|pigeon|inward|pointing in|toes? in\b",
         "{s} foot turned inward, pigeon-toed",
     ),
     (
-        r"turned out|outward|pointing out|splay|toes? out\b|duck",
+        r"turned out|turns?  ?out|outward|pointing out|splay|toes? out\b|duck",
         "{s} foot turned outward",
     ),
     (
@@ -153,6 +162,7 @@ LEG_ACTIONS: Actions = (
             "{s} knee bent deeply, crouching low",
         ),
     ),
+    (r"(?:lift|rais|high).*\bless\b|\bless (?:high|lift)", "{s} foot lifted barely"),
     (
         r"high|lift|rais|up\b|goose",
         (
@@ -185,6 +195,8 @@ LEG_ACTIONS: Actions = (
 )
 
 TORSO_ACTIONS: Actions = (
+    (r"hip.*(?:forward|in front|\bout\b)", "torso leaning backward, belly forward"),
+    (r"hip.*\bback", "torso leaning forward, hips pushed back"),
     (r"hollow back|arched back|back arched|back hollow|\barch", "chest pushed out, back arched"),
     (
         r"(?:lean|bent|bend|tilt|tip|arch)\w*\b.*\bback(?:wards?)?\b",
@@ -210,6 +222,10 @@ TORSO_ACTIONS: Actions = (
     (
         r"hip.*(?:sway|swing|roll|wiggl)|(?:sway|swing|roll|wiggl)\w* .*hip",
         "hips swinging widely from side to side, torso upright",
+    ),
+    (
+        r"^(?!hip).*(?:\bdrop|\blower|\bdown\b|\brelax|loosen)",
+        "torso upright and relaxed, shoulders loose and level",
     ),
     (
         r"rais|shrug|tens|lift(?!ed chest)|\bup\b|tight",
@@ -246,7 +262,7 @@ HEAD_ACTIONS: Actions = (
     (r"\bright\b", "head turned to the right"),
     (r"hang|droop|drop|loll.*down|chest\b", "head hanging low, chin on the chest"),
     (
-        r"down|low|bow|sunk|floor|ground|feet|phone|book|hands|tucked|ashamed|toes|shoes",
+        r"down|low|bow|sunk|floor|ground|feet|phone|book|hands|tuck|ashamed|toes|shoes",
         (
             "head slightly lowered",
             "head down, looking at the ground",
@@ -281,15 +297,18 @@ ARM_DENIED: Actions = (
     (r"", "{s} arm hanging at the side, swinging naturally"),
 )
 LEG_DENIED: Actions = (
+    (r"drag|shuffl|scuff|slid", "{s} foot lifted clearly at every step"),
     (r"bend|bent", "{s} leg stiff and straight, knee not bending, foot swinging forward"),
     (r"lift|leav|rais|off", "{s} foot dragging over the ground"),
     (r"", "{s} leg stepping evenly, knee lifting moderately, foot rolling from heel to toe"),
 )
 TORSO_DENIED: Actions = (
+    (r"bounc|bob", "torso upright, held level"),
     (r"mov|turn|twist|sway|swing|bounc|rock", "torso upright and stiff, held still"),
     (r"", "torso upright, back straight"),
 )
 HEAD_DENIED: Actions = (
+    (r"\bup\b|upwards?|\brais|\blift|\bsky\b|ceiling", "head slightly lowered"),
     (r"mov|turn|nod|shak|bob", "head upright and still, looking straight ahead"),
     (r"", "head upright, looking straight ahead"),
 )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from runtime.prompts import clause_rules as rules
 from runtime.prompts.clause_words import Actions
+from runtime.prompts.gestures import take_gestures
 from runtime.prompts.parts import MAX_CHARACTERS
 from runtime.skeleton import PART_NAMES
 
@@ -35,14 +36,21 @@ def parse_clauses(prompt: str) -> ParsedPrompt:
     text = rules.compiled(rf"\bleft and right(?=\s+(?:{rules.NOUNS}))").sub("both", prompt.lower())
     text = text.replace("left and right", "side to side").replace("’", "'")
     text = rules.compiled(rules.TWO_NOUNS).sub(r"\g<first> \g<rest>, \g<second> \g<rest>", text)
+    text = rules.compiled(rules.TRUNK).sub("torso", text)
+    parts, text = take_gestures(text)
     pieces = rules.compiled(f"({rules.SEPARATOR})").split(text)
-    parts: dict[str, str] = {}
+    denied: set[str] = set()  # parts of which no more is known than what they do not do
     rest: list[str] = []
     last = ("arm", "right")  # the limb spoken of, for "the other one"
     for i in range(0, len(pieces), 2):
         found, remainder = _parse_clause(pieces[i].strip(), last)
+        denies = bool(rules.compiled(rules.DENIES).search(pieces[i]))
         for part, description in found.items():
-            parts[part] = _joined(parts.get(part), description)
+            if part not in parts or (part in denied and not denies):
+                parts[part] = description
+                (denied.add if denies else denied.discard)(part)
+            elif not denies:  # "head down, never looks up": what is denied adds nothing to what is said
+                parts[part] = _joined(parts[part], description)
             side, _, limb = part.partition("_")
             last = (limb, side) if limb else last
         if remainder:
@@ -90,7 +98,7 @@ def _noun_parts(match: re.Match[str], action: str, last: tuple[str, str], verbat
     plural = noun == "feet" or match.string[match.end("noun") : match.end("noun") + 1] == "s"
     owners = match["owners"].split()
     before = match.string[: match.start(2) if match.re.groups > 1 else 0]
-    denial = rules.compiled(rules.DENIES).search(f"{' '.join(before.split()[-2:])} {match['owners']}")
+    denial = rules.compiled(rules.DENIES).search(f"{' '.join(before.split()[-3:])} {match['owners']}")
     words = f"{noun} {action}" if noun in _NAMED else action
     stated = _described(
         group, _sides(owners, plural, last), f"{denial.group(0)} {words}" if denial else words, match.string

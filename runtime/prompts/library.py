@@ -27,18 +27,22 @@ from runtime.prompts.library_data import (
     load_styles,
 )
 from runtime.prompts.parts import PartDescriptions
-from runtime.prompts.phrases import Element, PhraseIndex, read_phrases
+from runtime.prompts.phrases import FIGURES, Element, PhraseIndex, read_phrases
+from runtime.prompts.sides import on_side, side_asked
 from runtime.prompts.spelling import Spelling
 from runtime.prompts.text_encoder import TextEncoderLike
-from runtime.prompts.words import PART_WORDS, PERSONS, SIDES, Word, words_of
+from runtime.prompts.words import PERSONS, PLACES, Word, words_of
 from runtime.skeleton import PART_NAMES
 
 # Cosine similarities of prompts, set on the first lists of tests/prompt_lists.py.
 NEAR = 0.62  # the best entry is taken whole
 FAR = 0.45  # below, the prompt says nothing about a way of moving
+GUESS = 0.56  # below, neighbours are a guess that is wrong more often than not: neutral
 STRETCH = 0.56  # what is left of a prompt beside the phrases found names an entry
 WHOLE = 0.3  # words that an entry must explain more than the phrases found do, to be taken in place of them
+CERTAIN = 0.85  # an entry about body parts that shares a part's name only with the prompt needs as much
 ONE_WORD = 0.72  # the same where that is a single word, whose neighbours are many
+CLOSE = 0.8  # so near an entry a prompt is about a body, whatever the bodily score
 PLAIN = 0.2  # neutral walks are like everything that "walks": what is asked for by a style is none
 ANIMAL = 0.25  # how far below 0 the bodily score may lie where an animal is named: "a dog that has just had a bath"
 NEIGHBOURS = 4  # entries that vote for each part between FAR and NEAR
@@ -100,6 +104,7 @@ class LibraryExpander:
 
     def _expand_english(self, prompt: str) -> Expansion:
         parsed = parse_clauses(prompt)
+        parsed = replace(parsed, rest=self._library.phrases.plainly(parsed.rest))
         words = words_of(parsed.rest)
         if not any(word.says for word in words):
             if parsed.parts:
@@ -110,13 +115,13 @@ class LibraryExpander:
     def _expand_rest(self, rest: str, words: list[Word], stated: dict[str, str]) -> Expansion:
         """What a prompt asks for beside its clauses: by its phrases, by the nearest entries, or nothing."""
         library = self._library
-        reading = read_phrases(words, library.phrases)
+        reading, side = read_phrases(words, library.phrases), side_asked(words)
         elements, note, text = list(reading.elements), "", rest
         if reading.denied:
             note = f"Left out, as it is denied: “{_short(', '.join(reading.denied))}”."
             kept = sorted({*reading.left, *(i for e in elements for i in range(e.start, e.end))})
             if not any(words[i].says for i in kept):
-                return self._neutral((), stated, note)
+                return self._denied(reading.denials, stated, note)
             text = " ".join(words[i].text for i in kept)
         ranked = self._rank(text)
         near = self._near(ranked)
@@ -126,36 +131,80 @@ class LibraryExpander:
             if reason:
                 return self._neutral(near, stated, reason)
         if elements:
-            elements += self._stretches(words, reading.left)
+            elements += self._stretches(words, reading.left, elements)
         explained = sum(_saying(words, e) * e.similarity for e in elements)
         asked = sum(words[i].says for i in reading.left) + sum(_saying(words, e) for e in reading.elements)
         by_words = any(e.only for e in elements) or ranked[0][0] in reading.mentioned
-        better = ranked[0][1] >= NEAR and asked * ranked[0][1] >= explained + WHOLE
+        # the nearest one is somebody named: "nurse" alone would lose the tiredness of "a tired nurse at the end of …"
+        best_category = library.entries[ranked[0][0]].category
+        named = best_category in FIGURES and ranked[0][0] in {e.entry for e in elements}
+        better = not named and ranked[0][1] >= NEAR and asked * ranked[0][1] >= explained + WHOLE
         if not elements or (better and not by_words):
-            return self._by_neighbours(text, ranked, stated, note)
-        made = compose_elements(elements, library.entries, library.embeddings, library.neutral)
+            return self._by_neighbours(text, ranked, stated, note, side)
+        made = compose_elements(elements, self._entries_on(side), library.embeddings, library.neutral)
         similarity = {e.entry: e.similarity for e in elements}
         if len(set(made.sources.values())) > 1:
             note = f"{sources_note(made.sources, library.entries, similarity)}. {note}".strip()
         return _expansion(made.descriptions, near, stated, note)
 
     def _by_neighbours(
-        self, text: str, ranked: list[tuple[int, float]], stated: dict[str, str], note: str
+        self, text: str, ranked: list[tuple[int, float]], stated: dict[str, str], note: str, side: str
     ) -> Expansion:
         """The nearest entry, or what the nearest ones agree on; neutral when they are far."""
         library = self._library
         best, near = ranked[0][1], self._near(ranked)
         if best < FAR:
             return self._neutral(near, stated, f"{_far(text, best)} {note}".strip())
+        entries = self._entries_on(side)
+        if best < GUESS or self._only_a_part_in_common(text, ranked[0]):
+            reason = f"“{_short(text)}” is only {best:.0%} like the nearest prompt, “{near[0][0]}”: neutral."
+            return self._neutral(near, stated, f"{reason} {note}".strip())
         if best >= NEAR:
-            return _expansion(library.entries[ranked[0][0]].descriptions, near, stated, note)
-        made = compose_neighbours(ranked[:NEIGHBOURS], library.entries, library.embeddings)
+            return _expansion(entries[ranked[0][0]].descriptions, near, stated, note)
+        made = compose_neighbours(ranked[:NEIGHBOURS], entries, library.embeddings)
         parts = sources_note(made.sources, library.entries, dict(ranked))
         note = f"Composed from the nearest prompts, {best:.0%} like it at best: {parts}. {note}".strip()
         return _expansion(made.descriptions, near, stated, note)
 
-    def _stretches(self, words: list[Word], left: tuple[int, ...]) -> list[Element]:
+    def _denied(self, denials: tuple[int, ...], stated: dict[str, str], note: str) -> Expansion:
+        """A prompt that only says what is not: the opposite where the library has one, else neutral."""
+        library = self._library
+        opposite = next((library.entries[i].opposite for i in denials if library.entries[i].opposite), "")
+        if not opposite:
+            return self._neutral((), stated, note)
+        entry = next(e for e in library.entries if e.prompt == opposite)
+        return _expansion(
+            entry.descriptions, ((opposite, 1.0),), stated, f"{note} In its place: “{opposite}”."
+        )
+
+    def _only_a_part_in_common(self, text: str, best: tuple[int, float]) -> bool:
+        """Whether a text names a body part and shares no other word with an entry about parts: another instruction."""
+        words = words_of(text)
+        named = any(word.stem in PLACES for word in words) and not any(w.text in PERSONS for w in words)
+        return named and best[1] < CERTAIN and not self._shares_a_word(words, best[0])
+
+    def _shares_a_word(self, words: list[Word], number: int) -> bool:
+        """Whether an entry about arms, legs or posture has one of the words, parts' names aside; True for others."""
+        entry = self._library.entries[number]
+        if entry.category not in ("arms", "steps", "posture"):
+            return True
+        own = {
+            word.stem.removesuffix("ing")
+            for prompt in (entry.prompt, *entry.also)
+            for word in words_of(prompt)
+        }
+        return any(
+            word.says and word.stem not in PLACES and word.stem.removesuffix("ing") in own for word in words
+        )
+
+    def _entries_on(self, side: str) -> tuple[LibraryEntry, ...]:
+        """The library's entries for a prompt that names one side of the body; "" for one that does not."""
+        entries = self._library.entries
+        return tuple(on_side(entry, side) for entry in entries) if side else entries
+
+    def _stretches(self, words: list[Word], left: tuple[int, ...], named: list[Element]) -> list[Element]:
         """Entries that stretches beside a prompt's phrases are like: "lethargic" in "a lethargic robot"."""
+        categories = [entry.category for entry in self._library.entries]
         elements = []
         for start, end in _runs(words, left)[:MAX_STRETCHES]:
             text = " ".join(word.text for word in words[start:end])
@@ -163,6 +212,11 @@ class LibraryExpander:
             one = sum(word.says for word in words[start:end]) == 1
             if similarity < (ONE_WORD if one else STRETCH):
                 continue
+            if similarity < CERTAIN and not self._shares_a_word(words[start:end], entry):
+                continue
+            beside = {categories[e.entry] for e in named if start in (e.start, e.end) or end == e.start}
+            if categories[entry] in beside & {"dances", "sports"}:
+                continue  # "a basketball player dribbling" does one sport, which is named
             if not self._library.phrases.only_alone(words[start:end]) and self._bodily(text) > 0.0:
                 elements.append(Element(entry, start, end, similarity))
         return elements
@@ -178,7 +232,7 @@ class LibraryExpander:
         """Why a prompt says nothing about a way of moving, or ""."""
         if knows_no_word(text, self._library.phrases.known) and best < NEAR:
             return f"“{_short(text)}” {_UNKNOWN}"
-        if best < FAR or self._bodily(text) < -margin:
+        if best < FAR or (best < CLOSE and self._bodily(text) < -margin):
             return _far(text, best)
         return ""
 
@@ -271,7 +325,7 @@ def _runs(words: list[Word], left: tuple[int, ...]) -> list[tuple[int, int]]:
     return [
         (run[0], run[-1] + 1)
         for run in runs
-        if any(words[i].says and words[i].stem not in {*PART_WORDS, *SIDES} for i in run)
+        if any(words[i].says and words[i].stem not in PLACES for i in run)
     ]
 
 

@@ -2,7 +2,8 @@
 
 An entry is either a training style, `{"style": "drunk", "category", "also": [...]}`, or a hand-written one:
 `{"prompt", "category", "also", "arms" or "left_arm" and "right_arm", "legs" or "left_leg" and "right_leg", "torso",
-"head"}`. `{s}` in arms and legs stands for the side; `@drunk` takes the same part's words from that training style.
+"head"}`. `{s}` in arms and legs stands for the side; `@drunk` takes the same part's words from that training style. `"opposite"`
+names the entry for its denial.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ class LibraryEntry:
     """One prompt, other ways to ask for it, and its six descriptions.
 
     `tells` are the parts that make the entry what it is, and which it gives to another character when both are asked
-    for: torso and head of a mood, legs of a ground. `style` is the training style's key or "".
+    for: torso and head of a mood, legs of a ground. `style` is the training style's key or "". `opposite` is the prompt of
+    the entry that shows it denied ("not so fast"), or "".
     """
 
     prompt: str
@@ -41,6 +43,7 @@ class LibraryEntry:
     category: str = ""
     tells: tuple[str, ...] = PART_NAMES
     style: str = ""
+    opposite: str = ""
 
 
 @dataclass(frozen=True)
@@ -116,6 +119,13 @@ def load_prompt_library(path: Path, styles: Mapping[str, Style]) -> PromptLibrar
             raise FileError(
                 f"{path}: entry {number} is malformed ({error!r}).", "Correct or restore the file."
             ) from error
+    prompts = {entry.prompt for entry in entries}
+    for number, entry in enumerate(entries):
+        if entry.opposite and entry.opposite not in prompts:
+            raise FileError(
+                f"{path}: entry {number} names the opposite {entry.opposite!r}, expected another entry's prompt.",
+                "Correct or restore the file.",
+            )
     return PromptLibrary(tuple(entries), alone, nothing)
 
 
@@ -141,9 +151,12 @@ def _entry(
     also = tuple(check_text(a, "other prompt", 300) for a in value.get("also", ()))
     category = str(value.get("category", ""))
     tells = _parts(value["tells"]) if "tells" in value else tells_of.get(category, PART_NAMES)
+    opposite = str(value.get("opposite", ""))
     if "style" in value:
         style = styles[value["style"]]
-        return LibraryEntry(style.prompt, also, style.descriptions[0], category, tells, value["style"])
+        return LibraryEntry(
+            style.prompt, also, style.descriptions[0], category, tells, value["style"], opposite
+        )
     words = {}
     for part in PART_NAMES:
         side, _, limb = part.partition("_")
@@ -152,7 +165,7 @@ def _entry(
             text = getattr(styles[text[1:]].descriptions[0], part)
         words[part] = text.replace("{s}", side)
     prompt = check_text(value["prompt"], "prompt", 300)
-    return LibraryEntry(prompt, also, PartDescriptions(**words), category, tells)
+    return LibraryEntry(prompt, also, PartDescriptions(**words), category, tells, "", opposite)
 
 
 def _parts(names: list[str]) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
@@ -24,6 +25,7 @@ from runtime.prompts.words import (
     words_of,
 )
 
+_SIMILE = re.compile(r"\b(?:as )?(?P<adjective>\w+) as (?:an? |the )?(?P<thing>\w+)\b(?! (?:if|though))")
 LONGEST = 9  # words of a phrase
 FIGURES = ("characters", "animals", "occupations")  # categories of somebody
 _QUALITIES = ("ages", "bodies", "emotions", "minds")  # categories of what somebody is like
@@ -88,6 +90,22 @@ class PhraseIndex:
         """The entry that a whole prompt names in so many words, or None."""
         return self._whole.get(key(words_of(text))) if text.strip() else None
 
+    def plainly(self, text: str) -> str:
+        """A lower-case prompt without comparisons that only say how much: "light" for "light as a feather"."""
+
+        def adjective(match: re.Match[str]) -> str:
+            entry = self._phrases.get((stem(match["adjective"]),))
+            said = entry is not None and self.entries[entry].category in (
+                *_QUALITIES,
+                "walks",
+                "posture",
+                "steps",
+            )
+            own = self.whole(match.group(0)) is not None or match["thing"] in (*NEGATIONS, "possible")
+            return match["adjective"] if said and not own else match.group(0)
+
+        return _SIMILE.sub(adjective, text)
+
     def find(self, words: list[Word]) -> list[Element]:
         """The entries named, without overlaps: as many saying words as possible, in as few phrases as possible."""
         gain = [0.0] * (len(words) + 1)
@@ -120,20 +138,26 @@ class PhraseIndex:
                 return None
             found = self._phrases.get((word.stem,))
             return found if found is not None else self._phrases.get((_adjective(word.text),))
-        return self._phrases.get(tuple(word.stem for word in words))
+        stems = tuple(word.stem for word in words)
+        found = self._phrases.get(stems)
+        if found is None and any(word.text in ("left", "right") for word in words[1:-1]):
+            # "a wooden left leg": which side it is comes later
+            return self._phrases.get(tuple(s for s in stems if s not in ("left", "right")))
+        return found
 
 
 @dataclass(frozen=True)
 class Reading:
     """What a prompt's words name: `elements` in their order, numbers of the words `left` over, and what is `denied`.
 
-    `mentioned` are entries of somebody or something else: the bear of "afraid of a bear".
+    `mentioned` are entries of somebody or something else: the bear of "afraid of a bear"; `denials` are the entries denied.
     """
 
     elements: tuple[Element, ...]
     left: tuple[int, ...]
     denied: tuple[str, ...]
     mentioned: tuple[int, ...]
+    denials: tuple[int, ...] = ()
 
 
 def read_phrases(words: list[Word], index: PhraseIndex) -> Reading:
@@ -142,12 +166,15 @@ def read_phrases(words: list[Word], index: PhraseIndex) -> Reading:
     covered = {i for e in found for i in range(e.start, e.end)}
     gone: set[int] = set()
     denied: list[str] = []
+    denials: list[int] = []
     for at, word in enumerate(words):
         if at in (covered | gone) or word.text not in NEGATIONS | ABSENCES:
             continue
         if at + 1 < len(words) and words[at + 1].text == "to":
             continue  # "trying not to fall" is a way to walk
-        reaches = [list(range(e.start, e.end)) for e in _denied_elements(words, found, at)]
+        named_after = list(_denied_elements(words, found, at))
+        denials += [e.entry for e in named_after]
+        reaches = [list(range(e.start, e.end)) for e in named_after]
         if not reaches and word.text in NEGATIONS:
             reaches = [_clause_rest(words, at)]
         for reach in filter(None, reaches):  # without any, "no energy" says what is there by what is not
@@ -161,7 +188,7 @@ def read_phrases(words: list[Word], index: PhraseIndex) -> Reading:
     subjects = _subjects(words, kept, index.entries)
     named = {element.entry for element in subjects}
     mentioned = tuple(e.entry for e in kept if e.entry not in named)
-    return Reading(tuple(subjects), left, tuple(denied), mentioned)
+    return Reading(tuple(subjects), left, tuple(denied), mentioned, tuple(denials))
 
 
 def _denied_elements(words: list[Word], elements: list[Element], at: int) -> Iterable[Element]:
@@ -225,7 +252,8 @@ def _same_doing(two: list[Element], entries: tuple[LibraryEntry, ...]) -> bool:
     if len(two) < 2 or two[0].end != two[1].start:
         return False
     categories = {entries[element.entry].category for element in two}
-    return len(categories) == 1 and categories <= {"dances", "sports"}
+    shorter = two[0].end - two[0].start <= two[1].end - two[1].start
+    return shorter and len(categories) == 1 and categories <= {"dances", "sports"}
 
 
 def _zones(words: list[Word], elements: list[Element]) -> tuple[set[int], set[int]]:

@@ -49,8 +49,11 @@ PART_WORDS = {
     **dict.fromkeys(("head", "face", "neck", "eye"), ("head",)),
 }
 SIDES = word_set("left right upper lower both other")
+# words of places on a body, which name no way of moving: "the right side", "ankle-deep"
+PLACES = frozenset(PART_WORDS) | SIDES | word_set("side ankle thigh heel toe wrist finger waist forearm")
 NEGATIONS = word_set("not never isn't aren't wasn't doesn't don't didn't neither nor")
-ABSENCES = word_set("no without")  # deny only what the library knows: "no energy" is a way to be tired
+# deny only what the library knows: "no energy" is a way to be tired
+ABSENCES = word_set("no without less stop stops avoid avoids avoiding hardly")
 _SPELLINGS = {
     "armor": "armour",
     "armored": "armoured",

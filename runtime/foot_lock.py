@@ -23,6 +23,7 @@ from runtime.leg_scalar import (
     add,
     between,
     damp,
+    damp_vector,
     dot,
     from_vector,
     inverse,
@@ -33,6 +34,7 @@ from runtime.leg_scalar import (
     multiply,
     rotate,
     scale,
+    soft_reach,
     subtract,
     to_vector,
     unit,
@@ -42,6 +44,8 @@ from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, Skeleton
 from runtime.terrain import Terrain
 
 Array = NDArray[np.floating]
+
+REACH_TRIALS = 4  # raisings of a foot that its leg does not reach; one is the rule
 
 
 @dataclass(frozen=True)
@@ -64,17 +68,20 @@ class FootLockSettings:
     refractory: float = 0.15  # s without a new hold after a forced release
     refractory_lift: float = 0.04  # m: a forced release becomes a small step
     release_halflife: float = 0.07
-    rise_halflife: float = 0.05  # of the swing's clearance
-    settle_halflife: float = 0.025  # of a held point's height
-    settle_slower: float = 0.6  # s/m: added to it for every metre that is missing
-    flat_halflife: float = 0.07  # of the sole's alignment to the ground
+    rise_halflife: float = 0.045  # of a free foot's height over the incoming one, upwards
+    fall_halflife: float = 0.03  # the same downwards
+    settle_halflife: float = 0.02  # of a held point's height
+    settle_slower: float = 0.5  # s/m: added to it for every metre that is missing
+    flat_halflife: float = 0.06  # of the sole's alignment to the ground
     yaw_halflife: float = 0.10
     hips_halflife: float = 0.08
     max_yaw: float = 0.6
     max_drop: float = 0.35  # m that the hips may sink
-    sink: float = 0.006  # m that a sole may press into the ground
+    sink: float = 0.002  # m that a sole may press into the ground; more, and a moving toe counts as skating
     look_ahead: float = 0.12  # s of swing in which edges are seen
     soft_floor: float = 0.015  # m over the ground in which a landing foot slows down
+    swing_clearance: float = 0.02  # m between the ground and a sole that moves at `swing_speed` or faster
+    swing_speed: float = 2.0  # m/s
     clearance: float = 0.02  # m between the sole and an edge
     edge_slope: float = 0.7  # rise over run from which the ground is an edge, not a slope
 
@@ -134,7 +141,8 @@ class FootLock:
         result = np.array(local_rotations, copy=True)
         for foot, leg in zip(self._feet, legs, strict=True):
             first = foot.bones.joints[1]
-            result[first : first + 3] = leg_inverse(leg, foot.ankle, foot.rotation, self._drop)
+            target = foot.within_reach(leg, self._drop, ground)
+            result[first : first + 3] = leg_inverse(leg, target, foot.rotation, self._drop)
         hips = np.array([x, y - self._drop, z], np.asarray(hips_position).dtype)
         return FootLockResult(hips, result)
 
@@ -315,12 +323,9 @@ class _Foot:
         self.rotation = multiply(from_vector(self.tilt), rotation)
 
     def _fade_tilt(self, goal: Vector, dt: float) -> None:
-        halflife = self.settings.flat_halflife
-        pairs = [
-            damp(t, v, g, halflife, dt) for t, v, g in zip(self.tilt, self.tilt_velocity, goal, strict=True)
-        ]
-        self.tilt = (pairs[0][0], pairs[1][0], pairs[2][0])
-        self.tilt_velocity = (pairs[0][1], pairs[1][1], pairs[2][1])
+        self.tilt, self.tilt_velocity = damp_vector(
+            self.tilt, self.tilt_velocity, goal, self.settings.flat_halflife, dt
+        )
 
     def _normal(self, ground: PointHeights) -> Vector:
         """Upward normal of the ground under the sole; straight up where the sole lies over an edge."""
@@ -343,28 +348,32 @@ class _Foot:
         """Metres by which the swinging foot has to rise over its incoming height: ground below, edges ahead."""
         s = self.settings
         lift = s.refractory_lift if self.refractory > 0.0 else 0.0
-        for joint, rest in ((self.toe, leg.toe[1] - TOE_HEIGHT), (self.ankle, leg.ankle[1] - ANKLE_HEIGHT)):
-            below = ground.height(joint[0], joint[2])
-            depth = below - s.sink - rest
-            lift = max(lift, 0.5 * (depth + sqrt(depth * depth + s.soft_floor * s.soft_floor)))
-            for share in (0.25, 0.5, 0.75, 1.0):
-                dx = self.velocity[0] * share * s.look_ahead
-                dz = self.velocity[2] * share * s.look_ahead
-                there = ground.height(joint[0] + dx, joint[2] + dz)
-                if there - below > 0.03 + s.edge_slope * sqrt(dx * dx + dz * dz):
-                    lift = max(lift, there + s.clearance - rest)
+        vx, vy, vz = self.velocity
+        speed = sqrt(vx * vx + vz * vz)
+        moving = min(1.0, speed / s.swing_speed)
+        incoming = (leg.toe[1] - TOE_HEIGHT, leg.ankle[1] - ANKLE_HEIGHT)
+        for joint, rest, chance in zip((self.toe, self.ankle), incoming, self.chances, strict=True):
+            below = ahead = ground.height(joint[0], joint[2])
+            for share in (1.0, 0.75, 0.5, 0.25):
+                time = share * s.look_ahead
+                ahead = ground.height(joint[0] + time * vx, joint[2] + time * vz)
+                if ahead - below > 0.03 + s.edge_slope * time * speed:
+                    lift = max(lift, ahead + s.clearance - rest)
+            # a foot in swing slows down before it lands, and does not drag over the ground
+            free = 1.0 - chance
+            soon = max(0.0, ahead - below - 0.25 * s.look_ahead * vy) + moving * moving * s.swing_clearance
+            depth = below - s.sink - rest + free * soon
+            lift = max(lift, _soft_positive(depth, free * s.soft_floor))
         return lift
 
     def _fade_offset(self, goal: Vector, dt: float) -> None:
         s = self.settings
-        rising = s.rise_halflife if goal[1] > self.offset[1] else s.release_halflife
-        halflives = (s.release_halflife, rising, s.release_halflife)
-        pairs = [
-            damp(o, v, g, h, dt)
-            for o, v, g, h in zip(self.offset, self.offset_velocity, goal, halflives, strict=True)
-        ]
-        self.offset = (pairs[0][0], pairs[1][0], pairs[2][0])
-        self.offset_velocity = (pairs[0][1], pairs[1][1], pairs[2][1])
+        vertical = s.rise_halflife if goal[1] > self.offset[1] else s.fall_halflife
+        y, velocity_y = damp(self.offset[1], self.offset_velocity[1], goal[1], vertical, dt)
+        (x, _, z), (velocity_x, _, velocity_z) = damp_vector(
+            self.offset, self.offset_velocity, goal, s.release_halflife, dt
+        )
+        self.offset, self.offset_velocity = (x, y, z), (velocity_x, velocity_y, velocity_z)
 
     def _clear(self, ground: PointHeights) -> None:
         """Raise toe and ankle out of the ground, turning the foot so that it keeps its length."""
@@ -380,14 +389,48 @@ class _Foot:
         self.rotation = multiply(between(before, after), self.rotation)
         sole = scale(after, self.bones.foot_length)
         if self.anchor == "heel":
-            self.ankle, self.toe = ankle, add(ankle, sole)
+            toe = add(ankle, sole)
         else:
-            self.toe, self.ankle = toe, subtract(toe, sole)
+            ankle = subtract(toe, sole)
+        # the turn has moved one end sideways, perhaps over an edge: what is still missing lifts the foot as it is
+        missing = max(0.0, self._depth(toe, ankle, ground))
+        self.toe = (toe[0], toe[1] + missing, toe[2])
+        self.ankle = (ankle[0], ankle[1] + missing, ankle[2])
+
+    def _depth(self, toe: Vector, ankle: Vector, ground: PointHeights) -> float:
+        """Metres by which a foot at `toe` and `ankle` lies deeper in the ground than a sole may press."""
+        return max(
+            ground.height(toe[0], toe[2]) + TOE_HEIGHT - self.settings.sink - toe[1],
+            ground.height(ankle[0], ankle[2]) + ANKLE_HEIGHT - self.settings.sink - ankle[1],
+        )
+
+    def within_reach(self, leg: LegPose, drop: float, ground: PointHeights) -> Vector:
+        """Target of the ankle for the IK: raised where the leg is too short and what it reaches instead lies in a step."""
+        hip, target = (leg.hip[0], leg.hip[1] - drop, leg.hip[2]), self.ankle
+        for _ in range(REACH_TRIALS):
+            to_target = subtract(target, hip)
+            asked = length(to_target)
+            if asked <= (MAX_REACH - EASE_REACH) * self.bones.length:
+                break
+            reached = add(hip, scale(to_target, soft_reach(asked, self.bones.length) / asked))
+            toe = add(reached, rotate(self.rotation, self.bones.offsets[4]))
+            missing = self._depth(toe, reached, ground)
+            if missing <= 0.0:
+                break
+            target = (target[0], target[1] + 2.0 * missing, target[2])  # twice: the reach takes a part of it
+        return target
 
 
 def _straightness(leg: LegPose, bones: LegBones) -> float:
     """Share of its length that a leg may span: that of the incoming pose, and at least what needs no easing."""
     return max(MAX_REACH - EASE_REACH, min(length(subtract(leg.ankle, leg.hip)) / bones.length, MAX_REACH))
+
+
+def _soft_positive(x: float, width: float) -> float:
+    """max(x, 0), rounded off over +- `width`."""
+    if abs(x) >= width:
+        return max(x, 0.0)
+    return (x + width) * (x + width) / (4.0 * width)
 
 
 def _from_yaw(yaw: float) -> Quaternion:

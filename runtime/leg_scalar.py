@@ -119,6 +119,19 @@ def damp(value: float, velocity: float, goal: float, halflife: float, dt: float)
     return fade * (offset + slope * dt) + goal, fade * (velocity - slope * rate * dt)
 
 
+def damp_vector(
+    value: Vector, velocity: Vector, goal: Vector, halflife: float, dt: float
+) -> tuple[Vector, Vector]:
+    """`damp` of three numbers with one half-life."""
+    rate = 1.3862943611 / max(halflife, 1e-5)
+    fade = exp(-rate * dt)
+    (x, y, z), (vx, vy, vz) = subtract(value, goal), velocity
+    ax, ay, az = vx + x * rate, vy + y * rate, vz + z * rate
+    moved = (fade * (x + ax * dt) + goal[0], fade * (y + ay * dt) + goal[1], fade * (z + az * dt) + goal[2])
+    rate *= dt
+    return moved, (fade * (vx - ax * rate), fade * (vy - ay * rate), fade * (vz - az * rate))
+
+
 def add(a: Vector, b: Vector) -> Vector:
     """a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]

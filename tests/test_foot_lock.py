@@ -6,7 +6,8 @@ from walker import CYCLE_FRAMES, walk
 
 from benchmarks.feet import skating, sole_skating, toe_heights
 from runtime import rotations
-from runtime.foot_lock import FootLock
+from runtime.feet import SOLE_HEIGHTS, SOLE_POINTS, joint_heights
+from runtime.foot_lock import FootLock, FootLockSettings
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, J
 from runtime.terrain import Terrain
 from runtime.terrain_library import make_terrain
@@ -54,7 +55,7 @@ def test_drifting_roots_do_not_make_feet_skate(drift):
     after = sole_skating(positions, ground).mean()
     assert before > 0.05
     assert after < 0.7 * before  # what is left is the swing's own beginning and end
-    assert skating(positions, ground).mean() <= 0.05
+    assert skating(positions, ground).max() <= 1e-3
     for side, joint in enumerate(TOES):
         still = np.array([held[i][side] == held[i - 1][side] == "toe" for i in range(1, len(held))])
         moved = np.linalg.norm(np.diff(positions[:, joint][:, [0, 2]], axis=0), axis=-1)
@@ -68,10 +69,10 @@ def test_toes_stay_above_uneven_ground(name):
     hips, local, contacts = walk(10 * CYCLE_FRAMES, terrain=ground)
     assert toe_heights(forward(hips, local), ground).min() < -0.01  # the incoming feet sink
     positions, _ = planted(hips, local, contacts, ground)
-    assert np.percentile(toe_heights(positions, ground), 1) > 0.01
+    assert toe_heights(positions, ground).min() > TOE_HEIGHT - FootLockSettings().sink - 1e-4
     ankles = positions[:, ANKLES].astype(float)
     over = ankles[..., 1] - ground.height(ankles[..., 0], ankles[..., 2])
-    assert np.percentile(over, 1) > 0.03
+    assert over.min() > ANKLE_HEIGHT - FootLockSettings().sink - 1e-4
 
 
 def test_bones_keep_their_lengths_and_knees_their_side():
@@ -84,6 +85,58 @@ def test_bones_keep_their_lengths_and_knees_their_side():
     np.testing.assert_allclose(lengths, np.broadcast_to(expected, lengths.shape), atol=1e-4)
     knees, ends = positions[:, KNEES], (positions[:, [2, 7]] + positions[:, ANKLES]) / 2
     assert (knees - ends)[..., 2].min() > -0.01  # the walk faces +Z
+
+
+def stumble(seed, terrain, frames=150):
+    """A walk with jitter, slipping and a wrong height, and contacts that say little: worse than any network's output."""
+    rng = np.random.default_rng(seed)
+    hips, local, contacts = walk(frames, rng.uniform(-0.5, 0.5, 2), terrain, rng.uniform(0.3, 1.8))
+    wander = np.cumsum(rng.normal(0.0, 0.004, hips.shape), axis=0) * [1.0, 0.3, 1.0]
+    hips = hips + rng.normal(0.0, 0.004, hips.shape) + wander
+    hips[:, 1] += rng.uniform(-0.15, 0.1)
+    axes = rng.normal(size=(*local.shape[:2], 3))
+    axes /= np.linalg.norm(axes, axis=-1, keepdims=True)
+    angles = rng.normal(0.0, rng.uniform(0.01, 0.1), local.shape[:2])
+    local = rotations.multiply(local, rotations.from_axis_angle(axes, angles))
+    contacts = np.clip(contacts + rng.normal(0.0, 0.4, contacts.shape), 0.0, 1.0)
+    return hips.astype(np.float32), local, contacts
+
+
+@pytest.mark.parametrize("name", ["flat", "hills", "rough", "stairs", "hurdles"])
+def test_whatever_comes_in_no_sole_moves_in_the_ground(name):
+    ground, deepest = make_terrain(name), 0.0
+    for seed in range(4):
+        hips, local, contacts = stumble(seed, ground)
+        positions, _ = planted(hips, local, contacts, ground)
+        soles = joint_heights(positions, ground, SOLE_POINTS) - np.array(SOLE_HEIGHTS)
+        assert soles.min() > -FootLockSettings().sink - 1e-4
+        assert skating(positions, ground).max() <= 1e-3
+        deepest = min(deepest, (toe_heights(forward(hips, local), ground) - TOE_HEIGHT).min())
+    assert deepest < -0.03  # there was something to do
+
+
+def test_a_foot_out_of_reach_is_not_drawn_into_a_step():
+    axis = np.arange(-50, 51) * 0.04
+    heights = np.broadcast_to(np.where(axis > 0.02, 0.16, 0.0), (101, 101))
+    ground = Terrain("step", heights.astype(np.float32), 0.04, (axis[0], axis[0]))
+    hips, local, contacts = standing(40, lift=0.025)
+    hips[:, 2] -= forward(hips, local)[0, 5, 2] + 0.002  # the toes stand right before the riser
+    after = np.maximum(np.arange(40) - 10, 0)
+    hips[:, 2] += after * 1.7 / 60  # the hips go over it faster than the feet are let go
+    hips[:, 1] += after * 0.004
+    positions, _ = planted(hips, local, contacts, ground)
+    assert toe_heights(positions, ground).min() > TOE_HEIGHT - FootLockSettings().sink - 1e-4
+
+
+def test_a_swinging_foot_does_not_drag():
+    ground = Terrain.flat()
+    hips, local, contacts = walk(6 * CYCLE_FRAMES)
+    hips[:, 1] -= 0.08  # the toes pass some millimetres over the ground
+    before, (positions, _) = forward(hips, local), planted(hips, local, contacts, ground)
+    fast = np.linalg.norm(np.diff(positions[:, TOES][..., [0, 2]], axis=0), axis=-1) * 60 > 2.0
+    assert fast.mean() > 0.1
+    assert (toe_heights(before, ground)[1:][fast] - TOE_HEIGHT).min() < 0.0
+    assert np.median(toe_heights(positions, ground)[1:][fast] - TOE_HEIGHT) > 0.015
 
 
 @pytest.mark.parametrize("name", ["flat", "hills"])

@@ -169,3 +169,10 @@ def test_the_spring_is_exact_over_any_step(value, velocity, halflife):
     rest, speed = leg_scalar.damp(value, velocity, 0.5, halflife, 40 * halflife)
     assert abs(rest - 0.5) < 1e-6
     assert abs(speed) < 1e-4
+
+
+def test_the_spring_of_vectors_is_that_of_their_numbers():
+    value, velocity, goal = (0.1, -0.2, 0.3), (1.0, 0.0, -2.0), (0.0, 0.5, 0.3)
+    together = leg_scalar.damp_vector(value, velocity, goal, 0.07, 0.02)
+    alone = [leg_scalar.damp(*each, 0.07, 0.02) for each in zip(value, velocity, goal, strict=True)]
+    np.testing.assert_allclose(np.array(together).T, alone, atol=1e-12)

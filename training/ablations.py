@@ -3,7 +3,8 @@
     python -m training.ablations --clips DIR --run DIR --out DIR --stage2-steps 3000 --stage3-steps 1000
 
 `--run` is the folder of a finished run: its phases and content encoder serve the variants that do not change them.
-Every variant lands in OUT/<name>/model; `sport evaluate --model` scores them beside each other.
+Every variant lands in OUT/<name>/model, and OUT/full/model-mixture is the one without diffusion;
+`training.evaluation.distances --model` scores them beside each other.
 """
 
 from __future__ import annotations
@@ -72,6 +73,8 @@ def main(argv: list[str] | None = None) -> None:
         ]
         common = ["--preset", args.preset, "--clips", str(args.clips), "--out", str(folder), "--layers", "0"]
         pipeline.main(["all", *common, "--ablation", name, *steps])
+        if name == "full":  # its stage 2 is the row without diffusion
+            pipeline.main(["export", *common, "--ablation", name, "--decoder", "mixture"])
 
 
 if __name__ == "__main__":

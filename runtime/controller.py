@@ -13,6 +13,7 @@ from runtime.controls import Controls, Gait
 from runtime.features import FPS, GAITS, InputParts, split_output
 from runtime.foot_lock import FootLock
 from runtime.model import MotionModel, Style
+from runtime.noise import DriftingNoise
 from runtime.phase import advance_phase
 from runtime.pose import Pose
 from runtime.skeleton import SPORT_SKELETON
@@ -26,7 +27,6 @@ DT = 1.0 / FPS
 STAND_SPEED = 0.12  # m/s; slower wishes mean standing
 CROUCH_SPEED = 0.8  # m/s at full stick
 JUMP_SECONDS = 0.7
-NOISE_HALF_LIFE = 0.5  # seconds; the diffusion noise drifts instead of flickering from frame to frame
 # The network has a pace of its own for each style; the regulator asks it for more or less until the root's speed is
 # the one the stick asks for.
 REGULATOR_RATE = 2.5  # change of the gain per second and relative speed error
@@ -93,8 +93,7 @@ class Controller:
             np.stack(interpolated, -1).reshape(-1, features.C, 2),
         )
         self._trajectory = Trajectory(x, z, yaw)
-        self._random = np.random.default_rng(self.seed)
-        self._noise = self._random.standard_normal((1, *self.model.noise_shape), np.float32)
+        self._noise = DriftingNoise((1, *self.model.noise_shape), self.seed)
         self._jump_left = 0.0
         self._measured_speed = 0.0
         self._speed_gain = 1.0
@@ -237,12 +236,8 @@ class Controller:
         return features.build_input(parts), float(features.ground_height(heights))
 
     def _next_noise(self) -> Array:
-        if self.temperature <= 0:
-            return np.zeros_like(self._noise)
-        keep = decay(NOISE_HALF_LIFE)
-        fresh = self._random.standard_normal(self._noise.shape, np.float32)
-        self._noise = np.float32(keep) * self._noise + np.float32(np.sqrt(1 - keep * keep)) * fresh
-        return np.float32(self.temperature) * self._noise
+        noise = self._noise.step(DT)
+        return np.float32(max(self.temperature, 0.0)) * noise
 
     def _pose(self, y: features.OutputParts, contacts: Array) -> Pose:
         t = self._trajectory

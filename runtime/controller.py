@@ -24,6 +24,9 @@ Array = NDArray[np.floating]
 log = logging.getLogger("sport.controller")
 
 DT = 1.0 / FPS
+TEMPERATURE = (
+    0.7  # of the sampler: livelier than its mean, and nearer to the capture than at 1 (docs/evaluation.md)
+)
 STAND_SPEED = 0.12  # m/s; slower wishes mean standing
 CROUCH_SPEED = 0.8  # m/s at full stick
 JUMP_SECONDS = 0.7
@@ -63,7 +66,7 @@ class Controller:
         model: MotionModel,
         terrain: Terrain,
         seed: int = 0,
-        temperature: float = 1.0,
+        temperature: float = TEMPERATURE,
         strength: float = 1.0,
     ) -> None:
         self.model = model

@@ -17,6 +17,7 @@ from runtime.features import OUTPUT_SIZE
 from runtime.prompts.text_encoder import SHIPPED, TextEncoder
 from training import stage_content, stage_motion, stage_phase
 from training.batches import Frames, Normalisation
+from training.checkpoint import START
 from training.export import Trained, export_model
 from training.export_ablation import DECODERS
 from training.frames import FrameTable, load_frames, sampling_weights
@@ -292,6 +293,7 @@ def _notes(args: argparse.Namespace, table: FrameTable) -> dict[str, object]:
             if (args.out / f"{stage}.pt").exists()
         },
         "seed": args.seed,
+        **({"begun_from": "the weights of an earlier model"} if (args.out / START).exists() else {}),
         "licence": "non-commercial: trained also on CC BY-NC and academic data"
         if set(table.sources) & {"bandai_namco", "pfnn", "pfnn_rollouts"}
         else "CC BY 4.0",

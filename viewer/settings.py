@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.atomic import write_atomic
+from runtime.controller import TEMPERATURE
 from runtime.prompts.gpt_settings import has_credentials
 
 MAX_BYTES = 1_000_000
@@ -60,7 +61,7 @@ class Settings:
     show_trajectory: bool = True
     show_skeleton: bool = False
     show_contacts: bool = False
-    temperature: float = 1.0
+    temperature: float = TEMPERATURE
     strength: float = 1.0  # of styles, 1 as the model shows them
     blend_seconds: float = 0.8
     keep_seconds: float = 10.0  # what "save the last seconds" takes

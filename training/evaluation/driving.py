@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import features
-from runtime.controller import Controller
+from runtime.controller import TEMPERATURE, Controller
 from runtime.controls import Controls, Gait
 from runtime.errors import SportError
 from runtime.features import FPS
@@ -92,7 +92,9 @@ def wish_of(clip: Motion, lead_in: int = LEAD_IN_FRAMES) -> Wish:
     )
 
 
-def follow(model: MotionModel, clip: Motion, z: Array, seed: int = 0, temperature: float = 1.0) -> Motion:
+def follow(
+    model: MotionModel, clip: Motion, z: Array, seed: int = 0, temperature: float = TEMPERATURE
+) -> Motion:
     """The character in style Z^t `(6, 64)` led along a clip's root path, frame for frame as a player would.
 
     The stick asks for the clip's velocity at the same time and steers back to its path; it cannot ask for more than the

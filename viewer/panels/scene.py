@@ -119,7 +119,9 @@ def _drawing(state: AppState, scene: Scene) -> None:
     changed, value = widgets.slider("##temperature", state.settings.temperature, 0.0, 2.0, "%.2f")
     if changed:
         scene.set_temperature(value)
-    widgets.tooltip("Temperature of the sampler: 0 moves evenly, 1 as trained, more is livelier")
+    widgets.tooltip(
+        "Temperature of the sampler: 0 always moves alike, 1 as widely as the capture, more is livelier"
+    )
     imgui.end_group()
 
 

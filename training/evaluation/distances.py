@@ -20,7 +20,6 @@ from training.evaluation.score_styles import score_following
 from training.evaluation.subject import Subject
 
 log = logging.getLogger("sport.evaluate")
-BEGIN, END = "<!-- distances: begin -->", "<!-- distances: end -->"
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -35,6 +34,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--seconds", type=float, default=12.0, help="of followed paths per style")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--markdown", type=Path, help="write the table between this file's markers")
+    parser.add_argument("--section", default="distances", help="name in the file's markers")
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args(argv)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
@@ -51,7 +51,7 @@ def main(argv: list[str] | None = None) -> int:
     text = table(results)
     print(text)
     if args.markdown is not None:
-        _between_markers(args.markdown, text)
+        _between_markers(args.markdown, args.section, text)
     return 0
 
 
@@ -71,13 +71,14 @@ def table(results: dict[str, dict[str, Any]]) -> str:
     return "\n".join(lines)
 
 
-def _between_markers(path: Path, text: str) -> None:
-    old = path.read_text(encoding="utf-8") if path.exists() else f"{BEGIN}\n{END}\n"
-    before, begin, rest = old.partition(BEGIN)
-    _, end, after = rest.partition(END)
+def _between_markers(path: Path, section: str, text: str) -> None:
+    begin_mark, end_mark = f"<!-- {section}: begin -->", f"<!-- {section}: end -->"
+    old = path.read_text(encoding="utf-8") if path.exists() else f"{begin_mark}\n{end_mark}\n"
+    before, begin, rest = old.partition(begin_mark)
+    _, end, after = rest.partition(end_mark)
     if not (begin and end):
         before, after = old.rstrip() + "\n\n", "\n"
-    write_atomic(path, f"{before}{BEGIN}\n{text}\n{END}{after}")
+    write_atomic(path, f"{before}{begin_mark}\n{text}\n{end_mark}{after}")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,30 @@
+"""The table of several models' distances, and where it is written."""
+
+from training.evaluation.distances import _between_markers, table
+
+RESULT = {
+    "fmd": {
+        "encoder": {"distance": 109.64, "reference": 58.4},
+        "kinematic": {"distance": 31.1, "reference": 28.2},
+    },
+    "recognition": {"score": {"angry": 1.0, "old": 0.5}},
+}
+
+
+def test_a_row_for_each_model_with_its_reference():
+    lines = table({"ours (diffusion)": RESULT, "other (mixture)": RESULT}).splitlines()
+    assert len(lines) == 4
+    assert lines[2] == "| ours (diffusion) | 109.64 (58.40) | 31.10 (28.20) | 75 % |"
+    assert len({line.count("|") for line in lines}) == 1
+
+
+def test_each_section_replaces_its_own_lines_only(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("# Page\n\n<!-- ablations: begin -->\nold\n<!-- ablations: end -->\n\nlast\n")
+    _between_markers(page, "ablations", "new")
+    _between_markers(page, "distances", "appended")
+    _between_markers(page, "distances", "once")
+    assert page.read_text() == (
+        "# Page\n\n<!-- ablations: begin -->\nnew\n<!-- ablations: end -->\n\nlast\n\n"
+        "<!-- distances: begin -->\nonce\n<!-- distances: end -->\n"
+    )

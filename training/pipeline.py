@@ -15,7 +15,7 @@ from runtime.assets import asset_path
 from runtime.errors import FileError
 from runtime.features import OUTPUT_SIZE
 from runtime.prompts.text_encoder import SHIPPED, TextEncoder
-from training import stage_content, stage_motion, stage_phase
+from training import parallel, stage_content, stage_motion, stage_phase
 from training.batches import Frames, Normalisation
 from training.checkpoint import START
 from training.export import Trained, export_model
@@ -134,7 +134,10 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
     if args.ablation:
         config = ablation(config, args.ablation)
     session = Session(args.out, half=not args.no_half, seed=args.seed)
-    if args.device:
+    device = parallel.join(args.stage)
+    if device is not None:
+        session.device = device
+    elif args.device:
         session.device = torch.device(args.device)
     clips = args.clips or args.out / "clips"
     table = _load(clips, args.limit)
@@ -213,6 +216,7 @@ def _scales(
         centre, deviation = stage_content.style_scale(content, texts)
         normal = stage_motion.measure(frames, weights, session)
         save_checkpoint(path, normal.tensors() | {"style_centre": centre, "style_deviation": deviation})
+    parallel.wait()
     return {name: value.to(session.device) for name, value in load_checkpoint(path).items()}
 
 

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from runtime.errors import FileError
+from training import parallel
 
 log = logging.getLogger("sport.train")
 
@@ -35,8 +36,12 @@ class Session:
         return torch.autocast(self.device.type, torch.bfloat16) if self.half else nullcontext()
 
     def generator(self, salt: int = 0) -> torch.Generator:
-        """A seeded generator for sampling on the CPU."""
+        """A seeded generator for sampling on the CPU, equal in all processes that train together."""
         return torch.Generator().manual_seed(self.seed * 7919 + salt)
+
+    def batch_generator(self, salt: int) -> torch.Generator:
+        """A seeded generator for what each process draws for itself."""
+        return self.generator(salt + 1_000_003 * parallel.rank())
 
 
 class MovingAverage:
@@ -58,7 +63,9 @@ class MovingAverage:
 
 
 def save_checkpoint(path: Path, state: dict) -> None:
-    """Write atomically: a killed run leaves the previous checkpoint."""
+    """Write atomically: a killed run leaves the previous checkpoint. Of several processes only the first writes."""
+    if parallel.rank():
+        return
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_suffix(".tmp")
     torch.save(state, temporary)
@@ -128,8 +135,12 @@ def train(
     checkpoint = session.out / f"{name}.pt"
     if state.restore(checkpoint):
         log.info("%s: resumed at step %d", name, state.step)
+    parallel.same_weights(state.module)
+    if parallel.rank():
+        torch.manual_seed(torch.initial_seed() + parallel.rank())  # noise of its own
+    leads = parallel.rank() == 0
     (session.out / "logs").mkdir(parents=True, exist_ok=True)
-    writer = _writer(session.out / "logs" / name)
+    writer = _writer(session.out / "logs" / name) if leads else None
     started = saved = shown = time.monotonic()
     first = state.step
     sums: dict[str, float] = {}
@@ -141,6 +152,7 @@ def train(
             terms = losses(next(batches), state.step)
         state.optimizer.zero_grad(set_to_none=True)
         terms["total"].backward()
+        parallel.average_gradients(state.module.parameters())
         nn.utils.clip_grad_norm_(state.module.parameters(), 1.0)
         state.optimizer.step()
         state.average.update(state.module, state.step)
@@ -148,7 +160,7 @@ def train(
         for key, value in terms.items():
             sums[key] = 0.98 * sums.get(key, float(value.detach())) + 0.02 * float(value.detach())
         now = time.monotonic()
-        if now - shown > 15.0 or state.step == steps:
+        if writer is not None and (now - shown > 15.0 or state.step == steps):
             shown = now
             rate = (state.step - first) / (now - started)
             left = (steps - state.step) / rate / 60
@@ -158,7 +170,7 @@ def train(
                 name,
                 state.step,
                 steps,
-                rate * batch_size,
+                rate * batch_size * parallel.workers(),
                 left,
                 text,
             )
@@ -169,7 +181,7 @@ def train(
         if now - saved > session.checkpoint_seconds:
             saved = now
             state.save(checkpoint)
-        if max_minutes is not None and now - started > 60 * max_minutes:
+        if max_minutes is not None and parallel.anyone(now - started > 60 * max_minutes):
             log.info("%s: stopped after %.1f minutes at step %d", name, max_minutes, state.step)
             break
     state.save(checkpoint)

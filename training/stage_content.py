@@ -89,7 +89,7 @@ def run(
     sequences = Sequences(table, device)
     embeddings = [torch.as_tensor(e).to(device) for e in texts.embeddings]
     index, keys = torch.as_tensor(texts.index).to(device), torch.as_tensor(texts.keys).to(device)
-    batches = _windows(table, weights, batch, session.generator(2), device)
+    batches = _windows(table, weights, batch, session.batch_generator(2), device)
 
     module = ContentEncoder(config).to(device)
     optimizer = torch.optim.AdamW(module.parameters(), lr=5e-4, weight_decay=1e-4)

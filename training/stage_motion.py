@@ -154,8 +154,8 @@ def run_stage2(
     parameters = [p for n, p in module.named_parameters() if not n.startswith("denoiser")]
     optimizer = torch.optim.AdamW(parameters, lr=1e-3, weight_decay=1e-4)
     state = StageState(module, optimizer, MovingAverage(module, 0.9995))
-    rows = random_rows(data.weights, batch, 1, data.frames.last, session.generator(4))
-    fresh = random_rows(data.weights, batch, 2, data.frames.last, session.generator(8))
+    rows = random_rows(data.weights, batch, 1, data.frames.last, session.batch_generator(4))
+    fresh = random_rows(data.weights, batch, 2, data.frames.last, session.batch_generator(8))
     lanes = RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh)
 
     def losses(item: object, step: int) -> dict[str, Tensor]:
@@ -229,8 +229,8 @@ def run_stage3(
     state = StageState(module, optimizer, MovingAverage(module, 0.9995))
     schedule = Schedule.linear(config.diffusion_steps)
     tau = torch.as_tensor(schedule.subsequence(config.inference_steps), device=session.device)
-    rows = random_rows(data.weights, batch, 1, data.frames.last, session.generator(6))
-    fresh = random_rows(data.weights, batch, 2, data.frames.last, session.generator(9))
+    rows = random_rows(data.weights, batch, 1, data.frames.last, session.batch_generator(6))
+    fresh = random_rows(data.weights, batch, 2, data.frames.last, session.batch_generator(9))
     lanes = RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh)
 
     def losses(item: object, step: int) -> dict[str, Tensor]:

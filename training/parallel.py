@@ -1,0 +1,83 @@
+"""Training in several processes, one for each GPU, started by torchrun.
+
+    torchrun --nproc-per-node 4 sport.py train stage2 --preset paper --clips DIR --out RUN
+
+Every process draws batches of its own; their gradients are averaged, so that all keep the same weights. The first one
+writes the checkpoints and the log.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+
+import torch
+import torch.distributed as distributed
+from torch import Tensor, nn
+
+from runtime.errors import UsageError
+
+STAGES = ("content", "stage2", "stage3")  # the others are quick, or write files that all would write
+
+
+def rank() -> int:
+    """Number of this process, 0 where there is one only."""
+    return int(os.environ.get("RANK", "0"))
+
+
+def workers() -> int:
+    """How many processes train together."""
+    return int(os.environ.get("WORLD_SIZE", "1"))
+
+
+def join(stage: str) -> torch.device | None:
+    """Meet the other processes; the device of this one, None where there is one only. UsageError for other stages."""
+    if workers() == 1:
+        return None
+    if stage not in STAGES:
+        raise UsageError(
+            f"train {stage}: cannot be run in several processes.", f"Run it alone; {', '.join(STAGES)} can."
+        )
+    cuda = torch.cuda.is_available()
+    local = int(os.environ.get("LOCAL_RANK", "0"))
+    if cuda:
+        torch.cuda.set_device(local)
+    if not distributed.is_initialized():
+        distributed.init_process_group("nccl" if cuda else "gloo")
+    return torch.device("cuda", local) if cuda else torch.device("cpu")
+
+
+@torch.no_grad()
+def same_weights(module: nn.Module) -> None:
+    """Give every process the weights and buffers of the first."""
+    if workers() > 1:
+        for value in module.state_dict().values():
+            distributed.broadcast(value, 0)
+
+
+@torch.no_grad()
+def average_gradients(parameters: Iterable[nn.Parameter]) -> None:
+    """Replace the gradients by their mean over all processes, in one exchange."""
+    gradients = [p.grad for p in parameters if p.grad is not None]
+    if workers() == 1 or not gradients:
+        return
+    flat = torch.cat([g.flatten() for g in gradients])
+    distributed.all_reduce(flat)
+    flat /= workers()
+    for gradient, mean in zip(gradients, flat.split([g.numel() for g in gradients]), strict=True):
+        gradient.copy_(mean.view_as(gradient))
+
+
+def wait() -> None:
+    """Until every process is here, such as for a file that the first one writes."""
+    if workers() > 1:
+        distributed.barrier()
+
+
+def anyone(flag: bool) -> bool:
+    """Whether any process says so: they must stop at the same step."""
+    if workers() == 1:
+        return flag
+    votes = Tensor([float(flag)]).to("cuda" if torch.cuda.is_available() else "cpu")
+    distributed.all_reduce(votes)
+    return bool(votes.item() > 0)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import ModelError
-from runtime.prompts.direction_words import GROUPS, with_direction_words
+from runtime.prompts.direction_words import GROUPS, sentence_inputs
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.text_encoder import TextEncoderLike, open_session
 from runtime.skeleton import PART_NAMES
@@ -35,9 +35,8 @@ class PromptEncoder:
     def encode(self, descriptions: PartDescriptions) -> NDArray[np.float32]:
         """Z^t `(6, 64)` of six descriptions; ModelError when the network is damaged or gives no finite numbers."""
         texts = descriptions.as_tuple()
-        session, embeddings = self._session, self._text_encoder.encode(texts)
-        if session.get_inputs()[0].shape[2] != embeddings.shape[1]:
-            embeddings = with_direction_words(texts, embeddings)
+        session = self._session
+        embeddings = sentence_inputs(self._text_encoder, texts, session.get_inputs()[0].shape[2])
         z = np.asarray(session.run(["z"], {"embeddings": embeddings[None]})[0], np.float32)
         if z.ndim != 3 or z.shape[:2] != (1, PARTS) or not np.isfinite(z).all():
             raise ModelError(

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from runtime.errors import FileError, ModelError
 from runtime.model_files import open_graph, read_graph, read_metadata
 from runtime.motion_encoder import MotionEncoder
+from runtime.prompts.direction_words import sentence_inputs
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.text_encoder import TextEncoderLike
 from training.evaluation.capture import ROLLOUTS
@@ -76,7 +77,8 @@ class TextSide:
 
     def codes(self, descriptions: Sequence[PartDescriptions]) -> Codes:
         """Codes of N descriptions."""
-        words = np.stack([self._text_encoder.encode(d.as_tuple()) for d in descriptions])
+        size = self._session.get_inputs()[0].shape[2]
+        words = np.stack([sentence_inputs(self._text_encoder, d.as_tuple(), size) for d in descriptions])
         mean, log_variance = self._session.run(["mean", "log_variance"], {"embeddings": words})
         return Codes.of(mean, log_variance)
 

@@ -17,8 +17,7 @@ from runtime.errors import FileError, run_command
 
 _LIMITS = """- Trained on about 35 captured styles, on recombinations of their parts, and on parametric edits of parts; a prompt far
   from them is composed from the nearest ones, part by part.
-- Left and right of torso and head, and turned-out against turned-in feet, are told apart only where both were trained:
-  sentence embeddings hardly differ in such words.
+- Left and right of torso and head, and turned-out against turned-in feet, are told apart only where both were trained.
 - Edits of the legs (wide stance, dragging, high knees) come out weaker than those of arms, torso and head.
 - Waving, nodding and flapping beat with the steps; standing still they are weak.
 - Terrain is known from distilled rollouts of PFNN and from flat capture laid over hills and stairs; there is only about

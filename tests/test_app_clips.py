@@ -12,6 +12,7 @@ from viewer_fakes import fake_services
 
 from runtime.bvh import read_bvh
 from runtime.clip import load_clip_bvh
+from runtime.controller import TEMPERATURE
 from viewer import app as app_module
 from viewer.app import App
 from viewer.options import ViewOptions
@@ -84,7 +85,7 @@ def test_an_exported_take_tells_its_styles_with_their_transitions_and_what_was_a
     assert json.loads(changed.words)["torso"] == "torso of an old king"
     assert changed.seconds == pytest.approx(12 / 60, abs=2 / 60)
     assert dict(back.gait_seconds)["walk"] > 0.4
-    assert (back.terrain, back.origin.terrain_seed, back.origin.temperature) == ("hills", 0, 1.0)
+    assert (back.terrain, back.origin.terrain_seed, back.origin.temperature) == ("hills", 0, TEMPERATURE)
     app.takes.open(tmp_path / "walk.bvh")
     run(app, 2)
     assert "an old king" in app.state.clips.items[-1].clip.describe()

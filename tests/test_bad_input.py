@@ -363,4 +363,4 @@ def test_the_viewer_says_it_goes_on_and_loses_nothing(tmp_path: Path) -> None:
     finally:
         app.close()
     assert len(load_clip_bvh(tmp_path / "kept.bvh")) == frames
-    assert np.ptp(read_bvh(tmp_path / "kept.bvh").positions[:, 0], axis=0).max() > 10.0  # cm: it walked on
+    assert np.ptp(read_bvh(tmp_path / "kept.bvh").positions[:, 0], axis=0).max() > 3.0  # cm: it walked on

@@ -40,7 +40,9 @@ def _process(rank: int, port: int, out) -> None:
     assert parallel.anyone(rank == 1)
     assert not parallel.anyone(False)
     torch.save(module.state_dict(), out / f"{rank}.pt")
+    parallel.wait()  # the first process serves the others: it must not go before they are done
     torch.distributed.destroy_process_group()
+    os._exit(0)  # gloo's threads now and then abort the process while the interpreter is taken down
 
 
 def test_two_processes_train_as_one_with_both_batches(tmp_path):

@@ -355,6 +355,7 @@ def test_the_viewer_says_it_goes_on_and_loses_nothing(tmp_path: Path) -> None:
             assert words in shown()
         assert app.state.terrain is terrain
         assert app.state.prompt.edit is style
+        play(30)
         app.takes.toggle_recording()
         app.takes.play(0)
         app.state.clips.export_path = str(tmp_path / "kept.bvh")
@@ -363,4 +364,4 @@ def test_the_viewer_says_it_goes_on_and_loses_nothing(tmp_path: Path) -> None:
     finally:
         app.close()
     assert len(load_clip_bvh(tmp_path / "kept.bvh")) == frames
-    assert np.ptp(read_bvh(tmp_path / "kept.bvh").positions[:, 0], axis=0).max() > 3.0  # cm: it walked on
+    assert np.ptp(read_bvh(tmp_path / "kept.bvh").positions[:, 0], axis=0).max() > 10.0  # cm: it walked on

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from gpt_endpoint import endpoint, expander_of, settings_of  # noqa: F401  (fixtures)
 
 
 @pytest.fixture

@@ -2,220 +2,48 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import json
 import logging
-import pickle
 import re
 import socket
-import sys
 import threading
 import time
 import traceback
 import types
 from email.utils import formatdate
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
 
 import numpy as np
 import pytest
-from walker import WalkerModel
+from gpt_endpoint import (
+    DRUNK,
+    FIVE,
+    KEY,
+    LONG,
+    PROSE,
+    PROUD,
+    STYLES,
+    Encoder,
+    Library,
+    fail,
+    flood,
+    hang_up,
+    late,
+    raw,
+    say,
+    trickle,
+    wait_for,
+)
 
-import runtime.generate as generate_module
-import runtime.model
-import runtime.prompts.content
-import runtime.prompts.gpt
-import sport
-from runtime.assets import asset_path
-from runtime.bvh import read_bvh
-from runtime.errors import FileError, PromptError, UsageError
+from runtime.errors import FileError, PromptError
 from runtime.prompts.expander import Expansion
 from runtime.prompts.fallback import FallbackExpander, open_expander
 from runtime.prompts.gpt import GptExpander
-from runtime.prompts.gpt_cache import AnswerCache, cache_directory
-from runtime.prompts.gpt_check import check_endpoint
 from runtime.prompts.gpt_client import PromptCancelledError, retry_after
 from runtime.prompts.gpt_prompt import LISTS, load_structured_prompt
-from runtime.prompts.gpt_settings import GptSettings, Secret, gpt_configured, has_credentials
-from runtime.prompts.library_data import load_styles
-from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.gpt_settings import GptSettings
 from runtime.prompts.service import PromptWorker
 from runtime.skeleton import PART_NAMES
-
-KEY = "test-0123456789-abcdef"
-STYLES = load_styles(asset_path("prompts/styles.json"))
-PROUD, DRUNK = STYLES["proud"].descriptions[1], STYLES["drunk"].descriptions[1]
-FIVE = {part: text for part, text in PROUD.to_mapping().items() if part != "head"}
-INSTRUCTIONS = load_structured_prompt()
-LONG = 60.0  # seconds that no test waits
-PROSE = "A proud person walks with the chest out and the arms swinging widely."
-
-
-# a server of our own
-
-
-def completion(content, **message):
-    """Body of a chat completion that says `content`."""
-    choice = {"index": 0, "message": {"role": "assistant", "content": content, **message}}
-    return json.dumps({"id": "1", "object": "chat.completion", "model": "m", "choices": [choice]})
-
-
-def say(content, **message):
-    return lambda handler: handler.reply(200, completion(content, **message))
-
-
-def fail(status, message="no", headers=(), code=None):
-    body = json.dumps({"error": {"message": message, "code": code}})
-    return lambda handler: handler.reply(status, body, dict(headers))
-
-
-def raw(text):
-    return lambda handler: handler.reply(200, text, {"Content-Type": "text/html"})
-
-
-def late(seconds):
-    """Answers well, but too late."""
-
-    def behave(handler):
-        handler.server.released.wait(seconds)
-        handler.reply(200, completion(PROUD.to_json()))
-
-    return behave
-
-
-def trickle(handler):
-    """Sends a byte now and then, for ever: no single wait is long."""
-    handler.start(200, {"Content-Length": "1000000"})
-    while not handler.server.released.wait(0.02):
-        handler.wfile.write(b" ")
-
-
-def flood(handler):
-    handler.start(200, {"Content-Length": str(1 << 40)})
-    while not handler.server.released.is_set():
-        handler.wfile.write(b" " * 100_000)
-
-
-def hang_up(handler):
-    handler.connection.shutdown(socket.SHUT_RDWR)
-
-
-class Handler(BaseHTTPRequestHandler):
-    protocol_version = "HTTP/1.1"
-
-    def do_POST(self):
-        body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-        script = self.server.script
-        with self.server.lock:
-            self.server.requests.append(
-                (time.monotonic(), self.path, {k.lower(): v for k, v in self.headers.items()}, body)
-            )
-            behave = script.pop(0) if len(script) > 1 else script[0]
-        try:
-            behave(self)
-        except OSError:  # the client went away, as it should
-            self.close_connection = True
-
-    def start(self, status, headers):
-        self.send_response(status)
-        for name, value in {"Content-Type": "application/json", **headers}.items():
-            self.send_header(name, value)
-        self.end_headers()
-
-    def reply(self, status, body, headers=None):
-        data = body.encode()
-        self.start(status, {"Content-Length": str(len(data)), **(headers or {})})
-        self.wfile.write(data)
-
-    def log_message(self, *_):
-        pass
-
-
-class Endpoint(ThreadingHTTPServer):
-    """Behaves as `script` says, one entry for each request, the last one for all further ones."""
-
-    daemon_threads = True
-    block_on_close = False
-
-    def __init__(self):
-        super().__init__(("127.0.0.1", 0), Handler)
-        self.lock, self.released = threading.Lock(), threading.Event()
-        self.script, self.requests = [say(PROUD.to_json())], []
-
-    def handle_error(self, request, client_address):
-        pass
-
-    @property
-    def url(self):
-        return f"http://127.0.0.1:{self.server_port}/v1"
-
-    @property
-    def bodies(self):
-        return [request[3] for request in self.requests]
-
-
-@pytest.fixture
-def endpoint(monkeypatch):
-    pytest.importorskip("openai")
-    monkeypatch.setattr(runtime.prompts.gpt, "load_structured_prompt", lambda: INSTRUCTIONS)
-    for name in ("HTTP_PROXY", "HTTPS_PROXY", "ALL_PROXY"):
-        monkeypatch.delenv(name, raising=False)
-        monkeypatch.delenv(name.lower(), raising=False)
-    server = Endpoint()
-    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True)
-    thread.start()
-    yield server
-    server.released.set()
-    server.shutdown()
-    server.server_close()
-
-
-@pytest.fixture
-def settings_of():
-    """Settings for a server: hardly a wait between questions, but time enough for answers on a busy machine."""
-
-    def make(server, **changes):
-        quick = {
-            "timeout_s": 20.0,
-            "deadline_s": 20.0,
-            "backoff_s": 0.02,
-            "longest_wait_s": 1.0,
-            "model": "m",
-        }
-        return GptSettings(Secret(KEY), server.url, **{**quick, **changes})
-
-    return make
-
-
-@pytest.fixture
-def expander_of(settings_of, tmp_path):
-    return lambda server, **changes: GptExpander(settings_of(server, **changes), tmp_path)
-
-
-class Library:
-    """Stands in for the library."""
-
-    def expand(self, prompt):
-        return Expansion(DRUNK, "library", (("drunk", 0.9),), "Near enough.")
-
-
-class Encoder:
-    """Stands in for the network that makes Z^t."""
-
-    def encode(self, descriptions):
-        return np.full((6, 64), len(descriptions.head), np.float32)
-
-
-def wait_for(worker, seconds=20.0):
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        result = worker.poll()
-        if result is not None and result.final:
-            return result
-        time.sleep(0.002)
-    raise AssertionError("no answer")
-
 
 # what is asked
 
@@ -593,217 +421,3 @@ def test_a_bad_prompt_is_the_users_mistake_not_the_models(endpoint, expander_of)
     with pytest.raises(PromptError, match="The prompt is empty"):
         FallbackExpander(expander_of(endpoint), Library()).expand("  ")
     assert not endpoint.requests
-
-
-# the cache
-
-
-def test_a_prompt_is_asked_once(endpoint, expander_of, tmp_path):
-    for _ in range(2):
-        assert expander_of(endpoint).expand("proud") == Expansion(PROUD, "gpt")
-    assert len(endpoint.requests) == 1
-    expander_of(endpoint, model="other").expand("proud")
-    expander_of(endpoint).expand("prouder")
-    assert len(endpoint.requests) == 3
-    stored = list((tmp_path / "gpt").iterdir())
-    assert len(stored) == 3
-    assert all(path.suffix == ".json" for path in stored)  # no temporary file stays
-    assert not any(KEY in path.read_text() for path in stored)
-
-
-@pytest.mark.parametrize(
-    "damage",
-    [b"", b"\xff\xfe", b"[1]", b'{"prompt": "proud"}', b"[" * 20_000, b" " * 60_000, json.dumps(
-        {"prompt": "drunk", "model": "m", "descriptions": DRUNK.to_mapping()}).encode(), json.dumps(
-        {"prompt": "proud", "model": "m", "descriptions": FIVE}).encode()],
-)  # fmt: skip
-def test_a_damaged_entry_is_ignored_and_replaced(tmp_path, caplog, damage):
-    cache = AnswerCache(tmp_path, "m", "http://x/v1", "1")
-    cache.put("proud", PROUD)
-    (path,) = (tmp_path / "gpt").iterdir()
-    path.write_bytes(damage)
-    assert cache.get("proud") is None
-    assert path.name in caplog.text
-    cache.put("proud", PROUD)
-    assert cache.get("proud") == PROUD
-
-
-def test_entries_belong_to_model_endpoint_and_instructions(tmp_path):
-    cache = AnswerCache(tmp_path, "m", "http://x/v1", "1")
-    cache.put("proud", PROUD)
-    for change in ({"model": "n"}, {"base_url": "http://y/v1"}, {"version": "2"}):
-        assert dataclasses.replace(cache, **change).get("proud") is None
-    assert cache.get("proud") == PROUD
-
-
-def test_a_cache_that_cannot_be_written_costs_a_log_line(endpoint, settings_of, tmp_path, caplog):
-    blocked = tmp_path / "file"
-    blocked.write_text("")
-    assert GptExpander(settings_of(endpoint), blocked).expand("proud").descriptions == PROUD
-    assert "not cached" in caplog.text
-
-
-def test_where_the_cache_lies():
-    assert cache_directory({"SPORT_CACHE_DIR": "/a", "XDG_CACHE_HOME": "/b"}) == Path("/a")
-    assert cache_directory({"XDG_CACHE_HOME": "/b"}) == Path("/b/sport-viewer")
-    assert cache_directory({}) == Path.home() / ".cache" / "sport-viewer"
-
-
-# settings
-
-
-def test_settings_come_from_the_environment():
-    settings = GptSettings.from_environment(
-        {"OPENAI_API_KEY": f" {KEY}\n", "SPORT_GPT_MODEL": "llama3", "SPORT_GPT_TIMEOUT": "40"}
-    )
-    assert settings.api_key == Secret(KEY)
-    assert (settings.host, settings.model, settings.timeout_s) == ("api.openai.com", "llama3", 40.0)
-    assert settings.deadline_s >= 40.0
-    local = GptSettings.from_environment({"OPENAI_BASE_URL": "http://localhost:11434/v1"})
-    assert (local.host, bool(local.api_key)) == ("localhost:11434", False)
-    assert not gpt_configured({"OPENAI_API_KEY": " "})
-
-
-def test_what_a_person_chose_goes_before_the_environment():
-    env = {"OPENAI_API_KEY": KEY, "SPORT_GPT_MODEL": "llama3"}
-    assert GptSettings.chosen(environment=env).api_key == Secret(KEY)
-    mine = GptSettings.chosen("http://localhost:1/v1", "m", 7.0, "own", env)
-    assert (mine.host, mine.model, mine.timeout_s, mine.api_key) == ("localhost:1", "m", 7.0, Secret("own"))
-    # the environment's key is for the environment's address
-    assert not GptSettings.chosen("http://localhost:1/v1", environment=env).api_key
-    assert GptSettings.chosen("https://api.openai.com/v1/", environment=env).api_key == Secret(KEY)
-    with pytest.raises(UsageError, match="neither a key nor"):
-        GptSettings.chosen(environment={})
-
-
-def test_an_address_with_credentials_is_known():
-    assert has_credentials("https://user:pw@x.com/v1")
-    assert has_credentials("https://x.com/v1?key=1")
-    assert not has_credentials("http://localhost:11434/v1")
-
-
-def test_a_check_asks_once_and_says_who_answered(endpoint, settings_of):
-    for _ in range(2):  # the second is no look-up
-        said = check_endpoint(settings_of(endpoint), threading.Event())
-        assert f"m at 127.0.0.1:{endpoint.server_port} answered in" in said
-    assert len(endpoint.requests) == 2
-    endpoint.script = [fail(401, f"Incorrect API key provided: {KEY}")]
-    with pytest.raises(PromptError, match="refuses the key") as error:
-        check_endpoint(settings_of(endpoint), threading.Event())
-    assert KEY not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("environment", "named"),
-    [({}, "OPENAI_API_KEY"), ({"OPENAI_API_KEY": "ключ-секрет"}, "OPENAI_API_KEY"),
-     ({"OPENAI_API_KEY": "sk-a b"}, "OPENAI_API_KEY"), ({"OPENAI_BASE_URL": "localhost:1"}, "OPENAI_BASE_URL"),
-     ({"OPENAI_BASE_URL": "http://user:pw@x:port/"}, "OPENAI_BASE_URL"), ({"OPENAI_BASE_URL": "http://["}, "OPENAI_BASE_URL"),
-     ({"OPENAI_API_KEY": KEY, "SPORT_GPT_MODEL": "a\nb"}, "SPORT_GPT_MODEL"),
-     ({"OPENAI_API_KEY": KEY, "SPORT_GPT_TIMEOUT": "fast"}, "SPORT_GPT_TIMEOUT"),
-     ({"OPENAI_API_KEY": KEY, "SPORT_GPT_TIMEOUT": "nan"}, "SPORT_GPT_TIMEOUT")],
-)  # fmt: skip
-def test_settings_that_cannot_be_used_are_named_without_the_secret(environment, named):
-    with pytest.raises(UsageError, match=named) as error:
-        GptSettings.from_environment(environment)
-    for secret in (KEY, "секрет", "sk-a", "pw"):
-        assert secret not in str(error.value)
-
-
-def test_wrong_settings_leave_the_library(monkeypatch, tmp_path):
-    monkeypatch.setenv("OPENAI_BASE_URL", "nonsense")
-    gpt = GptExpander(cache=tmp_path)
-    gpt.prepare()  # while the program starts: nothing to say yet
-    expansion = FallbackExpander(gpt, Library()).expand("proud")
-    assert expansion.source == "library"
-    assert "OPENAI_BASE_URL" in expansion.note
-
-
-def test_the_key_is_neither_shown_nor_written(settings_of, endpoint):
-    settings = settings_of(endpoint)
-    assert KEY not in repr(settings) + str(settings.api_key)
-    for write in (pickle.dumps, copy.deepcopy, dataclasses.asdict, lambda s: json.dumps(vars(s))):
-        with pytest.raises(TypeError):
-            write(settings)
-
-
-def test_without_the_package_the_remedy_is_told(monkeypatch, tmp_path):
-    monkeypatch.setitem(sys.modules, "openai", None)
-    with pytest.raises(PromptError, match=r"openai.*not installed") as error:
-        GptExpander(GptSettings(Secret(KEY)), tmp_path).expand("proud")
-    assert "pip install 'sport-viewer[gpt]'" in error.value.remedy
-
-
-# the command
-
-
-@pytest.fixture
-def walker(monkeypatch, tmp_path):
-    """`sport generate` with a synthetic walker, and the words that its prompt encoder was given."""
-    seen = []
-
-    class Encoding(Encoder):
-        def __init__(self, *_):
-            pass
-
-        def encode(self, descriptions):
-            seen.append(descriptions)
-            return super().encode(descriptions) / 200.0
-
-    model = WalkerModel()
-    model.prompt_path = tmp_path / "none.onnx"
-    monkeypatch.setattr(runtime.model, "load_model", lambda folder=None, threads=1: model)
-    monkeypatch.setattr(runtime.prompts.content, "PromptEncoder", Encoding)
-    monkeypatch.setenv("SPORT_CACHE_DIR", str(tmp_path / "cache"))
-    for name in ("OPENAI_API_KEY", "OPENAI_BASE_URL", "SPORT_GPT_MODEL"):
-        monkeypatch.delenv(name, raising=False)
-    return seen
-
-
-def test_generate_from_six_descriptions(walker, tmp_path, capsys):
-    parts, out = tmp_path / "parts.json", tmp_path / "clip.bvh"
-    parts.write_text(PROUD.to_json(), encoding="utf-8-sig")
-    assert sport.main(["generate", "--parts", str(parts), "--seconds", "0.5", "--out", str(out)]) == 0
-    assert walker == [PROUD]
-    assert len(read_bvh(out).positions) == 30
-
-
-@pytest.mark.parametrize(
-    ("content", "problem"),
-    [(None, "No such file"), (b"\xff\xff", "UTF-8"), (json.dumps(FIVE).encode(), "head"), (b"prose", "not JSON"),
-     (b"[1]", "object"), (b" " * 200_000, "larger")],
-)  # fmt: skip
-def test_a_parts_file_that_cannot_be_used_is_named(walker, tmp_path, capsys, content, problem):
-    parts, out = tmp_path / "parts.json", tmp_path / "clip.bvh"
-    if content is not None:
-        parts.write_bytes(content)
-    assert sport.main(["generate", "--parts", str(parts), "--out", str(out)]) == 2
-    error = capsys.readouterr().err
-    assert "parts.json" in error
-    assert problem in error
-    assert not out.exists()
-
-
-def test_generate_asks_the_language_model_when_told(walker, endpoint, monkeypatch, tmp_path):
-    monkeypatch.setenv("OPENAI_BASE_URL", endpoint.url)
-    out = tmp_path / "clip.bvh"
-    arguments = ["generate", "--prompt", "proud", "--expander", "gpt", "--seconds", "0.5", "--out", str(out)]
-    assert sport.main(arguments) == 0
-    assert walker == [PROUD]
-    assert endpoint.bodies[0]["model"] == "gpt-4o-mini"
-
-
-def test_generate_does_not_quietly_use_another_expander(walker, tmp_path, capsys):
-    out = tmp_path / "clip.bvh"
-    assert sport.main(["generate", "--prompt", "proud", "--expander", "gpt", "--out", str(out)]) == 2
-    assert "OPENAI_API_KEY" in capsys.readouterr().err
-    assert not out.exists()
-    with pytest.raises(UsageError, match="oracle"):
-        generate_module.open_prompter(WalkerModel(), "oracle")
-
-
-def test_generate_tells_what_the_library_remarks(walker, tmp_path, capsys):
-    out = tmp_path / "clip.bvh"
-    prompt = "tax return of the third quarter"
-    assert sport.main(["generate", "--prompt", prompt, "--seconds", "0.5", "--out", str(out)]) == 0
-    assert "neutral" in capsys.readouterr().err
-    assert isinstance(walker[0], PartDescriptions)

@@ -51,10 +51,28 @@ def test_compare_uses_equal_numbers_of_windows():
     rng = np.random.default_rng(0)
     captured, units = rng.normal(size=(400, 5)), np.repeat(np.arange(20), 20)
     same = compare(rng.normal(size=(4000, 5)), captured, units)
-    assert same.windows == 200
-    assert same.ratio == pytest.approx(1.0, abs=0.5)
-    assert compare(rng.normal(size=(4000, 5)) + 1.0, captured, units).ratio > 10.0
-    assert compare(captured, captured, np.zeros(400, int)).windows == 0  # one half has no other
+    assert (same.within.windows, same.takes.windows) == (200, 200)
+    assert same.within.ratio == pytest.approx(1.0, abs=0.5)
+    assert same.takes.ratio == pytest.approx(1.0, abs=0.5)
+    other = compare(rng.normal(size=(4000, 5)) + 1.0, captured, units)
+    assert min(other.within.ratio, other.takes.ratio) > 10.0
+    lone = compare(captured, captured, np.zeros(400, int))
+    assert (lone.within.windows, lone.takes.windows) == (0, 0)  # one half has no other
+
+
+def test_pairs_of_takes_are_parted():
+    """Takes that are alike in pairs give alike sides, whatever the pairs differ by; takes of a pair that differ do not."""
+    units = np.repeat(np.arange(40), 20)
+    noise = np.random.default_rng(0).normal(size=(800, 2))
+    pairs = noise + 10.0 * (units[:, None] // 4)
+    assert compare(pairs, pairs, units).takes.reference < 3.0
+    takes = noise + 10.0 * (units[:, None] // 2 % 2) * np.array([1.0, 0.0])
+    found = compare(takes, takes, units)
+    assert found.within.reference < 0.5
+    assert 1.0 < found.takes.reference < 110.0
+    two = compare(takes[:80], takes[:80], units[:80])
+    assert two.takes.reference == pytest.approx(100.0, rel=0.2)
+    assert two.takes.windows == 40
 
 
 def test_halves_of_one_take_lie_on_different_sides():
@@ -62,10 +80,10 @@ def test_halves_of_one_take_lie_on_different_sides():
     units = np.repeat(np.arange(40), 20)
     noise = np.random.default_rng(0).normal(size=(800, 2))
     by_take = noise + 10.0 * (units[:, None] // 2 % 2)
-    assert compare(by_take, by_take, units).reference < 0.5
+    assert compare(by_take, by_take, units).within.reference < 0.5
     single = np.repeat([0, 1], 400)
     by_half = noise + 10.0 * single[:, None]
-    assert compare(by_half, by_half, single).reference == pytest.approx(200.0, rel=0.1)
+    assert compare(by_half, by_half, single).within.reference == pytest.approx(200.0, rel=0.1)
 
 
 def test_windows_over_the_middle_of_a_take_are_left_out():
@@ -73,12 +91,12 @@ def test_windows_over_the_middle_of_a_take_are_left_out():
     unit = halves(3, 300, starts)
     assert starts[unit == 6].max() + 79 <= 150
     assert starts[unit == 7].min() == 150
-    assert (unit == -1).sum() == (starts > 71).sum() - (starts >= 150).sum()
+    assert (unit == -4).sum() == (starts > 71).sum() - (starts >= 150).sum()
     assert set(halves(3, 157, window_starts(157, 10))) == {6}  # too short for two windows
     captured = np.zeros((40, 2))
     captured[20:] = 100.0
     units = np.repeat([0, 1, -1], [10, 10, 20])
-    assert compare(captured[:20], captured, units).distance == 0.0
+    assert compare(captured[:20], captured, units).within.distance == 0.0
 
 
 def test_projection_keeps_what_varies_and_ignores_what_does_not():
@@ -197,7 +215,7 @@ def test_windows_cover_forty_samples_of_every_second_frame():
 def test_joined_sets_keep_their_takes_apart():
     rows = np.zeros((3, 1))
     sets = [WindowSet(rows, rows, rows[:0], np.array(u)) for u in ([0, 1, -1], [0, 0, 1])]
-    assert joined(sets).unit.tolist() == [0, 1, -1, 2, 2, 3]
+    assert joined(sets).unit.tolist() == [0, 1, -1, 4, 4, 5]  # take 0, and take 2: the first of the next pair
 
 
 def glide(frames=120):

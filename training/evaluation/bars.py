@@ -6,9 +6,13 @@ from dataclasses import dataclass
 from math import isnan
 from typing import Any
 
+from training.evaluation.capture import TERRAIN_GROUP
+from training.evaluation.motion import GESTURES
+
 NORMAL_STYLES = ("neutral", "neutral_bn", "neutral_bn2")
 MAX_NORMAL_SKATING_CM = 0.05
 ROUGH_SHARE = 1.5
+HALVES_SHARE = 2.0
 RECOGNITION_SHARE = 0.8
 MEASURES = {
     "toes": "the paper's formula",
@@ -33,7 +37,7 @@ class Bar:
 
 def check(model: dict[str, Any], held_out: dict[str, Any]) -> list[Bar]:
     """All bars of one model's scores."""
-    bars = []
+    bars = _distance_bars(model["following"])
     for measure, words in MEASURES.items():
         flat, normal, rough = _skating_cases(model["courses"], measure)
         bars += [
@@ -54,6 +58,30 @@ def check(model: dict[str, Any], held_out: dict[str, Any]) -> list[Bar]:
     same = model["diversity"]["temperature_0"]["pose"]
     bars.append(_bar("temperature 0 is deterministic", [("diversity", same, 0.0)]))
     return bars
+
+
+def _distance_bars(following: dict[str, Any]) -> list[Bar]:
+    """The distances of all walking and running styles together, then one by one."""
+    bars = []
+    for name, overall in following["fmd"].items():
+        moving = {k: v["fmd"][name] for k, v in following["styles"].items() if _walks(k)}
+        for words, of in (
+            ("whole takes", lambda found: found["takes"]),
+            ("the same takes, cut in two", lambda found: found),
+        ):
+            bar = f"{name} distance: at most twice that of two halves of the capture, {words}"
+            bars.append(_bar(f"{bar}: all styles together", [_case("all", of(overall))]))
+            cases = [_case(style, of(found)) for style, found in moving.items()]
+            bars.append(_bar(f"{bar}: one by one", [c for c in cases if not isnan(c[1])]))
+    return bars
+
+
+def _walks(group: str) -> bool:
+    return group != TERRAIN_GROUP and not group.startswith(GESTURES)
+
+
+def _case(name: str, found: dict[str, Any]) -> tuple[str, float, float]:
+    return name, found["distance"], HALVES_SHARE * found["reference"]
 
 
 def _skating_cases(courses: dict[str, Any], measure: str) -> tuple[list, list, list]:

@@ -56,7 +56,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def table(results: dict[str, dict[str, Any]]) -> str:
-    """Markdown: overall distance, its ratio to that of two halves of the capture, and recognition."""
+    """Markdown: overall distance, its ratio to two halves of the capture (whole takes, cut takes), and recognition."""
     sets = sorted({name for r in results.values() for name in r["fmd"]})
     head = ["model", *(f"FMD, {n} (halves)" for n in sets), "styles recognised, mean"]
     lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
@@ -64,7 +64,7 @@ def table(results: dict[str, dict[str, Any]]) -> str:
         cells = [label]
         for name in sets:
             found = result["fmd"][name]
-            cells.append(f"{found['distance']:.2f} ({found['reference']:.2f})")
+            cells.append(f"{found['distance']:.2f} ({found['takes']['ratio']:.1f} x, {found['ratio']:.1f} x)")
         score = result["recognition"]["score"]
         cells.append(f"{100 * sum(score.values()) / max(1, len(score)):.0f} %")
         lines.append("| " + " | ".join(cells) + " |")

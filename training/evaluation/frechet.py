@@ -55,11 +55,11 @@ class Projection:
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """Generated against captured windows, and captured against captured, at the same number of windows a side."""
+class Halves:
+    """Generated against captured windows, and one half of the capture against the other, at the same number of windows."""
 
     distance: float
-    reference: float  # between two random halves of the capture
+    reference: float  # between the two halves
     windows: int  # a side
 
     @property
@@ -68,30 +68,65 @@ class Comparison:
         return self.distance / self.reference if self.reference > 0 else float("nan")
 
 
+@dataclass(frozen=True)
+class Comparison:
+    """Two ways of cutting the capture into halves."""
+
+    takes: Halves  # every take whole on one side or the other: what another performance of the same style is worth
+    within: Halves  # every take cut in the middle: the same performance, a few seconds apart
+
+
 def compare(
     generated: Array, captured: Array, units: Sequence[int] | NDArray[np.integer], seed: int = 0
 ) -> Comparison:
-    """Compare rows `(N, k)` with rows `(M, k)`.
+    """Compare rows `(N, k)` with rows `(M, k)`, as means over `SEEDS` random cuts of the capture into two halves.
 
-    `units` `(M,)` are 2 s in the first and 2 s + 1 in the second half of take s, and -1 in windows that reach over its
-    middle, which are left out. Every draw gives one half of every take, at random, to one side and the other to the
-    other: both sides hold the same mix of motions, and no frame twice. The reference is the distance between n windows of
-    either side; the distance that of n generated windows to n captured ones. Both are means over `SEEDS` draws.
+    `units` `(M,)` are 2 s in the first and 2 s + 1 in the second half of take s, and -1 - s in windows that reach over its
+    middle, which are left out where takes are cut. Takes 2 p and 2 p + 1 are much alike (neighbours in speed): of such a
+    pair one goes to either side, so that both sides hold the same mix of gaits. No frame is on both sides. The
+    reference is the distance between n windows of either side; the distance that of n generated windows to n captured
+    ones of both sides.
     """
     rng = np.random.default_rng(seed)
     unit = np.asarray(units)
-    takes, half = unit // 2, unit % 2
-    distances, references, sizes = [], [], []
+    take = np.where(unit >= 0, unit // 2, -1 - unit)
+    count = int(take.max(initial=0)) + 1
+    by_take, by_half = [], []
     for _ in range(SEEDS):
-        flip = rng.integers(0, 2, int(takes.max(initial=0)) + 1)
-        first_side = half == flip[takes]
-        sides = [np.flatnonzero((unit >= 0) & own) for own in (first_side, ~first_side)]
-        n = min(*(len(side) for side in sides), len(generated), MAX_WINDOWS)
-        if n < 2:
-            return Comparison(float("nan"), float("nan"), 0)
-        first, second = (captured[rng.permutation(side)[:n]] for side in sides)
-        drawn = generated[rng.permutation(len(generated))[:n]]
-        references.append(frechet_distance(first, second))
-        distances.append(frechet_distance(drawn, captured[rng.permutation(np.concatenate(sides))[:n]]))
-        sizes.append(n)
-    return Comparison(float(np.mean(distances)), float(np.mean(references)), int(np.min(sizes)))
+        coin = rng.integers(0, 2, count // 2 + 1)
+        first_side = take % 2 == coin[take // 2]
+        by_take.append(_draw(generated, captured, first_side, ~first_side, rng))
+        whole, flip = unit >= 0, rng.integers(0, 2, count)
+        first_side = unit % 2 == flip[take]
+        by_half.append(_draw(generated, captured, whole & first_side, whole & ~first_side, rng))
+    return Comparison(_mean(by_take), _mean(by_half))
+
+
+def _draw(
+    generated: Array,
+    captured: Array,
+    first: NDArray[np.bool_],
+    second: NDArray[np.bool_],
+    rng: np.random.Generator,
+) -> Halves | None:
+    """One cut, with the smaller side's number of windows; None where a side has less than two."""
+    sides = np.flatnonzero(first), np.flatnonzero(second)
+    n = min(*(len(side) for side in sides), len(generated), MAX_WINDOWS)
+    if n < 2:
+        return None
+    own, other = (captured[rng.permutation(side)[:n]] for side in sides)
+    both = captured[rng.permutation(np.concatenate(sides))[:n]]
+    drawn = generated[rng.permutation(len(generated))[:n]]
+    return Halves(frechet_distance(drawn, both), frechet_distance(own, other), n)
+
+
+def _mean(cuts: Sequence[Halves | None]) -> Halves:
+    """Of the cuts that gave two sides."""
+    found = [c for c in cuts if c is not None]
+    if not found:
+        return Halves(float("nan"), float("nan"), 0)
+    return Halves(
+        float(np.mean([c.distance for c in found])),
+        float(np.mean([c.reference for c in found])),
+        min(c.windows for c in found),
+    )

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from runtime.assets import asset_path
 from runtime.errors import FileError
+from runtime.features import FPS
 from runtime.motion_encoder import MotionEncoder
 from runtime.prompts.parts import PartDescriptions
 from training.evaluation.capture import (
@@ -113,7 +114,9 @@ def make_plan(
     for number, group in enumerate(groups):
         report(f"capture {number + 1}/{len(groups)}: {group}")
         segments[group] = driving_segments(capture, group, options.follow_seconds, options.seed)
-        reference[group] = window_set((s.load() for s in segments[group]), encoder)
+        # neighbours in speed are a pair of takes (`frechet.compare`)
+        takes = sorted((s.load() for s in segments[group]), key=lambda motion: mean_speed(motion.positions))
+        reference[group] = window_set(takes, encoder)
         parts = _parts(capture, group, False, TRAINING_SECONDS, options.seed)
         windows = window_set((s.load() for s in parts), encoder, hop=TRAINING_HOP)
         training.append(windows)
@@ -125,6 +128,12 @@ def make_plan(
     report(f"classifier: {len(known)} windows")
     classifier = StyleClassifier(windows.for_classifier[known], [labels[int(i)] for i in known], options.seed)
     return Plan(options, capture, texts, encoder, segments, reference, windows, labels, held_out, classifier)
+
+
+def mean_speed(positions: Array) -> float:
+    """Mean speed in m/s of the root of world joints `(T, 31, 3)`, without the sway of single steps."""
+    half, xz = FPS // 2, positions[:, 0, ::2].astype(np.float64)
+    return float(np.linalg.norm(xz[half:] - xz[:-half], axis=-1).mean() * FPS / half)
 
 
 def _parts(capture: Capture, group: str, held_out: bool, seconds: float, seed: int) -> list[Segment]:

@@ -105,7 +105,7 @@ def _model_row(model: dict[str, Any], sets: Sequence[str]) -> list[str]:
     transitions = model["transitions"]
     return [
         f"{model['name']} ({model['decoder']})",
-        *(f"{following['fmd'][n]['distance']:.2f} ({following['fmd'][n]['ratio']:.1f} x)" for n in sets),
+        *(_distance(following["fmd"][n]) for n in sets),
         _pair([_mean([c["flat"]["before"][m] for c in courses]) for m in SKATING]),
         _pair([_mean([c["flat"]["after"][m] for c in courses]) for m in SKATING]),
         f"{diversity['temperature_1']['pose']:.3f} / {diversity['temperature_0']['pose']:.3f}",
@@ -153,11 +153,8 @@ def _styles(model: dict[str, Any], results: dict[str, Any]) -> list[str]:
         rows.append(
             [
                 style,
-                *(
-                    f"{_number(fmd[n]['distance'], 2)} / {_number(fmd[n]['reference'], 2)} ({_number(fmd[n]['ratio'], 1)} x)"
-                    for n in sets
-                ),
-                str(fmd[sets[0]]["windows"]),
+                *(_distance(fmd[n]) for n in sets),
+                f"{fmd[sets[0]]['takes']['windows']} / {fmd[sets[0]]['windows']}",
                 "–"
                 if score is None
                 else f"{score:.2f} / {target['score'][style]:.2f}"
@@ -166,8 +163,14 @@ def _styles(model: dict[str, Any], results: dict[str, Any]) -> list[str]:
                 f"{found['path_error_m']:.2f}",
             ]
         )
-    head = ["style", *(f"FMD {n}: own / halves" for n in sets), "windows", "recognised: own / held out"]
+    head = ["style", *(f"FMD {n}" for n in sets), "windows", "recognised: own / held out"]
     return _table([*head, "speed", "path error (m)"], rows)
+
+
+def _distance(found: dict[str, Any]) -> str:
+    """The distance, and in brackets what it is of that between two halves: of whole takes, and of takes cut in two."""
+    ratios = f"{_number(found['takes']['ratio'], 1)} x, {_number(found['ratio'], 1)} x"
+    return f"{_number(found['takes']['distance'], 1)} ({ratios})"
 
 
 def _taken(style: str, score: float, taken_for: str) -> str:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.features import FPS
 from runtime.terrain import Terrain
 from training.evaluation.capture import TERRAIN_GROUP, Segment
 from training.evaluation.courses import run_course
@@ -17,7 +16,7 @@ from training.evaluation.driving import flat_ground, follow
 from training.evaluation.foot_skating import GAITS, Skating, foot_skating
 from training.evaluation.frechet import Comparison, compare
 from training.evaluation.motion import Motion
-from training.evaluation.plan import OVERALL_COMPONENTS, STYLE_COMPONENTS, Plan, captured_skating
+from training.evaluation.plan import OVERALL_COMPONENTS, STYLE_COMPONENTS, Plan, captured_skating, mean_speed
 from training.evaluation.recognition import recognition
 from training.evaluation.subject import Subject
 from training.evaluation.window_sets import WindowSet, joined, window_set
@@ -46,9 +45,8 @@ def follow_group(plan: Plan, subject: Subject, group: str) -> Followed:
     def take(segment: Segment, number: int) -> Motion:
         clip = segment.load()
         made = follow(subject.model, clip, subject.style(style, number), plan.options.seed + number)
-        a, b = clip.positions[:, 0, ::2].astype(np.float64), made.positions[:, 0, ::2].astype(np.float64)
-        errors.append(np.linalg.norm(a - b, axis=-1))
-        ways.append([len(a) * _speed(a), len(b) * _speed(b)])
+        errors.append(np.linalg.norm(clip.positions[:, 0, ::2] - made.positions[:, 0, ::2], axis=-1))
+        ways.append([len(m) * mean_speed(m.positions) for m in (clip, made)])
         for name, gait in GAITS.items():
             skating[name] += foot_skating(made.positions, made.terrain, made.gait == gait)
         return made
@@ -70,12 +68,6 @@ def follow_group(plan: Plan, subject: Subject, group: str) -> Followed:
     return Followed(
         windows, recognised, float(np.concatenate(errors).mean()), float(way[1] / max(way[0], 1e-6)), skating
     )
-
-
-def _speed(xz: Array) -> float:
-    """Mean speed in m/s of a root path `(T, 2)`, without the sway of single steps."""
-    half = FPS // 2
-    return float(np.linalg.norm(xz[half:] - xz[:-half], axis=-1).mean() * FPS / half)
 
 
 def score_following(plan: Plan, subject: Subject, report: Report) -> dict[str, Any]:
@@ -104,14 +96,14 @@ def score_following(plan: Plan, subject: Subject, report: Report) -> dict[str, A
     }
 
 
-def style_distance(plan: Plan, name: str, group: str, windows: WindowSet) -> dict[str, float]:
+def style_distance(plan: Plan, name: str, group: str, windows: WindowSet) -> dict[str, Any]:
     """Frechet distance of a group's windows to the captured ones, beside the capture's own."""
     project = plan.projection(name, STYLE_COMPONENTS)
     reference = plan.reference[group]
     return _comparison(compare(project(windows.of(name)), project(reference.of(name)), reference.unit))
 
 
-def overall_distance(plan: Plan, name: str, windows: dict[str, WindowSet]) -> dict[str, float]:
+def overall_distance(plan: Plan, name: str, windows: dict[str, WindowSet]) -> dict[str, Any]:
     """Frechet distance of all styles' windows together."""
     project = plan.projection(name, OVERALL_COMPONENTS)
     reference = joined([plan.reference[group] for group in windows])
@@ -119,8 +111,14 @@ def overall_distance(plan: Plan, name: str, windows: dict[str, WindowSet]) -> di
     return _comparison(compare(project(made.of(name)), project(reference.of(name)), reference.unit))
 
 
-def _comparison(c: Comparison) -> dict[str, float]:
-    return {"distance": c.distance, "reference": c.reference, "ratio": c.ratio, "windows": c.windows}
+def _comparison(c: Comparison) -> dict[str, Any]:
+    return {
+        "distance": c.within.distance,
+        "reference": c.within.reference,
+        "ratio": c.within.ratio,
+        "windows": c.within.windows,
+        "takes": asdict(c.takes) | {"ratio": c.takes.ratio},
+    }
 
 
 def score_courses(plan: Plan, subject: Subject, rough: Terrain, report: Report) -> dict[str, Any]:
@@ -153,6 +151,6 @@ def _course(
         "after": after.as_dict(),
         "path_error_m": float(run.path_error.mean()),
         "path_error_p95_m": float(np.percentile(run.path_error, 95)),
-        "speed_m_s": _speed(run.motion.positions[:, 0, ::2].astype(np.float64)),
+        "speed_m_s": mean_speed(run.motion.positions),
         "asked_m_s": float(run.asked_speed.mean()),
     }

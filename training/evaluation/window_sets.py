@@ -63,21 +63,26 @@ def window_set(motions: Iterable[Motion], encoder: MotionEncoder | None, hop: in
 
 
 def halves(number: int, frames: int, starts: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Units of the windows of motion `number`: a half holds whole windows only; a short motion has but one half."""
+    """Units of the windows of motion `number` (see `frechet.compare`): a half holds whole windows only; a short motion has
+    but one half.
+    """
     middle = frames // 2
     if middle < WINDOW_FRAMES:
         return np.full(len(starts), 2 * number)
     second, first = starts >= middle, starts + WINDOW_FRAMES <= middle
-    return np.where(second, 2 * number + 1, np.where(first, 2 * number, -1))
+    return np.where(second, 2 * number + 1, np.where(first, 2 * number, -1 - number))
 
 
 def joined(sets: Iterable[WindowSet]) -> WindowSet:
-    """All windows of several sets; their units stay apart."""
+    """All windows of several sets; their takes stay apart, and so do their pairs of takes."""
     listed = list(sets)
-    offset = np.cumsum([0] + [2 * (int(s.unit.max()) // 2 + 1) if len(s) else 0 for s in listed])
+    pairs = [(int(max(s.unit.max() // 2, -1 - s.unit.min())) // 2 + 1) if len(s) else 0 for s in listed]
+    offset = 2 * np.cumsum([0, *pairs])  # in takes
     return WindowSet(
         np.concatenate([s.kinematic for s in listed]),
         np.concatenate([s.temporal for s in listed]),
         np.concatenate([s.encoder for s in listed]),
-        np.concatenate([np.where(s.unit < 0, -1, s.unit + o) for s, o in zip(listed, offset, strict=False)]),
+        np.concatenate(
+            [np.where(s.unit < 0, s.unit - o, s.unit + 2 * o) for s, o in zip(listed, offset, strict=False)]
+        ),
     )

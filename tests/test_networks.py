@@ -8,8 +8,8 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from runtime.skeleton import PART_JOINTS, SPORT_SKELETON  # noqa: E402
-from training.networks.content import ContentEncoder  # noqa: E402
+from runtime.skeleton import PART_JOINTS, PART_NAMES, SPORT_SKELETON  # noqa: E402
+from training.networks.content import ContentEncoder, StatisticsReader, pose_statistics  # noqa: E402
 from training.networks.decoder import MixtureDecoder, blend_codes  # noqa: E402
 from training.networks.generator import Generator  # noqa: E402
 from training.networks.modulator import instance_norm  # noqa: E402
@@ -132,6 +132,39 @@ def test_motion_parts_do_not_see_other_parts():
     difference = (content.motion(joints, root).mean - content.motion(changed, root).mean).abs().amax(-1)[0]
     assert difference[1] > 0
     assert (difference[[0, 2, 3, 4, 5]] < 1e-6).all()
+
+
+def test_pose_statistics_tell_where_a_part_is_held_and_how_far_it_swings():
+    torch.manual_seed(8)
+    still = torch.randn(1, 1, 31, 9).expand(-1, 40, -1, -1)
+    swinging = still.clone()
+    swinging[:, :, SPORT_SKELETON.index("Head"), 1] += torch.sin(torch.arange(40.0) * 2 * torch.pi / 40)
+    own, other = pose_statistics(still), pose_statistics(swinging)
+    assert [p.shape[1] for p in own] == [18 * len(PART_JOINTS[name]) for name in PART_NAMES]
+    head = PART_NAMES.index("head")
+    changes = [(b - a).abs() for a, b in zip(own, other, strict=True)]
+    assert [bool((c > 1e-3).any()) for c in changes] == [name == "head" for name in PART_NAMES]
+    assert changes[head].max() == pytest.approx(0.5**0.5, rel=0.02)  # the deviation of a sine of height 1
+    assert (changes[head] > 1e-3).sum() == 1
+
+
+def test_pose_statistics_are_read_part_by_part_and_standardised():
+    torch.manual_seed(9)
+    reader = StatisticsReader()
+    windows = 3.0 * torch.randn(64, 40, 31, 9) + torch.randn(64, 1, 31, 9)
+    reader.measure(windows)
+    values = torch.cat(reader.standardised(windows), 1)
+    assert values.mean(0).abs().max() < 1e-4
+    assert (values.std(0) - 1).abs().max() < 1e-3
+    z = torch.randn(2, 6, 64)
+    changed = z.clone()
+    changed[:, 3] += 1.0
+    differ = [bool((a != b).any()) for a, b in zip(reader(z), reader(changed), strict=True)]
+    assert differ == [False, False, False, True, False, False]
+
+
+def test_a_paper_content_encoder_reads_no_statistics():
+    assert ContentEncoder(preset("paper")).statistics is None
 
 
 def test_exported_graphs_agree_with_torch(tmp_path):

@@ -16,6 +16,7 @@ from runtime.errors import FileError, UsageError, run_command
 from training.session import load_checkpoint, save_checkpoint
 
 START = "start.pt"  # weights that stage 2 begins with in place of random ones
+CONTENT_START = "content_start.pt"  # the same for stage 1
 _FILES = {
     "phase": "phase_final.pt",
     "content": "content_final.pt",

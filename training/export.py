@@ -163,6 +163,7 @@ def _write_metadata(trained: Trained, folder: Path, errors: dict[str, float]) ->
             "name": trained.config.text_encoder,
             "dimensions": trained.config.text_size,
             "direction_words": trained.config.direction_words,
+            "one_sided": trained.config.one_sided_words,
         },
         "strength": {"default": 1.0, "neutral": trained.neutral.flatten().tolist()},
         "reverse_steps": [asdict(s) for s in trained.steps],

@@ -42,6 +42,11 @@ def stage1(
     return recon + weights[0] * contrast + weights[1] * divergence + weights[2] * embedding
 
 
+def statistics(target: list[Tensor], read: list[Tensor]) -> Tensor:
+    """Smooth L1 of pose statistics, every part counting alike."""
+    return torch.stack([smooth_l1_loss(r, t) for r, t in zip(read, target, strict=True)]).mean()
+
+
 def divergence(a: Gaussian, b: Gaussian | None) -> Tensor:
     """KL(a, b) of diagonal normals, mean over the batch; b None is the standard normal."""
     mean = torch.zeros_like(a.mean) if b is None else b.mean

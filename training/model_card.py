@@ -47,7 +47,12 @@ def model_card(metadata: dict[str, Any], curves: dict[str, str]) -> str:
         "## Training",
         f"Seed {notes['seed']}; steps of the stages: "
         + ", ".join(f"{k} {v}" for k, v in notes["steps"].items())
-        + ("." if "begun_from" not in notes else f". Stage 2 went on from {notes['begun_from']}."),
+        + "."
+        + "".join(
+            f" Stage {stage} went on from {notes[name]}."
+            for stage, name in ((1, "content_begun_from"), (2, "begun_from"))
+            if name in notes
+        ),
         *[f"- {stage}: {text}" for stage, text in curves.items()],
         f"- ONNX against torch, largest difference: {max(metadata['onnx_error'].values()):.1e}",
         "- Analytic-DPM variance per step of tau: "

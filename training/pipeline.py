@@ -17,7 +17,7 @@ from runtime.features import OUTPUT_SIZE
 from runtime.prompts.text_encoder import SHIPPED, TextEncoder
 from training import parallel, stage_content, stage_motion, stage_phase
 from training.batches import Frames, Normalisation
-from training.checkpoint import START
+from training.checkpoint import CONTENT_START, START
 from training.export import Trained, export_model
 from training.export_ablation import DECODERS
 from training.frames import FrameTable, load_frames, sampling_weights
@@ -68,7 +68,7 @@ def build_parser() -> argparse.ArgumentParser:
         help="of the export: mixture is stage 2 without diffusion, written to OUT/model-mixture",
     )
     parser.add_argument("--ablation", help=f"change the preset: {', '.join(ABLATIONS)}")
-    parser.add_argument("--layers", type=int, default=2600, help="layered clips to make (stage layer)")
+    parser.add_argument("--layers", type=int, default=3000, help="layered clips to make (stage layer)")
     parser.add_argument("--data", type=Path, help="folder with the motion data archives (for import)")
     parser.add_argument("--clips", type=Path, help="folder of imported clips (default: OUT/clips)")
     parser.add_argument(
@@ -143,9 +143,9 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
     table = _load(clips, args.limit)
     weights = sampling_weights(table)
     log.info("%d clips, %d frames, %d styles", len(table.styles), len(table), len(set(table.styles)))
-    texts = load_style_texts(
-        table, args.styles or asset_path("prompts/styles.json"), encoder, clips, config.direction_words
-    )
+    styles = args.styles or asset_path("prompts/styles.json")
+    words, side = config.direction_words, config.one_sided_words
+    texts = load_style_texts(table, styles, encoder, clips, words, side)
 
     phase = _phase(args, session, config, table, weights, "phase" in wanted)
     if wanted == {"phase"}:
@@ -297,7 +297,11 @@ def _notes(args: argparse.Namespace, table: FrameTable) -> dict[str, object]:
             if (args.out / f"{stage}.pt").exists()
         },
         "seed": args.seed,
-        **({"begun_from": "the weights of an earlier model"} if (args.out / START).exists() else {}),
+        **{
+            name: "the weights of an earlier model"
+            for name, file in (("begun_from", START), ("content_begun_from", CONTENT_START))
+            if (args.out / file).exists()
+        },
         "licence": "non-commercial: trained also on CC BY-NC and academic data"
         if set(table.sources) & {"bandai_namco", "pfnn", "pfnn_rollouts"}
         else "CC BY 4.0",

@@ -37,9 +37,14 @@ class ModelConfig:
     diffusion: bool = True  # False: the one-layer MoE decoder alone (w/o-Diffusion)
     content_encoder: bool = True  # False: raw text embeddings as Z^t
     part_contrast: bool = True  # False: stage 1 contrasts the whole body only
+    pose_statistics: bool = (
+        True  # stage 1 also reads each part's mean pose and its range off the codes (paper: no)
+    )
     text_encoder: str = "all-MiniLM-L6-v2"  # paper CLIP ViT-B/32, of 512
     text_size: int = 384  # numbers of a sentence embedding
     direction_words: bool = True  # also numbers for words such as left and right (paper: the embedding alone)
+    # every sentence is read as told of the left side, and mirrored back (paper: left and right are words like others)
+    one_sided_words: bool = True
     # Eq. 14 with the captured motion in place of E_d's own codes, and the denoiser's output added to these codes
     # (paper: the codes alone, which the denoiser learns from nothing)
     residual_diffusion: bool = True
@@ -47,7 +52,7 @@ class ModelConfig:
     @property
     def sentence_size(self) -> int:
         """Numbers that the content encoder reads of a sentence."""
-        return self.text_size + (len(GROUPS) if self.direction_words else 0)
+        return self.text_size + (len(GROUPS) if self.direction_words else 0) + self.one_sided_words
 
 
 _COMPACT = ModelConfig()
@@ -64,6 +69,8 @@ _PAPER = ModelConfig(
     content_layers=6,
     content_feedforward=1024,
     direction_words=False,
+    one_sided_words=False,
+    pose_statistics=False,
     residual_diffusion=False,
 )
 PRESETS: dict[str, ModelConfig] = {
@@ -91,10 +98,16 @@ ABLATIONS: dict[str, dict[str, Any]] = {
     "pae": {"part_aware_phase": False},
     "4-experts": {"experts": 4},
     "4-content-experts": {"content_experts": 4},
-    "no-content-encoder": {"content_encoder": False, "direction_words": False},
+    "no-content-encoder": {
+        "content_encoder": False,
+        "direction_words": False,
+        "one_sided_words": False,
+    },
     "no-direction-words": {"direction_words": False},
     "distilled-diffusion": {"residual_diffusion": False},  # Eq. 14 as it stands in the paper
     "whole-body-contrast": {"part_contrast": False},
+    "two-sided-words": {"one_sided_words": False},
+    "no-pose-statistics": {"pose_statistics": False},
 }
 
 

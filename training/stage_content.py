@@ -11,16 +11,20 @@ from torch import Tensor
 
 from runtime.features import OUTPUT
 from training import losses as terms
+from training.checkpoint import CONTENT_START
 from training.frames import FrameTable
 from training.networks.content import SEQUENCE_LENGTH, ContentEncoder
 from training.presets import ModelConfig
-from training.session import MovingAverage, Session, StageState, save_checkpoint, train
+from training.session import MovingAverage, Session, StageState, load_checkpoint, save_checkpoint, train
 from training.stage_motion import StyleTable
 from training.styles import StyleTexts, pick_paraphrases
 
 STRIDE = 2  # frames between two samples: 40 samples are 1.3 s, more than one step
 # Eq. 7. The paper's lambda_con is 1e-2 for 100 styles over a long training; the shorter one here needs more of it.
 LAMBDA_CONTRAST, LAMBDA_KL, LAMBDA_EMBEDDING = 0.1, 1e-5, 1e-5
+# Share of the pose statistics, which the paper has not (training.networks.content.StatisticsReader).
+LAMBDA_STATISTICS = 0.5
+TEXT_BATCHES = 4  # of windows that words alone are to tell the statistics of, in every step
 # On the components (about 0.05) of sentence embeddings, of a random strength for each: near words give near content, and
 # what the direction words tell is not learned by heart from the embeddings instead.
 WORD_NOISE = (0.01, 0.04)
@@ -92,6 +96,11 @@ def run(
     batches = _windows(table, weights, batch, session.batch_generator(2), device)
 
     module = ContentEncoder(config).to(device)
+    if (session.out / CONTENT_START).exists():
+        module.load_state_dict(load_checkpoint(session.out / CONTENT_START)["module"])
+    if module.statistics is not None:
+        rows = torch.cat([next(batches)[0] for _ in range(max(1, 4096 // batch))])
+        module.statistics.measure(torch.cat([sequences(r)[0] for r in rows.split(256)]))
     optimizer = torch.optim.AdamW(module.parameters(), lr=5e-4, weight_decay=1e-4)
     state = StageState(module, optimizer, MovingAverage(module, 0.995))
 
@@ -99,8 +108,7 @@ def run(
         start, clips = item  # type: ignore[misc]
         joints, root = sequences(start)
         target = torch.cat([joints.flatten(-2), root], -1)
-        sentence = pick_paraphrases(index, clips)
-        words = torch.stack([e[sentence[:, k]] for k, e in enumerate(embeddings)], 1)
+        words = spoken(clips)
         motion = module.motion(joints, root)
         text = module.text(words + _word_noise(words, config.text_size))
         z_motion, z_text = motion.sample(), text.sample()
@@ -120,7 +128,29 @@ def run(
         }
         contrast, shares = 0.5 * whole + parts, (LAMBDA_CONTRAST, LAMBDA_KL, LAMBDA_EMBEDDING)
         result["total"] = terms.stage1(result["recon"], contrast, result["kl"], result["embedding"], shares)
+        if module.statistics is not None:
+            read = module.statistics(motion.mean)
+            result["statistics"] = terms.statistics(module.statistics.standardised(joints), read)
+            result["text_statistics"] = text_statistics()
+            both = result["statistics"] + result["text_statistics"]
+            result["total"] = result["total"] + LAMBDA_STATISTICS * both
         return result
+
+    def text_statistics() -> Tensor:
+        """The same of words alone, on windows of their own: many, for nothing has to be encoded or decoded."""
+        assert module.statistics is not None
+        drawn = [next(batches) for _ in range(TEXT_BATCHES)]
+        clips = torch.cat([clips for _, clips in drawn])
+        told = module.statistics.standardised(sequences(torch.cat([start for start, _ in drawn]))[0])
+        words = spoken(clips)
+        return terms.statistics(
+            told, module.statistics(module.text(words + _word_noise(words, config.text_size)).mean)
+        )
+
+    def spoken(clips: Tensor) -> Tensor:
+        """Random paraphrases of clips, as the content encoder reads them, `(B, 6, D)`."""
+        sentence = pick_paraphrases(index, clips)
+        return torch.stack([e[sentence[:, k]] for k, e in enumerate(embeddings)], 1)
 
     train(
         session,

@@ -12,8 +12,8 @@ import torch
 from torch import Tensor
 
 from runtime.errors import FileError
-from runtime.prompts.direction_words import with_direction_words
 from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.sentence_inputs import part_inputs
 from runtime.prompts.text_encoder import TextEncoderLike
 from runtime.skeleton import PART_NAMES
 from training.frames import FrameTable
@@ -31,8 +31,8 @@ MIX = 0.4  # share of draws in which every part takes a paraphrase of its own
 class StyleTexts:
     """Descriptions of every clip.
 
-    `sentences[k]` are part k's distinct sentences with embeddings `embeddings[k]` `(U_k, D)`, to which the direction
-    words belong if asked for;
+    `sentences[k]` are part k's distinct sentences with embeddings `embeddings[k]` `(U_k, D)`, to which direction
+    words and side belong if asked for (`runtime.prompts.sentence_inputs`);
     `index` `(clips, PARAPHRASES, 6)` points into them. `keys` `(clips, 6)` numbers what a part does: equal keys are
     the same content, whatever the words. `names` are the keys' names.
     """
@@ -68,11 +68,12 @@ def load_style_texts(
     encoder: TextEncoderLike,
     clips: Path | None = None,
     words: bool = False,
+    side: bool = False,
 ) -> StyleTexts:
     """Gather and embed every description; FileError names a style of the data that has none.
 
     `clips` is the folder of the clips: its `layers.json` holds the descriptions of layered clips, its
-    `captions.json`, if there, sentences measured on each captured one. `words` appends the direction words.
+    `captions.json`, if there, sentences measured on each captured one. `words` appends the direction words, `side` tells every sentence of the left.
     """
     library = _read(path, "Restore assets/prompts/styles.json.")
     layers = _optional(clips, LAYERS)
@@ -94,11 +95,15 @@ def load_style_texts(
         chosen += [PartDescriptions.from_mapping(d) for d in measured]
         descriptions.append([d.mirrored() for d in chosen] if mirrored else chosen)
         keys.append([style + ("_m" if mirrored else "")] * len(PART_NAMES))
-    return _indexed(descriptions, keys, encoder, words)
+    return _indexed(descriptions, keys, encoder, words, side)
 
 
 def _indexed(
-    descriptions: list[list[PartDescriptions]], keys: list[list[str]], encoder: TextEncoderLike, words: bool
+    descriptions: list[list[PartDescriptions]],
+    keys: list[list[str]],
+    encoder: TextEncoderLike,
+    words: bool,
+    side: bool,
 ) -> StyleTexts:
     sentences, embeddings = [], []
     index = np.zeros((len(descriptions), PARAPHRASES, len(PART_NAMES)), np.int64)
@@ -108,8 +113,7 @@ def _indexed(
         number = {text: i for i, text in enumerate(distinct)}
         index[:, :, k] = [[number[t] for t in row] for row in texts]
         sentences.append(distinct)
-        vectors = np.asarray(encoder.encode(distinct), np.float32)
-        embeddings.append(with_direction_words(distinct, vectors) if words else vectors)
+        embeddings.append(part_inputs(encoder, [PART_NAMES[k]] * len(distinct), distinct, words, side))
     names = sorted({key for row in keys for key in row})
     numbers = {key: i for i, key in enumerate(names)}
     return StyleTexts(

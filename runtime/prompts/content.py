@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import ModelError
-from runtime.prompts.direction_words import GROUPS, sentence_inputs
 from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.sentence_inputs import input_sizes, sentence_inputs
 from runtime.prompts.text_encoder import TextEncoderLike, open_session
 from runtime.skeleton import PART_NAMES
 
@@ -25,7 +25,7 @@ class PromptEncoder:
     """Text encoder and body-part network in one: descriptions in, Z^t out.
 
     `onnx_path` is a network with input `embeddings` (N, 6, D) and output `z` (N, 6, 64), loaded at the first
-    `encode`; its D must be that of `text_encoder`, or that and the direction words.
+    `encode`; its D must be that of `text_encoder`, with or without direction words and side.
     """
 
     def __init__(self, text_encoder: TextEncoderLike, onnx_path: Path) -> None:
@@ -50,7 +50,7 @@ class PromptEncoder:
         session = open_session(self._path)
         shapes = {i.name: list(i.shape) for i in session.get_inputs()}
         size = self._text_encoder.dimensions
-        expected = ([PARTS, size], [PARTS, size + len(GROUPS)])
+        expected = [[PARTS, length] for length in input_sizes(size)]
         known = list(shapes) == ["embeddings"] and shapes["embeddings"][1:] in expected
         if not known or "z" not in {o.name for o in session.get_outputs()}:
             raise ModelError(

@@ -12,8 +12,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.prompts.text_encoder import TextEncoderLike
-
 # One number each. A model knows these groups in this order: change them only together with the trained models.
 GROUPS: tuple[tuple[str, frozenset[str]], ...] = tuple(
     (name, frozenset(words.split()))
@@ -57,12 +55,6 @@ def direction_words(texts: Sequence[str]) -> NDArray[np.float32]:
         words = frozenset(re.findall(r"[a-z]+", text.lower()))
         row[:] = [PRESENT if words & group else 0.0 for _, group in GROUPS]
     return found
-
-
-def sentence_inputs(encoder: TextEncoderLike, texts: Sequence[str], size: int) -> NDArray[np.float32]:
-    """`(N, size)`: embeddings of `texts`, with their direction words where a network reads more than the embeddings."""
-    vectors = encoder.encode(texts)
-    return vectors if vectors.shape[1] == size else with_direction_words(texts, vectors)
 
 
 def with_direction_words(texts: Sequence[str], vectors: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -20,7 +20,9 @@ _SWAPPED_PARTS = {
     "left_leg": "right_leg",
     "right_leg": "left_leg",
 }
-_SWAPPED_WORDS = {"left": "right", "right": "left", "leftward": "rightward", "rightward": "leftward"}
+_SWAPPED_WORDS = {
+    a + end: b + end for a, b in (("left", "right"), ("right", "left")) for end in ("", "ward", "wards")
+}
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,7 @@ def mirror_text(text: str) -> str:
             return other.upper()
         return other.capitalize() if word[0].isupper() else other
 
-    return re.sub(r"\b(?:left|right)(?:ward)?\b", swap, text, flags=re.IGNORECASE)
+    return re.sub(r"\b(?:left|right)(?:wards?)?\b", swap, text, flags=re.IGNORECASE)
 
 
 def check_text(text: object, field: str, limit: int) -> str:

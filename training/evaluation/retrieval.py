@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from runtime.errors import FileError, ModelError
 from runtime.model_files import open_graph, read_graph, read_metadata
 from runtime.motion_encoder import MotionEncoder
-from runtime.prompts.direction_words import sentence_inputs
 from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.sentence_inputs import sentence_inputs
 from runtime.prompts.text_encoder import TextEncoderLike
 from training.evaluation.capture import ROLLOUTS
 from training.evaluation.motion import Motion, load_motion, window_index, window_starts

@@ -152,6 +152,26 @@ HEAD: dict[str, tuple[dict[str, object], tuple[str, ...], str]] = {
         ("head turned to the right", "looking to the right side", "face turned right"),
         "turn",
     ),
+    "turned_left_little": (
+        {"yaw": 20.0},
+        ("head turned slightly to the left", "looking a little to the left", "face turned a bit left"),
+        "turn",
+    ),
+    "turned_right_little": (
+        {"yaw": -20.0},
+        ("head turned slightly to the right", "looking a little to the right", "face turned a bit right"),
+        "turn",
+    ),
+    "tilted_left_little": (
+        {"roll": 8.0},
+        ("head tilted slightly to the left", "head leaning a little to the left shoulder"),
+        "roll",
+    ),
+    "tilted_right_little": (
+        {"roll": -8.0},
+        ("head tilted slightly to the right", "head leaning a little to the right shoulder"),
+        "roll",
+    ),
     "tilted_left": (
         {"roll": 18.0},
         ("head tilted to the left shoulder", "head leaning to the left"),
@@ -239,6 +259,21 @@ LEG: dict[str, tuple[dict[str, object], tuple[str, ...], str]] = {
             "{s} foot turned inward",
         ),
         "toe_out",
+    ),
+    "toes_out_little": (
+        {"toe_out": 13.0},
+        ("{s} toes turned slightly out", "{s} foot pointing a little outward"),
+        "toe_out",
+    ),
+    "toes_in_little": (
+        {"toe_out": -12.0},
+        ("{s} toes turned slightly in", "{s} foot pointing a little inward"),
+        "toe_out",
+    ),
+    "low": (
+        {"drag": 0.45},
+        ("{s} foot lifted less than usual", "{s} leg stepping flat, foot low over the ground"),
+        "foot_lift",
     ),
     "limping": (
         {"limp": 0.055},

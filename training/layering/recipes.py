@@ -8,7 +8,7 @@ import numpy as np
 
 from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS, PartEdit
 
-_CHANCE = {"left_arm": 0.42, "right_arm": 0.42, "torso": 0.38, "head": 0.38, "legs": 0.36}
+_CHANCE = {"left_arm": 0.42, "right_arm": 0.42, "torso": 0.38, "head": 0.38, "legs": 0.5}
 BOTH_ARMS = 0.3  # chance that an edited arm is joined by the same edit of the other
 BOTH_LEGS = 0.6
 _NEEDS_STEPS = ("leg",)

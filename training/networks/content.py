@@ -103,22 +103,50 @@ class MotionSequenceEncoder(nn.Module):
 
 
 class PartTextEncoder(nn.Module):
-    """Body-part MLP: six sentences `(B, 6, D)`, embedded, to six VAE tokens; parts never mix."""
+    """Body-part MLP: six sentences `(B, 6, D)`, embedded, to six VAE tokens; parts never mix.
 
-    def __init__(self, text_size: int, hidden: int = 256) -> None:
+    One-sided (`runtime.prompts.one_side`), the last number of a sentence is its side: left and right limbs share
+    their tokens, and of torso and head the second half of the code changes its sign with the side. So the code of
+    mirrored words is the mirrored code: the limbs' exchanged, the second half of torso and head negative.
+    """
+
+    def __init__(self, text_size: int, hidden: int = 256, one_sided: bool = False) -> None:
         super().__init__()
+        self.one_sided = one_sided
+        text_size -= one_sided
         self.scale = text_size**0.5
         self.part = nn.Parameter(0.1 * torch.randn(PARTS, hidden))
         self.first = nn.Linear(text_size, hidden)
         self.second = nn.Linear(hidden, hidden)
         self.mean = nn.Linear(hidden, PART_SIZE)
         self.variance = nn.Linear(hidden, PART_SIZE)
+        self.register_buffer("token", torch.tensor(_LEFT if one_sided else range(PARTS)), persistent=False)
+        self.register_buffer("odd", odd_codes(), persistent=False)
 
     def forward(self, embeddings: Tensor) -> Gaussian:
+        words = embeddings[..., :-1] if self.one_sided else embeddings
         # unit sentence embeddings have components of about 0.05: brought to unit scale
-        hidden = nn.functional.gelu(self.first(embeddings * self.scale) + self.part)
+        hidden = nn.functional.gelu(self.first(words * self.scale) + self.part[self.token])
         hidden = nn.functional.gelu(self.second(hidden))
-        return Gaussian(self.mean(hidden), self.variance(hidden).clamp(-10.0, 4.0))
+        mean = self.mean(hidden)
+        if self.one_sided:
+            mean = mean * (1.0 + self.odd * (embeddings[..., -1:] - 1.0))
+        return Gaussian(mean, self.variance(hidden).clamp(-10.0, 4.0))
+
+
+# the part whose mirror image a part is, and the parts that are mirror images of themselves
+_LEFT = [PART_NAMES.index(name.replace("right_", "left_")) for name in PART_NAMES]
+_MIDLINE = [not name.startswith(("left_", "right_")) for name in PART_NAMES]
+# of a joint's features, in the mirror image: x of its position, and in the first two columns of its rotation what ties
+# x to another axis, change their sign
+_PARITY = (-1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 1.0, 1.0)
+
+
+def odd_codes() -> Tensor:
+    """`(6, 64)`: 1 where a code changes its sign in the mirror image."""
+    odd = torch.zeros(PARTS, PART_SIZE)
+    odd[_MIDLINE, PART_SIZE // 2 :] = 1.0
+    return odd
 
 
 class SequenceDecoder(nn.Module):
@@ -146,11 +174,70 @@ class SequenceDecoder(nn.Module):
         return self.head(self.decoder(query, memory))
 
 
+def pose_statistics(joints: Tensor) -> list[Tensor]:
+    """Mean and deviation over time of each part's joints: of `(B, T, 31, 9)` six tensors `(B, joints * 18)`.
+
+    What the words of a part tell, but for the time: where it is held, and how far it swings.
+    """
+    mean, deviation = joints.mean(1), joints.std(1)
+    both = torch.cat([mean, deviation], dim=-1)
+    return [both[:, list(PART_JOINTS[name])].flatten(1) for name in PART_NAMES]
+
+
+class StatisticsReader(nn.Module):
+    """Pose statistics, standardised, read off the codes by one linear map a part.
+
+    A step swings a foot by a metre, a word turns it by some degrees: the reconstruction of Eq. 3 hardly sees the second,
+    and codes that only the contrast keeps apart lie in no order. Read linearly, what is wider or higher lies farther along
+    the same line, also beyond what training showed. One-sided, the right limbs are read by the map of the left ones, and
+    of torso and head what changes its sign in the mirror image only from codes that do.
+    """
+
+    def __init__(self, one_sided: bool = False) -> None:
+        super().__init__()
+        self.one_sided = one_sided
+        sizes = [len(PART_JOINTS[name]) * 2 * JOINT_FEATURES for name in PART_NAMES]
+        self.parts = nn.ModuleList([nn.Linear(PART_SIZE, size) for size in sizes])
+        self.register_buffer("centre", torch.zeros(sum(sizes)))
+        self.register_buffer("deviation", torch.ones(sum(sizes)))
+        parity = torch.tensor([*_PARITY, *[1.0] * JOINT_FEATURES])  # deviations have no sign
+        for k, name in enumerate(PART_NAMES):
+            self.register_buffer(f"parity_{name}", parity.repeat(sizes[k] // len(parity)), persistent=False)
+        self.register_buffer("odd", odd_codes(), persistent=False)
+
+    def measure(self, joints: Tensor) -> None:
+        """Take centre and deviation from windows `(B, T, 31, 9)`."""
+        values = torch.cat(pose_statistics(joints), 1)
+        self.centre.copy_(values.mean(0))
+        self.deviation.copy_(values.std(0).clamp_min(0.02))
+
+    def standardised(self, joints: Tensor) -> list[Tensor]:
+        """Standardised statistics of windows."""
+        values = pose_statistics(joints)
+        whole = (torch.cat(values, 1) - self.centre) / self.deviation
+        return list(whole.split([v.shape[1] for v in values], dim=1))
+
+    def forward(self, z: Tensor) -> list[Tensor]:
+        """Of codes `(B, 6, 64)`."""
+        return [self._read(z[:, k], k, name) for k, name in enumerate(PART_NAMES)]
+
+    def _read(self, z: Tensor, k: int, name: str) -> Tensor:
+        if not self.one_sided:
+            return self.parts[k](z)
+        parity, read = getattr(self, f"parity_{name}"), self.parts[_LEFT[k]]
+        if not _MIDLINE[k]:
+            told = read(z)
+            return told * parity if _LEFT[k] != k else told
+        odd = nn.functional.linear(z * self.odd[k], read.weight)
+        return torch.where(parity < 0, odd, read(z * (1.0 - self.odd[k])))
+
+
 class ContentEncoder(nn.Module):
-    """The three networks that stage 1 trains together."""
+    """The networks that stage 1 trains together."""
 
     def __init__(self, config: ModelConfig) -> None:
         super().__init__()
         self.motion = MotionSequenceEncoder(config)
-        self.text = PartTextEncoder(config.sentence_size)
+        self.text = PartTextEncoder(config.sentence_size, one_sided=config.one_sided_words)
         self.decoder = SequenceDecoder(config)
+        self.statistics = StatisticsReader(config.one_sided_words) if config.pose_statistics else None

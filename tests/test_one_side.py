@@ -1,0 +1,142 @@
+"""Sentences told of the left side: what is mirrored, what has no side, and that the codes are mirrored with it."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from runtime.prompts.direction_words import GROUPS
+from runtime.prompts.one_side import one_sided
+from runtime.prompts.parts import PartDescriptions, mirror_text
+from runtime.prompts.sentence_inputs import input_sizes, part_inputs, sentence_inputs
+from runtime.skeleton import PART_NAMES
+
+WORDS = [
+    "left",
+    "right",
+    "Right",
+    "leftward",
+    "rightwards",
+    "head",
+    "turned",
+    "to",
+    "the",
+    "and",
+    "leaning",
+    ",",
+]
+
+
+@pytest.mark.parametrize(
+    ("part", "text", "told", "sign"),
+    [
+        ("left_arm", "left hand on the hip", "left hand on the hip", 1.0),
+        ("right_arm", "right hand on the hip", "left hand on the hip", 1.0),
+        (
+            "right_leg",
+            "Right knee bent, crossing the left leg",
+            "Left knee bent, crossing the right leg",
+            1.0,
+        ),
+        ("left_leg", "stepping evenly", "stepping evenly", 1.0),
+        ("head", "head turned to the right", "head turned to the left", -1.0),
+        ("head", "head turned to the left", "head turned to the left", 1.0),
+        ("head", "head upright", "head upright", 0.0),
+        ("head", "turning left and right, looking around", "turning left and right, looking around", 0.0),
+        ("torso", "rocking from left to the right", "rocking from left to the right", 0.0),
+        ("torso", "leaning right, left shoulder raised", "leaning left, right shoulder raised", -1.0),
+        ("torso", "drifting rightwards", "drifting leftwards", -1.0),
+        ("torso", "upright as a bright knight", "upright as a bright knight", 0.0),
+    ],
+)
+def test_a_sentence_is_told_of_the_left(part, text, told, sign):
+    assert one_sided(part, text) == (told, sign)
+
+
+@given(st.lists(st.sampled_from(WORDS), min_size=1, max_size=8).map(" ".join), st.sampled_from(PART_NAMES))
+def test_mirrored_words_are_told_alike_with_the_other_sign(text, part):
+    mirrored = mirror_text(text)
+    other = {"left": "right_", "right": "left_"}.get(part.split("_")[0], "")
+    told, sign = one_sided(part, text)
+    told_mirrored, sign_mirrored = one_sided(other + part.split("_")[1] if other else part, mirrored)
+    if sign == 0:
+        assert (told, told_mirrored, sign_mirrored) == (text, mirrored, 0.0)
+    else:
+        assert told == told_mirrored
+        assert sign_mirrored == (sign if other else -sign)
+
+
+class _Words:
+    """Embeddings that tell texts apart."""
+
+    name, dimensions = "stand-in", 6
+
+    def encode(self, texts):
+        return np.stack([np.random.default_rng(list(t.encode())).normal(size=6) for t in texts]).astype("f4")
+
+
+SIX = PartDescriptions(
+    left_arm="left hand raised",
+    right_arm="right arm hanging",
+    left_leg="left knee bent",
+    right_leg="right foot turned out",
+    torso="torso leaning to the right",
+    head="head up",
+)
+
+
+def test_inputs_hold_what_their_length_says():
+    encoder = _Words()
+    assert input_sizes(6) == {
+        6: (False, False),
+        7: (False, True),
+        6 + len(GROUPS): (True, False),
+        7 + len(GROUPS): (True, True),
+    }
+    for size in input_sizes(6):
+        assert sentence_inputs(encoder, SIX.as_tuple(), size).shape == (6, size)
+    plain = sentence_inputs(encoder, SIX.as_tuple(), 6)
+    sided = sentence_inputs(encoder, SIX.as_tuple(), 7)
+    assert np.array_equal(plain, encoder.encode(SIX.as_tuple()))
+    assert sided[:, -1].tolist() == [1, 1, 1, 1, -1, 0]
+    assert np.array_equal(sided[1, :-1], encoder.encode(["left arm hanging"])[0])
+    words = part_inputs(encoder, ["right_arm"], ["right arm hanging"], True, True)[0, 6:-1]
+    assert (
+        words[[name for name, _ in GROUPS].index("right")] == 0.0
+    )  # the direction words are those of the left, too
+
+
+def test_the_code_of_mirrored_words_is_the_mirrored_code():
+    torch = pytest.importorskip("torch")
+    from training.networks.content import PART_SIZE, PartTextEncoder, StatisticsReader
+
+    torch.manual_seed(0)
+    network = PartTextEncoder(7 + len(GROUPS), one_sided=True).eval()
+    size = 7 + len(GROUPS)
+
+    def codes(words):
+        with torch.no_grad():
+            return network(torch.as_tensor(sentence_inputs(_Words(), words.as_tuple(), size))[None]).mean[0]
+
+    own, mirrored = codes(SIX), codes(SIX.mirrored())
+    assert torch.equal(own[[0, 1, 2, 3]], mirrored[[1, 0, 3, 2]])
+    half = PART_SIZE // 2
+    assert torch.equal(own[4:, :half], mirrored[4:, :half])
+    assert torch.equal(own[4:, half:], -mirrored[4:, half:])
+    assert own[4, half:].abs().max() > 0.01
+    assert not own[5, half:].any()  # a head held up has no side
+
+    reader = StatisticsReader(one_sided=True)
+    with torch.no_grad():
+        for part in reader.parts:
+            part.bias.normal_()
+        read, other = reader(own[None]), reader(mirrored[None])
+    pairs = {
+        "left_arm": "right_arm",
+        "right_arm": "left_arm",
+        "left_leg": "right_leg",
+        "right_leg": "left_leg",
+    }
+    for k, name in enumerate(PART_NAMES):
+        parity = getattr(reader, f"parity_{name}")
+        assert torch.allclose(read[k] * parity, other[PART_NAMES.index(pairs.get(name, name))], atol=1e-6)

@@ -1,39 +1,26 @@
-"""The shipped mannequin, skinning, users' skeletons and damaged files."""
+"""The shipped mannequin, skinning, and users' skeletons."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
-import struct
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from gltf_characters import make_pose, split_glb, user_character
 
 from runtime import rotations
 from runtime.assets import asset_path
 from runtime.errors import FileError
 from runtime.gltf import Character, load_character, read_joint_map, skin_vertices
-from runtime.gltf_joints import align, match_joints
+from runtime.gltf_joints import match_joints
 from runtime.gltf_writer import save_animated_glb, write_character
 from runtime.pose import Pose
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 
 JOINTS = SPORT_SKELETON.names
-
-
-def make_pose(seed: int | None, angle: float = 0.8) -> Pose:
-    """A random pose, or the rest pose without a seed."""
-    local = rotations.identity((31,)).astype(np.float64)
-    hips = np.array([0.0, REST_HIPS_HEIGHT, 0.0])
-    if seed is not None:
-        rng = np.random.default_rng(seed)
-        axes = rotations.normalize(rng.normal(size=(31, 3)))
-        local = rotations.from_axis_angle(axes, rng.uniform(-angle, angle, 31))
-        hips = hips + rng.normal(size=3)
-    positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
-    return Pose(hips, local, positions, world, np.zeros(4), hips * (1, 0, 1), 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -124,57 +111,6 @@ def test_hanging_arms_keep_their_volume(mannequin: Character) -> None:
 
 def _volume(v: np.ndarray, t: np.ndarray) -> float:
     return float(np.einsum("ij,ij->", v[t[:, 0]], np.cross(v[t[:, 1]], v[t[:, 2]])) / 6)
-
-
-# A user's character: Mixamo names, centimetres, A-pose, arbitrary bone axes, one extra joint above and one below.
-
-_MIXAMO_PARENTS = {
-    "Armature": "", "Hips": "Armature", "Spine": "Hips", "Spine1": "Spine", "Spine2": "Spine1", "Neck": "Spine2",
-    "Head": "Neck", "HeadTop_End": "Head",
-    **{side + bone: (side if own else "") + parent for side in ("Left", "Right") for bone, parent, own in (
-        ("Shoulder", "Spine2", False), ("Arm", "Shoulder", True), ("ForeArm", "Arm", True), ("Hand", "ForeArm", True),
-        ("HandMiddle1", "Hand", True), ("UpLeg", "Hips", False), ("Leg", "UpLeg", True), ("Foot", "Leg", True),
-        ("ToeBase", "Foot", True))},
-}  # fmt: skip
-_CENTRE = {"Armature": (0, 0, 0), "Hips": (0, 105, 0), "Spine": (0, 117, -1), "Spine1": (0, 130, -2),
-           "Spine2": (0, 145, -3), "Neck": (0, 160, -3), "Head": (0, 170, 0), "HeadTop_End": (0, 190, 2)}  # fmt: skip
-_LEFT = {"Shoulder": (6, 153, -3), "Arm": (18, 152, -4), "ForeArm": (38, 132, -4), "Hand": (56, 114, -4),
-         "HandMiddle1": (63, 107, -4), "UpLeg": (9, 98, 1), "Leg": (10, 54, 2), "Foot": (11, 10, -1),
-         "ToeBase": (13, 2, 13)}  # fmt: skip
-
-
-def user_character(names: tuple[str, ...] | None = None) -> Character:
-    """A stick-figure mesh: one small triangle at each joint, on a Mixamo-like skeleton."""
-    where = {k: np.array(v, float) for k, v in _CENTRE.items()}
-    for bone, point in _LEFT.items():
-        where["Left" + bone] = np.array(point, float)
-        where["Right" + bone] = np.array(point, float) * (-1, 1, 1)
-    order = list(_MIXAMO_PARENTS)
-    parents = tuple(order.index(p) if (p := _MIXAMO_PARENTS[n]) else -1 for n in order)
-    rng = np.random.default_rng(5)
-    world = np.tile(np.eye(4), (len(order), 1, 1))
-    world[:, :3, :3] = rotations.to_matrix(rotations.normalize(rng.normal(size=(len(order), 4))))
-    world[:, :3, 3] = np.array([where[n] for n in order])
-    base = np.repeat(world[:, :3, 3], 3, axis=0)
-    sole = np.tile([(0, 0, 0), (1, 0, 0), (0, 0, 1)], (len(order), 1)).astype(float)
-    base[-3:] = (11.0, 0.0, 0.0)  # the lowest points of the mesh: the sole
-    count = len(base)
-    return Character(
-        positions=(base + sole).astype(np.float32),
-        normals=np.tile(np.float32([0, 1, 0]), (count, 1)),
-        colors=np.full((count, 3), 0.5, np.float32),
-        joint_indices=np.stack([np.repeat(np.arange(len(order)), 3)] + [np.zeros(count, int)] * 3, 1).astype(
-            np.uint16
-        ),
-        joint_weights=np.tile(np.float32([1, 0, 0, 0]), (count, 1)),
-        triangles=np.arange(count, dtype=np.uint32).reshape(-1, 3),
-        joint_names=names or tuple("mixamorig:" + n for n in order),
-        joint_parents=parents,
-        inverse_bind=np.linalg.inv(world).astype(np.float32),
-        rest_world=world.astype(np.float32),
-        sport_joints=np.full(len(order), -1),
-        alignment=align(match_joints(order), parents, world, base),
-    )
 
 
 @pytest.fixture
@@ -348,186 +284,3 @@ def play(path: Path, frame: int) -> np.ndarray:
         return world(parent[i]) @ local if i in parent else local
 
     return np.stack([world(i) for i in document["skins"][0]["joints"]])
-
-
-# Damaged files
-
-
-def split_glb(data: bytes) -> tuple[dict, bytes]:
-    length = struct.unpack("<I", data[12:16])[0]
-    return json.loads(data[20 : 20 + length]), data[28 + length :]
-
-
-def join_glb(document: dict, blob: bytes) -> bytes:
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    body = struct.pack("<I", len(text)) + b"JSON" + text + struct.pack("<I", len(blob)) + b"BIN\0" + blob
-    return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
-
-
-@pytest.fixture(scope="module")
-def user_file(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, bytes]:
-    path = tmp_path_factory.mktemp("user") / "user.glb"
-    write_character(path, user_character())
-    return split_glb(path.read_bytes())
-
-
-def expect_error(path: Path, data: bytes, *words: str) -> None:
-    path.write_bytes(data)
-    with pytest.raises(FileError) as caught:
-        load_character(path)
-    assert path.name in caught.value.problem
-    assert caught.value.remedy
-    for word in words:
-        assert word in str(caught.value)
-
-
-def test_missing_empty_foreign_and_cut_files(tmp_path: Path, user_file: tuple[dict, bytes]) -> None:
-    path = tmp_path / "bad.glb"
-    with pytest.raises(FileError, match=r"bad\.glb"):
-        load_character(path)
-    whole = join_glb(*user_file)
-    expect_error(path, b"", "glTF")
-    expect_error(path, b"\x89PNG\r\n", "glTF")
-    expect_error(path, whole[:11], "glTF")
-    expect_error(path, whole[:-500], "cut off")
-    expect_error(path, whole[:4] + struct.pack("<I", 1) + whole[8:], "version")
-    for cut in range(12, len(whole), 997):
-        expect_error(path, whole[:cut])
-
-
-def test_too_large_file_is_not_read(tmp_path: Path) -> None:
-    path = tmp_path / "huge.glb"
-    with path.open("wb") as f:
-        f.truncate(257 * 1024 * 1024)  # sparse
-    with pytest.raises(FileError, match="256 MB"):
-        load_character(path)
-
-
-def edit(document: dict, **changes: object) -> dict:
-    """A copy with values set at `a__0__b` paths; None removes."""
-    copy = json.loads(json.dumps(document))
-    for path, value in changes.items():
-        *keys, last = (int(k) if k.isdigit() else k for k in path.split("__"))
-        target = copy
-        for key in keys:
-            target = target[key]
-        if value is None:
-            del target[last]
-        else:
-            target[last] = value
-    return copy
-
-
-_CHANGES = [
-    ({"skins": None}, "no skin"),
-    ({"skins__0__joints__0": 999}, "skin 0"),
-    ({"nodes__26__skin": None}, "skin"),
-    ({"meshes__0__primitives__0__attributes__JOINTS_0": None}, "JOINTS_0"),
-    ({"meshes__0__primitives__0__attributes__WEIGHTS_0": 77}, "WEIGHTS_0"),
-    ({"meshes__0__primitives__0__attributes__POSITION": None}, "POSITION"),
-    ({"accessors__0__count": 10**9}, "POSITION"),
-    ({"accessors__0__type": "VEC7"}, "POSITION"),
-    ({"accessors__0__bufferView": 400}, "POSITION"),
-    ({"bufferViews__0__byteOffset": 10**8}, "POSITION"),
-    ({"buffers__0__uri": "lost.bin"}, "lost.bin"),
-    ({"buffers__0__uri": "../../etc/lost.bin"}, "outside"),
-    ({"nodes__0__children": [0]}, "tree"),
-    ({"nodes__7__children": [0]}, "node"),
-    ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "compression"),
-    ({"nodes__3__rotation": "north"}, "damaged"),
-    ({"nodes__3__scale": [1, float("inf"), 1]}, "scale of node 3"),
-    ({"buffers": [None]}, "buffers"),
-    ({"nodes__1__name": "mixamorig:Unknown"}, "Hips"),
-]
-
-
-@pytest.mark.parametrize(("changes", "word"), _CHANGES, ids=[next(iter(c)) for c, _ in _CHANGES])
-def test_damaged_structure_names_the_trouble(
-    tmp_path: Path, user_file: tuple[dict, bytes], changes: dict[str, object], word: str
-) -> None:
-    document, blob = user_file
-    expect_error(tmp_path / "bad.glb", join_glb(edit(document, **changes), blob), word)
-
-
-def patch(user_file: tuple[dict, bytes], attribute: str, values: bytes) -> bytes:
-    document, blob = user_file
-    accessor = document["accessors"][document["meshes"][0]["primitives"][0]["attributes"][attribute]]
-    start = document["bufferViews"][accessor["bufferView"]]["byteOffset"]
-    return join_glb(document, blob[:start] + values + blob[start + len(values) :])
-
-
-def test_values_out_of_range(tmp_path: Path, user_file: tuple[dict, bytes]) -> None:
-    path = tmp_path / "bad.glb"
-    expect_error(path, patch(user_file, "POSITION", struct.pack("<f", float("nan"))), "POSITION", "finite")
-    expect_error(path, patch(user_file, "WEIGHTS_0", struct.pack("<4f", 0, 0, 0, 0)), "without a joint")
-    expect_error(path, patch(user_file, "JOINTS_0", struct.pack("<H", 500)), "joint 500")
-    document, blob = user_file
-    indices = document["accessors"][document["meshes"][0]["primitives"][0]["indices"]]
-    start = document["bufferViews"][indices["bufferView"]]["byteOffset"]
-    broken = blob[:start] + struct.pack("<H", 60000) + blob[start + 2 :]
-    expect_error(path, join_glb(document, broken), "indices")
-
-
-def test_random_damage_never_raises_anything_else(tmp_path: Path, user_file: tuple[dict, bytes]) -> None:
-    whole = bytearray(join_glb(*user_file))
-    rng = np.random.default_rng(3)
-    path = tmp_path / "bad.glb"
-    refused = 0
-    for _ in range(60):
-        data = bytearray(whole)
-        for at in rng.integers(12, len(data), 4):
-            data[at] = rng.integers(256)
-        path.write_bytes(data)
-        try:
-            load_character(path)
-        except FileError:
-            refused += 1
-    assert refused > 5
-
-
-def test_base_colour_texture_and_rigid_attachment(tmp_path: Path, user_file: tuple[dict, bytes]) -> None:
-    document, blob = user_file
-    from PIL import Image
-
-    Image.new("RGB", (4, 4), (255, 0, 0)).save(tmp_path / "red.png")
-    vertices = document["accessors"][0]["count"]
-    changed = edit(document)
-    changed["bufferViews"].append({"buffer": 0, "byteOffset": len(blob), "byteLength": vertices * 8})
-    changed["accessors"].append({"bufferView": len(changed["bufferViews"]) - 1, "componentType": 5126,
-                                 "count": vertices, "type": "VEC2"})  # fmt: skip
-    primitive = changed["meshes"][0]["primitives"][0]
-    del primitive["attributes"]["COLOR_0"]
-    sword = json.loads(json.dumps(primitive))
-    primitive["attributes"]["TEXCOORD_0"] = len(changed["accessors"]) - 1
-    changed |= {"images": [{"uri": "red.png"}], "textures": [{"source": 0}]}
-    changed["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
-    del sword["material"]
-    changed["meshes"].append({"primitives": [sword]})
-    hand = next(i for i, n in enumerate(changed["nodes"]) if n["name"] == "mixamorig:LeftHand")
-    changed["nodes"].append({"mesh": 1, "translation": [0.0, 3.0, 0.0]})
-    changed["nodes"][hand]["children"].append(len(changed["nodes"]) - 1)
-    blob += bytes(vertices * 8)
-    changed["buffers"][0]["byteLength"] = len(blob)
-    path = tmp_path / "dressed.glb"
-    path.write_bytes(join_glb(changed, blob))
-    character = load_character(path)
-    assert np.allclose(character.colors[:vertices], (1, 0, 0))
-    assert len(character.positions) == 2 * vertices
-    at = character.joint_names.index("mixamorig:LeftHand")
-    assert np.all(character.joint_indices[vertices:, 0] == at)
-    rest = skin_vertices(character, (character.rest_world @ character.inverse_bind))
-    local = np.concatenate(
-        [character.positions[:vertices] + np.array([0, 3, 0]), np.ones((vertices, 1))], axis=1
-    )
-    assert np.allclose(rest[vertices:], (local @ character.rest_world[at].T)[:, :3], atol=1e-2)
-    (tmp_path / "red.png").write_bytes(b"not a picture")
-    expect_error(path, join_glb(changed, blob), "image 0")
-    (tmp_path / "red.png").unlink()
-    expect_error(path, join_glb(changed, blob), "red.png")
-
-
-def test_writing_into_an_impossible_folder_is_a_file_error(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(FileError, match="cannot be written"):
-        write_character(tmp_path / "file" / "x.glb", user_character())

@@ -7,7 +7,8 @@ from walker import CYCLE_FRAMES, walk
 from benchmarks.feet import skating, sole_skating, toe_heights
 from runtime import rotations
 from runtime.feet import SOLE_HEIGHTS, SOLE_POINTS, joint_heights
-from runtime.foot_lock import FootLock, FootLockSettings
+from runtime.foot_lock import FootLock
+from runtime.foot_lock_settings import FootLockSettings
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, J
 from runtime.terrain import Terrain
 from runtime.terrain_library import make_terrain

@@ -13,7 +13,7 @@ from runtime.features import OUTPUT
 from training import losses as terms
 from training.checkpoint import CONTENT_START
 from training.frames import FrameTable
-from training.networks.content import SEQUENCE_LENGTH, ContentEncoder
+from training.networks.content import SEQUENCE_LENGTH, ContentEncoder, Gaussian, StatisticsReader
 from training.presets import ModelConfig
 from training.session import MovingAverage, Session, StageState, load_checkpoint, save_checkpoint, train
 from training.stage_motion import StyleTable
@@ -77,6 +77,71 @@ def _windows(
         yield start.to(device), clip[rows].to(device)
 
 
+class ContentLosses:
+    """The losses of stage 1 (Eq. 7) for a batch of windows and their clips."""
+
+    def __init__(
+        self,
+        module: ContentEncoder,
+        config: ModelConfig,
+        sequences: Sequences,
+        texts: StyleTexts,
+        batches: Iterator[tuple[Tensor, Tensor]],
+    ) -> None:
+        self.module, self.config, self.sequences, self.batches = module, config, sequences, batches
+        device = sequences.y.device
+        self.embeddings = [torch.as_tensor(e).to(device) for e in texts.embeddings]
+        self.index = torch.as_tensor(texts.index).to(device)
+        self.keys = torch.as_tensor(texts.keys).to(device)
+
+    def __call__(self, item: object, step: int) -> dict[str, Tensor]:
+        start, clips = item  # type: ignore[misc]
+        joints, root = self.sequences(start)
+        target = torch.cat([joints.flatten(-2), root], -1)
+        motion, text = self.module.motion(joints, root), self.text(clips)
+        z_motion, z_text = motion.sample(), text.sample()
+        whole, parts = self._contrasts(motion, text, clips)
+        decoder = self.module.decoder
+        result = {
+            "recon": terms.reconstruction(target, decoder(z_motion), decoder(z_text)),
+            "contrast": whole,
+            "part_contrast": parts,
+            "kl": terms.kullback_leibler(text, motion),
+            "embedding": terms.embedding_similarity(z_motion, z_text),
+        }
+        contrast, shares = 0.5 * whole + parts, (LAMBDA_CONTRAST, LAMBDA_KL, LAMBDA_EMBEDDING)
+        result["total"] = terms.stage1(result["recon"], contrast, result["kl"], result["embedding"], shares)
+        if self.module.statistics is not None:
+            result |= self._statistics(self.module.statistics, motion, joints)
+            both = result["statistics"] + result["text_statistics"]
+            result["total"] = result["total"] + LAMBDA_STATISTICS * both
+        return result
+
+    def text(self, clips: Tensor) -> Gaussian:
+        """Codes of random paraphrases of clips."""
+        sentence = pick_paraphrases(self.index, clips)
+        words = torch.stack([e[sentence[:, k]] for k, e in enumerate(self.embeddings)], 1)
+        return self.module.text(words + _word_noise(words, self.config.text_size))
+
+    def _contrasts(self, motion: Gaussian, text: Gaussian, clips: Tensor) -> tuple[Tensor, Tensor]:
+        """Eq. 2 of whole bodies, and the mean of the parts'."""
+        same = self.keys[clips][:, None] == self.keys[clips][None, :]  # (B, B, 6)
+        m, t = motion.parameters_flat().float(), text.parameters_flat().float()
+        whole = terms.contrastive(m.flatten(1), t.flatten(1), same.all(-1))
+        if not self.config.part_contrast:
+            return whole, whole
+        each = [terms.contrastive(m[:, k], t[:, k], same[:, :, k]) for k in range(m.shape[1])]
+        return whole, torch.stack(each).mean()
+
+    def _statistics(self, reader: StatisticsReader, motion: Gaussian, joints: Tensor) -> dict[str, Tensor]:
+        """Of motion, and of words on windows of their own: many, for nothing has to be encoded or decoded."""
+        own = terms.statistics(reader.standardised(joints), reader(motion.mean))
+        drawn = [next(self.batches) for _ in range(TEXT_BATCHES)]
+        told = reader.standardised(self.sequences(torch.cat([start for start, _ in drawn]))[0])
+        read = reader(self.text(torch.cat([clips for _, clips in drawn])).mean)
+        return {"statistics": own, "text_statistics": terms.statistics(told, read)}
+
+
 def run(
     session: Session,
     config: ModelConfig,
@@ -91,10 +156,7 @@ def run(
     device = session.device
     torch.manual_seed(session.seed + 1)
     sequences = Sequences(table, device)
-    embeddings = [torch.as_tensor(e).to(device) for e in texts.embeddings]
-    index, keys = torch.as_tensor(texts.index).to(device), torch.as_tensor(texts.keys).to(device)
     batches = _windows(table, weights, batch, session.batch_generator(2), device)
-
     module = ContentEncoder(config).to(device)
     if (session.out / CONTENT_START).exists():
         module.load_state_dict(load_checkpoint(session.out / CONTENT_START)["module"])
@@ -103,61 +165,12 @@ def run(
         module.statistics.measure(torch.cat([sequences(r)[0] for r in rows.split(256)]))
     optimizer = torch.optim.AdamW(module.parameters(), lr=5e-4, weight_decay=1e-4)
     state = StageState(module, optimizer, MovingAverage(module, 0.995))
-
-    def losses(item: object, step: int) -> dict[str, Tensor]:
-        start, clips = item  # type: ignore[misc]
-        joints, root = sequences(start)
-        target = torch.cat([joints.flatten(-2), root], -1)
-        words = spoken(clips)
-        motion = module.motion(joints, root)
-        text = module.text(words + _word_noise(words, config.text_size))
-        z_motion, z_text = motion.sample(), text.sample()
-        same = keys[clips][:, None] == keys[clips][None, :]  # (B, B, 6)
-        m, t = motion.parameters_flat().float(), text.parameters_flat().float()
-        whole = terms.contrastive(m.flatten(1), t.flatten(1), same.all(-1))
-        parts = whole
-        if config.part_contrast:
-            each = [terms.contrastive(m[:, k], t[:, k], same[:, :, k]) for k in range(m.shape[1])]
-            parts = torch.stack(each).mean()
-        result = {
-            "recon": terms.reconstruction(target, module.decoder(z_motion), module.decoder(z_text)),
-            "contrast": whole,
-            "part_contrast": parts,
-            "kl": terms.kullback_leibler(text, motion),
-            "embedding": terms.embedding_similarity(z_motion, z_text),
-        }
-        contrast, shares = 0.5 * whole + parts, (LAMBDA_CONTRAST, LAMBDA_KL, LAMBDA_EMBEDDING)
-        result["total"] = terms.stage1(result["recon"], contrast, result["kl"], result["embedding"], shares)
-        if module.statistics is not None:
-            read = module.statistics(motion.mean)
-            result["statistics"] = terms.statistics(module.statistics.standardised(joints), read)
-            result["text_statistics"] = text_statistics()
-            both = result["statistics"] + result["text_statistics"]
-            result["total"] = result["total"] + LAMBDA_STATISTICS * both
-        return result
-
-    def text_statistics() -> Tensor:
-        """The same of words alone, on windows of their own: many, for nothing has to be encoded or decoded."""
-        assert module.statistics is not None
-        drawn = [next(batches) for _ in range(TEXT_BATCHES)]
-        clips = torch.cat([clips for _, clips in drawn])
-        told = module.statistics.standardised(sequences(torch.cat([start for start, _ in drawn]))[0])
-        words = spoken(clips)
-        return terms.statistics(
-            told, module.statistics(module.text(words + _word_noise(words, config.text_size)).mean)
-        )
-
-    def spoken(clips: Tensor) -> Tensor:
-        """Random paraphrases of clips, as the content encoder reads them, `(B, 6, D)`."""
-        sentence = pick_paraphrases(index, clips)
-        return torch.stack([e[sentence[:, k]] for k, e in enumerate(embeddings)], 1)
-
     train(
         session,
         "content",
         state,
         batches,
-        losses,
+        ContentLosses(module, config, sequences, texts, batches),
         steps,
         lambda s: 5e-4 * min(1.0, (s + 1) / 100, (steps - s) / (0.3 * steps) + 0.02),
         batch,

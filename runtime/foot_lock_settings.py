@@ -1,0 +1,43 @@
+"""Thresholds and half-lives of the foot lock."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class FootLockSettings:
+    """Thresholds and half-lives; metres, seconds, radians, contact probabilities."""
+
+    contact_on: float = 0.5
+    contact_off: float = 0.3
+    lock_speed: float = 1.2  # m/s: a faster point is not held, whatever the network says
+    lock_height: float = 0.2  # m: nor one that is higher over its resting height
+    still_speed: float = 0.3  # m/s: a point slower than this and near the ground is in contact
+    still_height: float = 0.025  # m over its resting height
+    release_rise: float = 0.035  # m that the incoming point may rise over its lowest while held
+    release_rise_sure: float = 0.12  # the same while the network is sure of the contact
+    release_offset: float = 0.2  # m between the held and the incoming point
+    release_stretch: float = 0.04  # m that the leg would have to grow
+    trailing: float = (
+        0.15  # m behind the hips from which a foot rolls over its toe instead of pulling the hips down
+    )
+    refractory: float = 0.15  # s without a new hold after a forced release
+    refractory_lift: float = 0.04  # m: a forced release becomes a small step
+    release_halflife: float = 0.07
+    rise_halflife: float = 0.045  # of a free foot's height over the incoming one, upwards
+    fall_halflife: float = 0.03  # the same downwards
+    settle_halflife: float = 0.02  # of a held point's height
+    settle_slower: float = 0.5  # s/m: added to it for every metre that is missing
+    flat_halflife: float = 0.06  # of the sole's alignment to the ground
+    yaw_halflife: float = 0.10
+    hips_halflife: float = 0.08
+    max_yaw: float = 0.6
+    max_drop: float = 0.35  # m that the hips may sink
+    sink: float = 0.002  # m that a sole may press into the ground; more, and a moving toe counts as skating
+    look_ahead: float = 0.12  # s of swing in which edges are seen
+    soft_floor: float = 0.015  # m over the ground in which a landing foot slows down
+    swing_clearance: float = 0.02  # m between the ground and a sole that moves at `swing_speed` or faster
+    swing_speed: float = 2.0  # m/s
+    clearance: float = 0.02  # m between the sole and an edge
+    edge_slope: float = 0.7  # rise over run from which the ground is an edge, not a slope

@@ -132,7 +132,9 @@ def test_the_content_encoder_takes_embeddings_of_any_size() -> None:
     from training.networks.content import ContentEncoder
     from training.presets import preset
 
-    content = ContentEncoder(replace(preset("tiny"), text_size=512, direction_words=False))
+    content = ContentEncoder(
+        replace(preset("tiny"), text_size=512, direction_words=False, one_sided_words=False)
+    )
     assert content.text(torch.randn(3, 6, 512)).mean.shape == (3, 6, 64)
     with pytest.raises(RuntimeError):
         content.text(torch.randn(3, 6, 384))

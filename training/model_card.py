@@ -17,9 +17,8 @@ from runtime.errors import FileError, run_command
 
 _LIMITS = """- Trained on about 35 captured styles, on recombinations of their parts, and on parametric edits of parts; a prompt far
   from them is composed from the nearest ones, part by part.
-- Left and right of torso and head, and turned-out against turned-in feet, are told apart only where both were trained.
-- Edits of the legs (wide stance, dragging, high knees) come out weaker than those of arms, torso and head.
-- Waving, nodding and flapping beat with the steps; standing still they are weak.
+- How high a foot is lifted (high knees, dragging) answers words weakly; what one arm does moves the other a little.
+- Nodding, shaking the head and looking around are hardly there; waving and flapping beat with the steps.
 - Terrain is known from distilled rollouts of PFNN and from flat capture laid over hills and stairs; there is only about
   a minute of captured stairs and uneven ground, and no capture of climbing over walls.
 - Jumping was seen in the neutral style only."""

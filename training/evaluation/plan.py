@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from runtime.assets import asset_path
 from runtime.errors import FileError
-from runtime.features import FPS
 from runtime.motion_encoder import MotionEncoder
 from runtime.prompts.parts import PartDescriptions
 from training.evaluation.capture import (
@@ -26,7 +25,7 @@ from training.evaluation.capture import (
 )
 from training.evaluation.foot_skating import GAITS, Skating, foot_skating
 from training.evaluation.frechet import Projection
-from training.evaluation.motion import GESTURES
+from training.evaluation.motion import GESTURES, mean_speed
 from training.evaluation.recognition import MIN_HELD_OUT_WINDOWS, MIN_TRAINING_WINDOWS, StyleClassifier
 from training.evaluation.window_sets import WindowSet, joined, window_set
 
@@ -128,12 +127,6 @@ def make_plan(
     report(f"classifier: {len(known)} windows")
     classifier = StyleClassifier(windows.for_classifier[known], [labels[int(i)] for i in known], options.seed)
     return Plan(options, capture, texts, encoder, segments, reference, windows, labels, held_out, classifier)
-
-
-def mean_speed(positions: Array) -> float:
-    """Mean speed in m/s of the root of world joints `(T, 31, 3)`, without the sway of single steps."""
-    half, xz = FPS // 2, positions[:, 0, ::2].astype(np.float64)
-    return float(np.linalg.norm(xz[half:] - xz[:-half], axis=-1).mean() * FPS / half)
 
 
 def _parts(capture: Capture, group: str, held_out: bool, seconds: float, seed: int) -> list[Segment]:

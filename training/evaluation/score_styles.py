@@ -15,8 +15,8 @@ from training.evaluation.courses import run_course
 from training.evaluation.driving import flat_ground, follow
 from training.evaluation.foot_skating import GAITS, Skating, foot_skating
 from training.evaluation.frechet import Comparison, compare
-from training.evaluation.motion import Motion
-from training.evaluation.plan import OVERALL_COMPONENTS, STYLE_COMPONENTS, Plan, captured_skating, mean_speed
+from training.evaluation.motion import Motion, mean_speed
+from training.evaluation.plan import OVERALL_COMPONENTS, STYLE_COMPONENTS, Plan, captured_skating
 from training.evaluation.recognition import recognition
 from training.evaluation.subject import Subject
 from training.evaluation.window_sets import WindowSet, joined, window_set

@@ -119,7 +119,7 @@ _LOSS_WEIGHT = {
 
 
 # Of positions and rotations of a part's joints: what words change in them is small beside the step, and beside the arms.
-_PART_WEIGHT = {"left_leg": 1.6, "right_leg": 1.6, "torso": 2.0, "head": 2.5}
+_PART_WEIGHT = {"left_leg": 2.2, "right_leg": 2.2, "torso": 2.0, "head": 2.5}
 
 
 def _field_deviation(values: Tensor, layout: dict[str, slice], scale: dict[str, float]) -> Tensor:

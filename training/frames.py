@@ -219,7 +219,7 @@ def load_frames(clips: Path, workers: int = 2, limit: int | None = None) -> Fram
     )
 
 
-TERRAIN_SHARE, LAYERED_SHARE = 0.22, 0.38  # of the frames drawn; the rest is capture
+TERRAIN_SHARE, LAYERED_SHARE = 0.22, 0.42  # of the frames drawn; the rest is capture
 
 
 def sampling_weights(

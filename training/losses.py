@@ -81,7 +81,7 @@ def stage2(rec: Tensor, contact_error: Tensor, contact_weight: float = 1.0) -> T
 
 
 def motion(target: Tensor, predicted: Tensor, weights: Tensor) -> Tensor:
-    """Eq. 11: mean squared error of normalised y `(B, n)`, every entry with its weight `(n,)` (the paper: 1)."""
+    """Eq. 11: mean squared error of normalised y `(B, n)`, weighted by `(n,)` or `(B, n)` (the paper: 1)."""
     return (weights * (predicted - target).square()).mean()
 
 
@@ -95,9 +95,9 @@ def contact(labels: Tensor, squared_foot_velocity: Tensor) -> Tensor:
     return mse_loss(soft, labels)
 
 
-def codes(target: Tensor, predicted: Tensor) -> Tensor:
-    """Eq. 14: mean squared error between E_d's codes Z^c and the denoiser's, `(B, K, n)`."""
-    return mse_loss(predicted, target)
+def codes(target: Tensor, predicted: Tensor, weights: Tensor | float = 1.0) -> Tensor:
+    """Eq. 14: mean squared error between E_d's codes Z^c and the denoiser's, `(B, K, n)`, weighted by `(B, 1, n)`."""
+    return (weights * (predicted - target).square()).mean()
 
 
 def hard_contact(squared_foot_velocity: Tensor) -> Tensor:

@@ -15,6 +15,7 @@ from torch import Tensor
 from runtime import features
 from runtime.features import INPUT, OUTPUT
 from training.batches import Frames, Normalisation
+from training.part_swaps import Swaps
 
 PRESENT = 60
 _POSE = ("joint_positions", "joint_velocities")
@@ -35,14 +36,17 @@ class RolloutLanes:
         self.patch = torch.zeros(lanes, dtype=torch.long, device=device)
         self.pose = {name: torch.zeros(lanes, 93, device=device) for name in _POSE}
         self.phase = torch.zeros(lanes, 2 * PRESENT + 1, 2 * features.C, device=device)
+        self.swaps = Swaps.none(lanes, device)
         self._restart(torch.ones(lanes, dtype=torch.bool, device=device))
 
     def _restart(self, ended: Tensor) -> None:
         count = int(ended.sum())
         if not count:
             return
-        rows = next(self._fresh)[:count]
+        drawn = next(self._fresh)
+        rows = drawn[:count]
         ended = ended.nonzero()[:, 0][: len(rows)]
+        self.swaps.draw(ended, self.frames.clip[drawn.roll(-count)[: len(rows)]])
         self.rows[ended] = rows
         self.patch[ended] = (torch.rand(len(rows), device=rows.device) * self.frames.patches[rows]).long()
         x = self.frames.inputs(rows, self.patch[ended])

@@ -54,11 +54,10 @@ class MotionData:
     style: StyleTable
     weights: np.ndarray
 
-    def styles(self, rows: Tensor) -> Tensor:
-        """Z^t `(B, 384)` of frames: random paraphrases, and half of the time a blend towards others of the clip."""
-        clips = self.frames.clip[rows]
-        t = torch.rand(len(rows), 1, device=rows.device)
-        t = t * (torch.rand(len(rows), 1, device=rows.device) < 0.5)
+    def styles(self, clips: Tensor) -> Tensor:
+        """Z^t `(B, 384)` of clips: random paraphrases, and half of the time a blend towards others of the clip."""
+        t = torch.rand(len(clips), 1, device=clips.device)
+        t = t * (torch.rand(len(clips), 1, device=clips.device) < 0.5)
         z = (1 - t) * self.style.draw(clips) + t * self.style.draw(clips)
         return z + 0.05 * torch.randn_like(z)
 
@@ -96,9 +95,12 @@ def _corrupt(x: Tensor, level: float) -> Tensor:
     return x + noise
 
 
-def stage2_loss(data: MotionData, target: Tensor, predicted: Tensor) -> dict[str, Tensor]:
-    """Eq. 10 to 13: weighted MSE of M and the contact term; the squared foot velocity is that of the predicted j^v."""
-    reconstruction = terms.motion(target, predicted, loss_weights(target.device))
+def stage2_loss(data: MotionData, target: Tensor, predicted: Tensor, supervised: Tensor) -> dict[str, Tensor]:
+    """Eq. 10 to 13: weighted MSE of M and the contact term; the squared foot velocity is that of the predicted j^v.
+
+    `supervised` `(B, n)` is one, or zero where the target says nothing.
+    """
+    reconstruction = terms.motion(target, predicted, loss_weights(target.device) * supervised)
     normal = data.normal
     field = OUTPUT["joint_velocities"]
     velocity = predicted[:, field] * normal.y_deviation[field] + normal.y_mean[field]
@@ -122,6 +124,7 @@ class MixedBatch:
     z: Tensor
     x: Tensor  # normalised
     target: Tensor  # normalised y
+    supervised: Tensor  # one, or zero where a swapped part moves y: see training.part_swaps
 
 
 def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes, noise: float) -> MixedBatch:
@@ -135,7 +138,11 @@ def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes, noise: floa
         ]
     )
     rows, patch = torch.cat([fresh, lanes.rows]), torch.cat([patch, lanes.patch])
-    return MixedBatch(rows, patch, data.styles(rows), x, data.output(rows, patch))
+    z, target = data.styles(data.frames.clip[rows]), data.output(rows, patch)
+    swaps = lanes.swaps
+    z = torch.cat([z[: len(fresh)], swaps.tell(z[len(fresh) :], data.styles(swaps.clip))])
+    supervised = torch.cat([torch.ones_like(target[: len(fresh)]), swaps.supervised()])
+    return MixedBatch(rows, patch, z, x, target, supervised)
 
 
 def run_stage2(
@@ -163,7 +170,7 @@ def run_stage2(
         mixed = mixed_batch(data, item, lanes, 0.25)
         y = module.decode_mixture(mixed.x, mixed.z)[0].float()
         lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
-        result = stage2_loss(data, mixed.target, y)
+        result = stage2_loss(data, mixed.target, y, mixed.supervised)
         return result | {"total": terms.stage2(result["rec"], result["contact"], CONTACT_WEIGHT)}
 
     train(session, "stage2", state, rows, losses, steps, _warm_restarts(steps, 1e-3), batch, max_minutes)
@@ -201,7 +208,7 @@ def measure_codes(module: Generator, data: MotionData, session: Session, batches
     for _ in range(batches):
         item = next(rows)
         patch = data.patch(item)
-        e, alpha = module.embed(data.input(item, patch), data.styles(item))
+        e, alpha = module.embed(data.input(item, patch), data.styles(data.frames.clip[item]))
         codes.append(module.target_codes(e, alpha, data.output(item, patch)))
     stacked = torch.cat(codes)
     module.code_mean.copy_(stacked.mean(0))
@@ -247,10 +254,10 @@ def run_stage3(
         predicted = module.denoiser(noisy, e, n).float()
         y = blend_codes(module.clean_codes(predicted, e.float()), alpha.float())
         lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
-        result = {"codes": terms.codes(codes.float(), predicted)}
+        result = {"codes": terms.codes(codes.float(), predicted, mixed.supervised[:, None])}
         total = result["codes"]
         if step > 0.25 * steps:
-            result |= stage2_loss(data, mixed.target, y)
+            result |= stage2_loss(data, mixed.target, y, mixed.supervised)
             total = 0.1 * total + terms.stage2(result["rec"], result["contact"], CONTACT_WEIGHT)
         return result | {"total": total}
 
@@ -277,7 +284,7 @@ def estimate_variance(
     for _ in range(batches):
         item = next(rows)
         patch = data.patch(item)
-        e, alpha = module.embed(data.input(item, patch), data.styles(item))
+        e, alpha = module.embed(data.input(item, patch), data.styles(data.frames.clip[item]))
         codes = module.target_codes(e, alpha, data.output(item, patch))
         for k, step in enumerate(tau):
             n = torch.full((len(item),), int(step), device=item.device)

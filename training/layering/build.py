@@ -37,6 +37,8 @@ SECONDS = (4.0, 7.0)
 PARAPHRASES = 4
 RECOMBINED = 0.3  # share of clips that first take parts of another style
 NEUTRAL = 0.45  # share of clips that are built on neutral motion, where an edit shows most clearly
+PLAIN = "neutral"  # of the neutral styles the one that "a person walking normally" is told of
+PLAIN_SHARE = 0.7  # of the neutral motion: an edit's words stand beside these sentences most often
 LAYERS = "layers.json"
 
 
@@ -103,9 +105,10 @@ class Pool:
     def draw(self, random: np.random.Generator, neutral: float = NEUTRAL) -> Source:
         """A clip; neutral ones with the given chance."""
         styles = sorted(self.by_style)
-        plain = [s for s in styles if s.startswith("neutral")]
-        if plain and random.random() < neutral:
-            style = plain[int(random.integers(len(plain)))]
+        normal = [s for s in styles if s.startswith("neutral")]
+        if normal and random.random() < neutral:
+            plain = PLAIN in normal and random.random() < PLAIN_SHARE
+            style = PLAIN if plain else normal[int(random.integers(len(normal)))]
         else:
             style = styles[int(random.integers(len(styles)))]
         paths = self.by_style[style]

@@ -9,9 +9,12 @@ import numpy as np
 from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS, PartEdit
 
 _CHANCE = {"left_arm": 0.42, "right_arm": 0.42, "torso": 0.38, "head": 0.38, "legs": 0.5}
-BOTH_ARMS = 0.3  # chance that an edited arm is joined by the same edit of the other
+BOTH_ARMS = 0.2  # chance that an edited arm is joined by the same edit of the other
 BOTH_LEGS = 0.6
 _NEEDS_STEPS = ("leg",)
+# Edits that change a movement, not a posture, show in a part of every step only: they are drawn more often.
+_OF_MOVEMENT = ("swing", "foot_lift", "knee_bend")  # the fields of the measures that show them
+_MOVEMENT_WEIGHT = 2.0
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,10 @@ def _choose(slot: str, random: np.random.Generator, standing: bool) -> str | Non
     names = [e.name for e in trained_edits() if e.slot in slots]
     if standing:
         names = [n for n in names if EDITS[n].kind not in _NEEDS_STEPS and n != "torso.bounce"]
-    return str(random.choice(names)) if names else None
+    if not names:
+        return None
+    weight = [_MOVEMENT_WEIGHT if EDITS[n].measure[1] in _OF_MOVEMENT else 1.0 for n in names]
+    return str(random.choice(names, p=np.array(weight) / sum(weight)))
 
 
 def _twin(name: str) -> str | None:

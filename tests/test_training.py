@@ -17,6 +17,7 @@ from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON, J  # noqa: E402
 from runtime.terrain import Terrain  # noqa: E402
 from training.batches import Frames  # noqa: E402
 from training.frames import clip_frames, load_frames, sampling_weights  # noqa: E402
+from training.part_swaps import NOTHING  # noqa: E402
 from training.pipeline import main  # noqa: E402
 from training.rollouts import RolloutLanes  # noqa: E402
 
@@ -125,6 +126,17 @@ def test_lanes_can_begin_in_the_pose_of_another_clip(clips, monkeypatch):
     begun = lanes.inputs()[:, pose]
     assert not torch.allclose(begun, own)
     assert torch.allclose(begun.sum(0), own.sum(0), atol=0.1)  # the same poses in another order
+
+
+def test_lanes_swap_a_part_only_where_they_are_asked_to(clips):
+    frames = _frames(clips)
+    torch.manual_seed(0)
+    rows = torch.arange(100, 164)
+    swapped = RolloutLanes(frames, 64, 1e9, iter([rows])).swaps
+    assert (swapped.part != NOTHING).any()
+    assert set(swapped.clip.tolist()) <= set(frames.clip[rows].tolist())
+    left = RolloutLanes(frames, 64, 1e9, iter([rows]), part_swaps=False).swaps
+    assert (left.part == NOTHING).all()
 
 
 def test_lanes_restart_at_the_end_of_their_clip(clips):

@@ -48,6 +48,8 @@ class ModelConfig:
     # Eq. 14 with the captured motion in place of E_d's own codes, and the denoiser's output added to these codes
     # (paper: the codes alone, which the denoiser learns from nothing)
     residual_diffusion: bool = True
+    # stages 2 and 3 also see rollouts in which one part is told what another clip's does (paper: no)
+    part_swaps: bool = True
 
     @property
     def sentence_size(self) -> int:
@@ -72,6 +74,7 @@ _PAPER = ModelConfig(
     one_sided_words=False,
     pose_statistics=False,
     residual_diffusion=False,
+    part_swaps=False,
 )
 PRESETS: dict[str, ModelConfig] = {
     "compact": _COMPACT,
@@ -108,6 +111,7 @@ ABLATIONS: dict[str, dict[str, Any]] = {
     "whole-body-contrast": {"part_contrast": False},
     "two-sided-words": {"one_sided_words": False},
     "no-pose-statistics": {"pose_statistics": False},
+    "no-part-swaps": {"part_swaps": False},
 }
 
 

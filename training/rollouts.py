@@ -25,9 +25,19 @@ FOREIGN_POSE = 0.35
 
 
 class RolloutLanes:
-    """`lanes` rollouts; each ends by chance after `mean_frames` on average, or with its clip."""
+    """`lanes` rollouts; each ends by chance after `mean_frames` on average, or with its clip.
 
-    def __init__(self, frames: Frames, lanes: int, mean_frames: float, fresh: Iterator[Tensor]) -> None:
+    With `part_swaps` some are told of another clip's part, see `training.part_swaps`.
+    """
+
+    def __init__(
+        self,
+        frames: Frames,
+        lanes: int,
+        mean_frames: float,
+        fresh: Iterator[Tensor],
+        part_swaps: bool = True,
+    ) -> None:
         self.frames = frames
         self.mean_frames = mean_frames
         self._fresh = fresh
@@ -37,6 +47,7 @@ class RolloutLanes:
         self.pose = {name: torch.zeros(lanes, 93, device=device) for name in _POSE}
         self.phase = torch.zeros(lanes, 2 * PRESENT + 1, 2 * features.C, device=device)
         self.swaps = Swaps.none(lanes, device)
+        self._part_swaps = part_swaps
         self._restart(torch.ones(lanes, dtype=torch.bool, device=device))
 
     def _restart(self, ended: Tensor) -> None:
@@ -46,7 +57,8 @@ class RolloutLanes:
         drawn = next(self._fresh)
         rows = drawn[:count]
         ended = ended.nonzero()[:, 0][: len(rows)]
-        self.swaps.draw(ended, self.frames.clip[drawn.roll(-count)[: len(rows)]])
+        if self._part_swaps:
+            self.swaps.draw(ended, self.frames.clip[drawn.roll(-count)[: len(rows)]])
         self.rows[ended] = rows
         self.patch[ended] = (torch.rand(len(rows), device=rows.device) * self.frames.patches[rows]).long()
         x = self.frames.inputs(rows, self.patch[ended])

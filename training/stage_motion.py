@@ -163,7 +163,7 @@ def run_stage2(
     state = StageState(module, optimizer, MovingAverage(module, 0.9995))
     rows = random_rows(data.weights, batch, 1, data.frames.last, session.batch_generator(4))
     fresh = random_rows(data.weights, batch, 2, data.frames.last, session.batch_generator(8))
-    lanes = RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh)
+    lanes = RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh, config.part_swaps)
 
     def losses(item: object, step: int) -> dict[str, Tensor]:
         assert isinstance(item, Tensor)
@@ -238,7 +238,7 @@ def run_stage3(
     tau = torch.as_tensor(schedule.subsequence(config.inference_steps), device=session.device)
     rows = random_rows(data.weights, batch, 1, data.frames.last, session.batch_generator(6))
     fresh = random_rows(data.weights, batch, 2, data.frames.last, session.batch_generator(9))
-    lanes = RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh)
+    lanes = RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh, config.part_swaps)
 
     def losses(item: object, step: int) -> dict[str, Tensor]:
         assert isinstance(item, Tensor)

@@ -169,3 +169,12 @@ def test_layered_clips_are_written_with_their_words(tmp_path) -> None:
                 assert all(d[part] in phrases for d in entry["descriptions"])
     again = tmp_path / "again"
     assert build_layers(tmp_path, again, 12, seed=2) == entries
+
+
+def test_edits_of_a_movement_are_drawn_more_often_than_those_of_a_posture() -> None:
+    random = np.random.default_rng(0)
+    drawn = [name for _ in range(3000) for name in recipes.draw(random, standing=False).edits]
+    arms = [n for n in drawn if n.startswith("left_arm.")]
+    movement = [n for n in arms if EDITS[n].measure[1] == "swing"]
+    postures = [n for n in arms if EDITS[n].measure[1] != "swing"]
+    assert len(movement) / len(set(movement)) > 1.6 * len(postures) / len(set(postures))

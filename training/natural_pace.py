@@ -7,7 +7,7 @@ import torch
 
 from runtime.controls import Gait
 from runtime.features import INPUT, OUTPUT, PHASE_OFFSETS, L
-from training.frames import LAYERED, FrameTable
+from training.frames import LAYERED, PLAIN, FrameTable
 from training.stage_motion import StyleTable
 
 
@@ -33,9 +33,9 @@ def style_speeds(table: FrameTable, style: StyleTable, ridge: float = 0.3, draws
 
 
 def neutral_style(table: FrameTable, style: StyleTable) -> np.ndarray:
-    """Mean Z^t `(6, n / 6)` of the words of neutral captured clips; of all clips where there are none."""
-    neutral = [s.startswith("neutral") for s in table.styles]
-    clips = [c for c, known in enumerate(neutral) if known] or list(range(len(table.styles)))
+    """Mean Z^t `(6, n / 6)` of the words of plain captured clips; of all clips where there are none."""
+    plain = [s == PLAIN and c != LAYERED for s, c in zip(table.styles, table.contents, strict=True)]
+    clips = [c for c, known in enumerate(plain) if known] or list(range(len(table.styles)))
     index = style.index[torch.as_tensor(clips, device=style.index.device)]
     return style.of(index.flatten(0, 1)).mean(0).view(6, -1).cpu().numpy()
 

@@ -26,6 +26,7 @@ from runtime.skeleton import PART_NAMES
 from runtime.terrain import Terrain
 from training.data.clip_files import TrainingClip
 from training.data.height_patches import Patches
+from training.frames import PLAIN
 from training.layering import recipes
 from training.layering.catalog import EDITS
 from training.layering.pose_edits import Motion, apply
@@ -37,8 +38,7 @@ SECONDS = (4.0, 7.0)
 PARAPHRASES = 4
 RECOMBINED = 0.3  # share of clips that first take parts of another style
 NEUTRAL = 0.45  # share of clips that are built on neutral motion, where an edit shows most clearly
-PLAIN = "neutral"  # of the neutral styles the one that "a person walking normally" is told of
-PLAIN_SHARE = 0.7  # of the neutral motion: an edit's words stand beside these sentences most often
+PLAIN_SHARE = 0.7  # of the neutral motion is plain: an edit's words stand beside these sentences most often
 LAYERS = "layers.json"
 
 

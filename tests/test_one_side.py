@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from runtime.errors import ModelError
 from runtime.prompts.direction_words import GROUPS
 from runtime.prompts.one_side import one_sided
 from runtime.prompts.parts import PartDescriptions, mirror_text
@@ -95,6 +96,8 @@ def test_inputs_hold_what_their_length_says():
     }
     for size in input_sizes(6):
         assert sentence_inputs(encoder, SIX.as_tuple(), size).shape == (6, size)
+    with pytest.raises(ModelError, match="5 numbers"):
+        sentence_inputs(encoder, SIX.as_tuple(), 5)
     plain = sentence_inputs(encoder, SIX.as_tuple(), 6)
     sided = sentence_inputs(encoder, SIX.as_tuple(), 7)
     assert np.array_equal(plain, encoder.encode(SIX.as_tuple()))

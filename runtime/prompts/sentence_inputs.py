@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.errors import ModelError
 from runtime.prompts.direction_words import GROUPS, with_direction_words
 from runtime.prompts.one_side import one_sided
 from runtime.prompts.text_encoder import TextEncoderLike
@@ -20,8 +21,14 @@ def input_sizes(dimensions: int) -> dict[int, tuple[bool, bool]]:
 
 
 def sentence_inputs(encoder: TextEncoderLike, texts: Sequence[str], size: int) -> NDArray[np.float32]:
-    """`(6, size)`: the inputs of six descriptions in the order of `PART_NAMES`."""
-    return part_inputs(encoder, PART_NAMES, texts, *input_sizes(encoder.dimensions)[size])
+    """`(6, size)`: the inputs of six descriptions in the order of `PART_NAMES`; ModelError when no input has that size."""
+    sizes = input_sizes(encoder.dimensions)
+    if size not in sizes:
+        raise ModelError(
+            f"prompt.onnx reads {size} numbers of a sentence, expected one of {sorted(sizes)} of {encoder.name}.",
+            "Choose a model that was trained with this text encoder.",
+        )
+    return part_inputs(encoder, PART_NAMES, texts, *sizes[size])
 
 
 def part_inputs(

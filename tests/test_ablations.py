@@ -54,3 +54,7 @@ def test_shared_stages_are_copied_and_missed(tmp_path) -> None:
     (run / "phase.npy").unlink()
     with pytest.raises(FileError, match=r"phase\.npy"):
         prepare(run, tmp_path / "other", "full")
+
+
+def test_of_every_variant_it_is_known_what_it_shares() -> None:
+    assert set(SHARED) == set(ABLATIONS)

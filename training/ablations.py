@@ -31,6 +31,9 @@ SHARED: dict[str, tuple[str, ...]] = {
     "no-direction-words": _PHASE,
     "distilled-diffusion": _PHASE + _CONTENT,
     "whole-body-contrast": _PHASE,
+    "two-sided-words": _PHASE,
+    "no-pose-statistics": _PHASE,
+    "no-part-swaps": _PHASE + _CONTENT,
 }
 
 

@@ -13,10 +13,11 @@ from runtime.controller import Controller  # noqa: E402
 from runtime.controls import Controls  # noqa: E402
 from runtime.features import INPUT, OUTPUT  # noqa: E402
 from runtime.model import load_model  # noqa: E402
-from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON, J  # noqa: E402
+from runtime.skeleton import PART_NAMES, REST_HIPS_HEIGHT, SPORT_SKELETON, J  # noqa: E402
 from runtime.terrain import Terrain  # noqa: E402
 from training.batches import Frames  # noqa: E402
 from training.frames import clip_frames, load_frames, sampling_weights  # noqa: E402
+from training.layering.longer_phrases import longer_sentences  # noqa: E402
 from training.part_swaps import NOTHING  # noqa: E402
 from training.pipeline import main  # noqa: E402
 from training.rollouts import RolloutLanes  # noqa: E402
@@ -147,9 +148,22 @@ def test_lanes_restart_at_the_end_of_their_clip(clips):
     assert lanes.rows.tolist() == [50]
 
 
-def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(clips, tmp_path):
+def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(clips, tmp_path, monkeypatch):
+    few = [s for part in PART_NAMES for s in longer_sentences() if s.part == part][::60]
+    monkeypatch.setattr("training.stage_words.longer_sentences", lambda: few)  # embedding them all takes long
     out = tmp_path / "run"
-    steps = ["--phase-steps", "2", "--content-steps", "2", "--stage2-steps", "3", "--stage3-steps", "3"]
+    steps = [
+        "--phase-steps",
+        "2",
+        "--content-steps",
+        "2",
+        "--words-steps",
+        "2",
+        "--stage2-steps",
+        "3",
+        "--stage3-steps",
+        "3",
+    ]
     steps += ["--layers", "0"]
     common = [
         "--preset",

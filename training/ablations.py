@@ -34,6 +34,7 @@ SHARED: dict[str, tuple[str, ...]] = {
     "two-sided-words": _PHASE,
     "no-pose-statistics": _PHASE,
     "no-part-swaps": _PHASE + _CONTENT,
+    "no-longer-sentences": _PHASE,
 }
 
 

@@ -15,7 +15,7 @@ from runtime.assets import asset_path
 from runtime.errors import FileError
 from runtime.features import OUTPUT_SIZE
 from runtime.prompts.text_encoder import SHIPPED, TextEncoder
-from training import parallel, stage_content, stage_motion, stage_phase
+from training import parallel, stage_content, stage_motion, stage_phase, stage_words
 from training.batches import Frames, Normalisation
 from training.checkpoint import CONTENT_START, START
 from training.export import Trained, export_model
@@ -32,7 +32,7 @@ from training.styles import StyleTexts, load_style_texts
 
 log = logging.getLogger("sport.train")
 
-STAGES = ("import", "layer", "phase", "content", "stage2", "stage3", "export")
+STAGES = ("import", "layer", "phase", "content", "words", "stage2", "stage3", "export")
 CREDITS = {
     "100style": "The 100STYLE Dataset - Ian Mason (CC BY 4.0)",
     "bandai_namco": "Bandai Namco Research Motiondataset (CC BY-NC 4.0)",
@@ -49,6 +49,7 @@ class Steps:
 
     phase: int = 1200
     content: int = 1200
+    words: int = stage_words.STEPS
     stage2: int = 18000
     stage3: int = 5500
     batch: int = 1024
@@ -151,6 +152,8 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
     if wanted == {"phase"}:
         return
     content = _content(args, session, config, table, weights, texts, "content" in wanted)
+    if "words" in wanted and content is not None and config.longer_sentences:
+        _words(args, content, config, texts, encoder)
     if not wanted & {"stage2", "stage3", "export"}:
         return
     frames = Frames.of(table, phase, session.device)
@@ -267,6 +270,24 @@ def _content(
     module = ContentEncoder(config)
     module.load_state_dict(stored["module"])
     return module.to(session.device).eval()
+
+
+def _words(
+    args: argparse.Namespace,
+    content: ContentEncoder,
+    config: ModelConfig,
+    texts: StyleTexts,
+    encoder: TextEncoder,
+) -> None:
+    """Longer sentences, once for a content encoder."""
+    path = args.out / "content_final.pt"
+    stored = load_checkpoint(path)
+    if "longer_sentences" in stored:
+        return
+    device = next(content.parameters()).device
+    learnt = stage_words.learn_longer_sentences(content, config, texts, encoder, args.words, args.seed)
+    save_checkpoint(path, stored | {"module": content.state_dict(), "longer_sentences": learnt})
+    content.to(device)
 
 
 def _sequence_scales(path: Path, table: FrameTable) -> dict[str, torch.Tensor]:

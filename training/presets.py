@@ -50,6 +50,8 @@ class ModelConfig:
     residual_diffusion: bool = True
     # stages 2 and 3 also see rollouts in which one part is told what another clip's does (paper: no)
     part_swaps: bool = True
+    # after stage 1 the text network learns phrases in longer sentences, `training.stage_words` (paper: no)
+    longer_sentences: bool = True
 
     @property
     def sentence_size(self) -> int:
@@ -75,6 +77,7 @@ _PAPER = ModelConfig(
     pose_statistics=False,
     residual_diffusion=False,
     part_swaps=False,
+    longer_sentences=False,
 )
 PRESETS: dict[str, ModelConfig] = {
     "compact": _COMPACT,
@@ -112,6 +115,7 @@ ABLATIONS: dict[str, dict[str, Any]] = {
     "two-sided-words": {"one_sided_words": False},
     "no-pose-statistics": {"pose_statistics": False},
     "no-part-swaps": {"part_swaps": False},
+    "no-longer-sentences": {"longer_sentences": False},
 }
 
 

@@ -1,0 +1,73 @@
+"""Longer sentences mean what their phrases mean, and what was known stays."""
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from runtime.prompts.sentence_inputs import part_inputs  # noqa: E402
+from runtime.skeleton import PART_NAMES  # noqa: E402
+from training.layering.catalog import EDITS, HELD_OUT  # noqa: E402
+from training.layering.longer_phrases import LongerSentence, longer_sentences  # noqa: E402
+from training.networks.content import ContentEncoder  # noqa: E402
+from training.presets import preset  # noqa: E402
+from training.stage_words import codes_of, disturbed, learn_longer_sentences  # noqa: E402
+from training.styles import StyleTexts  # noqa: E402
+
+
+class BagOfWords:
+    """A sentence is the sum of a vector for each word."""
+
+    name, dimensions = "stand-in", 384
+
+    def encode(self, texts):
+        sums = [sum(self._word(w) for w in t.replace(",", " ").lower().split()) for t in texts]
+        return np.stack([s / np.linalg.norm(s) for s in sums]).astype("f4")
+
+    def _word(self, word):
+        return np.random.default_rng(list(word.encode())).normal(size=384)
+
+
+def test_longer_sentences_are_made_of_trained_phrases_alone():
+    trained = {
+        p for name, e in EDITS.items() if name not in HELD_OUT for ps in e.phrases.values() for p in ps
+    }
+    sentences = longer_sentences()
+    assert {s.part for s in sentences} == set(PART_NAMES)
+    assert all(set(s.of) <= trained for s in sentences)
+    only_held_out = {p for n in HELD_OUT for ps in EDITS[n].phrases.values() for p in ps} - trained
+    assert not any(s.text.startswith(p) for s in sentences for p in only_held_out)
+
+
+def test_a_clause_that_adds_nothing_leaves_one_phrase_and_two_postures_leave_two():
+    sentences = longer_sentences()
+    still = LongerSentence(
+        "left_arm", "left hand resting on the hip, held still", ("left hand resting on the hip",)
+    )
+    assert still in sentences
+    both = {s.text: set(s.of) for s in sentences if len(s.of) == 2}
+    assert both["head lowered, turned to the left"] == {"head lowered", "head turned to the left"}
+    assert not any("held still" in s.text and "swinging widely" in s.text for s in sentences)
+
+
+def test_longer_sentences_are_learnt_and_the_others_kept():
+    torch.manual_seed(0)
+    config, encoder = preset("tiny"), BagOfWords()
+    content = ContentEncoder(config)
+    known = [sorted({s.of[0] for s in longer_sentences() if s.part == part})[:20] for part in PART_NAMES]
+    inputs = [
+        part_inputs(encoder, [p] * len(s), s, True, True) for p, s in zip(PART_NAMES, known, strict=True)
+    ]
+    texts = StyleTexts(known, inputs, np.zeros((1, 1, 6), int), np.zeros((1, 6), int), ["a"])
+    result = learn_longer_sentences(content, config, texts, encoder, steps=40)
+    assert result["known_before"] == 0.0
+    assert result["longer"] < 0.7 * result["longer_before"]
+    assert result["known"] < 0.5
+    assert codes_of(content.text, torch.as_tensor(inputs[0]), 0).shape == (len(known[0]), 128)
+
+
+def test_noise_keeps_the_side():
+    words = torch.randn(4, 6, 9)
+    noisy = disturbed(words, one_sided=True)
+    assert torch.equal(noisy[..., -1], words[..., -1])
+    assert not torch.equal(noisy[..., :-1], words[..., :-1])

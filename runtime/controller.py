@@ -17,6 +17,7 @@ from runtime.noise import DriftingNoise
 from runtime.phase import advance_phase
 from runtime.pose import Pose
 from runtime.skeleton import SPORT_SKELETON
+from runtime.stall import TURNS_PER_SECOND, Stall, turned
 from runtime.terrain import Terrain
 from runtime.trajectory import PRESENT, Trajectory, decay
 
@@ -28,6 +29,7 @@ TEMPERATURE = (
     0.7  # of the sampler: livelier than its mean, and nearer to the capture than at 1 (docs/evaluation.md)
 )
 STAND_SPEED = 0.12  # m/s; slower wishes mean standing
+MIN_GAIT_SPEED = 0.3  # m/s; slower, feet may well rest for a while
 CROUCH_SPEED = 0.8  # m/s at full stick
 JUMP_SECONDS = 0.7
 # The network has a pace of its own for each style; the regulator asks it for more or less until the root's speed is
@@ -77,6 +79,7 @@ class Controller:
         self.foot_lock_enabled = True
         self.message = ""  # last fault of the network, for the status line
         self._foot_lock = FootLock(SPORT_SKELETON)
+        self._stall = Stall()
         self._style = model.fold_style(np.zeros(model.style_shape, np.float32), self._strength)
         self._from_z = self._to_z = self._style.z
         self._blend, self._blend_seconds = 1.0, 0.0
@@ -101,6 +104,7 @@ class Controller:
         self._measured_speed = 0.0
         self._speed_gain = 1.0
         self._foot_lock.reset()
+        self._stall.reset()
         self._ground = float(self.terrain.height(x, z))
         self.pose = self._pose(y, np.zeros(4))
         return self.pose
@@ -278,6 +282,8 @@ class Controller:
         )
         body.velocities = y.joint_velocities
         body.phase = advance_phase(body.phase, y.phase)
+        if self._stall.update(body.joints, self._gait_speed()):
+            body.phase = turned(body.phase, TURNS_PER_SECOND * DT)
         velocity = features.to_world(y.root[:2], yaw)
         velocity = self._calmed(velocity)
         speed = float(np.linalg.norm(velocity))
@@ -290,6 +296,11 @@ class Controller:
             features.to_world(y.trajectory_positions, next_yaw),
             features.to_world(y.trajectory_directions, next_yaw),
         )
+
+    def _gait_speed(self) -> float:
+        """The speed at which feet should be stepping, m/s: 0 at rest, in a jump, and while the root has not set off."""
+        travels = self._measured_speed > 0.5 * self.asked_speed and self._jump_left <= 0
+        return self.asked_speed if travels and self.asked_speed > MIN_GAIT_SPEED else 0.0
 
     def _stride_warp(self) -> float:
         """Scale of the root's displacement towards the asked speed; the foot lock keeps the feet planted."""

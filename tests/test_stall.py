@@ -1,0 +1,54 @@
+"""A gait that stalls is noticed, one that steps or rests is not; phases are turned as steps turn them."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from runtime.features import FPS
+from runtime.stall import FEET, STALLED_SECONDS, Stall, turned
+
+WANTED = 1.4  # m/s
+
+
+def _stalls(feet_speed: float, wanted: float, seconds: float = 1.0) -> int:
+    """Frames of `seconds` that count as stalled, the feet swinging to and fro with a mean speed."""
+    stall, joints = Stall(), np.zeros((31, 3))
+    count = 0
+    for frame in range(round(seconds * FPS)):
+        forth = (frame // 15) % 2 == 0
+        joints[FEET, 2] += (1.0 if forth else -1.0) * feet_speed / FPS
+        count += stall.update(joints.copy(), wanted)
+    return count
+
+
+def test_a_stepping_gait_does_not_stall():
+    assert _stalls(WANTED, WANTED, 5.0) == 0
+    assert _stalls(0.5 * WANTED, WANTED, 5.0) == 0
+
+
+def test_feet_at_rest_under_a_travelling_root_do_after_a_while():
+    frames = _stalls(0.05, WANTED)
+    assert 0 < frames < FPS - STALLED_SECONDS * FPS
+
+
+def test_a_standing_character_never_stalls():
+    assert _stalls(0.0, 0.0, 3.0) == 0
+
+
+def test_it_ends_when_the_feet_move_again():
+    stall, joints = Stall(), np.zeros((31, 3))
+    for _ in range(60):
+        stalled = stall.update(joints.copy(), WANTED)
+    assert stalled
+    for _ in range(12):
+        joints[FEET, 2] += 1.5 * WANTED / FPS
+        stalled = stall.update(joints.copy(), WANTED)
+    assert not stalled
+
+
+@given(st.floats(-3.0, 3.0), st.floats(0.1, 2.0), st.floats(0.0, 1.0))
+def test_turned_phases_keep_their_amplitude_and_go_forward(start: float, amplitude: float, turns: float):
+    before = amplitude * np.array([np.sin(start), np.cos(start)])
+    after = turned(before, turns)
+    angle = start + 2.0 * np.pi * turns
+    np.testing.assert_allclose(after, amplitude * np.array([np.sin(angle), np.cos(angle)]), atol=1e-9)

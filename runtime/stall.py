@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.features import FPS
-from runtime.skeleton import SPORT_SKELETON
+from runtime.feet import SOLE_POINTS
 from runtime.trajectory import decay
 
 Array = NDArray[np.floating]
 
-FEET = [SPORT_SKELETON.index(n) for n in ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")]
+FEET = list(SOLE_POINTS)
 STALLED_SHARE = 0.35  # of the asked speed; in a gait feet move against the root about as fast as the root
 STALLED_SECONDS = 0.25  # longer than feet rest against the root in the slowest step
 SMOOTHING = 0.1  # seconds, half-life of the feet's speed

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import product
 
-from runtime.skeleton import PART_NAMES
 from training.layering.catalog import PartEdit
 from training.layering.recipes import trained_edits
 
@@ -120,6 +119,5 @@ def _clauses(edit: PartEdit) -> tuple[str, ...]:
 
 
 def _postures(slot: str, across: bool) -> list[str]:
-    assert slot in PART_NAMES
     edits = [e for e in trained_edits() if e.slot == slot and e.measure[1] not in _MOVEMENTS]
     return [p for e in edits if (e.measure[1] in _ACROSS) == across for p in e.phrases[slot]]

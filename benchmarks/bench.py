@@ -79,7 +79,8 @@ def measure(frames: int, model: Path | None) -> dict[str, Any]:
 
 def print_table(figures: dict[str, Any]) -> None:
     """The figures with their meaning, one a line."""
-    print(f"model {figures['model']} on {figures['cpu']}, {figures['threads']} thread")
+    model = f"{figures['model']} in {figures['precision']}"
+    print(f"model {model} on {figures['cpu']}, {figures['threads']} thread")
     for name, meaning in _EXPLAINED.items():
         value = figures.get(name)
         print(f"{name:18} {'-' if value is None else f'{value:.3f}':>10}  {meaning}")
@@ -118,7 +119,7 @@ def _model_times(frames: int, model: Path | None) -> dict[str, Any]:
     forward = Controls(move=(0.0, 1.0))
     _timed(lambda: controller.step(forward), WARM_UP)
     result.update(_summary("step_ms", _timed(lambda: controller.step(forward), frames)))
-    result["model"] = network.name
+    result.update(model=network.name, precision=network.precision)
     return result
 
 

@@ -12,6 +12,7 @@ from runtime import features, rotations
 from runtime.controls import Controls, Gait
 from runtime.features import FPS, GAITS, InputParts, split_output
 from runtime.foot_lock import FootLock
+from runtime.inertialization import Inertialization
 from runtime.model import MotionModel, Style
 from runtime.noise import DriftingNoise
 from runtime.phase import advance_phase
@@ -80,6 +81,7 @@ class Controller:
         self.message = ""  # last fault of the network, for the status line
         self._foot_lock = FootLock(SPORT_SKELETON)
         self._stall = Stall()
+        self._arms = Inertialization()
         self._style = model.fold_style(np.zeros(model.style_shape, np.float32), self._strength)
         self._from_z = self._to_z = self._style.z
         self._blend, self._blend_seconds = 1.0, 0.0
@@ -105,6 +107,7 @@ class Controller:
         self._speed_gain = 1.0
         self._foot_lock.reset()
         self._stall.reset()
+        self._arms.reset()
         self._ground = float(self.terrain.height(x, z))
         self.pose = self._pose(y, np.zeros(4))
         return self.pose
@@ -253,6 +256,7 @@ class Controller:
         world = rotations.multiply(turn, rotations.from_6d(y.joint_rotations))
         local = SPORT_SKELETON.local_rotations(world)
         hips = features.to_world(y.joint_positions[0], yaw) + np.array([xz[0], self._ground, xz[1]])
+        local = self._arms.apply(local, self._blend < 1.0)
         self._unlocked = (hips, local)
         if self.foot_lock_enabled:
             locked = self._foot_lock.apply(hips, local, contacts, self.terrain, DT)

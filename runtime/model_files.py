@@ -88,8 +88,10 @@ def _check_numbers(path: Path, field: str, values: Any, count: int) -> None:
         raise ModelError(f"{path}: field '{field}' is not a list of {count} finite numbers.", REMEDY)
 
 
-def choose_precision(folder: Path, metadata: dict[str, Any], asked: str) -> str:
-    """fp32 or int8 for one of PRECISIONS; `auto` is fp32, with a warning in the log, where 8-bit products overflow.
+def choose_precision(folder: Path, metadata: dict[str, Any], asked: str) -> tuple[str, str]:
+    """fp32 or int8 for one of PRECISIONS, and a notice for the user or "".
+
+    `auto` is fp32, with a notice and a warning in the log, where the model's default is int8 and 8-bit products overflow.
 
     ModelError when int8 is asked for and not there, or not exact here, and when the metadata name another default.
     """
@@ -108,10 +110,11 @@ def choose_precision(folder: Path, metadata: dict[str, Any], asked: str) -> str:
     if precision == "int8" and not exact_8_bit_products():
         problem = "8-bit products overflow on this processor, which has no VNNI"
         if asked == "auto":
-            _LOG.warning("%s: %s; the slower fp32 graph is used.", folder, problem)
-            return "fp32"
+            notice = f"{problem}; the slower fp32 graph is used."
+            _LOG.warning("%s: %s", folder, notice)
+            return "fp32", notice
         raise ModelError(f"precision int8: {problem}.", "Load the model with precision fp32.")
-    return precision
+    return precision, ""
 
 
 def read_graph(folder: Path, name: str, metadata: dict[str, Any]) -> bytes:

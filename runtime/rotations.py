@@ -80,6 +80,21 @@ def from_axis_angle(axis: Array, angle: Array) -> Array:
     return np.concatenate([np.broadcast_to(np.cos(half), (*sine.shape[:-1], 1)), sine], axis=-1)
 
 
+def from_rotation_vector(v: Array) -> Array:
+    """Quaternions `(..., 4)` of rotation vectors `(..., 3)`: axis times angle in radians."""
+    angle = np.linalg.norm(v, axis=-1)
+    half = np.sinc(angle / (2.0 * np.pi)) / 2.0  # sin(angle / 2) / angle, also at zero
+    return np.concatenate([np.cos(angle / 2.0)[..., None], v * half[..., None]], axis=-1)
+
+
+def to_rotation_vector(q: Array) -> Array:
+    """Rotation vectors `(..., 3)`, of at most pi radians, of unit quaternions `(..., 4)`."""
+    q = np.where(q[..., :1] < 0, -q, q)
+    length = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    angle = 2.0 * np.arctan2(length, q[..., :1])
+    return np.where(length > 1e-12, q[..., 1:] * (angle / np.maximum(length, 1e-12)), 2.0 * q[..., 1:])
+
+
 def from_euler(angles: Array, order: str) -> Array:
     """Quaternions from intrinsic Euler angles `(..., n)` in the BVH sense: `order` "ZYX" is R = Rz Ry Rx."""
     angles = np.asarray(angles)

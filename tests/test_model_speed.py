@@ -146,20 +146,14 @@ def test_the_second_row_takes_the_rounding_of_activations_away(folder, frames, t
 
 def test_the_metadata_say_what_auto_means(quantised, frames, tmp_path):
     path, section = quantised
-    assert section["default"] == "fp32"
-    assert load_model(path).precision == "fp32"
+    assert section["default"] == "int8"
+    assert load_model(path).precision == "int8"
+    assert load_model(path, precision="fp32").precision == "fp32"
     copy = tmp_path / "model"
     shutil.copytree(path, copy)
-    assert quantize_model(copy, "int8", frames)["default"] == "int8"
-    assert load_model(copy).precision == "int8"
-    assert load_model(copy, precision="fp32").precision == "fp32"
-
-
-def test_a_model_of_the_papers_size_is_loaded_with_8_bits(folder, frames, tmp_path):
-    shutil.copytree(folder, tmp_path / "model")
-    path = tmp_path / "model" / "metadata.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"name": "paper-rotations"}))
-    assert quantize_model(tmp_path / "model", frames=frames)["default"] == "int8"
+    assert quantize_model(copy, "fp32", frames)["default"] == "fp32"
+    assert load_model(copy).precision == "fp32"
+    assert load_model(copy, precision="int8").precision == "int8"
 
 
 def test_a_missing_or_damaged_8_bit_graph_is_named_with_its_remedy(folder, quantised, tmp_path):
@@ -173,7 +167,7 @@ def test_a_missing_or_damaged_8_bit_graph_is_named_with_its_remedy(folder, quant
     data = bytearray(graph.read_bytes())
     data[len(data) // 2] ^= 1
     graph.write_bytes(bytes(data))
-    load_model(tmp_path / "model")  # fp32 needs none of it
+    load_model(tmp_path / "model", precision="fp32")  # which needs none of it
     with pytest.raises(ModelError, match="damaged"):
         load_model(tmp_path / "model", precision="int8")
     graph.unlink()
@@ -226,10 +220,11 @@ def test_an_idle_model_takes_no_processor_time(folder, frames):
 
 def test_8_bits_are_left_alone_where_they_overflow(quantised, frames, tmp_path, monkeypatch, caplog):
     shutil.copytree(quantised[0], tmp_path / "model")
-    quantize_model(tmp_path / "model", "int8", frames)
     monkeypatch.setattr("runtime.model_files.exact_8_bit_products", lambda: False)
     with caplog.at_level("WARNING", "sport.model"):
-        assert load_model(tmp_path / "model").precision == "fp32"
+        model = load_model(tmp_path / "model")
+    assert model.precision == "fp32"
+    assert "overflow" in model.notice
     assert "overflow" in caplog.text
     assert "fp32" in caplog.text
     with pytest.raises(ModelError, match="overflow on this processor") as error:

@@ -116,3 +116,15 @@ def test_continuous_only_flips_signs():
     result = R.continuous(q)
     assert np.all(np.sum(result[1:] * result[:-1], axis=-1) >= 0)
     same_rotation(result, q)
+
+
+@given(quaternions())
+def test_rotation_vectors_give_the_rotation_back(q):
+    v = R.to_rotation_vector(q)
+    assert np.all(np.linalg.norm(v, axis=-1) <= np.pi + 1e-9)
+    same_rotation(R.from_rotation_vector(v), q)
+
+
+def test_small_rotation_vectors_are_kept():
+    v = np.array([[0.0, 0.0, 0.0], [1e-13, 0.0, 0.0], [0.0, 1e-6, -1e-6]])
+    np.testing.assert_allclose(R.to_rotation_vector(R.from_rotation_vector(v)), v, rtol=1e-9, atol=1e-20)

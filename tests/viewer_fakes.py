@@ -170,14 +170,14 @@ class FakeRenderer:
         self.ctx = None
 
 
-def fake_services(real_renderer: bool = False) -> Services:
+def fake_services(real_renderer: bool = False, notice: str = "") -> Services:
     """Services with a fake model; terrains are real, character and renderer fake unless asked."""
     real = default_services()
 
     def load_model(directory: Any, terrain: Terrain, seed: int, gpt: Any) -> Loaded:
         library = FakeLibrary()
         workers = FakePrompts(library), FakePrompts(library)
-        return Loaded(FakeController(terrain), workers, library, "fake", "numpy")
+        return Loaded(FakeController(terrain), workers, library, "fake", "numpy", notice)
 
     return Services(
         load_model=load_model,

@@ -1,7 +1,7 @@
 """An 8-bit twin of the step graph, and how far its output is from the original's on frames of the model's own walks.
 
 python -m training.quantize FOLDER                     writes step_int8.onnx and what was measured into metadata.json
-python -m training.quantize FOLDER --default int8      and makes it what is loaded unless another precision is asked for
+python -m training.quantize FOLDER --default fp32      and lets full precision be loaded unless int8 is asked for
 """
 
 from __future__ import annotations
@@ -127,20 +127,17 @@ def _refine(model: onnx.ModelProto) -> None:
 
 def quantize_model(
     folder: Path,
-    default: str | None = None,
+    default: str = "int8",
     frames: Frames | None = None,
     text_encoder: Path | None = None,
 ) -> dict[str, object]:
     """Write `step_int8.onnx` into a model folder and what it costs into its metadata: the section, which is returned.
 
-    `default` is the precision that `auto` means for this model (None: int8 for networks of the paper's size, which
-    leave too little of a frame in full precision). `frames` are by default those of `record_frames`.
+    `default` is the precision that `auto` means for this model; `frames` are by default those of `record_frames`.
     """
     target = folder / f"{INT8_GRAPH}.onnx"
     quantize_step(folder / "step.onnx", target)
     digest = hashlib.sha256(target.read_bytes()).hexdigest()
-    if default is None:
-        default = "int8" if read_metadata(folder)["name"].startswith("paper") else "fp32"
     section: dict[str, object] = {"default": "fp32"}
     _note(folder, section, digest)
     section.update(measure(folder, frames or record_frames(folder, text_encoder)), default=default)
@@ -226,7 +223,7 @@ def main(argv: list[str] | None = None) -> int:
     """Command line."""
     parser = argparse.ArgumentParser(prog="training.quantize", description="Write a model's 8-bit twin.")
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--default", choices=PRECISIONS[1:], help="what `auto` loads (int8 for `paper`)")
+    parser.add_argument("--default", choices=PRECISIONS[1:], default="int8", help="what `auto` loads")
     parser.add_argument("--text-encoder", type=Path, help="folder of the text encoder of the model")
     options = parser.parse_args(argv)
     section = quantize_model(options.folder, options.default, text_encoder=options.text_encoder)

@@ -102,6 +102,8 @@ class Scene:
         state.simulation.use(loaded.controller)
         state.prompt.available = True
         state.model_name, state.provider = loaded.name, loaded.provider
+        if loaded.notice:
+            state.messages.note(loaded.notice)
         self.set_temperature(state.settings.temperature)
         self.set_strength(state.settings.strength)
         self.expanders.library, self.suggester.nearest = loaded.library, loaded.library.nearest

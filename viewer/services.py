@@ -65,7 +65,7 @@ class LibraryLike(Expander, Protocol):
 class Loaded:
     """A model ready to run: its controller, a prompt worker for each of two prompts, and their library.
 
-    `name` and `provider` are what the status line says of it.
+    `name` and `provider` are what the status line says of it, `notice` what it says once when the model is there.
     """
 
     controller: ControllerLike
@@ -73,6 +73,7 @@ class Loaded:
     library: LibraryLike
     name: str
     provider: str
+    notice: str = ""
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,9 @@ def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSett
     expander = library if gpt is None else open_expander(library, gpt)
     encoder = PromptEncoder(text_encoder, model.prompt_path)
     workers = PromptWorker(expander, encoder), PromptWorker(expander, encoder)
-    return Loaded(Controller(model, terrain, seed), workers, library, model.name, model.provider)
+    return Loaded(
+        Controller(model, terrain, seed), workers, library, model.name, model.provider, model.notice
+    )
 
 
 def open_expander(library: LibraryLike, gpt: GptSettings) -> Expander:

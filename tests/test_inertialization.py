@@ -1,0 +1,83 @@
+"""Arms that jump while styles blend are shown on their way; anything else is shown as it is."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from runtime import rotations
+from runtime.features import FPS
+from runtime.inertialization import AFTERWARDS, ARMS, FASTEST, Inertialization, damped
+from runtime.skeleton import SPORT_SKELETON
+
+ARM = SPORT_SKELETON.index("LeftArm")
+
+
+def _pose(angle: float, joint: int = ARM) -> np.ndarray:
+    local = rotations.identity((31,)).astype(np.float64)
+    local[joint] = rotations.from_axis_angle(np.array([1.0, 0.0, 0.0]), np.array(angle))
+    return local
+
+
+def _shown(angles, blending, joint: int = ARM) -> np.ndarray:
+    """What is shown of a joint's rotations, `blending` being one flag or one for each frame."""
+    arms = Inertialization()
+    flags = np.broadcast_to(blending, len(angles))
+    return np.array([arms.apply(_pose(a, joint), bool(b))[joint] for a, b in zip(angles, flags, strict=True)])
+
+
+JUMP = np.repeat([0.0, 2.5], [30, 90])  # an arm goes up within a frame
+
+
+def test_an_arm_that_jumps_while_styles_blend_is_shown_on_its_way():
+    shown = _shown(JUMP, True)
+    speed = rotations.angle_between(shown[1:], shown[:-1]) * FPS
+    assert speed.max() < 1.2 * FASTEST  # 150 rad/s in the network's own motion
+    assert np.abs(np.diff(speed[30:])).max() < 2.0  # and gently to the end
+    assert rotations.angle_between(shown[-1], _pose(2.5)[ARM]) < 0.01
+
+
+def test_it_arrives_soon():
+    away = rotations.angle_between(_shown(JUMP, True), _pose(2.5)[ARM])
+    assert away[29 + int(0.25 * FPS)] < 0.6 * 2.5
+    assert away[29 + int(0.8 * FPS)] < 0.03 * 2.5
+
+
+def test_an_arm_that_swings_is_shown_as_it_is():
+    swing = 0.8 * np.sin(2 * np.pi * np.arange(120) / FPS)  # 5 rad/s at most
+    expected = np.array([_pose(a)[ARM] for a in swing])
+    np.testing.assert_allclose(_shown(swing, True), expected, atol=1e-12)
+
+
+def test_without_a_blend_nothing_is_held_back():
+    expected = np.array([_pose(a)[ARM] for a in JUMP])
+    np.testing.assert_array_equal(_shown(JUMP, False), expected)
+    late = np.arange(len(JUMP)) < 29 - AFTERWARDS * FPS
+    np.testing.assert_array_equal(_shown(JUMP, late), expected)
+
+
+def test_a_jump_just_after_a_blend_is_held_back_too():
+    shown = _shown(JUMP, np.arange(len(JUMP)) < 25)
+    assert (rotations.angle_between(shown[1:], shown[:-1]) * FPS).max() < 1.2 * FASTEST
+
+
+@pytest.mark.parametrize("name", ["LeftUpLeg", "LeftFoot", "Spine", "Head"])
+def test_other_joints_are_left_alone(name):
+    joint = SPORT_SKELETON.index(name)
+    assert joint not in ARMS
+    np.testing.assert_array_equal(_shown(JUMP, True, joint), [_pose(a, joint)[joint] for a in JUMP])
+
+
+def test_a_reset_forgets():
+    arms = Inertialization()
+    for angle in JUMP[:40]:
+        arms.apply(_pose(angle), True)
+    arms.reset()
+    np.testing.assert_array_equal(arms.apply(_pose(0.0), True), _pose(0.0))
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-5.0, 5.0), st.floats(0.05, 1.0), st.floats(0.001, 0.5))
+def test_the_spring_is_the_same_in_one_step_or_in_two(offset, speed, half_life, dt):
+    whole = damped(np.array([offset]), np.array([speed]), half_life, dt)
+    half = damped(*damped(np.array([offset]), np.array([speed]), half_life, dt / 2), half_life, dt / 2)
+    np.testing.assert_allclose(whole, half, atol=1e-9)

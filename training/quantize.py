@@ -37,8 +37,9 @@ Array = NDArray[np.floating]
 # projection enters all denoising steps, the head and the expert decoder (`base_weight`, where it is part of the graph)
 # give the pose itself.
 KEPT = ("condition_weight", "head_weight", "base_weight", "encoder_second_bias")
-# The encoder's products have one row for each character and wait for their weights: a second row costs nothing.
-REFINED = ("encoder_first", "encoder_second")
+# The products before the denoising steps have one row for each character and wait for their weights: a second row
+# costs next to nothing.
+REFINED = ("encoder_first", "encoder_second", "front_wide")
 REMAINDER = 16.0  # small enough for the second row not to widen the range of the first
 COURSES = (  # prompt, path, gait, terrain of the walks that the error is measured on
     ("a proud queen", "figure8", "walk", "flat"),

@@ -15,6 +15,7 @@ from runtime.clip import Clip, PromptEvent
 from runtime.errors import FileError, PromptError, SportError, UsageError
 from runtime.paths import ControlScript, Place, control_script
 from runtime.pose import Pose
+from runtime.prompts.expander import DEFAULT_PROMPT
 from runtime.take_metadata import gait_of, gait_seconds, origin_of
 from runtime.terrain import Terrain
 
@@ -32,9 +33,6 @@ PromptToStyle = Callable[["str | PartDescriptions"], Array]  # a prompt or six d
 
 FPS = 60
 MAX_SECONDS = 3600.0
-DEFAULT_PROMPT = "a person walking normally"
-
-
 EXPANDERS = ("library", "gpt")
 MAX_PARTS_BYTES = 100_000
 

@@ -224,6 +224,15 @@ def test_the_styles_of_100style_are_known_by_name(name: str, library: PromptLibr
     assert phrases.whole(name) == phrases.whole(spoken.lower()) == phrases.whole(f"{spoken} ")
 
 
+def test_a_name_may_leave_out_who_does_it(library: PromptLibrary) -> None:
+    phrases = PhraseIndex(library)
+    for style in load_styles(PROMPTS / "styles.json").values():
+        entry = phrases.whole(style.prompt)
+        assert entry is not None
+        plainly = re.sub(r"^(someone|a person|people) ", "", style.prompt)
+        assert phrases.whole(plainly) == phrases.whole(f"somebody {plainly}") == entry
+
+
 _INDEX: list[PhraseIndex] = []
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from runtime.errors import SportError
+from runtime.prompts.expander import DEFAULT_PROMPT
 from viewer.camera_control import CameraControl
 from viewer.capture import screenshot_path
 from viewer.expanders import Expanders
@@ -20,7 +21,6 @@ from viewer.suggester import Suggester
 from viewer.takes import Takes
 from viewer.window import Window
 
-DEFAULT_PROMPT = "a person walking normally"
 _GROUNDS = (".png", ".npy", ".obj", ".ply", ".stl")
 
 

@@ -12,6 +12,9 @@ from typing import Literal, Protocol
 from runtime.prompts.parts import PartDescriptions, check_text
 
 MAX_PROMPT_CHARACTERS = 1000
+DEFAULT_PROMPT = (
+    "walking in a relaxed, everyday way"  # what the character does until it is told something else
+)
 
 
 @dataclass(frozen=True)

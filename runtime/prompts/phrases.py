@@ -21,6 +21,7 @@ from runtime.prompts.words import (
     distinct_words,
     key,
     stem,
+    without_somebody,
     word_set,
     words_of,
 )
@@ -78,6 +79,8 @@ class PhraseIndex:
                 says = any(word.says for word in words) or (len(words) > 1 and not plain_walk)
                 if says and len(words) <= LONGEST:
                     self._phrases.setdefault(tuple(word.stem for word in words), number)
+        for number, entry in enumerate(library.entries):  # what is named in so many words comes first
+            self._whole.setdefault(key(without_somebody(words_of(entry.prompt))), number)
         described = [text for entry in library.entries for text in entry.descriptions.as_tuple()]
         self.known = distinct_words([*asked, *described, *library.nothing])  # English words for sure
 
@@ -88,7 +91,9 @@ class PhraseIndex:
 
     def whole(self, text: str) -> int | None:
         """The entry that a whole prompt names in so many words, or None."""
-        return self._whole.get(key(words_of(text))) if text.strip() else None
+        words = words_of(text)
+        entry = self._whole.get(key(words)) if words else None
+        return entry if entry is not None or not words else self._whole.get(key(without_somebody(words)))
 
     def plainly(self, text: str) -> str:
         """A lower-case prompt without comparisons that only say how much: "light" for "light as a feather"."""

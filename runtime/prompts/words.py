@@ -18,6 +18,7 @@ PERSONS = word_set(
     "person persons people someone somebody one man men woman women human humans character figure guy guys girl boy lady "
     "fellow he she they i you we me him them us whoever passer passerby pedestrian individual"
 )
+_ANYBODY = word_set("person people someone somebody one")
 PREPOSITIONS = word_set(
     "in on at of to from with by through over under across along against into onto toward towards near for after before "
     "during between around beside behind past about upon off within among up down out"
@@ -113,6 +114,11 @@ def stem(word: str) -> str:
 def key(words: Sequence[Word]) -> str:
     """What two spellings of one phrase share: stems without spaces."""
     return "".join(word.stem for word in words).replace("'", "")
+
+
+def without_somebody(words: Sequence[Word]) -> Sequence[Word]:
+    """A phrase less the one who does it: "walking calmly" of "someone walking calmly"."""
+    return words[1:] if len(words) > 1 and words[0].text in _ANYBODY else words
 
 
 def distinct_words(texts: Sequence[str]) -> frozenset[str]:

@@ -16,7 +16,6 @@ from typing import Any
 from runtime.assets import asset_path
 from runtime.atomic import check_target, write_atomic
 from runtime.errors import UsageError, run_command
-from runtime.generate import DEFAULT_PROMPT
 from runtime.model import load_model
 from runtime.prompts.content import PromptEncoder
 from runtime.prompts.expander import Expansion
@@ -35,14 +34,15 @@ from training.evaluation.text_walks import SECONDS, Summary, Walk, Walker
 log = logging.getLogger("sport.evaluate")
 
 PARTS = ("retrieval", "edits", "timing")
+PLAIN_PROMPT = "a person walking normally"  # what words about a part change
 # changes of prompt while walking: one part, several parts, and whole styles
 CHANGES: tuple[tuple[str, str], ...] = (
-    (DEFAULT_PROMPT, "left arm raised overhead"),
-    (DEFAULT_PROMPT, "torso leaning far forward"),
-    (DEFAULT_PROMPT, "hands on hips"),
-    (DEFAULT_PROMPT, "a zombie"),
+    (PLAIN_PROMPT, "left arm raised overhead"),
+    (PLAIN_PROMPT, "torso leaning far forward"),
+    (PLAIN_PROMPT, "hands on hips"),
+    (PLAIN_PROMPT, "a zombie"),
     ("a proud king", "an exhausted soldier"),
-    ("a drunk man", DEFAULT_PROMPT),
+    ("a drunk man", PLAIN_PROMPT),
 )
 
 
@@ -153,7 +153,7 @@ def _retrieval(args: argparse.Namespace, words: TextEncoder) -> dict[str, Any]:
 def _edits(args: argparse.Namespace, prompter: _Prompter) -> dict[str, Any]:
     """Part edits and part independence: they look at the same walks."""
     reference = part_edits.load_reference(args.clips)
-    neutral = prompter.expand(DEFAULT_PROMPT).descriptions
+    neutral = prompter.expand(PLAIN_PROMPT).descriptions
     expanded = {prompt: prompter.expand(prompt) for prompt in FREE_PROMPTS}
     cases = part_edits.catalogue_cases(neutral, trained=not args.quick)
     cases += [part_edits.free_case(p, FREE_PROMPTS[p], e.descriptions) for p, e in expanded.items()]

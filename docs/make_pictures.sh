@@ -19,6 +19,12 @@ shot() { # PICTURE SIZE FRAMES OPTIONS...
   echo "$picture"
 }
 
+# Prompts that follow each other in one walk, as a film
+sport generate "${model[@]}" --terrain hills --path circle --seconds 21 --seed 3 --out "$clips/film.bvh" --prompts \
+  "0:walking in a relaxed, everyday way; 4:an exhausted soldier, left arm hanging; 8.5:a child pretending to be an aeroplane; \
+13:a proud queen, hands on her hips; 17:walking in a relaxed, everyday way"
+python -m viewer.film "$clips/film.bvh" --fps 15 --size 640 360 --out "$images/film.webp"
+
 shot viewer.png 1280x720 110 --terrain hills --prompt "an exhausted soldier, left arm hanging" --controls "w 1.3; w+q 0.6"
 shot blend.png 1280x720 110 --terrain flat --prompt "a proud queen" --blend "an exhausted soldier" \
   --blend-weights "left_leg=0.3,right_leg=0.3,torso=1,head=0.5" --controls "w 1.3; w+q 0.6"

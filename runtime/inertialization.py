@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from runtime import rotations
 from runtime.features import FPS
 from runtime.skeleton import SPORT_SKELETON
+from runtime.spring import spring
 
 Array = NDArray[np.floating]
 
@@ -53,17 +54,8 @@ class Inertialization:
             angle = np.linalg.norm(turn, axis=-1, keepdims=True)
             excess = turn * np.maximum(0.0, 1.0 - FASTEST / FPS / np.maximum(angle, 1e-9))
             offset = rotations.multiply(offset, rotations.from_rotation_vector(-excess))
-        self._offset, self._speed = damped(
-            rotations.to_rotation_vector(offset), self._speed, HALF_LIFE, 1.0 / FPS
-        )
+        vector = rotations.to_rotation_vector(offset)
+        self._offset, self._speed = spring(vector, self._speed, np.zeros(3), HALF_LIFE, 1.0 / FPS)
         shown = local.copy()
         shown[ARMS] = rotations.multiply(rotations.from_rotation_vector(self._offset), arms)
         return shown
-
-
-def damped(offset: Array, speed: Array, half_life: float, dt: float) -> tuple[Array, Array]:
-    """Offset and speed (any shape) `dt` seconds later under a critically damped spring towards zero."""
-    rate = 2.0 * np.log(2.0) / half_life
-    pull = speed + rate * offset
-    left = np.exp(-rate * dt)
-    return left * (offset + pull * dt), left * (speed - rate * pull * dt)

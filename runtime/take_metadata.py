@@ -158,24 +158,26 @@ def read_metadata(bvh: Path) -> TakeMetadata:
     )
 
 
+def title(event: PromptEvent) -> str:
+    """A prompt in at most 60 characters; "own words" for six descriptions."""
+    from runtime.prompts.blend import BlendedPrompt, read_words
+    from runtime.prompts.parts import PartDescriptions
+
+    try:
+        words = read_words(event.prompt)
+    except SportError:  # of a file that somebody wrote by hand
+        words = event.prompt
+    if isinstance(words, BlendedPrompt):
+        words = " + ".join(w if isinstance(w, str) else "own words" for w in (words.a, words.b))
+    text = "own words" if isinstance(words, PartDescriptions) else words
+    return text if len(text) <= 60 else text[:59] + "…"
+
+
 def describe(
     terrain: str, prompts: tuple[PromptEvent, ...], origin: Origin, gaits: Mapping[str, float]
 ) -> str:
     """Some lines for a person about how a take was made; "" when nothing is known."""
-    from runtime.prompts.blend import BlendedPrompt, read_words
-    from runtime.prompts.parts import PartDescriptions
-
-    def named(event: PromptEvent) -> str:
-        try:
-            words = read_words(event.prompt)
-        except SportError:  # of a file that somebody wrote by hand
-            words = event.prompt
-        if isinstance(words, BlendedPrompt):
-            words = " + ".join(w if isinstance(w, str) else "own words" for w in (words.a, words.b))
-        text = "own words" if isinstance(words, PartDescriptions) else words
-        return text if len(text) <= 60 else text[:59] + "…"
-
-    shown = [f"{max(e.seconds, 0.0):.1f} s  {named(e)}" for e in prompts[:6]]
+    shown = [f"{max(e.seconds, 0.0):.1f} s  {title(e)}" for e in prompts[:6]]
     if len(prompts) > 6:
         shown.append(f"and {len(prompts) - 6} more")
     if gaits:

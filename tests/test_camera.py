@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from render_scene import hills
 
-from viewer.camera import FollowCamera, OrbitCamera, spring
+from runtime.spring import spring
+from viewer.camera import FollowCamera, OrbitCamera
 from viewer.render.frame import make_frame
 
 untimed = settings(deadline=None)  # a busy machine must not fail them

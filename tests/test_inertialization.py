@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from runtime import rotations
 from runtime.features import FPS
-from runtime.inertialization import AFTERWARDS, ARMS, FASTEST, Inertialization, damped
+from runtime.inertialization import AFTERWARDS, ARMS, FASTEST, Inertialization
 from runtime.skeleton import SPORT_SKELETON
 
 ARM = SPORT_SKELETON.index("LeftArm")
@@ -74,10 +72,3 @@ def test_a_reset_forgets():
         arms.apply(_pose(angle), True)
     arms.reset()
     np.testing.assert_array_equal(arms.apply(_pose(0.0), True), _pose(0.0))
-
-
-@given(st.floats(-3.0, 3.0), st.floats(-5.0, 5.0), st.floats(0.05, 1.0), st.floats(0.001, 0.5))
-def test_the_spring_is_the_same_in_one_step_or_in_two(offset, speed, half_life, dt):
-    whole = damped(np.array([offset]), np.array([speed]), half_life, dt)
-    half = damped(*damped(np.array([offset]), np.array([speed]), half_life, dt / 2), half_life, dt / 2)
-    np.testing.assert_allclose(whole, half, atol=1e-9)

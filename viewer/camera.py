@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.spring import spring
 from runtime.terrain import Terrain
 
 Array = NDArray[np.floating]
@@ -50,17 +51,6 @@ def perspective(fov_y: float, aspect: float, near: float, far: float) -> Array:
     m[0, 0], m[1, 1] = f / aspect, f
     m[2, 2], m[2, 3], m[3, 2] = (far + near) / (near - far), 2 * far * near / (near - far), -1.0
     return m
-
-
-def spring(
-    value: Array, velocity: Array, goal: Array, half_life: float | Array, dt: float
-) -> tuple[Array, Array]:
-    """One exact step of a critically damped spring; returns the new value and velocity (any shape)."""
-    y = 2.0 * math.log(2.0) / np.maximum(half_life, 1e-6)
-    offset = value - goal
-    slope = velocity + offset * y
-    decay = np.exp(-y * dt)
-    return goal + decay * (offset + slope * dt), decay * (velocity - slope * y * dt)
 
 
 class Camera:

@@ -25,6 +25,7 @@ from runtime.atomic import check_target, write_atomic
 from runtime.controller import Controller
 from runtime.controls import Controls, Gait
 from runtime.errors import UsageError, run_command
+from runtime.feet import SOLE_POINTS
 from runtime.generate import FPS, open_prompter
 from runtime.model import load_model
 from runtime.pose import Pose
@@ -58,7 +59,7 @@ FROZEN_SHARE = 0.25  # of the asked speed, mean over a second
 MAX_GROWTH_MB = (
     60.0  # of memory after the first segment; a tenth of it is what the figures themselves take in an hour
 )
-FEET = [4, 5, 9, 10]
+FEET = list(SOLE_POINTS)
 
 
 @dataclass

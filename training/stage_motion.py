@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from runtime.features import INPUT, OUTPUT
-from runtime.skeleton import SPORT_SKELETON
+from runtime.feet import SOLE_POINTS
 from training import losses as terms
 from training.batches import Frames, Normalisation, loss_weights, random_rows
 from training.checkpoint import START
@@ -23,7 +23,7 @@ from training.rollouts import RolloutLanes, normalised
 from training.session import MovingAverage, Session, StageState, load_checkpoint, save_checkpoint, train
 from training.styles import pick_paraphrases
 
-_FEET = [SPORT_SKELETON.index(n) for n in ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")]
+_FEET = list(SOLE_POINTS)
 
 
 @dataclass

@@ -27,7 +27,7 @@ FPS = 20.0
 MAX_FRAMES = 1200
 MAX_SIDE = 2048
 SMALLEST = 8  # of the captions' letters, pixels
-TURN = 2.2  # radians from where the character looks at first: from the front, a little from the side
+TURN = 2.7  # radians from where the character looks: from the front, a little from the side
 
 
 def draw_frames(

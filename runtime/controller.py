@@ -36,7 +36,13 @@ JUMP_SECONDS = 0.7
 # The network has a pace of its own for each style; the regulator asks it for more or less until the root's speed is
 # the one the stick asks for.
 REGULATOR_RATE = 2.5  # change of the gain per second and relative speed error
-REGULATOR_RANGE = (0.35, 3.0)  # with 2, an aeroplane that is to go slowly over uneven ground stands
+REGULATOR_RANGE = (0.35, 2.0)
+# A style that is to go much slower than it ever does may go on standing: it is asked for more until it sets off.
+STANDING_SHARE, STANDING_SECONDS, STANDING_GAIN = (
+    0.4,
+    0.7,
+    3.0,
+)  # of the asked speed, for how long, gain at most
 STRIDE_WARP = (
     0.8,
     1.25,
@@ -105,6 +111,7 @@ class Controller:
         self._jump_left = 0.0
         self._measured_speed = 0.0
         self._speed_gain = 1.0
+        self._stood = 0.0  # seconds that the root has stood although it is asked to move
         self._foot_lock.reset()
         self._stall.reset()
         self._arms.reset()
@@ -219,11 +226,16 @@ class Controller:
     def _regulated(self, moving: bool) -> float:
         """Gain on the wish that brings the measured speed to the asked one (integral regulator)."""
         if not moving:
-            self._speed_gain = 1.0
+            self._speed_gain, self._stood = 1.0, 0.0
             return 1.0
         error = (self.asked_speed - self._measured_speed) / max(self.asked_speed, STAND_SPEED)
         gain = self._speed_gain + REGULATOR_RATE * float(np.clip(error, -1.0, 1.0)) * DT
-        self._speed_gain = float(np.clip(gain, *REGULATOR_RANGE))
+        stands = self._measured_speed < STANDING_SHARE * self.asked_speed
+        self._stood = self._stood + DT if stands else 0.0
+        least, most = REGULATOR_RANGE
+        if self._stood > STANDING_SECONDS:
+            most = STANDING_GAIN
+        self._speed_gain = float(np.clip(gain, least, most))
         return self._speed_gain
 
     def _input(self) -> tuple[Array, float]:

@@ -53,3 +53,17 @@ def test_a_damaged_measurement_is_named(model, tmp_path) -> None:
     broken.write_text("{")
     with pytest.raises(FileError, match=r"soak\.json"):
         main([str(model), "--soak", str(broken)])
+
+
+def test_a_card_tells_of_its_8_bit_graph(model) -> None:
+    metadata = json.loads((model / "metadata.json").read_text())
+    assert "8-bit" not in model_card(metadata | {"quantised": {}}, {})
+    quantised = {
+        "default": "int8",
+        "relative_error": 0.0086,
+        "joint_error_mm": 0.81,
+        "joint_error_max_mm": 5.4,
+    }
+    card = model_card(metadata | {"quantised": quantised | {"frames": 480}}, {})
+    assert "int8 is loaded unless" in card
+    assert "480 frames of its own walks it is 0.86% from" in card

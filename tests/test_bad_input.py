@@ -23,10 +23,12 @@ from runtime.assets import PROJECT_ROOT, asset_path
 from runtime.bvh import read_bvh
 from runtime.clip import Clip, load_clip_bvh, save_bvh
 from runtime.errors import ModelError
-from runtime.model_files import read_metadata
+from runtime.model_files import INT8_GRAPH, read_metadata
+from runtime.processor import exact_8_bit_products
 from runtime.skeleton import REST_HIPS_HEIGHT
 
 MODEL = asset_path("models/compact")
+STEP = INT8_GRAPH if exact_8_bit_products() else "step"  # the step graph that is loaded here
 LONG_PROMPT = "walk like a duck " * 589  # 10,000 characters and a few more
 
 
@@ -112,7 +114,7 @@ def model_with_graph(name: str, data: bytes | None, signed: bool = False) -> Cal
 
 
 def exchanged_graphs(folder: Path) -> Path:
-    return model_with_graph("step", (MODEL / "style.onnx").read_bytes(), signed=True)(folder)
+    return model_with_graph(STEP, (MODEL / "style.onnx").read_bytes(), signed=True)(folder)
 
 
 def flipped_bit(name: str) -> Callable[[Path], Path]:
@@ -153,14 +155,14 @@ MODELS: dict[str, tuple[Callable[[Path], Path], tuple[str, ...]]] = {
         model_with(start={"output": [1.0], "phase": []}),
         ("metadata.json", "'start.output'", "Install"),
     ),
-    "steps": (model_with(reverse_steps=[{}] * 3), ("step.onnx", "'noise'", "Install")),
+    "steps": (model_with(reverse_steps=[{}] * 3), (f"{STEP}.onnx", "'noise'", "Install")),
     "no graph": (model_with_graph("style", None), ("style.onnx", "No such file", "Install")),
-    "damaged step": (flipped_bit("step"), ("step.onnx", "damaged", "Install")),
+    "damaged step": (flipped_bit(STEP), (f"{STEP}.onnx", "damaged", "Install")),
     "damaged style": (flipped_bit("style"), ("style.onnx", "damaged", "Install")),
     "damaged prompt": (flipped_bit("prompt"), ("prompt.onnx", "damaged", "Install")),
-    "no network": (model_with_graph("step", b"hello", signed=True), ("step.onnx", "onnxruntime", "Install")),
+    "no network": (model_with_graph(STEP, b"hello", signed=True), (f"{STEP}.onnx", "onnxruntime", "Install")),
     "no prompt network": (model_with_graph("prompt", b"hello", signed=True), ("prompt.onnx", "Install")),
-    "exchanged": (exchanged_graphs, ("step.onnx", "expected x, noise", "Install")),
+    "exchanged": (exchanged_graphs, (f"{STEP}.onnx", "expected x, noise", "Install")),
 }
 
 

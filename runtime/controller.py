@@ -205,7 +205,11 @@ class Controller:
         velocity = move * speed
         self.asked_speed = amount * speed
         moving = self.asked_speed > STAND_SPEED
-        velocity = velocity * self._regulated(moving) if moving else np.zeros(2)
+        if moving:
+            velocity = velocity * self._regulated()
+        else:
+            velocity = np.zeros(2)
+            self._speed_gain, self._stood = 1.0, 0.0  # what the last walk needed says nothing of the next
         gait = controls.gait
         if gait == Gait.JUMP:
             self._jump_left = JUMP_SECONDS
@@ -223,11 +227,8 @@ class Controller:
             facing = float(np.arctan2(*velocity))
         self._trajectory.steer(velocity, facing, one_hot)
 
-    def _regulated(self, moving: bool) -> float:
+    def _regulated(self) -> float:
         """Gain on the wish that brings the measured speed to the asked one (integral regulator)."""
-        if not moving:
-            self._speed_gain, self._stood = 1.0, 0.0
-            return 1.0
         error = (self.asked_speed - self._measured_speed) / max(self.asked_speed, STAND_SPEED)
         gain = self._speed_gain + REGULATOR_RATE * float(np.clip(error, -1.0, 1.0)) * DT
         stands = self._measured_speed < STANDING_SHARE * self.asked_speed

@@ -18,6 +18,7 @@ from runtime.noise import DriftingNoise
 from runtime.phase import advance_phase
 from runtime.pose import Pose
 from runtime.skeleton import SPORT_SKELETON
+from runtime.speed_regulator import SpeedRegulator
 from runtime.stall import TURNS_PER_SECOND, Stall, turned
 from runtime.terrain import Terrain
 from runtime.trajectory import PRESENT, Trajectory, decay
@@ -33,20 +34,8 @@ STAND_SPEED = 0.12  # m/s; slower wishes mean standing
 MIN_GAIT_SPEED = 0.3  # m/s; slower, feet may well rest for a while
 CROUCH_SPEED = 0.8  # m/s at full stick
 JUMP_SECONDS = 0.7
-# The network has a pace of its own for each style; the regulator asks it for more or less until the root's speed is
-# the one the stick asks for.
-REGULATOR_RATE = 2.5  # change of the gain per second and relative speed error
-REGULATOR_RANGE = (0.35, 2.0)
-# A style that is to go much slower than it ever does may go on standing: it is asked for more until it sets off.
-STANDING_SHARE, STANDING_SECONDS, STANDING_GAIN = (
-    0.4,
-    0.7,
-    3.0,
-)  # of the asked speed, for how long, gain at most
-STRIDE_WARP = (
-    0.8,
-    1.25,
-)  # what is left of the difference is taken up by longer or shorter strides, this much at most
+# what the regulator leaves of a difference in speed is taken up by longer or shorter strides, this much at most
+STRIDE_WARP = (0.8, 1.25)
 SPEED_HALF_LIFE = 0.25  # seconds, smoothing of the measured speed (a stride speeds up and slows down)
 
 
@@ -87,6 +76,7 @@ class Controller:
         self.message = ""  # last fault of the network, for the status line
         self._foot_lock = FootLock(SPORT_SKELETON)
         self._stall = Stall()
+        self._regulator = SpeedRegulator()
         self._arms = Inertialization()
         self._style = model.fold_style(np.zeros(model.style_shape, np.float32), self._strength)
         self._from_z = self._to_z = self._style.z
@@ -109,9 +99,9 @@ class Controller:
         self._trajectory = Trajectory(float(x), float(z), float(yaw))
         self._noise = DriftingNoise((1, *self.model.noise_shape), self.seed)
         self._jump_left = 0.0
-        self._measured_speed = 0.0
-        self._speed_gain = 1.0
-        self._stood = 0.0  # seconds that the root has stood although it is asked to move
+        self._measured_speed = 0.0  # smoothed over a stride
+        self._root_speed = 0.0
+        self._regulator.reset()
         self._foot_lock.reset()
         self._stall.reset()
         self._arms.reset()
@@ -206,10 +196,10 @@ class Controller:
         self.asked_speed = amount * speed
         moving = self.asked_speed > STAND_SPEED
         if moving:
-            velocity = velocity * self._regulated()
+            velocity = velocity * self._regulator.update(self.asked_speed, self._root_speed)
         else:
             velocity = np.zeros(2)
-            self._speed_gain, self._stood = 1.0, 0.0  # what the last walk needed says nothing of the next
+            self._regulator.reset()
         gait = controls.gait
         if gait == Gait.JUMP:
             self._jump_left = JUMP_SECONDS
@@ -226,18 +216,6 @@ class Controller:
         elif moving:
             facing = float(np.arctan2(*velocity))
         self._trajectory.steer(velocity, facing, one_hot)
-
-    def _regulated(self) -> float:
-        """Gain on the wish that brings the measured speed to the asked one (integral regulator)."""
-        error = (self.asked_speed - self._measured_speed) / max(self.asked_speed, STAND_SPEED)
-        gain = self._speed_gain + REGULATOR_RATE * float(np.clip(error, -1.0, 1.0)) * DT
-        stands = self._measured_speed < STANDING_SHARE * self.asked_speed
-        self._stood = self._stood + DT if stands else 0.0
-        least, most = REGULATOR_RANGE
-        if self._stood > STANDING_SECONDS:
-            most = STANDING_GAIN
-        self._speed_gain = float(np.clip(gain, least, most))
-        return self._speed_gain
 
     def _input(self) -> tuple[Array, float]:
         t = self._trajectory
@@ -303,8 +281,8 @@ class Controller:
             body.phase = turned(body.phase, TURNS_PER_SECOND * DT)
         velocity = features.to_world(y.root[:2], yaw)
         velocity = self._calmed(velocity)
-        speed = float(np.linalg.norm(velocity))
-        self._measured_speed += (speed - self._measured_speed) * (1 - decay(SPEED_HALF_LIFE))
+        self._root_speed = float(np.linalg.norm(velocity))
+        self._measured_speed += (self._root_speed - self._measured_speed) * (1 - decay(SPEED_HALF_LIFE))
         velocity = velocity * self._stride_warp()
         next_yaw = yaw + y.root[2] * DT
         t.advance(

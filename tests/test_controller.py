@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from walker import WALK_SPEED, WalkerModel
+from walker import WalkerModel
 
 from runtime.controller import Controller
 from runtime.controls import Controls, Gait
@@ -131,22 +131,3 @@ def test_strength_changes_the_style_that_holds_and_those_that_come():
     assert strengths == [1.3, 1.3, 0.5, 0.5]
     assert controller.strength == 0.5
     assert Controller(model, Terrain.flat()).strength == 1.0
-
-
-class _Slow(WalkerModel):
-    """Walks with a share of the speed that it is asked for at first, whatever it is asked for then."""
-
-    share = 0.0
-
-    def _y(self, frame, velocity, turn, tilt):
-        return super()._y(frame, np.array([0.0, self.share * 0.5]), turn, tilt)
-
-
-@pytest.mark.parametrize(("share", "least", "most"), [(0.0, 2.9, 3.0), (0.6, 1.9, 2.0)])
-def test_only_what_stands_is_asked_for_more_than_twice_its_speed(share: float, least: float, most: float):
-    model = _Slow()
-    model.share = share
-    controller = Controller(model, Terrain.flat())
-    for _ in range(240):
-        controller.step(Controls(move=(0.0, 0.5 / WALK_SPEED)))
-    assert least <= controller._speed_gain <= most

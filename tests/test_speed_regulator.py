@@ -1,0 +1,55 @@
+"""The regulator of the root's speed, on bodies that follow late, too fast, too slowly or not at all."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from runtime.features import FPS
+from runtime.speed_regulator import RANGE, STANDING_GAIN, SpeedRegulator
+
+LATE, SLUGGISH = (
+    round(0.25 * FPS),
+    0.7 * FPS,
+)  # frames until a changed wish is noticed, and followed; as the trained network
+
+
+def walk(pace: float, asked: float, seconds: float = 12.0) -> np.ndarray:
+    """Speeds of a body that goes `pace` times the speed it is asked for, late and sluggishly."""
+    regulator, speed, wishes, speeds = SpeedRegulator(), 0.0, [0.0] * LATE, []
+    for _ in range(round(seconds * FPS)):
+        wishes.append(asked * regulator.update(asked, speed))
+        speed += (pace * wishes.pop(0) - speed) / SLUGGISH
+        speeds.append(speed)
+    return np.array(speeds)
+
+
+@settings(max_examples=30, deadline=None)
+@given(pace=st.floats(0.6, 1.4), asked=st.floats(0.3, 3.0))
+def test_the_asked_speed_is_reached_and_kept(pace: float, asked: float):
+    speeds = walk(pace, asked) / asked
+    assert speeds.max() < 1.45
+    settled = speeds[8 * FPS :]
+    assert abs(settled.mean() - 1.0) < 0.03
+    assert np.ptp(settled) < 0.1
+
+
+@pytest.mark.parametrize(("pace", "most"), [(0.0, STANDING_GAIN), (0.45, RANGE[1])])
+def test_only_what_stands_is_asked_for_more_than_twice_its_speed(pace: float, most: float):
+    regulator = SpeedRegulator()
+    gains = [regulator.update(0.5, pace * 0.5) for _ in range(4 * FPS)]
+    assert gains[-1] == pytest.approx(most)
+
+
+@given(speeds=st.lists(st.floats(0.0, 20.0), min_size=1, max_size=50), asked=st.floats(0.0, 8.0))
+def test_the_gain_keeps_its_bounds(speeds: list[float], asked: float):
+    regulator = SpeedRegulator()
+    for speed in speeds:
+        assert RANGE[0] <= regulator.update(asked, speed) <= STANDING_GAIN
+
+
+def test_a_stop_forgets_the_walk_before():
+    regulator = SpeedRegulator()
+    first = [regulator.update(1.0, 0.3) for _ in range(120)]
+    regulator.reset()
+    assert [regulator.update(1.0, 0.3) for _ in range(120)] == first

@@ -31,34 +31,23 @@ def draw_sheet(
     turn: float = FRONT_TURN,
 ) -> NDArray[np.uint8]:
     """Pictures `(H, W, 3)`: row r is clip r at `columns` moments from `start_seconds` on."""
-    from runtime.assets import asset_path
-    from runtime.gltf import load_character
     from viewer.camera import Camera
-    from viewer.render.offscreen import OffscreenTarget
-    from viewer.render.overlays import Overlays
-    from viewer.render.quality import HIGH
-    from viewer.render.renderer import Renderer
+    from viewer.render.studio import studio
 
     if not clips:
         raise UsageError("contact sheet: no clips.", "Name at least one BVH file.")
-    target = OffscreenTarget(*cell)
-    renderer = Renderer(target.ctx, HIGH)
-    renderer.set_terrain(terrain)
-    renderer.set_character(load_character(asset_path("character/mannequin.glb")))
     rows = []
-    for clip in clips:
-        row = []
-        for k in range(columns):
-            pose = clip.sample(min(start_seconds + k * interval_seconds, clip.seconds))
-            yaw = float(features.facing_yaw(pose.positions))
-            x, _, z = pose.hips_position
-            ground = float(terrain.height(x, z))
-            camera = Camera((x, ground + 0.88, z), yaw + turn, 0.12 if turn == FRONT_TURN else 0.3, 3.6)
-            renderer.render(target.framebuffer, camera, pose, Overlays())
-            row.append(target.read())
-        rows.append(np.concatenate(row, axis=1))
-    renderer.release()
-    target.release()
+    with studio(cell, terrain) as draw:
+        for clip in clips:
+            row = []
+            for k in range(columns):
+                pose = clip.sample(min(start_seconds + k * interval_seconds, clip.seconds))
+                yaw = float(features.facing_yaw(pose.positions))
+                x, _, z = pose.hips_position
+                ground = float(terrain.height(x, z))
+                pitch = 0.12 if turn == FRONT_TURN else 0.3
+                row.append(draw(Camera((x, ground + 0.88, z), yaw + turn, pitch, 3.6), pose))
+            rows.append(np.concatenate(row, axis=1))
     return np.concatenate(rows, axis=0)
 
 

@@ -40,31 +40,18 @@ def draw_frames(
     turn: float = TURN,
 ) -> Iterator[Picture]:
     """Pictures `(H, W, 3)` of a clip from `start` on; the camera follows, at `turn` radians from the facing."""
-    from runtime.assets import asset_path
-    from runtime.gltf import load_character
     from viewer.camera import FollowCamera
-    from viewer.render.offscreen import OffscreenTarget
-    from viewer.render.overlays import Overlays
-    from viewer.render.quality import HIGH
-    from viewer.render.renderer import Renderer
+    from viewer.render.studio import studio
 
-    target = OffscreenTarget(*size)
-    renderer = Renderer(target.ctx, HIGH)
-    renderer.set_terrain(terrain)
-    renderer.set_character(load_character(asset_path("character/mannequin.glb")))
     first = clip.sample(start)
     yaw = float(features.facing_yaw(first.positions)) + turn
     camera = FollowCamera(_middle(first.hips_position, terrain), yaw, pitch=0.16, distance=3.9)
-    try:
+    with studio(size, terrain) as draw:
         for frame in range(count_frames(clip, fps, start, seconds)):
             pose = clip.sample(start + frame / fps)
             yaw = float(features.facing_yaw(pose.positions)) + turn
             camera.update(_middle(pose.hips_position, terrain), 1.0 / fps, terrain=terrain, align_yaw=yaw)
-            renderer.render(target.framebuffer, camera, pose, Overlays())
-            yield target.read()
-    finally:
-        renderer.release()
-        target.release()
+            yield draw(camera, pose)
 
 
 def count_frames(clip: Clip, fps: float, start: float, seconds: float | None) -> int:

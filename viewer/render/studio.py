@@ -1,0 +1,41 @@
+"""Pictures of the shipped character on a ground without a window: what films and contact sheets are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.assets import asset_path
+from runtime.gltf import load_character
+from runtime.pose import Pose
+from runtime.terrain import Terrain
+from viewer.camera import Camera
+from viewer.render.offscreen import OffscreenTarget
+from viewer.render.overlays import Overlays
+from viewer.render.quality import HIGH
+from viewer.render.renderer import Renderer
+from viewer.services import DEFAULT_CHARACTER
+
+Picture = NDArray[np.uint8]
+
+
+@contextmanager
+def studio(size: tuple[int, int], terrain: Terrain) -> Iterator[Callable[[Camera, Pose], Picture]]:
+    """A function that draws a pose as seen by a camera: `(H, W, 3)`, sRGB; DisplayError without OpenGL."""
+    target = OffscreenTarget(*size)
+    renderer = Renderer(target.ctx, HIGH)
+    try:
+        renderer.set_terrain(terrain)
+        renderer.set_character(load_character(asset_path(DEFAULT_CHARACTER)))
+
+        def draw(camera: Camera, pose: Pose) -> Picture:
+            renderer.render(target.framebuffer, camera, pose, Overlays())
+            return target.read()
+
+        yield draw
+    finally:
+        renderer.release()
+        target.release()

@@ -49,7 +49,7 @@ for i in "${!styles[@]}"; do
   sport generate "${model[@]}" --prompt "${styles[$i]}" --path forward --seconds 6 --seed 1 --out "$clips/$i.bvh"
   files+=("$clips/$i.bvh")
 done
-python -m viewer.contact_sheet "${files[@]}" --labels "${styles[@]}" --out "$images/styles.png"
+python -m viewer.contact_sheet "${files[@]}" --labels "${styles[@]}" --start 4 --interval 0.2 --out "$images/styles.png"
 echo "$images/styles.png"
 
 # Words about single parts, in combinations that training never showed
@@ -64,5 +64,5 @@ for i in "${!words[@]}"; do
   sport generate "${model[@]}" --prompt "${words[$i]}" --path forward --seconds 6 --seed 1 --out "$clips/words$i.bvh"
   files+=("$clips/words$i.bvh")
 done
-python -m viewer.contact_sheet "${files[@]}" --labels "${words[@]}" --out "$images/words.png"
+python -m viewer.contact_sheet "${files[@]}" --labels "${words[@]}" --start 4 --interval 0.2 --out "$images/words.png"
 echo "$images/words.png"

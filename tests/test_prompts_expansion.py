@@ -112,6 +112,20 @@ def test_what_is_left_of_a_clause_is_an_entry_too() -> None:
 
 
 @pytest.mark.parametrize(
+    ("prompt", "side"),
+    [("a limping man", "right"), ("a man limping on the left leg", "left"), ("walking with a limp", "right")],
+)
+def test_who_only_limps_does_so_with_the_whole_body(prompt: str, side: str) -> None:
+    limping = expand(prompt)
+    assert limping.explicit_parts == (f"{side}_leg",)
+    assert "limping" in getattr(limping.descriptions, f"{side}_leg")
+    assert moves_like(prompt, f"limping on the {side} leg", (*ARMS, "torso", "head"))
+    raised = expand(f"{prompt}, both arms raised").descriptions
+    assert "raised" in raised.left_arm
+    assert raised.torso == limping.descriptions.torso
+
+
+@pytest.mark.parametrize(
     ("prompt", "unlike"),
     [
         ("a star athlete", "star"),

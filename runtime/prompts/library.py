@@ -47,6 +47,7 @@ PLAIN = 0.2  # neutral walks are like everything that "walks": what is asked for
 ANIMAL = 0.25  # how far below 0 the bodily score may lie where an animal is named: "a dog that has just had a bath"
 NEIGHBOURS = 4  # entries that vote for each part between FAR and NEAR
 MAX_STRETCHES = 4  # embedded for one prompt
+LIMP = "limping on the {s} leg"  # an entry of the library
 _FOREIGN = "is not English, the only language that the library reads: neutral. A language model reads others."
 _UNKNOWN = "has no word that the library knows, which reads English only: neutral."
 
@@ -108,7 +109,7 @@ class LibraryExpander:
         words = words_of(parsed.rest)
         if not any(word.says for word in words):
             if parsed.parts:
-                return self._neutral((), parsed.parts, "", explicit=True)
+                return self._limping(parsed.parts) or self._neutral((), parsed.parts, "", explicit=True)
             return self._neutral((), {}, "The prompt names no style: neutral.")
         return self._expand_rest(parsed.rest, words, parsed.parts)
 
@@ -240,6 +241,15 @@ class LibraryExpander:
         """Above 0 where a text is rather about somebody's body than about nothing bodily."""
         weights = self._library.embeddings.bodily
         return float(self._encoder.encode([text])[0] @ weights[:-1] + weights[-1])
+
+    def _limping(self, stated: dict[str, str]) -> Expansion | None:
+        """Who only limps does so with the whole body: the library's own limp beside what is stated; None without one."""
+        sides = [side for side in ("left", "right") if "limping" in stated.get(f"{side}_leg", "")]
+        limp = self._library.phrases.whole(LIMP.format(s=sides[0])) if len(sides) == 1 else None
+        if limp is None:
+            return None
+        entry = self._library.entries[limp]
+        return _expansion(entry.descriptions, ((entry.prompt, 1.0),), stated, "", explicit=True)
 
     def _neutral(
         self,

@@ -113,7 +113,11 @@ def test_what_is_left_of_a_clause_is_an_entry_too() -> None:
 
 @pytest.mark.parametrize(
     ("prompt", "side"),
-    [("a limping man", "right"), ("a man limping on the left leg", "left"), ("walking with a limp", "right")],
+    [
+        ("a limping man", "right"),
+        ("a man limping on the left leg", "left"),
+        ("limping, putting little weight on it", "right"),
+    ],
 )
 def test_who_only_limps_does_so_with_the_whole_body(prompt: str, side: str) -> None:
     limping = expand(prompt)

@@ -109,7 +109,7 @@ class LibraryExpander:
         words = words_of(parsed.rest)
         if not any(word.says for word in words):
             if parsed.parts:
-                return self._limping(parsed.parts) or self._neutral((), parsed.parts, "", explicit=True)
+                return self._neutral((), parsed.parts, "", explicit=True)
             return self._neutral((), {}, "The prompt names no style: neutral.")
         return self._expand_rest(parsed.rest, words, parsed.parts)
 
@@ -242,15 +242,6 @@ class LibraryExpander:
         weights = self._library.embeddings.bodily
         return float(self._encoder.encode([text])[0] @ weights[:-1] + weights[-1])
 
-    def _limping(self, stated: dict[str, str]) -> Expansion | None:
-        """Who only limps does so with the whole body: the library's own limp beside what is stated; None without one."""
-        sides = [side for side in ("left", "right") if "limping" in stated.get(f"{side}_leg", "")]
-        limp = self._library.phrases.whole(LIMP.format(s=sides[0])) if len(sides) == 1 else None
-        if limp is None:
-            return None
-        entry = self._library.entries[limp]
-        return _expansion(entry.descriptions, ((entry.prompt, 1.0),), stated, "", explicit=True)
-
     def _neutral(
         self,
         near: tuple[tuple[str, float], ...],
@@ -258,8 +249,15 @@ class LibraryExpander:
         note: str,
         explicit: bool = False,
     ) -> Expansion:
+        base = self._library.entries[self._beside(stated)].descriptions
+        return _expansion(base, near, stated, note, explicit)
+
+    def _beside(self, stated: dict[str, str]) -> int:
+        """The entry for what a prompt leaves open: neutral, but who limps does so with the whole body."""
         library = self._library
-        return _expansion(library.entries[library.neutral].descriptions, near, stated, note, explicit)
+        sides = [side for side in ("left", "right") if "limping" in stated.get(f"{side}_leg", "")]
+        limp = library.phrases.whole(LIMP.format(s=sides[0])) if len(sides) == 1 else None
+        return library.neutral if limp is None else limp
 
     def _rank(self, text: str) -> list[tuple[int, float]]:
         """(entry, cosine similarity) of the nearest entries, best first; an entry counts by its best prompt."""

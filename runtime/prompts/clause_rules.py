@@ -26,7 +26,9 @@ DENIES = (
     r"avoid(?:s|ing)?|stop(?:s|ped)?|quit|refus(?:es|ing) to|(?:keep|refrain)(?:s|ing)? from)\b"
 )
 SLIGHTLY = r"\b(?:slightly|less|a little|a bit|a touch|somewhat|gently|half|halfway|barely|hardly)\b"
-FAR = r"\b(?:far|deep(?:ly)?|very|way|strongly|heavily|extremely|completely|fully|all the way|much|(?:[4-9]\d|1\d\d) degrees|low|wide(?:ly)? apart|on (?:the|his|her) chest)\b"
+FAR = r"\b(?:far|deep(?:ly)?|very|way|strongly|heavily|extremely|completely|fully|all the way|much|a lot|(?:[4-9]\d|1\d\d) degrees|low|wide(?:ly)? apart|on (?:the|his|her) chest)\b"
+# words before an action that say how much of it
+DEGREES = r"(?:(?:very|far|slightly|heavily|deeply|a bit|a little|strongly|somewhat|extremely|much)\b)"
 # set phrases that only sound like a statement about a part
 NO_CLAUSE = (
     r"^(?:in|to|over|by|on) (?:hand|arm|heels?|toes?|foot|side|head|duty)\b|^(?:to|in) (?:school|work|business|time|the future|charge)\b"
@@ -76,7 +78,7 @@ NOUN_CLAUSE = (
 )
 OTHER_CLAUSE = rf"^(?:with |and )?the other(?: one)?\s+(?P<rest>(?:\w+ing|\w+ed|{FOLLOWING_WORDS})\b.*)$"
 VERB_CLAUSE = (
-    rf"\b(?P<verb>{LEADING_VERBS}|(?:{ORDERS})(?!\s+(?:back|face|side|body)\b))\s+"
+    rf"\b(?P<degree>{DEGREES}\s+)?(?P<verb>{LEADING_VERBS}|(?:{ORDERS})(?!\s+(?:back|face|side|body)\b))\s+"
     rf"(?P<owners>(?:{OWNERS}\s+)*)(?P<noun>{NOUNS})s?\b(?![- ]hop)(?P<rest>.*)$"
 )
 # "arms and legs stiff": one action of two parts
@@ -88,7 +90,7 @@ _THE = r"(?:the |his |her |their |its |my )?"
 _DENIED = r"(?P<denied>not |never |isn't |doesn't |without |no |without a |no longer )?"
 # what is asked for less of, or not at all
 _QUIET = r"(?:no|not|never|without|less|stop|stops|don't|do not|doesn't|avoid|zero)(?: any| so| too| as| much| all that)* "
-_FIRST = r"(?:(?:very|far|slightly|heavily|deeply|a bit|a little|strongly|somewhat) )?"
+_FIRST = rf"(?:{DEGREES} )?"
 _LEVEL = r"(?: (?:very far|so far|far|slightly|heavily|deeply|a bit|a little|way|right|all the way|strongly|somewhat))?"
 IDIOMS: tuple[tuple[str, str, str], ...] = (
     (
@@ -120,7 +122,7 @@ IDIOMS: tuple[tuple[str, str, str], ...] = (
     (r"\barms? akimbo\b", "arms", "akimbo"),
     (r"\bempty[- ]handed\b", "arms", "swinging"),
     (
-        rf"\b{_DENIED}{_FIRST}(?:look|star|gaz|glanc|peer)(?:ing|s|es)?\s+(?:\w+\s+){{0,4}}?(?:down|up|left|right|around|behind|back|ahead|side to side|sky|floor|ground|feet|phone|book|hands|shoulder|upwards?|downwards?|ceiling|clouds|stars|shoes)(?: (?:and|or) (?:left|right|down|up))?(?: (?:at|to|towards|on|over|his|her|the|their|its|my|sides?|sky|floor|ground|feet|shoulders?|left|right)\b)*",
+        rf"\b{_DENIED}{_FIRST}(?:look|star|gaz|glanc|peer)(?:ing|s|es)?\s+(?:\w+\s+){{0,4}}?(?:down|up|left|right|around|behind|back|ahead|side to side|sky|floor|ground|feet|phone|book|hands|shoulder|upwards?|downwards?|ceiling|clouds|stars|shoes)(?: (?:and|or) (?:left|right|down|up))?(?: (?:at|to|towards|on|over|his|her|the|their|its|my|sides?|sky|floor|ground|feet|shoulders?|left|right|ceiling|clouds|stars|moon|sun|shoes|toes)\b)*",
         "head",
         "",
     ),

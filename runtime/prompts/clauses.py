@@ -75,7 +75,8 @@ def _parse_clause(clause: str, last: tuple[str, str]) -> tuple[dict[str, str], s
             return stated, ""
     verb = rules.compiled(rules.VERB_CLAUSE).search(clause)
     if verb:
-        stated = _noun_parts(verb, f"{verb['verb']} {verb['rest']}", last, verbatim=False)
+        action = f"{verb['degree'] or ''}{verb['verb']} {verb['rest']}"
+        stated = _noun_parts(verb, action, last, verbatim=False)
         if stated:
             parts.update(stated)
             clause = _without_denial(clause[: verb.start()].strip())

@@ -78,7 +78,7 @@ HELD_OUT = frozenset(
         "head.up",
         "head.turned_right",
         "head.tilted_left",
-        "left_leg.high_knee",
+        "left_leg.lifted",
         "right_leg.dragging",
         "left_leg.toes_out",
         "legs.crouch",

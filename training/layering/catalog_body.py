@@ -304,7 +304,7 @@ LEGS: dict[str, tuple[dict[str, object], tuple[str, ...], str]] = {
     "tiptoe": (
         {"tiptoe": 32.0},
         ("{s} foot on tiptoe, heel raised", "{s} heel high off the ground, walking on the toes"),
-        "knee_bend",
+        "foot_pitch",
     ),
     "very_wide": (
         {"outward": 0.2},

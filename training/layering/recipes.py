@@ -8,13 +8,13 @@ import numpy as np
 
 from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS, PartEdit
 
-_CHANCE = {"left_arm": 0.42, "right_arm": 0.42, "torso": 0.38, "head": 0.38, "legs": 0.5}
+_CHANCE = {"left_arm": 0.42, "right_arm": 0.42, "torso": 0.38, "head": 0.38, "legs": 0.6}
 BOTH_ARMS = 0.2  # chance that an edited arm is joined by the same edit of the other
 BOTH_LEGS = 0.6
 _NEEDS_STEPS = ("leg",)
 # Edits that change a movement, not a posture, show in a part of every step only: they are drawn more often.
-_OF_MOVEMENT = ("swing", "foot_lift", "knee_bend")  # the fields of the measures that show them
-_MOVEMENT_WEIGHT = 2.0
+_OF_MOVEMENT = ("swing", "foot_lift", "knee_bend", "foot_pitch")  # the fields of the measures that show them
+_MOVEMENT_WEIGHT = 3.0
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def trained_edits() -> list[PartEdit]:
 def _choose(slot: str, random: np.random.Generator, standing: bool) -> str | None:
     slots = {slot}
     if slot == "legs":
-        slots = {"legs"} if standing or random.random() < 0.4 else {"left_leg", "right_leg"}
+        slots = {"legs"} if standing or random.random() < 0.3 else {"left_leg", "right_leg"}
     names = [e.name for e in trained_edits() if e.slot in slots]
     if standing:
         names = [n for n in names if EDITS[n].kind not in _NEEDS_STEPS and n != "torso.bounce"]

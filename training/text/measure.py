@@ -51,6 +51,7 @@ class LegMeasures:
     width: float  # metres of the ankle outward from the hips' middle while on the ground
     toe_out: float  # degrees outward of the foot on the ground
     moving: float  # share of frames with the root faster than 0.2 m/s
+    foot_pitch: float = 0.0  # degrees that the foot on the ground points down: on tiptoe the heel is up
 
 
 @dataclass(frozen=True)
@@ -187,6 +188,7 @@ def _leg(
         width=float(np.median(ankle[stance, 0] * sign)),
         toe_out=float(np.degrees(np.median(np.arctan2(toe[stance, 0] * sign, toe[stance, 2])))),
         moving=float((speed > 0.2).mean()),
+        foot_pitch=float(np.degrees(np.median(np.arcsin(np.clip(-toe[stance, 1], -1, 1))))),
     )
 
 

@@ -21,6 +21,7 @@ from training.checkpoint import CONTENT_START, START
 from training.export import Trained, export_model
 from training.export_ablation import DECODERS
 from training.frames import FrameTable, load_frames, sampling_weights
+from training.layering.build import COUNT, LAYERS, build_layers
 from training.natural_pace import neutral_style, start_state, style_speeds
 from training.networks.content import ContentEncoder
 from training.networks.diffusion import Schedule, reverse_steps
@@ -69,7 +70,7 @@ def build_parser() -> argparse.ArgumentParser:
         help="of the export: mixture is stage 2 without diffusion, written to OUT/model-mixture",
     )
     parser.add_argument("--ablation", help=f"change the preset: {', '.join(ABLATIONS)}")
-    parser.add_argument("--layers", type=int, default=3000, help="layered clips to make (stage layer)")
+    parser.add_argument("--layers", type=int, default=COUNT, help="layered clips to make (stage layer)")
     parser.add_argument("--data", type=Path, help="folder with the motion data archives (for import)")
     parser.add_argument("--clips", type=Path, help="folder of imported clips (default: OUT/clips)")
     parser.add_argument(
@@ -118,7 +119,6 @@ def _import(args: argparse.Namespace) -> None:
 
 
 def _layer(args: argparse.Namespace) -> None:
-    from training.layering.build import LAYERS, build_layers
     from training.styles import CAPTIONS
     from training.text.captions import write_clip_captions
 

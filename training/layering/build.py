@@ -1,6 +1,6 @@
 """`sport train layer`: layered clips from imported ones, each with six descriptions of its own.
 
-    python -m training.layering.build --clips DIR --out DIR --count 2400
+    python -m training.layering.build --clips DIR --out DIR
 
 Writes `layer_*.npz` beside (or apart from) the imported clips, and `layers.json`: for every layered clip the
 descriptions of its parts, a key that names what each part does, and what the clip was made of.
@@ -35,6 +35,7 @@ from training.layering.recombine import UPPER_PARTS, cut, recombine
 log = logging.getLogger("sport.train")
 
 SECONDS = (4.0, 7.0)
+COUNT = 3300  # layered clips
 PARAPHRASES = 4
 RECOMBINED = 0.3  # share of clips that first take parts of another style
 NEUTRAL = 0.45  # share of clips that are built on neutral motion, where an edit shows most clearly
@@ -282,7 +283,7 @@ def main(argv: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Layer styles: recombine parts and edit them by numbers.")
     parser.add_argument("--clips", type=Path, required=True, help="folder of imported clips (*.npz)")
     parser.add_argument("--out", type=Path, help="folder to write (default: the same)")
-    parser.add_argument("--count", type=int, default=2400)
+    parser.add_argument("--count", type=int, default=COUNT)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument(
         "--report", type=Path, help="Markdown file to write; existing layers are only counted"

@@ -176,5 +176,7 @@ def _without_denial(clause: str) -> str:
 
 def _tidy(rest: str) -> str:
     rest = re.sub(r"\s+", " ", rest).strip(" ,;.:!?-")
-    rest = re.sub(r"(?:(?:^|\s+)(?:and|with|while|but|whose|who|is|has|in|on|the|a|his|her|their))+$", "", rest)
+    rest = re.sub(
+        r"(?:(?:^|\s+)(?:and|with|while|but|whose|who|is|has|in|on|the|a|his|her|their))+$", "", rest
+    )
     return re.sub(r"^(?:and|with|while|but)\s+", "", rest)

@@ -123,6 +123,11 @@ def test_rates_are_those_of_the_clock() -> None:
         stats.add(0.001, 1 / 144, steps=[1, 0, 1, 0, 0][i % 5] + (i % 60 == 0))
     assert stats.fps == pytest.approx(144.0, rel=0.01)
     assert stats.steps_per_s == pytest.approx(60.0, rel=0.05)
+    uneven = Stats()
+    for i in range(400):
+        uneven.add(0.001, [0.005, 0.095][i % 2], steps=1)
+    assert uneven.fps == pytest.approx(20.0, rel=0.1)
+    assert uneven.steps_per_s == pytest.approx(uneven.fps)
 
 
 def test_simulation_steps_at_60_hz_whatever_the_display() -> None:

@@ -126,8 +126,7 @@ class Stats:
             return
         share = 1.0 if self.fps == 0.0 else 1.0 - 0.5 ** (interval_s / FPS_HALF_LIFE_S)
         self.frame_ms += (work_s * 1e3 - self.frame_ms) * share
-        mean_s = interval_s if self.fps == 0.0 else 1.0 / self.fps
-        self.fps = 1.0 / (mean_s + (interval_s - mean_s) * share)
+        self.fps += (1.0 / interval_s - self.fps) * share
         self.steps_per_s += (steps / interval_s - self.steps_per_s) * share
 
 

@@ -17,7 +17,7 @@ from runtime.errors import FileError, run_command
 
 _LIMITS = """- Trained on about 35 captured styles, on recombinations of their parts, and on parametric edits of parts; a prompt far
   from them is composed from the nearest ones, part by part.
-- A foot that drags hardly answers words; both knees rise high together, one alone on the right only, on the left a little.
+- A foot that drags hardly answers words; both knees rise high together, one alone by two thirds on the right and a third on the left.
 - Nodding, shaking the head and looking around are hardly there; waving and flapping beat with the steps.
 - Terrain is known from distilled rollouts of PFNN and from flat capture laid over hills and stairs; there is only about
   a minute of captured stairs and uneven ground, and no capture of climbing over walls.

@@ -91,6 +91,7 @@ _DENIED = r"(?P<denied>not |never |isn't |doesn't |without |no |without a |no lo
 # what is asked for less of, or not at all
 _QUIET = r"(?:no|not|never|without|less|stop|stops|don't|do not|doesn't|avoid|zero)(?: any| so| too| as| much| all that)* "
 _FIRST = rf"(?:{DEGREES} )?"
+_SEEN = "sky|floor|ground|feet|ceiling|clouds|stars|shoes"  # where a gaze goes, with and without "at the"
 _LEVEL = r"(?: (?:very far|so far|far|slightly|heavily|deeply|a bit|a little|way|right|all the way|strongly|somewhat))?"
 IDIOMS: tuple[tuple[str, str, str], ...] = (
     (
@@ -122,7 +123,7 @@ IDIOMS: tuple[tuple[str, str, str], ...] = (
     (r"\barms? akimbo\b", "arms", "akimbo"),
     (r"\bempty[- ]handed\b", "arms", "swinging"),
     (
-        rf"\b{_DENIED}{_FIRST}(?:look|star|gaz|glanc|peer)(?:ing|s|es)?\s+(?:\w+\s+){{0,4}}?(?:down|up|left|right|around|behind|back|ahead|side to side|sky|floor|ground|feet|phone|book|hands|shoulder|upwards?|downwards?|ceiling|clouds|stars|shoes)(?: (?:and|or) (?:left|right|down|up))?(?: (?:at|to|towards|on|over|his|her|the|their|its|my|sides?|sky|floor|ground|feet|shoulders?|left|right|ceiling|clouds|stars|moon|sun|shoes|toes)\b)*",
+        rf"\b{_DENIED}{_FIRST}(?:look|star|gaz|glanc|peer)(?:ing|s|es)?\s+(?:\w+\s+){{0,4}}?(?:down|up|left|right|around|behind|back|ahead|side to side|{_SEEN}|phone|book|hands|shoulder|upwards?|downwards?)(?: (?:and|or) (?:left|right|down|up))?(?: (?:at|to|towards|on|over|his|her|the|their|its|my|sides?|{_SEEN}|shoulders?|left|right|moon|sun|toes)\b)*",
         "head",
         "",
     ),

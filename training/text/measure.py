@@ -51,7 +51,7 @@ class LegMeasures:
     width: float  # metres of the ankle outward from the hips' middle while on the ground
     toe_out: float  # degrees outward of the foot on the ground
     moving: float  # share of frames with the root faster than 0.2 m/s
-    foot_pitch: float = 0.0  # degrees that the foot on the ground points down: on tiptoe the heel is up
+    foot_pitch: float  # degrees that the foot on the ground points down: on tiptoe the heel is up
 
 
 @dataclass(frozen=True)

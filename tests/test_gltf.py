@@ -62,6 +62,13 @@ def test_normals_are_unit_and_point_out_of_their_triangles(mannequin: Character)
     assert np.mean(np.sum(face * mean, axis=1) > 0) > 0.995
 
 
+def test_fingers_are_half_closed_towards_the_palm(mannequin: Character) -> None:
+    x, y = mannequin.positions[:, 0], mannequin.positions[:, 1]
+    palm, tips = (x > 0.69) & (x < 0.73), x > 0.81
+    assert tips.any()
+    assert y[tips].mean() < y[palm].mean() - 0.025
+
+
 def test_weights_sum_to_one_and_do_not_bleed(mannequin: Character) -> None:
     assert np.allclose(mannequin.joint_weights.sum(axis=1), 1, atol=1e-5)
     assert mannequin.joint_weights.min() >= 0

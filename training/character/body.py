@@ -122,27 +122,46 @@ def _palm() -> list[Shape]:
     return [palm, Ellipsoid((0.695, 1.287, 0.000), (0.034, 0.015, 0.019))]
 
 
-# root and tip z offsets from the arm's axis, tip x, thickness
+# root and tip z offsets from the arm's axis, length, thickness, how much more than the first finger it bends (degrees)
 _FINGERS = (
-    (0.0310, 0.0400, 0.826, 0.0094),
-    (0.0105, 0.0125, 0.840, 0.0098),
-    (-0.0105, -0.0145, 0.831, 0.0094),
-    (-0.0305, -0.0410, 0.808, 0.0084),
+    (0.0310, 0.0350, 0.092, 0.0098, 0.0),
+    (0.0105, 0.0115, 0.104, 0.0102, 2.0),
+    (-0.0105, -0.0130, 0.096, 0.0098, 6.0),
+    (-0.0305, -0.0360, 0.074, 0.0088, 10.0),
 )
+_KNUCKLES = 0.738  # x
+# Of the three phalanges: share of the length, degrees below the palm. A hand at rest is half closed.
+_PHALANGES = ((0.46, 13.0), (0.30, 37.0), (0.24, 56.0))
 
 
-def _finger(root: float, tip: float, reach: float, radius: float) -> list[Shape]:
-    knuckle = (0.738, _ARM_Y - 0.001, _ARM_Z + root)
-    middle = (0.742 + 0.52 * (reach - 0.742), _ARM_Y - 0.005, _ARM_Z + root + 0.5 * (tip - root))
-    end = (reach, _ARM_Y - 0.016, _ARM_Z + tip)
-    return [
-        RoundCone(knuckle, middle, radius * 1.05, radius * 0.95),
-        RoundCone(middle, end, radius * 0.95, radius * 0.80),
-    ]
+def _finger(root: float, tip: float, length: float, radius: float, bend: float) -> list[Shape]:
+    thickness = radius * np.array((1.05, 0.97, 0.92, 0.82))
+    joints = [(_KNUCKLES, _ARM_Y - 0.001, _ARM_Z + root)]
+    for share, angle in _PHALANGES:
+        x, y, z = joints[-1]
+        down = np.radians(angle + bend)
+        joints.append(
+            (
+                x + share * length * np.cos(down),
+                y - share * length * np.sin(down),
+                z + share * (tip - root),
+            )
+        )
+    return [RoundCone(joints[i], joints[i + 1], thickness[i], thickness[i + 1]) for i in range(3)]
+
+
+def finger_drop(x: Array) -> Array:
+    """How far the fingers' axes, on average, lie below the palm's at `x` `(N,)`, metres."""
+    _, _, length, _, bend = np.mean(_FINGERS, axis=0)
+    shares, angles = np.array(_PHALANGES).T
+    down = np.radians(angles + bend)
+    along = _KNUCKLES + np.concatenate([[0.0], np.cumsum(shares * length * np.cos(down))])
+    drop = np.concatenate([[0.0], np.cumsum(shares * length * np.sin(down))])
+    return np.interp(x, along, drop) + np.tan(down[-1]) * np.maximum(x - along[-1], 0.0)
 
 
 def _thumb() -> list[Shape]:
-    a, b, c, d = (0.676, 1.291, -0.010), (0.706, 1.286, 0.016), (0.736, 1.282, 0.036), (0.757, 1.280, 0.045)
+    a, b, c, d = (0.676, 1.291, -0.010), (0.706, 1.283, 0.016), (0.735, 1.273, 0.034), (0.756, 1.264, 0.041)
     return [
         RoundCone(a, b, 0.0150, 0.0130),
         RoundCone(b, c, 0.0125, 0.0108),

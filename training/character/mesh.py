@@ -28,7 +28,7 @@ def extract(body: Body) -> tuple[Array, Triangles]:
     from skimage.measure import marching_cubes
 
     xs = _axis((0.0, 0.006), (0.66, 0.003), (0.87, 0))
-    ys = _axis((-0.02, 0.004), (0.08, 0.007), (1.25, 0.0028), (1.34, 0.006), (1.72, 0))
+    ys = _axis((-0.02, 0.004), (0.08, 0.007), (1.20, 0.0028), (1.34, 0.006), (1.72, 0))
     zs = _axis((-0.14, 0.007), (-0.090, 0.0028), (0.055, 0.006), (0.26, 0))
     grid = np.stack(np.meshgrid(xs, ys, zs, indexing="ij"), axis=-1).reshape(-1, 3)
     values = np.concatenate([body.distance(chunk) for chunk in np.array_split(grid, 24)])

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from training.character import remesh
+from training.character.body import finger_drop
 
 Array = NDArray[np.floating]
 Indices = NDArray[np.int64]
@@ -47,12 +48,11 @@ def _regions(p: Array) -> list[tuple[int, tuple[Array, ...]]]:
 
 def _panels(x: Array, y: Array, z: Array) -> list[tuple[int, tuple[Array, ...]]]:
     below_arm = 1.273 + 0.17 * np.clip(x - 0.535, 0.0, 0.1)
-    finger_drop = 0.06 * np.maximum(x - 0.745, 0.0) + 0.17 * np.maximum(x - 0.79, 0.0)
     thumb_drop = 0.33 * np.maximum(z + 0.01, 0.0) * np.clip((0.765 - x) / 0.03, 0.0, 1.0)
     return [
         (PANEL, (x - 0.050, y - 0.850 + 0.5 * (0.05 - x), 0.115 - y)),  # inner leg
         (PANEL, (y - below_arm, 0.205 - x, x - 0.645)),  # inner arm
-        (PANEL, (y - 1.2950 + finger_drop + thumb_drop, 0.664 - x)),  # palm
+        (PANEL, (y - 1.2950 + finger_drop(x) + thumb_drop, 0.664 - x)),  # palm
         (PANEL, (1.215 + 0.85 * x - y, y - 1.40, x - 0.140, -z)),  # bib
         (PANEL, (x - 0.016, y - 1.40, 1.09 - y, z)),  # spine
     ]

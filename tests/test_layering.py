@@ -8,7 +8,7 @@ import pytest
 from runtime import rotations
 from runtime.ik import LEG_FEET
 from runtime.prompts.parts import PartDescriptions
-from runtime.skeleton import PART_NAMES, SPORT_SKELETON
+from runtime.skeleton import ANKLE_HEIGHT, PART_NAMES, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain import Terrain
 from tests.walker import CYCLE_FRAMES, walk
 from training.data.clip_files import TrainingClip
@@ -83,6 +83,28 @@ def test_the_upper_body_leaves_the_feet_where_they_are(name: str) -> None:
     after = apply(before, EDITS[name], np.random.default_rng(5))
     feet = [SPORT_SKELETON.forward_kinematics(m.hips, m.local)[0][:, LEG_FEET] for m in (before, after)]
     assert np.abs(feet[0] - feet[1]).max() < 0.02  # the reach of a leg may give way a little
+
+
+def test_a_dragged_foot_slides_flat_over_the_ground_and_not_through_it() -> None:
+    before = walker()
+    after = apply(before, EDITS["left_leg.dragging"], np.random.default_rng(3))
+    ankle, toe = (SPORT_SKELETON.index(f"Left{name}") for name in ("Foot", "ToeBase"))
+    high, _ = SPORT_SKELETON.forward_kinematics(before.hips, before.local)
+    low, _ = SPORT_SKELETON.forward_kinematics(after.hips, after.local)
+    swing = ~before.contacts[:, :2].any(1)
+    for joint, rest in ((ankle, ANKLE_HEIGHT), (toe, TOE_HEIGHT)):
+        over_ground, as_before = low[swing, joint, 1] - rest, high[swing, joint, 1] - rest
+        assert np.median(over_ground) < 0.35 * np.median(as_before)
+        assert over_ground.min() > min(as_before.min(), 0.0) - 0.01
+    assert np.allclose(low[~swing][:, [ankle, toe]], high[~swing][:, [ankle, toe]], atol=0.01)
+
+
+def test_nobody_limps_on_both_legs() -> None:
+    random = np.random.default_rng(1)
+    drawn = [recipes.draw(random, standing=False).edits for _ in range(3000)]
+    limping = [edits for edits in drawn if any(e.endswith("limping") for e in edits)]
+    assert limping
+    assert all(sum(e.endswith("limping") for e in edits) == 1 for edits in limping)
 
 
 def test_an_arm_edit_touches_that_arm_alone() -> None:

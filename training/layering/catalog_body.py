@@ -183,7 +183,7 @@ HEAD: dict[str, tuple[dict[str, object], tuple[str, ...], str]] = {
         "roll",
     ),
     "looking_around": (
-        {"wave": (0.0, 38.0, 0.0, 0.5)},
+        {"wave": (0.0, 30.0, 0.0, 1.0)},
         (
             "head turning left and right, looking around",
             "looking around from side to side",

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import features, ik, rotations
-from runtime.skeleton import PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
+from runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain import Terrain
 from training.frames import smooth
 from training.layering.catalog import PartEdit
@@ -330,7 +330,7 @@ def _legs_edit(motion: Motion, p: dict[str, float], sides: tuple[tuple[int, floa
         if "lift" in p:
             ankle[:, 1] += p["lift"] * _bumps(down)
         if "drag" in p:
-            _drag(ankle, toes[:, column], down, p["drag"], motion.ground)
+            _drag(ankle, foot, toes[:, column], p["drag"] * _swing_share(down), motion.ground)
         if "outward" in p:
             offset = rotations.rotate(facing, np.array([sign * p["outward"], 0.0, 0.0]))
             offset = _held_in_stance(offset, down)
@@ -374,11 +374,38 @@ def _height_in_swing(height: Array, down: NDArray[np.bool_]) -> Array:
     return result
 
 
-def _drag(ankle: Array, toe: Array, down: NDArray[np.bool_], share: float, ground: Terrain) -> None:
-    """Lower the swinging ankle by `share` of its lift, the toe staying above the ground."""
-    lowered = min(share, 1.0) * _height_in_swing(ankle[:, 1], down)
-    room = toe[:, 1] - ground.height(toe[:, 0], toe[:, 2]) - TOE_HEIGHT
-    ankle[:, 1] -= np.minimum(lowered, np.maximum(room, 0.0))
+def _swing_share(down: NDArray[np.bool_]) -> Array:
+    """One while a foot swings, rising to it over the first quarter and falling over the last."""
+    result = np.zeros(len(down))
+    for a, b in _swings(down):
+        t = (np.arange(a, b) - a + 0.5) / (b - a)
+        ramp = np.clip(np.minimum(t / 0.25, (1.0 - t) / 0.25), 0.0, 1.0)
+        result[a:b] = ramp * ramp * (3 - 2 * ramp)
+    return result
+
+
+def _drag(ankle: Array, foot: Array, toe: Array, share: Array, ground: Terrain) -> None:
+    """Lay the foot flat and lower it to the ground by `share` `(T,)` of what it is away from both, in place.
+
+    `ankle` and `toe` are positions `(T, 3)`, `foot` its rotations `(T, 4)`.
+    """
+    share = np.clip(share, 0.0, 1.0)
+    toe_ground = ground.height(toe[:, 0], toe[:, 2])
+    ankle_ground = ground.height(ankle[:, 0], ankle[:, 2])
+    apart = np.maximum(np.linalg.norm((toe - ankle)[:, [0, 2]], axis=1), 0.05)
+    slope = np.arctan2(ankle_ground - toe_ground, apart)
+    ahead = rotations.rotate(foot, np.array([0.0, 0.0, 1.0]))
+    pitch = np.arcsin(np.clip(-ahead[:, 1], -1, 1)) - slope  # positive: the heel is up
+    turn = rotations.from_axis_angle(rotations.rotate(foot, np.array([1.0, 0.0, 0.0])), -share * pitch)
+    to_toe = rotations.rotate(turn, toe - ankle)
+    ankle[:] = np.where(pitch[:, None] > 0, toe - to_toe, ankle)  # about whichever is lower, toe or heel
+    foot[:] = rotations.multiply(turn, foot)
+    lowest = ankle + to_toe
+    room = np.minimum(
+        lowest[:, 1] - ground.height(lowest[:, 0], lowest[:, 2]) - TOE_HEIGHT,
+        ankle[:, 1] - ground.height(ankle[:, 0], ankle[:, 2]) - ANKLE_HEIGHT,
+    )
+    ankle[:, 1] -= share * np.maximum(room, 0.0)
 
 
 _KINDS = {

@@ -10,10 +10,18 @@ from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS, PartEdit
 
 _CHANCE = {"left_arm": 0.42, "right_arm": 0.42, "torso": 0.38, "head": 0.38, "legs": 0.6}
 BOTH_ARMS = 0.2  # chance that an edited arm is joined by the same edit of the other
-BOTH_LEGS = 0.6
+BOTH_LEGS = 0.35
+_ONE_SIDED = ("limping",)  # what both legs cannot do at once
 _NEEDS_STEPS = ("leg",)
 # Edits that change a movement, not a posture, show in a part of every step only: they are drawn more often.
-_OF_MOVEMENT = ("swing", "foot_lift", "knee_bend", "foot_pitch")  # the fields of the measures that show them
+_OF_MOVEMENT = (
+    "swing",
+    "foot_lift",
+    "knee_bend",
+    "foot_pitch",
+    "turn_range",
+    "pitch_range",
+)  # what shows them
 _MOVEMENT_WEIGHT = 3.0
 
 
@@ -68,7 +76,9 @@ def _choose(slot: str, random: np.random.Generator, standing: bool) -> str | Non
 
 
 def _twin(name: str) -> str | None:
-    """The same edit of the other side."""
+    """The same edit of the other side, where both can be done at once."""
+    if name.endswith(_ONE_SIDED):
+        return None
     for one, other in (("left_", "right_"), ("right_", "left_")):
         if name.startswith(one):
             twin = other + name.removeprefix(one)

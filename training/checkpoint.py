@@ -13,6 +13,7 @@ from typing import Any
 import torch
 
 from runtime.errors import FileError, UsageError, run_command
+from training.history import History
 from training.session import load_checkpoint, save_checkpoint
 
 START = "start.pt"  # weights that stage 2 begins with in place of random ones
@@ -34,7 +35,7 @@ def _cast(value: Any, wanted: torch.dtype) -> Any:
 
 
 def pack(run: Path, file: Path) -> None:
-    """Write the weights of a finished run to `file`; FileError names what the run lacks.
+    """Write the weights of a finished run, and what they have been through, to `file`; FileError names what it lacks.
 
     Scales stay in single precision: they normalise values of very different size.
     """
@@ -42,7 +43,7 @@ def pack(run: Path, file: Path) -> None:
     for key, name in _FILES.items():
         state = load_checkpoint(run / name)
         packed[key] = state if key == "scales" else _cast(state, torch.float16)
-    save_checkpoint(file, packed)
+    save_checkpoint(file, packed | {"history": History.of_run(run).mapping()})
 
 
 def unpack(file: Path, run: Path) -> None:
@@ -57,6 +58,8 @@ def unpack(file: Path, run: Path) -> None:
     for key, name in _FILES.items():
         target = START if key == "generator" else name
         save_checkpoint(run / target, _cast(packed[key], torch.float32))
+    if "history" in packed:
+        History.from_mapping(packed["history"], file).write(run)
 
 
 def main(argv: list[str] | None = None) -> None:

@@ -27,6 +27,7 @@ _LIMITS = """- Trained on about 35 captured styles, on recombinations of their p
 def model_card(metadata: dict[str, Any], curves: dict[str, str]) -> str:
     """Markdown text from `metadata.json`'s content; `curves` maps a stage to its last logged losses."""
     notes, config = metadata["notes"], metadata["config"]
+    again = any(len(counts) > 1 for counts in notes["steps"].values())
     lines = [
         f"# Model `{metadata['name']}`",
         "",
@@ -46,12 +47,9 @@ def model_card(metadata: dict[str, Any], curves: dict[str, str]) -> str:
         "",
         "## Training",
         f"Seed {notes['seed']}; steps of the stages: "
-        + ", ".join(f"{k} {v}" for k, v in notes["steps"].items())
-        + "."
-        + "".join(
-            f" Stage {stage} went on from {notes[name]}."
-            for stage, name in ((1, "content_begun_from"), (2, "begun_from"))
-            if name in notes
+        + ", ".join(f"{stage} {' + '.join(map(str, counts))}" for stage, counts in notes["steps"].items())
+        + (
+            "." if not again else ". A sum is of models that each went on from the weights of the one before."
         ),
         *[f"- {stage}: {text}" for stage, text in curves.items()],
         f"- ONNX against torch, largest difference: {max(metadata['onnx_error'].values()):.1e}",

@@ -17,10 +17,10 @@ from runtime.features import OUTPUT_SIZE
 from runtime.prompts.text_encoder import SHIPPED, TextEncoder
 from training import parallel, stage_content, stage_motion, stage_phase, stage_words
 from training.batches import Frames, Normalisation
-from training.checkpoint import CONTENT_START, START
 from training.export import Trained, export_model
 from training.export_ablation import DECODERS
 from training.frames import FrameTable, load_frames, sampling_weights
+from training.history import History
 from training.layering.build import COUNT, LAYERS, build_layers
 from training.natural_pace import neutral_style, start_state, style_speeds
 from training.networks.content import ContentEncoder
@@ -178,6 +178,7 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
         schedule = Schedule.linear(config.diffusion_steps)
         steps = reverse_steps(schedule, schedule.subsequence(config.inference_steps), sigma)
         speeds = style_speeds(table, z)
+        history = History.of_run(args.out)
         trained = Trained(
             config,
             content,
@@ -190,8 +191,8 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
             sigma,
             start_state(table, phase),
             [CREDITS[s] for s in sorted(set(table.sources))],
-            _notes(args, table),
-            last_losses(args.out),
+            _notes(args, table, history),
+            history.losses,
             neutral_style(table, z),
             _sequence_scales(args.out / "content_final.pt", table) if content is not None else {},
             args.decoder,
@@ -286,6 +287,12 @@ def _words(
         return
     device = next(content.parameters()).device
     learnt = stage_words.learn_longer_sentences(content, config, texts, encoder, args.words, args.seed)
+    distances = "  ".join(f"{name} {value:.3f}" for name, value in learnt.items())
+    logs = args.out / "logs"
+    logs.mkdir(parents=True, exist_ok=True)
+    (logs / "words.txt").write_text(
+        f"step {args.words} of {args.words}, distances {distances}", encoding="utf-8"
+    )
     save_checkpoint(path, stored | {"module": content.state_dict(), "longer_sentences": learnt})
     content.to(device)
 
@@ -302,27 +309,13 @@ def _generator(path: Path, config: ModelConfig) -> Generator:
     return module
 
 
-def last_losses(folder: Path) -> dict[str, str]:
-    """The last line of every stage's loss file."""
-    return {p.stem: p.read_text(encoding="utf-8").strip() for p in sorted((folder / "logs").glob("*.txt"))}
-
-
-def _notes(args: argparse.Namespace, table: FrameTable) -> dict[str, object]:
+def _notes(args: argparse.Namespace, table: FrameTable, history: History) -> dict[str, object]:
     return {
         "frames": len(table),
         "clips": len(table.styles),
         "styles": sorted(set(table.styles)),
-        "steps": {
-            stage: int(load_checkpoint(args.out / f"{stage}.pt")["step"])
-            for stage in ("phase", "content", "stage2", "stage3")
-            if (args.out / f"{stage}.pt").exists()
-        },
+        "steps": {stage: history.steps[stage] for stage in STAGES if stage in history.steps},
         "seed": args.seed,
-        **{
-            name: "the weights of an earlier model"
-            for name, file in (("begun_from", START), ("content_begun_from", CONTENT_START))
-            if (args.out / file).exists()
-        },
         "licence": "non-commercial: trained also on CC BY-NC and academic data"
         if set(table.sources) & {"bandai_namco", "pfnn", "pfnn_rollouts"}
         else "CC BY 4.0",

@@ -1,0 +1,65 @@
+"""What a model's weights have been through is noted by the run, travels in the checkpoint, and reaches the card."""
+
+import json
+
+import pytest
+
+from runtime.assets import asset_path
+from runtime.errors import FileError
+from training.history import BEFORE, History
+from training.model_card import model_card
+
+
+@pytest.fixture
+def run(tmp_path):
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "logs" / "stage2.txt").write_text("step 900 of 1000, losses rec 0.06\n")
+    return tmp_path
+
+
+def test_a_run_from_nothing_knows_its_own_steps(run) -> None:
+    history = History.of_run(run)
+    assert history.steps == {"stage2": [900]}
+    assert history.losses == {"stage2": "step 900 of 1000, losses rec 0.06"}
+
+
+def test_a_run_that_goes_on_adds_its_steps_and_keeps_the_others(run) -> None:
+    History({"phase": [5], "stage2": [7000, 20]}, {"phase": "step 5 of 5"}).write(run)
+    history = History.of_run(run)
+    assert history.steps == {"phase": [5], "stage2": [7000, 20, 900]}
+    assert history.losses["phase"] == "step 5 of 5"
+
+
+def test_a_checkpoint_carries_it_into_the_next_run(run, tmp_path) -> None:
+    pytest.importorskip("torch")
+    from training.checkpoint import pack, unpack
+    from training.session import save_checkpoint
+
+    for name in ("phase_final.pt", "content_final.pt", "scales.pt", "stage3_final.pt"):
+        save_checkpoint(run / name, {"module": {}})
+    pack(run, tmp_path / "packed.pt")
+    unpack(tmp_path / "packed.pt", tmp_path / "next")
+    assert History.of_run(tmp_path / "next").steps == {"stage2": [900]}
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"steps": {"stage2": 5}, "losses": {}}'])
+def test_a_damaged_history_is_named(run, text) -> None:
+    (run / BEFORE).write_text(text)
+    with pytest.raises(FileError, match=BEFORE):
+        History.of_run(run)
+
+
+def test_a_log_without_steps_is_named(run) -> None:
+    (run / "logs" / "stage2.txt").write_text("nothing")
+    with pytest.raises(FileError, match=r"stage2\.txt"):
+        History.of_run(run)
+
+
+def test_the_card_adds_up_the_models_that_went_on() -> None:
+    metadata = json.loads(asset_path("models/compact/metadata.json").read_text("utf-8"))
+    metadata["notes"]["steps"] = {"phase": [5], "stage2": [7000, 20]}
+    card = model_card(metadata, {})
+    assert "phase 5, stage2 7000 + 20." in card
+    assert "went on from the weights of the one before" in card
+    metadata["notes"]["steps"] = {"phase": [5]}
+    assert "went on" not in model_card(metadata, {})

@@ -4,8 +4,8 @@ from training.evaluation.distances import _between_markers, table
 
 RESULT = {
     "fmd": {
-        "encoder": {"distance": 109.64, "ratio": 1.9, "takes": {"ratio": 1.2}},
-        "kinematic": {"distance": 31.1, "ratio": 1.1, "takes": {"ratio": 0.8}},
+        "encoder": {"distance": 109.64, "ratio": 1.9, "takes": {"distance": 98.07, "ratio": 1.2}},
+        "kinematic": {"distance": 31.1, "ratio": 1.1, "takes": {"distance": 29.4, "ratio": 0.8}},
     },
     "recognition": {"score": {"angry": 1.0, "old": 0.5}},
 }
@@ -14,7 +14,7 @@ RESULT = {
 def test_a_row_for_each_model_with_its_reference():
     lines = table({"ours (diffusion)": RESULT, "other (mixture)": RESULT}).splitlines()
     assert len(lines) == 4
-    assert lines[2] == "| ours (diffusion) | 109.64 (1.2 x, 1.9 x) | 31.10 (0.8 x, 1.1 x) | 75 % |"
+    assert lines[2] == "| ours (diffusion) | 98.07 (1.2 x, 1.9 x) | 29.40 (0.8 x, 1.1 x) | 75 % |"
     assert len({line.count("|") for line in lines}) == 1
 
 

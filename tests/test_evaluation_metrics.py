@@ -185,6 +185,14 @@ def test_transition_jerk_is_the_ratio_around_the_change():
         transition_jerk(positions[:200], 180)
 
 
+def test_a_jump_after_the_blend_counts_as_part_of_the_change():
+    t = np.arange(360) / 60.0
+    late = np.where((t >= 4.0) & (t < 4.4), 3.0, 1.0)
+    positions = np.zeros((360, J, 3))
+    positions[:, :, 1] = (late * 0.01 * np.sin(2 * np.pi * 5.0 * t))[:, None]
+    assert transition_jerk(positions, 180).ratio > 2.0
+
+
 def test_diversity_is_the_norm_of_the_pose_difference():
     first = np.zeros((180, J, 3))
     second = first.copy()

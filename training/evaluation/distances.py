@@ -64,7 +64,8 @@ def table(results: dict[str, dict[str, Any]]) -> str:
         cells = [label]
         for name in sets:
             found = result["fmd"][name]
-            cells.append(f"{found['distance']:.2f} ({found['takes']['ratio']:.1f} x, {found['ratio']:.1f} x)")
+            takes = found["takes"]
+            cells.append(f"{takes['distance']:.2f} ({takes['ratio']:.1f} x, {found['ratio']:.1f} x)")
         score = result["recognition"]["score"]
         cells.append(f"{100 * sum(score.values()) / max(1, len(score)):.0f} %")
         lines.append("| " + " | ".join(cells) + " |")

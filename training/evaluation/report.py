@@ -77,12 +77,12 @@ def _held_out_row(row: dict[str, Any], sets: Sequence[str]) -> list[str]:
     found = row["recognition"]
     return [
         row["name"],
-        *(_number(row["fmd"][n]["distance"], 2) for n in sets),
+        *(f"{_number(row['fmd'][n]['distance'], 1)}, {row['fmd'][n]['windows']} windows" for n in sets),
         "–",
         _pair(mean_skating(row["skating"])),
         *("–", "–", "–"),
         f"{_mean(found['score']):.2f} / {_mean(found['merged_score']):.2f}, {len(found['score'])} styles",
-        *("1", "–"),
+        *("–", "–"),
     ]
 
 
@@ -105,7 +105,10 @@ def _model_row(model: dict[str, Any], sets: Sequence[str]) -> list[str]:
     transitions = model["transitions"]
     return [
         f"{model['name']} ({model['decoder']})",
-        *(_distance(following["fmd"][n]) for n in sets),
+        *(
+            f"{_distance(following['fmd'][n])}, {following['fmd'][n]['takes']['windows']} windows"
+            for n in sets
+        ),
         _pair([_mean([c["flat"]["before"][m] for c in courses]) for m in SKATING]),
         _pair([_mean([c["flat"]["after"][m] for c in courses]) for m in SKATING]),
         f"{diversity['temperature_1']['pose']:.3f} / {diversity['temperature_0']['pose']:.3f}",

@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.controls import Gait
 from training.evaluation.capture import TERRAIN_GROUP, motions
 from training.evaluation.foot_skating import GAITS, Skating, foot_skating
 from training.evaluation.frechet import frechet_distance
 from training.evaluation.motion import Motion
 from training.evaluation.plan import OVERALL_COMPONENTS, Plan
 from training.evaluation.recognition import recognition
-from training.evaluation.smoothness import jerk
 from training.evaluation.terrain_feet import terrain_feet
 from training.evaluation.window_sets import WindowSet, joined
 
@@ -33,18 +31,14 @@ def score_held_out(plan: Plan, report: Report) -> dict[str, Any]:
     answers = {g: plan.classifier.predict(plan.held_out[g].for_classifier) for g in styles}
     known = {g: a for g, a in answers.items() if g in plan.classifier.labels}
     skating = {gait: Skating() for gait in GAITS}
-    jerks: list[Array] = []
     for group in styles:
         for _, motion in motions(plan.capture.of(group, True)):
             _add(skating, motion)
-            if len(motion) > 8:
-                jerks.append(jerk(motion.positions)[motion.gait[3:] == Gait.WALK].mean(1))
     return {
         "name": "held-out capture",
         "clips": sum(len(plan.capture.of(g, True)) for g in styles),
         "fmd": {n: _split_distance(plan, n, styles) for n in plan.feature_sets},
         "skating": {g: s.as_dict() for g, s in skating.items()},
-        "jerk_m_s3": float(np.concatenate(jerks).mean()),
         "recognition": asdict(recognition(known)),
     }
 

@@ -21,9 +21,11 @@ def jerk(positions: Array) -> Array:
 class TransitionJerk:
     """Mean jerk of all joints in m/s^3."""
 
-    inside: float  # mean of the second before the change and of the second after the blend
-    around: float  # in the second of the blend
-    peak: float  # highest frame of the blend over the highest frame inside
+    inside: (
+        float  # mean of the second before the change, and of the one that begins when the change has settled
+    )
+    around: float  # in the blend, or in the half second after it where that is higher
+    peak: float  # highest frame of the blend and that half second over the highest frame inside
 
     @property
     def ratio(self) -> float:
@@ -35,14 +37,17 @@ def transition_jerk(positions: Array, change: int, blend: int = FPS) -> Transiti
     """Jerk of `(T, joints, 3)` whose prompt changes at frame `change` and blends over `blend` frames.
 
     Inside are the same number of frames before the change, and those that begin half a second after the blend's end.
+    A late jump falls into that half second: it counts where it is rougher than the blend itself.
     """
     before = positions[change - blend : change]
     during = positions[change : change + blend]
     begin = change + blend + FPS // 2
-    after = positions[begin : begin + blend]
-    if min(len(before), len(during), len(after)) < 8:
+    settling, after = positions[change + blend : begin], positions[begin : begin + blend]
+    if min(len(before), len(during), len(settling), len(after)) < 8:
         raise ValueError(f"{len(positions)} frames are too few for a change at {change}")
-    frames = [jerk(part).mean(1) for part in (before, during, after)]
-    inside = 0.5 * float(frames[0].mean() + frames[2].mean())
-    highest = max(float(frames[0].max()), float(frames[2].max()))
-    return TransitionJerk(inside, float(frames[1].mean()), float(frames[1].max()) / max(highest, 1e-9))
+    within = [jerk(part).mean(1) for part in (before, after)]
+    changing = [jerk(part).mean(1) for part in (during, settling)]
+    inside = 0.5 * sum(float(part.mean()) for part in within)
+    around = max(float(part.mean()) for part in changing)
+    highest = max(float(part.max()) for part in within)
+    return TransitionJerk(inside, around, max(float(part.max()) for part in changing) / max(highest, 1e-9))

@@ -136,7 +136,6 @@ def play_segment(controller: Controller, styles: list[Array], rng: np.random.Gen
         segment.since_change.append(frame - since)
         if controller.message:
             segment.messages.append(controller.message)
-            controller.message = ""
     return segment
 
 

@@ -73,12 +73,12 @@ class Controller:
         self.temperature = temperature
         self.seed = seed
         self.foot_lock_enabled = True
-        self.message = ""  # last fault of the network, for the status line
+        self.message = ""  # the network's fault in this frame, for the status line
         self._foot_lock = FootLock(SPORT_SKELETON)
         self._stall = Stall()
         self._regulator = SpeedRegulator()
         self._arms = Inertialization()
-        self._style = model.fold_style(np.zeros(model.style_shape, np.float32), self._strength)
+        self._style = model.fold_style(model.neutral, self._strength)
         self._from_z = self._to_z = self._style.z
         self._blend, self._blend_seconds = 1.0, 0.0
         self.asked_speed = 0.0
@@ -149,7 +149,7 @@ class Controller:
 
     @property
     def unlocked(self) -> tuple[Array, Array]:
-        """Hips `(3,)` and local rotations `(31, 4)` of this frame before foot lock: what the network said."""
+        """Hips `(3,)` and local rotations `(31, 4)` before foot lock: the network's, arms inertialised in a blend."""
         return self._unlocked
 
     @property
@@ -161,7 +161,8 @@ class Controller:
         return TrajectoryView(np.stack([xz[:, 0], height, xz[:, 1]], -1), self._trajectory.directions[index])
 
     def step(self, controls: Controls) -> Pose:
-        """Simulate 1/60 s. A fault of the network keeps the last good pose and sets `message`."""
+        """Simulate 1/60 s. A fault of the network sets the character back to standing, and `message` for this frame."""
+        self.message = ""
         self._advance_style()
         self._steer(controls)
         x, ground = self._input()
@@ -267,7 +268,8 @@ class Controller:
     def _feed_back(self, y: features.OutputParts) -> None:
         """Next frame's state: the network's own pose on the fixed skeleton, before foot lock.
 
-        Poses after foot lock were tried by none of the training data; the network would drift away on them.
+        Poses after foot lock were tried by none of the training data; the network would drift away on them. Arms that
+        are held back while styles blend are fed back as they are shown, so that it goes on from where they are.
         """
         t, body = self._trajectory, self._body
         yaw = t.yaw[PRESENT]

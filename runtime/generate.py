@@ -199,8 +199,11 @@ def _events(
         return (PromptEvent(0.0, prompt),), [check_prompt(prompt)]
     if isinstance(prompt, PartDescriptions | BlendedPrompt):
         return (PromptEvent(0.0, write_words(prompt)),), [prompt]
-    asked = [read_words(event.prompt) for event in prompt]
-    return tuple(prompt), [check_prompt(words) if isinstance(words, str) else words for words in asked]
+    events = tuple(prompt)
+    if events and events[0].seconds > 0.0:  # somebody walks before the first prompt, too
+        events = (PromptEvent(0.0, DEFAULT_PROMPT), *events)
+    asked = [read_words(event.prompt) for event in events]
+    return events, [check_prompt(words) if isinstance(words, str) else words for words in asked]
 
 
 def _style(words: Words | BlendedPrompt, to_style: PromptToStyle) -> Array:

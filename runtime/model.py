@@ -64,7 +64,7 @@ class MotionModel:
             int(config["output_size"]),
         )
         self.style_shape = (6, int(config.get("style_size", 384)) // 6)
-        self._neutral, self._strength = _strength(folder, metadata, self.style_shape)
+        self._neutral_code, self._strength = _strength(folder, metadata, self.style_shape)
         step = "step" if self.precision == "fp32" else INT8_GRAPH
         prompt, self._style, self._step = (
             open_graph(folder / f"{name}.onnx", read_graph(folder, name, metadata), threads)
@@ -81,6 +81,11 @@ class MotionModel:
         """The text side of the content encoder: sentence embeddings to Z^t."""
         return self.folder / "prompt.onnx"
 
+    @property
+    def neutral(self) -> Array:
+        """Z^t `(6, 64)` of neutral walking; zeros, the middle of all training sentences, where a model does not tell it."""
+        return np.zeros(self.style_shape, np.float32) if self._neutral_code is None else self._neutral_code
+
     def fold_style(self, z: Array, strength: float = 1.0) -> Style:
         """Fold Z^t `(6, 64)` into the modulator's weights: once per prompt, and per frame while prompts blend.
 
@@ -95,8 +100,8 @@ class MotionModel:
             )
         strength *= self._strength
         drawn = z
-        if self._neutral is not None and strength != 1.0:
-            drawn = self._neutral + np.float32(strength) * (z - self._neutral)
+        if self._neutral_code is not None and strength != 1.0:
+            drawn = self._neutral_code + np.float32(strength) * (z - self._neutral_code)
         bias, weight, content_bias, speeds = self._style.run(None, {"z": drawn})
         walk, jog = float(np.clip(speeds[0], 0.4, 2.2)), float(np.clip(speeds[1], 1.2, 5.0))
         return Style(z, bias, weight, content_bias, walk, max(jog, 1.3 * walk))

@@ -111,9 +111,18 @@ def test_temperature_zero_ignores_the_seed(model):
 
 def test_a_network_that_gives_nan_is_reported_and_the_character_goes_on():
     controller = Controller(WalkerModel(broken_at=30), Terrain.flat())
-    poses = drive(controller, FORWARD, 60)
-    assert "not finite" in controller.message
+    poses, said = [], []
+    for _ in range(60):
+        poses += drive(controller, FORWARD, 1)
+        said.append(controller.message)
+    assert [k for k, message in enumerate(said) if "not finite" in message] == [29]  # and not for ever
     assert all(np.isfinite(p.positions).all() for p in poses)
+
+
+def test_a_character_begins_in_the_models_neutral_style():
+    model = WalkerModel()
+    model.neutral = np.full((6, 64), 0.3, np.float32)
+    assert np.array_equal(Controller(model, Terrain.flat()).style.z, model.neutral)
 
 
 def test_strength_changes_the_style_that_holds_and_those_that_come():

@@ -10,7 +10,7 @@ from runtime.clip import PromptEvent
 from runtime.controller import Controller
 from runtime.controls import Gait
 from runtime.errors import PromptError, SportError, TerrainError, UsageError
-from runtime.generate import generate_clip, parse_prompts, simulate
+from runtime.generate import DEFAULT_PROMPT, generate_clip, parse_prompts, simulate
 from runtime.paths import GAITS, PATH_NAMES, Place, control_script
 from runtime.prompts.parts import PartDescriptions
 from runtime.terrain import Terrain
@@ -123,6 +123,14 @@ def test_a_later_prompt_blends_in_at_its_time(walker):
     different = np.abs(one.local_rotations - two.local_rotations).max(axis=(1, 2))
     assert different[:60].max() == 0.0
     assert 0.0 < different[75] < different[150]
+
+
+def test_before_the_first_prompt_somebody_walks_by_the_default_one(walker):
+    clip = generate_clip(parse_prompts("1:drunk"), path="forward", seconds=2.0)
+    assert [(event.seconds, event.prompt) for event in clip.prompts] == [
+        (0.0, DEFAULT_PROMPT),
+        (1.0, "drunk"),
+    ]
 
 
 def test_a_clip_tells_what_it_was_made_with(walker, monkeypatch):

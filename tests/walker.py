@@ -64,6 +64,7 @@ class WalkerModel:
         self.name, self.provider = "walker", "Test"
         self.noise_shape = (2, 2, features.OUTPUT_SIZE)
         self.style_shape = (6, 64)
+        self.neutral = np.zeros(self.style_shape, np.float32)
         self.prompt_path = None
         self.folder = Path("walker")
         self.frame = 0

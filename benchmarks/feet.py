@@ -6,10 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import feet
+from runtime.errors import UsageError, run_command
 from runtime.skeleton import TOE_HEIGHT
 from runtime.terrain import Terrain
 
 Array = NDArray[np.floating]
+
+FPS = 60.0  # of the frames that skating is given for
 
 
 def toe_heights(positions: Array, terrain: Terrain) -> Array:
@@ -39,19 +42,21 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("clip", type=Path)
     parser.add_argument("--terrain", default="flat")
     options = parser.parse_args(argv)
-    positions, _ = load_clip_bvh(options.clip).world()
+    clip = load_clip_bvh(options.clip)
+    if len(clip) < 2:
+        raise UsageError(f"{options.clip}: one frame; skating needs two.", "Take a longer clip.")
+    positions, _ = clip.world()
     terrain = load_terrain(options.terrain)
     heights = 100.0 * toe_heights(positions, terrain)
-    print(
-        f"skating {skating(positions, terrain).mean():.4f} cm per frame (at the sole {_sole(positions, terrain):.4f})"
-    )
+    # a frame of a file with half the rate is twice as long, and so is the way that a foot slides in it
+    share = clip.fps / FPS
+    toe, sole = (share * float(of(positions, terrain).mean()) for of in (skating, sole_skating))
+    print(f"skating {toe:.4f} cm per frame (at the sole {sole:.4f})")
+    if clip.fps != FPS:
+        print(f"the clip has {clip.fps:g} frames a second; skating is given for frames of 1/{FPS:.0f} s")
     print(f"lowest 1 % of toe heights {np.percentile(heights, 1):.2f} cm over the ground")
     return 0
 
 
-def _sole(positions: Array, terrain: Terrain) -> float:
-    return float(sole_skating(positions, terrain).mean())
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(run_command("feet", main))

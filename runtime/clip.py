@@ -35,6 +35,9 @@ Array = NDArray[np.floating]
 UNITS_PER_METRE = {"cm": 100.0, "m": 1.0}
 ROTATION_ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 MAX_FPS = 1000.0
+LIVE_SECONDS = (
+    0.1  # transition while a slider is dragged: asked again in each frame, it eases towards the hand
+)
 # where the bones without a child end, metres; readers draw and measure leaf bones by it
 END_OFFSETS = {
     5: np.array([0.0, 0.0, 0.06], np.float32),
@@ -152,7 +155,7 @@ class ClipRecorder:
         self._frames: deque[Array] = deque()
         self._first = 0  # number of the oldest frame kept; frames count from 0 since the program's start
         self._begin: int | None = None  # number of the take's first frame
-        self._prompts: list[tuple[int, PromptEvent]] = []
+        self._prompts: deque[tuple[int, PromptEvent]] = deque()
 
     @property
     def recording(self) -> bool:
@@ -179,11 +182,22 @@ class ClipRecorder:
         while len(self._frames) > keep:
             self._frames.popleft()
             self._first += 1
+        while len(self._prompts) > 1 and self._prompts[1][0] <= self._first:
+            self._prompts.popleft()  # no frame that is kept was made by it
 
     def mark_prompt(self, prompt: str, transition_seconds: float = 0.0, words: str = "") -> None:
-        """Note that `prompt` holds from the next frame on; see `PromptEvent`."""
+        """Note that `prompt` holds from the next frame on; see `PromptEvent`.
+
+        Of live changes within `LIVE_SECONDS` only the last is kept, at the time of the first.
+        """
         event = PromptEvent(0.0, prompt, transition_seconds, words)
-        self._prompts.append((self._first + len(self._frames), event))
+        frame = self._first + len(self._frames)
+        if self._prompts and _is_live(event):
+            before, last = self._prompts[-1]
+            if _is_live(last) and frame - before < round(LIVE_SECONDS * self.fps):
+                self._prompts[-1] = (before, event)
+                return
+        self._prompts.append((frame, event))
 
     def start(self) -> None:
         """Begin a take with the next frame; a running take goes on."""
@@ -265,12 +279,16 @@ def save_bvh(clip: Clip, path: str | Path, fps: float = 60.0, unit: str = "cm", 
 def load_clip_bvh(path: str | Path) -> Clip:
     """A clip from a BVH of the 31-joint SPORT skeleton in any unit, channel order and joint order.
 
-    FileError names the joints that are missing or rest otherwise. Contacts are zero: a BVH has none.
+    FileError names the joints that are missing or rest otherwise, or a rate that no clip has. Contacts are zero: a
+    BVH has none.
     What the file beside it tells of prompts and origin is taken where it belongs to this BVH.
     """
     path = Path(path)
     motion = read_bvh(path)
     remedy = "Open a BVH that this program has written."
+    fps = float(round(motion.fps, 3))
+    if not 0.0 < fps <= MAX_FPS:
+        raise FileError(f"{path}: {fps:g} frames per second; expected at most {MAX_FPS:.0f}.", remedy)
     missing = [name for name in SPORT_SKELETON.names if name not in motion.skeleton.names]
     if missing:
         more = f" and {len(missing) - 4} more" if len(missing) > 4 else ""
@@ -282,7 +300,7 @@ def load_clip_bvh(path: str | Path) -> Clip:
     made = read_metadata(path)
     return Clip(
         name=path.stem,
-        fps=float(round(motion.fps, 3)),
+        fps=fps,
         hips_positions=(motion.positions[:, order[0]] * scale).astype(np.float32),
         local_rotations=motion.local_rotations[:, order],
         contacts=np.zeros((len(motion.positions), 4), np.float32),
@@ -320,6 +338,11 @@ def _metres_per_unit(motion: BvhMotion, order: list[int], path: Path) -> float:
         if abs(scale * unit - 1.0) < 1e-3:
             return 1.0 / unit
     return scale
+
+
+def _is_live(event: PromptEvent) -> bool:
+    """Whether a style came from a slider under the hand; 0 seconds is the first style, which is there at once."""
+    return 0.0 < event.transition_seconds <= LIVE_SECONDS
 
 
 def _shift_prompts(events: tuple[PromptEvent, ...], start: float, length: float) -> tuple[PromptEvent, ...]:

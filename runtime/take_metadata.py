@@ -148,6 +148,8 @@ def read_metadata(bvh: Path) -> TakeMetadata:
         return TakeMetadata()
     gaits = value.get("gait_seconds")
     events = value.get("prompts")
+    if isinstance(events, list) and len(events) > MAX_EVENTS:
+        _LOG.warning("%s: only the first %d of %d prompts are used.", path, MAX_EVENTS, len(events))
     return TakeMetadata(
         terrain=_text(value, "terrain", "flat"),
         prompts=tuple(_event(e) for e in events[:MAX_EVENTS] if isinstance(e, dict))

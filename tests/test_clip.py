@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from walker import walk
 
-from runtime import rotations
+from runtime import rotations, take_metadata
 from runtime.atomic import atomic_path, write_atomic
 from runtime.bvh import read_bvh
 from runtime.clip import Clip, ClipRecorder, PromptEvent, load_clip_bvh, save_bvh
@@ -123,6 +123,44 @@ def test_prompts_are_placed_in_the_take():
     assert recorder.stop().prompts == (PromptEvent(0.0, "calm"), PromptEvent(0.25, "drunk"))
 
 
+def test_prompts_that_no_kept_frame_needs_are_forgotten():
+    recorder = ClipRecorder(max_seconds=1.0)
+    for k in range(600):
+        if k % 20 == 0:
+            recorder.mark_prompt(f"style {k}", 0.5)
+        recorder.add(make_pose(k))
+    assert len(recorder._prompts) == 3
+    events = recorder.last(99.0).prompts
+    assert [(event.prompt, event.seconds) for event in events] == [
+        ("style 540", 0.0), ("style 560", pytest.approx(1 / 3)), ("style 580", pytest.approx(2 / 3))
+    ]  # fmt: skip
+    for k in range(30):
+        recorder.add(make_pose(k))
+    # it came before the first frame that is kept, and holds there
+    assert recorder.last(99.0).prompts[0].prompt == "style 560"
+
+
+def test_a_slider_under_the_hand_leaves_few_events_and_where_it_came_to_rest():
+    recorder = ClipRecorder()
+    recorder.mark_prompt("calm", 0.8)
+    recorder.add(make_pose(0))
+    recorder.start()
+    for k in range(120):  # two seconds, an event in every frame
+        recorder.mark_prompt(f"blend {k}", 0.1)
+        recorder.add(make_pose(k))
+    for k in range(60):
+        recorder.add(make_pose(k))
+    recorder.mark_prompt("drunk", 0.8)
+    recorder.mark_prompt("drunk, blended", 0.1)
+    recorder.add(make_pose(0))
+    events = recorder.stop().prompts
+    live = [event for event in events if event.prompt.startswith("blend ")]
+    assert len(live) == 20  # one for each transition that a live change takes
+    assert live[-1].prompt == "blend 119"
+    assert max(abs(e.seconds - int(e.prompt.split()[1]) / 60) for e in live) < 0.1
+    assert [event.prompt for event in events[-2:]] == ["drunk", "drunk, blended"]  # no live change before it
+
+
 def test_stopping_without_a_take_is_an_error():
     recorder = ClipRecorder()
     with pytest.raises(UsageError, match="no take"):
@@ -178,6 +216,13 @@ def test_another_rest_pose_is_named(tmp_path):
     head, tail = path.read_text().split(old, 1)
     path.write_text(head + old + tail.replace("OFFSET 28.13000 0.00000", "OFFSET 0.00000 -28.13000", 1))
     with pytest.raises(FileError, match="LeftForeArm rests"):
+        load_clip_bvh(path)
+
+
+def test_a_rate_that_no_clip_has_is_named(tmp_path):
+    path = save_bvh(make_clip(), tmp_path / "take.bvh")
+    path.write_text(path.read_text().replace("Frame Time: 0.0166666667", "Frame Time: 0.0005"))
+    with pytest.raises(FileError, match=r"take\.bvh: 2000 frames per second"):
         load_clip_bvh(path)
 
 
@@ -256,6 +301,15 @@ def test_fields_of_another_type_or_from_another_version_are_left_out(tmp_path):
     assert back.origin == Origin("", "82" * 32, "fp32", None, 0.5, None, 0)
     assert back.prompts == (PromptEvent(0.0, "calm"), PromptEvent(0.0, ""))
     assert (back.terrain, back.gait_seconds) == ("flat", ())
+
+
+def test_prompts_beyond_the_limit_are_left_out_and_the_log_says_so(tmp_path, caplog, monkeypatch):
+    path = save_bvh(made_clip(), tmp_path / "take.bvh")
+    assert len(load_clip_bvh(path).prompts) == 2
+    assert caplog.text == ""
+    monkeypatch.setattr(take_metadata, "MAX_EVENTS", 1)
+    assert [event.prompt for event in load_clip_bvh(path).prompts] == ["calm"]
+    assert "take.bvh.json: only the first 1 of 2 prompts" in caplog.text
 
 
 def test_a_cut_keeps_what_is_left_of_a_transition_and_the_gaits_of_its_frames():

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from gpt_endpoint import endpoint, expander_of, settings_of  # noqa: F401  (fixtures)
+from slow_model import asking, model  # noqa: F401  (fixtures)
 
 
 @pytest.fixture

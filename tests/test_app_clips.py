@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
+import os
+import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +17,11 @@ from viewer_fakes import fake_services
 from runtime.bvh import read_bvh
 from runtime.clip import load_clip_bvh
 from runtime.controller import TEMPERATURE
+from runtime.errors import FileError
 from viewer import app as app_module
 from viewer.app import App
 from viewer.options import ViewOptions
+from viewer.takes import Takes
 
 
 def record(app: App, frames: int = 30) -> None:
@@ -103,9 +109,62 @@ def test_a_failing_export_keeps_the_clip(start: Start, tmp_path: Path) -> None:
     assert str(blocked) in message(app)
     assert len(app.state.clips.items) == 1
     assert app.state.clips.items[0].saved is None
-    app.state.clips.export_path = "  "
+    app.state.clips.export_path = ""
     app.takes.export()
     assert "path is empty" in message(app)
+
+
+def test_an_earlier_file_is_overwritten_only_when_its_path_was_typed(start: Start, tmp_path: Path) -> None:
+    earlier = tmp_path / "take-1.bvh"  # of another session
+    earlier.write_text("earlier", encoding="utf-8")
+    app = start()
+    clips = app.state.clips
+    app.state.settings.export_folder = str(tmp_path)
+    run(app, 2)
+    record(app)
+    own = tmp_path / "take-1-2.bvh"
+    assert clips.export_path == str(own)
+    own.write_text("of a viewer beside this one", encoding="utf-8")  # the name is no longer free
+    app.takes.export()
+    run(app)
+    assert (earlier.read_text("utf-8"), own.read_text("utf-8")) == ("earlier", "of a viewer beside this one")
+    own = tmp_path / "take-1-3.bvh"
+    assert clips.items[0].saved == own
+    record(app)  # selects the new take
+    app.takes.select(0)
+    assert clips.export_path == str(own)  # its own file of this session: written again without a new name
+    app.takes.export()
+    run(app)
+    assert sorted(tmp_path.glob("*.bvh")) == [tmp_path / "take-1-2.bvh", own, earlier]
+    clips.export_path = str(earlier)
+    app.takes.export()
+    run(app)
+    assert earlier.read_text("utf-8").startswith("HIERARCHY")
+    clips.export_path = str(own)  # typed: once proposed, but not what is proposed now
+    app.takes.export()
+    run(app)
+    assert clips.items[0].saved == own
+
+
+def test_a_trimmed_file_is_not_written_over_the_one_it_was_opened_from(start: Start, tmp_path: Path) -> None:
+    app = start()
+    run(app, 2)
+    record(app)
+    original = tmp_path / "take-1.bvh"
+    app.state.clips.export_path = str(original)
+    app.takes.export()
+    app.takes.remove(0)
+    before = original.read_bytes()
+    app.takes.open(original)
+    run(app)
+    playback = app.state.clips.playback
+    assert playback is not None
+    playback.seek(10)
+    playback.trim_out()
+    app.takes.export()
+    run(app)
+    assert original.read_bytes() == before
+    assert len(load_clip_bvh(tmp_path / "take-1-2.bvh")) == 11
 
 
 def test_the_last_seconds_are_always_in_memory(start: Start) -> None:
@@ -162,6 +221,65 @@ def test_a_defect_does_not_cost_the_take(
     with pytest.raises(ZeroDivisionError):
         app_module.run(ViewOptions(offscreen=True, frames=20, terrain="flat"), fake_services(), tmp_path)
     assert (tmp_path / "clips" / "take-1.bvh").is_file()
+
+
+@pytest.fixture(params=["SIGTERM", "SIGHUP", "SIGINT"])
+def ending_signal(request: pytest.FixtureRequest) -> Iterator[signal.Signals]:
+    """A signal that ends programs, with a handler that must be there again afterwards."""
+    number = getattr(signal, request.param, None)
+    if number is None:
+        pytest.skip(f"this platform has no {request.param}")
+    found = signal.signal(number, signal.default_int_handler if number == signal.SIGINT else unexpected)
+    before = signal.getsignal(number)
+    yield number
+    assert signal.signal(number, found) is before
+
+
+def unexpected(*_: object) -> None:
+    raise AssertionError("the viewer did not take the signal")
+
+
+def test_a_signal_ends_the_run_and_does_not_cost_the_take(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending_signal: signal.Signals
+) -> None:
+    frames = 0
+
+    def frame(app: App) -> None:
+        nonlocal frames
+        frames = app.frames_shown
+        if frames == 0:
+            app.state.settings.export_folder = str(tmp_path / "clips")
+            app.takes.toggle_recording()
+        if frames == 10:
+            os.kill(os.getpid(), ending_signal)
+        draw(app)
+
+    def rescue(takes: Takes) -> list[Path]:
+        if ending_signal != signal.SIGINT:  # closing a terminal sends it more than once
+            os.kill(os.getpid(), ending_signal)
+        return write(takes)
+
+    draw, write = App.frame, Takes.rescue
+    monkeypatch.setattr(App, "frame", frame)
+    monkeypatch.setattr(Takes, "rescue", rescue)
+    options = ViewOptions(offscreen=True, frames=200, terrain="flat")
+    assert app_module.run(options, fake_services(), tmp_path) == 0
+    assert frames == 10
+    assert (tmp_path / "clips" / "take-1.bvh").is_file()
+
+
+def test_a_screenshot_that_fails_costs_neither_takes_nor_settings(start: Start, tmp_path: Path) -> None:
+    app = start()
+    blocked = tmp_path / "file"
+    blocked.write_text("", encoding="utf-8")
+    app.options = dataclasses.replace(app.options, offscreen=False, screenshot=blocked / "shot.png")
+    app.state.settings.export_folder = str(tmp_path / "clips")
+    run(app, 2)
+    record(app)
+    with pytest.raises(FileError, match=r"shot\.png"):
+        app.end()
+    assert (tmp_path / "clips" / "take-1.bvh").is_file()
+    assert (tmp_path / "config" / "settings.json").is_file()
 
 
 def test_every_clip_panel_state_can_be_drawn(start: Start) -> None:

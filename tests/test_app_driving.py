@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import pytest
@@ -29,6 +30,20 @@ def test_scripted_controls_walk_then_jog(start: Start) -> None:
     app = start(controls="w 0.5; w+shift 0.5; idle 1", camera="orbit")
     run(app, 90)
     assert controller(app).z == pytest.approx(1.4 * 0.5 + 3.0 * 0.5, rel=0.05)
+
+
+def test_scripted_controls_last_as_long_whatever_the_display_shows(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = start(controls="w 1; idle 9")
+    app.options = dataclasses.replace(app.options, offscreen=False)  # frames as long as the clock says
+    lengths = [0.025] * 20 + [0.1] * 5 + [0.025] * 40
+    monkeypatch.setattr(app, "_tick", iter(lengths).__next__)
+    held = []
+    for dt in lengths:
+        run(app)
+        held += [dt] * ("w" in app.keyboard.held)
+    assert sum(held) == pytest.approx(1.0)
 
 
 def test_stick_moves_relative_to_the_camera(start: Start) -> None:

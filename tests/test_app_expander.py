@@ -2,117 +2,22 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import threading
-from collections.abc import Callable, Iterator
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from app_driver import Start, click, message, press, run, run_until
-from viewer_fakes import FakeController, FakeEncoder, FakeLibrary
+from slow_model import ANSWER, Model, load_model, source
 
-from runtime.prompts.blend import BlendedPrompt
-from runtime.prompts.parts import PartDescriptions
-from runtime.prompts.service import PromptWorker
-from runtime.skeleton import PART_NAMES
 from viewer.app import App
-from viewer.services import Loaded, open_expander
+from viewer.jobs import Jobs
+from viewer.services import Loaded
 from viewer.settings import load_settings, save_settings
 
 KEY = "sk-0123456789-never-written"
-ANSWER = PartDescriptions(*(f"{part} as the model says" for part in PART_NAMES))
-
-
-class Model(ThreadingHTTPServer):
-    """A chat completion endpoint that answers once `released`, with `status`; repeats the key in what it refuses."""
-
-    daemon_threads = True
-    block_on_close = False
-
-    def __init__(self) -> None:
-        super().__init__(("127.0.0.1", 0), Handler)
-        self.released = threading.Event()
-        self.status = 200
-        self.asked: list[dict[str, Any]] = []
-        self.keys: set[str] = set()
-
-    @property
-    def url(self) -> str:
-        return f"http://127.0.0.1:{self.server_port}/v1"
-
-
-class Handler(BaseHTTPRequestHandler):
-    server: Model
-
-    def do_POST(self) -> None:
-        body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-        self.server.keys.add(self.headers["Authorization"])
-        self.server.asked.append(body)
-        self.server.released.wait(30.0)
-        said: dict[str, Any] = {
-            "choices": [{"index": 0, "message": {"role": "assistant", "content": ANSWER.to_json()}}]
-        }
-        if self.server.status != 200:
-            said = {"error": {"message": f"refused {self.headers['Authorization']}", "code": None}}
-        data = json.dumps({"id": "1", "object": "chat.completion", "model": "m", **said}).encode()
-        try:
-            self.send_response(self.server.status)
-            self.send_header("Content-Type", "application/json")
-            self.send_header("Content-Length", str(len(data)))
-            self.end_headers()
-            self.wfile.write(data)
-        except OSError:
-            self.close_connection = True  # the client went away, as it may
-
-    def log_message(self, *_: Any) -> None:
-        pass
-
-
-@pytest.fixture
-def model(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Model]:
-    pytest.importorskip("openai")
-    monkeypatch.setenv("SPORT_CACHE_DIR", str(tmp_path / "cache"))
-    for name in ("HTTP_PROXY", "HTTPS_PROXY", "ALL_PROXY"):
-        monkeypatch.delenv(name, raising=False)
-        monkeypatch.delenv(name.lower(), raising=False)
-    server = Model()
-    threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True).start()
-    yield server
-    server.released.set()
-    server.shutdown()
-    server.server_close()
-
-
-def load_model(directory: Any, terrain: Any, seed: int, gpt: Any) -> Loaded:
-    """The fake model with real workers."""
-    library, encoder = FakeLibrary(), FakeEncoder()
-    expander = library if gpt is None else open_expander(library, gpt)
-    workers = PromptWorker(expander, encoder), PromptWorker(expander, encoder)  # type: ignore[arg-type]
-    return Loaded(FakeController(terrain), workers, library, "fake", "numpy")
-
-
-@pytest.fixture
-def asking(start: Start, model: Model) -> Callable[[], App]:
-    """Opens the application as on a screen, with the language model chosen."""
-
-    def open_app() -> App:
-        app = start(services={"load_model": load_model}, prompt="a proud king")
-        app.prompting.blocking = app.jobs.blocking = False
-        app.state.settings.gpt_base_url, app.state.settings.gpt_model = model.url, "m"
-        app.expanders.choose("gpt")
-        run_until(app, lambda: not app.jobs.busy("language model"))
-        return app
-
-    return open_app
-
-
-def source(app: App) -> tuple[str, str]:
-    answer = app.state.prompt.edit.a
-    assert answer is not None
-    return answer.prompt, answer.source
 
 
 def styles(app: App) -> int:
@@ -154,24 +59,6 @@ def test_newer_words_do_not_get_the_older_answer(asking: Callable[[], App], mode
         run(app)
     assert source(app) == ("a duck", "library")
     assert app.state.prompt.parts["head"] == "head shaking"
-
-
-def test_a_blend_can_be_moved_while_the_language_model_thinks(
-    asking: Callable[[], App], model: Model
-) -> None:
-    app = asking()
-    app.prompting.submit_prompt("a duck", "b")
-    run_until(app, lambda: app.state.prompt.edit.b is not None and bool(model.asked))
-    app.prompting.set_all_weights(0.8)
-    app.prompting.commit()
-    model.released.set()
-    run_until(app, lambda: not app.state.prompt.asked)
-    edit = app.state.prompt.edit
-    assert edit.b is not None
-    assert (edit.b.source, edit.weights, source(app)[1]) == ("gpt", (0.8,) * 6, "library")
-    kept = edit.replayable()
-    assert isinstance(kept, BlendedPrompt)
-    assert (kept.a, kept.b) == ("a proud king", ANSWER)  # what a language model said is kept in full
 
 
 def test_a_failing_language_model_leaves_the_librarys_words(asking: Callable[[], App], model: Model) -> None:
@@ -311,3 +198,71 @@ def test_the_environment_chooses_the_language_model_at_the_start(
     app = start(services={"load_model": spy})
     assert (given[0].model, given[0].base_url) == ("m", model.url)
     assert app.state.expander.language_model.startswith("m at 127.0.0.1")
+
+
+# a choice made while the model is being loaded
+
+
+@pytest.fixture
+def loading(
+    start: Start, model: Model, monkeypatch: pytest.MonkeyPatch
+) -> Callable[[], tuple[App, threading.Event]]:
+    """Opens the application as on a screen; the model is there once the event is set."""
+    loaded = threading.Event()
+    model.released.set()
+    monkeypatch.setattr("viewer.app.Jobs", lambda messages, blocking: Jobs(messages))
+
+    def load(*given: Any) -> Loaded:
+        loaded.wait(20.0)
+        return load_model(*given)
+
+    def open_app() -> tuple[App, threading.Event]:
+        app = start(services={"load_model": load}, prompt="a proud king")
+        app.prompting.blocking = False
+        return app, loaded
+
+    return open_app
+
+
+def test_the_library_chosen_while_the_model_loads_sends_nothing(
+    loading: Callable[[], tuple[App, threading.Event]], model: Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OPENAI_BASE_URL", model.url)
+    monkeypatch.setenv("SPORT_GPT_MODEL", "m")
+    app, loaded = loading()
+    assert app.state.expander.language_model.startswith("m at")
+    app.expanders.choose("library")
+    loaded.set()
+    run_until(app, lambda: app.state.prompt.edit.a is not None and not app.state.prompt.asked)
+    app.prompting.submit_prompt("a duck")
+    run_until(app, lambda: not app.state.prompt.asked)
+    assert source(app) == ("a duck", "library")
+    assert app.state.expander.language_model == ""
+    assert model.asked == []  # not even the prompt that waited for the model
+
+
+def test_a_language_model_chosen_while_the_model_loads_is_asked(
+    loading: Callable[[], tuple[App, threading.Event]], model: Model
+) -> None:
+    app, loaded = loading()
+    app.state.settings.gpt_base_url, app.state.settings.gpt_model = model.url, "m"
+    app.expanders.choose("gpt")
+    loaded.set()
+    run_until(app, lambda: app.state.prompt.edit.a is not None and not app.jobs.busy("language model"))
+    app.prompting.submit_prompt("a duck")
+    run_until(app, lambda: not app.state.prompt.asked)
+    assert source(app) == ("a duck", "gpt")
+
+
+def test_a_choice_that_holds_opens_no_second_expander(
+    loading: Callable[[], tuple[App, threading.Event]], model: Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OPENAI_BASE_URL", model.url)
+    app, loaded = loading()
+    app.expanders.choose("library")
+    app.expanders.choose("gpt")  # back to what the model is opened with
+    loaded.set()
+    run_until(app, lambda: app.state.prompt.available and app.expanders.library is not None)
+    assert not app.jobs.busy("language model")
+    run_until(app, lambda: not app.state.prompt.asked)
+    assert source(app) == ("a proud king", "gpt")

@@ -172,6 +172,27 @@ def test_locked_fields_survive_the_next_prompt(start: Start) -> None:
     assert words(app)["head"] == "head of a duck"
 
 
+def test_locks_hold_as_they_are_when_the_answer_comes(start: Start) -> None:
+    app = start(prompt="a proud king")
+    app.prompting.blocking = False
+    run(app, 2)
+    worker = app.prompting._questions["a"].worker
+    app.prompting.toggle_lock("head")
+    worker.held = True
+    app.prompting.submit_prompt("a duck")
+    app.prompting.toggle_lock("torso")
+    app.prompting.toggle_lock("head")
+    worker.held = False
+    run(app)
+    assert words(app) == {**duck(), "torso": "torso of a proud king"}
+    assert style(app)[4] == pytest.approx(FakeEncoder.code("torso of a proud king"))
+    assert style(app)[5] == pytest.approx(FakeEncoder.code(duck()["head"]))
+
+
+def duck() -> dict[str, str]:
+    return FakeLibrary().expand("a duck").descriptions.to_mapping()
+
+
 def test_a_take_keeps_what_replays_it(start: Start) -> None:
     app = start(prompt="a proud king")
     run(app, 2)
@@ -297,10 +318,37 @@ def test_the_words_in_force_survive_another_model(start: Start) -> None:
     app.state.prompt.parts["head"] = "head shaking"
     app.prompting.submit_part("head")
     loaded = fake_services().load_model(None, app.state.terrain, 0, None)
-    app.scene._take_model(loaded)
+    app.scene._take_model(loaded, None)
     run(app)
     assert words(app)["head"] == "head shaking"
     assert loaded.prompts[0].asked == [PartDescriptions.from_mapping(words(app))]
     assert prompt(app) == "a proud king"
     assert style(app)[PART_NAMES.index("head")] == pytest.approx(FakeEncoder.code("head shaking"))
     assert words(app) == app.state.prompt.parts
+
+
+def test_a_prompt_that_waits_for_another_model_leaves_locked_words(start: Start) -> None:
+    """The words in force are encoded first: codes of the model before must not be mixed in."""
+    from viewer_fakes import fake_services
+
+    class OtherEncoder(FakeEncoder):
+        def encode(self, descriptions: PartDescriptions) -> np.ndarray:
+            return -super().encode(descriptions)
+
+    app = start(prompt="a proud king")
+    app.prompting.blocking = False
+    run(app)
+    before = PartDescriptions.from_mapping(words(app))
+    app.prompting.toggle_lock("head")
+    app.prompting._questions["a"].worker.held = True
+    app.prompting.submit_prompt("a duck")
+    loaded = fake_services().load_model(None, app.state.terrain, 0, None)
+    for worker in loaded.prompts:
+        worker.encoder = OtherEncoder()  # type: ignore[attr-defined]
+    app.scene._take_model(loaded, None)
+    run(app, 2)
+    assert loaded.prompts[0].asked == [before, "a duck"]  # type: ignore[attr-defined]
+    assert words(app) == {**duck(), "head": "head of a proud king"}
+    assert np.array_equal(style(app), OtherEncoder().encode(PartDescriptions.from_mapping(words(app))))
+    assert "duck" in app.prompting.history.undo_label
+    assert not app.state.prompt.asked

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
 from app_driver import InjectedPads, Start, controller, message, run
 from viewer_fakes import FakeRenderer, fake_services
 
+from runtime.assets import asset_path
 from runtime.errors import SportError
 from viewer.app import App
 from viewer.messages import Level
@@ -72,9 +74,11 @@ def test_strength_reaches_the_model_and_stays_in_the_settings(start: Start) -> N
 def test_dropped_files_go_where_they_belong(start: Start, tmp_path: Path) -> None:
     app = start()
     run(app)
+    shutil.copy(asset_path("character/mannequin.glb"), tmp_path / "hero.glb")
     app.window._events.drop([tmp_path / "hero.glb", tmp_path / "notes.txt"])
     run(app)
     assert app.scene.renderer.character.path == tmp_path / "hero.glb"
+    assert app.state.scene.terrain_spec == "flat"
     assert ".txt" in message(app)
     damaged = tmp_path / "walk.bvh"
     damaged.write_text("HIERARCHY\n", encoding="utf-8")
@@ -82,6 +86,41 @@ def test_dropped_files_go_where_they_belong(start: Start, tmp_path: Path) -> Non
     run(app)
     assert "walk.bvh" in message(app)
     assert app.state.clips.items == []
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".gltf", ".off", ".obj"])
+def test_a_dropped_mesh_without_a_skin_is_a_ground(start: Start, tmp_path: Path, suffix: str) -> None:
+    import trimesh
+
+    ground = tmp_path / f"block{suffix}"
+    trimesh.creation.box((6.0, 0.5, 4.0)).export(str(ground))
+    app = start()
+    run(app)
+    character = app.scene.renderer.character
+    app.window._events.drop([ground])
+    run(app)
+    assert app.state.scene.terrain_spec == str(ground)
+    assert app.state.terrain.height(0.0, 0.0) == pytest.approx(0.25)
+    assert app.scene.renderer.character is character
+
+
+def test_a_fault_that_the_character_recovers_from_is_told_once_and_halts_if_it_comes_in_every_step(
+    start: Start,
+) -> None:
+    app = start()
+    run(app, 3)
+    fake = controller(app)
+    fake.message = "The network gave rubbish."
+    run(app, 1)
+    fake.message = ""
+    app.state.messages.note("Something else.")
+    run(app, MAX_FAILURES + 2)
+    assert "Something else." in message(app)
+    assert not app.state.simulation.halted
+    fake.message = "The network gave rubbish."
+    run(app, MAX_FAILURES + 2)
+    assert app.state.simulation.halted
+    assert "until you reset it" in message(app)
 
 
 @pytest.mark.parametrize("broken", ["nan", "exception"])

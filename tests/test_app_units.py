@@ -193,3 +193,5 @@ def test_export_names(tmp_path: Path) -> None:
     assert file_stem("***") == "clip"
     (tmp_path / "a.bvh").write_text("", encoding="utf-8")
     assert free_path(tmp_path / "a.bvh") == tmp_path / "a-2.bvh"
+    too_long = tmp_path / f"{'long' * 100}.bvh"  # to look for it is an error
+    assert free_path(too_long) == too_long

@@ -57,6 +57,16 @@ def test_view_options_arrive(viewed, tmp_path):
     assert (options.seed, options.panels) == (4, False)
 
 
+@pytest.mark.parametrize("options", [["--screenshot"], ["--offscreen", "--save-frames"]])
+def test_pictures_that_cannot_be_written_are_told_before_anything_runs(viewed, options, tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert sport.main(["view", *options, str(tmp_path / "file" / "out.png")]) == 2
+    error = capsys.readouterr().err
+    assert str(tmp_path / "file") in error
+    assert error.count("\n") == 1
+    assert viewed == []
+
+
 def test_generate_writes_a_clip_that_is_the_same_each_time(walker, tmp_path, capsys):
     arguments = ["generate", "--prompt", "proud", "--path", "circle", "--seconds", "1.5", "--seed", "3"]
     one, two = tmp_path / "one.bvh", tmp_path / "two.bvh"

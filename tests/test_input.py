@@ -215,6 +215,43 @@ def test_a_raw_axis_that_never_rests_is_ignored() -> None:
     assert state.left == (0.0, 0.0)
 
 
+@pytest.mark.parametrize("axis", [2, 5])
+def test_a_raw_trigger_counts_once_it_was_seen_released(axis: int) -> None:
+    glfw = StubGlfw()
+    glfw.present = {1: True}
+    glfw.raw = [0.0] * 6  # something else at the place of the triggers: it rests in its middle
+    pads, mapper = GlfwGamepads(glfw), InputMapper()
+    for value in (0.0, 1.0, -0.5):
+        glfw.raw[axis] = value
+        state = pads.poll()
+        assert state is not None
+        assert (state.left_trigger, state.right_trigger, state.touched) == (0.0, 0.0, False)
+        assert mapper.read(pressed_keys("w"), state, DT).gait is Gait.WALK
+    glfw.raw[axis] = -1.0  # a trigger: let go
+    pads.poll()
+    glfw.raw[axis] = 0.0
+    state = pads.poll()
+    assert state is not None
+    assert (state.left_trigger, state.right_trigger) == ((0.5, 0.0) if axis == 2 else (0.0, 0.5))
+    glfw.present = {}
+    pads.poll()
+    glfw.present = {1: True}  # another pad in its place has to show it again
+    state = pads.poll()
+    assert state is not None
+    assert not state.touched
+
+
+def test_a_raw_pad_of_four_axes_has_no_triggers() -> None:
+    glfw = StubGlfw()
+    glfw.present, glfw.raw = {1: True}, [0.0] * 4
+    pads = GlfwGamepads(glfw)
+    pads.poll()
+    glfw.raw[2] = 0.8  # the right stick
+    state = pads.poll()
+    assert state is not None
+    assert (state.right, state.left_trigger, state.right_trigger) == ((0.8, 0.0), 0.0, 0.0)
+
+
 def test_a_persons_mappings_are_added_and_garbage_is_named(tmp_path: Path) -> None:
     glfw, pads = StubGlfw(), GlfwGamepads(StubGlfw())
     assert pads.add_mappings(tmp_path / "missing.txt") == ""

@@ -101,7 +101,18 @@ def test_what_replays_an_edit() -> None:
     assert answer("").replayable == SAID
 
 
-@given(st.lists(st.sampled_from(["push", "undo", "redo", "replace"]), max_size=60))
+def test_kept_parts_go_on_with_their_words_and_codes() -> None:
+    other = PartDescriptions(*(f"{part} hanging" for part in PART_NAMES))
+    before, new = answer(), answer("drunk", 2.0, words=other, said=other)
+    kept = new.keeping({"left_arm", "head"}, before)
+    assert kept.words == other.replace("left_arm", SAID.left_arm).replace("head", SAID.head)
+    assert kept.z[:, 0].tolist() == [1.0, 2.0, 2.0, 2.0, 2.0, 1.0]
+    assert kept.z.dtype == np.float32
+    assert (kept.prompt, kept.said, kept.edited) == ("drunk", other, ("left_arm", "head"))
+    assert new.keeping((), before) is new
+
+
+@given(st.lists(st.sampled_from(["push", "undo", "redo", "revise"]), max_size=60))
 def test_undo_is_the_way_back(actions: list[str]) -> None:
     """Against a plain list with a cursor."""
     stack, steps, at = UndoStack(), [StyleEdit()], 0
@@ -111,9 +122,10 @@ def test_undo_is_the_way_back(actions: list[str]) -> None:
         if action == "push":
             stack.push(str(i), edit)
             steps, at = [*steps[: at + 1], edit], at + 1
-        elif action == "replace":
-            stack.replace(edit)
-            steps[at] = edit
+        elif action == "revise":
+            changed = steps[i % len(steps)]
+            stack.revise(lambda step, old=changed, new=edit: new if step is old else step)  # type: ignore[misc]
+            steps = [edit if step is changed else step for step in steps]
         elif action == "undo":
             assert (stack.undo() is None) == (at == 0)
             at = max(at - 1, 0)

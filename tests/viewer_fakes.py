@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
 
@@ -34,6 +33,7 @@ class FakeController:
         self.styles: list[tuple[np.ndarray, float]] = []
         self.fail_with: Exception | None = None
         self.answer_nan = False
+        self.message = ""
 
     def step(self, controls: Controls) -> Pose:
         if self.fail_with is not None:
@@ -108,7 +108,7 @@ class FakePrompts:
     """A prompt worker without a thread: answers at the next poll."""
 
     def __init__(self, expander: Any) -> None:
-        self.expander = expander
+        self.expander, self.encoder = expander, FakeEncoder()
         self.asked: list[str | PartDescriptions] = []
         self.held = False  # no answer until it is False
         self._result: Any = None
@@ -117,16 +117,15 @@ class FakePrompts:
     def busy(self) -> bool:
         return self._result is not None
 
-    def submit(self, prompt: str | PartDescriptions, kept: Mapping[str, str] | None = None) -> None:
+    def submit(self, prompt: str | PartDescriptions) -> None:
         self.asked.append(prompt)
         try:
             given = isinstance(prompt, PartDescriptions)
             expansion = Expansion(prompt, "explicit") if given else self.expander.expand(prompt)
         except SportError as error:
-            self._result = PromptResult(prompt, None, None, None, 1.0, error)
+            self._result = PromptResult(prompt, None, None, 1.0, error)
             return
-        words = PartDescriptions(**{**expansion.descriptions.to_mapping(), **(kept or {})})
-        self._result = PromptResult(prompt, expansion, words, FakeEncoder().encode(words), 1.0)
+        self._result = PromptResult(prompt, expansion, self.encoder.encode(expansion.descriptions), 1.0)
 
     def withdraw(self) -> None:
         self._result = None

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from runtime.errors import SportError
 from runtime.prompts.expander import DEFAULT_PROMPT
+from runtime.terrain_files import SUFFIXES as GROUNDS
 from viewer.camera_control import CameraControl
 from viewer.capture import screenshot_path
 from viewer.expanders import Expanders
@@ -21,7 +22,7 @@ from viewer.suggester import Suggester
 from viewer.takes import Takes
 from viewer.window import Window
 
-_GROUNDS = (".png", ".npy", ".obj", ".ply", ".stl")
+_GLTF = (".glb", ".gltf")  # characters, or grounds as in GROUNDS
 
 
 @dataclass
@@ -76,15 +77,26 @@ class Actions:
             suffix = path.suffix.lower()
             if suffix == ".bvh":
                 self.takes.open(path)
-            elif suffix == ".glb":
-                self.scene.load_character(path)
-            elif suffix in _GROUNDS:
+            elif suffix in _GLTF:
+                self._open_gltf(path)
+            elif suffix in GROUNDS:
                 self.scene.load_terrain(str(path))
             else:
                 self.state.messages.error(
                     f"{path.name}: nothing here opens {suffix or 'a file without an ending'}."
                     " Drop a BVH clip, a GLB character, or a PNG, NPY or mesh ground."
                 )
+
+    def _open_gltf(self, path: Path) -> None:
+        """A mesh with a skin is a character, one without is a ground."""
+
+        def load(skinned: bool) -> None:
+            if skinned:
+                self.scene.load_character(path)
+            else:
+                self.scene.load_terrain(str(path))
+
+        self.jobs.submit(f"open {path}", lambda: has_skin(path), load)
 
     def perform(self, pressed: tuple[Action, ...]) -> None:
         """Do what was pressed in this frame; held actions and gaits are no business of this table."""
@@ -137,3 +149,10 @@ class Actions:
             self.state.help_open = False
         else:
             self.takes.close_playback()
+
+
+def has_skin(path: Path) -> bool:
+    """Whether a glTF file holds a skin; FileError when it cannot be read."""
+    from runtime.gltf_read import open_gltf
+
+    return bool(open_gltf(path).gltf.skins)

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import signal
+import threading
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 from runtime.clip import ClipRecorder
 from runtime.errors import SportError
@@ -46,18 +51,39 @@ def run(options: ViewOptions, services: Services | None = None, config: Path | N
     cannot be used or no window can be opened.
     """
     app = App(options, services, config=config)
-    try:
+    with _signals_call(app.interrupt):
         try:
-            while not app.finished:
-                app.frame()
-        except KeyboardInterrupt:
-            pass  # Ctrl+C in the terminal closes the viewer like its window does
-        except Exception:
-            app.takes.rescue()  # a defect must not cost what was recorded
-            raise
-        return app.end()
+            try:
+                while not app.finished:
+                    app.frame()
+            except KeyboardInterrupt:
+                app.interrupt()  # Ctrl+C in the terminal closes the viewer like its window does
+            except Exception:
+                app.takes.rescue()  # a defect must not cost what was recorded
+                raise
+            return app.end()
+        finally:
+            app.close()
+
+
+@contextlib.contextmanager
+def _signals_call(end: Callable[[], None]) -> Iterator[None]:
+    """Within it SIGTERM and SIGHUP (a logout, a closed terminal) call `end` and no longer kill the process.
+
+    They raise nothing: an exception would get lost in a callback of the window, and a second signal, which is usual
+    when a terminal closes, would cut short the writing that the first one began.
+    """
+    before: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():  # no other one may set handlers
+        numbers = [getattr(signal, name, None) for name in ("SIGTERM", "SIGHUP")]  # Windows has no SIGHUP
+        for number in filter(None, numbers):
+            if signal.getsignal(number) not in (None, signal.SIG_IGN):  # `nohup` is obeyed
+                before[number] = signal.signal(number, lambda *_: end())
+    try:
+        yield
     finally:
-        app.close()
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 class App:
@@ -79,10 +105,12 @@ class App:
         self.state = AppState(settings, ground, Simulation.standing(ground))
         self.keyboard, self.mapper = Keyboard(), InputMapper()
         self.frames_shown = 0
+        self.interrupted = False  # from outside: by a signal or Ctrl+C
         self._was_moving = False
         self._interval_s = 0.0  # since the frame before, by the clock
         self._steps = 0  # of the simulation in this frame
         self._scripted: frozenset[str] = frozenset()
+        self._script_s = 0.0  # how long the script of controls has been played
         self._last_s = time.perf_counter()
         self._services = services or default_services()
         self.window = self._open_window()
@@ -198,7 +226,10 @@ class App:
     def _play_script(self, dt: float) -> None:
         if not self.script.steps:
             return
-        keys = self.script.keys_at(self.frames_shown * dt)
+        if self.options.offscreen:
+            self._script_s = self.frames_shown * STEP_SECONDS  # exact, where a sum would drift
+        keys = self.script.keys_at(self._script_s)
+        self._script_s += dt
         for name in sorted(self._scripted - keys):
             self.window.inject_key(name, False)
         for name in sorted(keys - self._scripted):
@@ -297,22 +328,34 @@ class App:
             if self.options.frames is not None
             else (1 if self.options.offscreen else None)
         )
-        return self.window.close_requested or (wanted is not None and self.frames_shown >= wanted)
+        enough = wanted is not None and self.frames_shown >= wanted
+        return self.interrupted or self.window.close_requested or enough
+
+    def interrupt(self) -> None:
+        """End the main loop after the frame in hand."""
+        self.interrupted = True
 
     def end(self) -> int:
-        """After the last frame: write the screenshot, keep unsaved takes, remember the settings; the exit code."""
+        """After the last frame: keep unsaved takes, remember the settings, write the screenshot; the exit code.
+
+        What the person made comes first: a screenshot that cannot be written must not cost it. A run offscreen that
+        comes to its end as planned keeps no takes.
+        """
+        if self.interrupted or not self.options.offscreen:
+            for path in self.takes.rescue():
+                self.state.messages.note(f"Kept an unsaved take: {path}")
+        if not self.options.offscreen:
+            self._remember_settings()
         if self.options.screenshot is not None:
             save_png(self.window.read_pixels(), self.options.screenshot)
-        if self.options.offscreen:
-            return 0
-        for path in self.takes.rescue():
-            self.state.messages.note(f"Kept an unsaved take: {path}")
+        return 0
+
+    def _remember_settings(self) -> None:
         self.state.settings.width, self.state.settings.height = self.window.unscaled_size
         try:
             save_settings(self.state.settings, self.config)
         except SportError as error:
             self.state.messages.error(error)  # it is in the log; the person is leaving
-        return 0
 
     def close(self) -> None:
         """Stop workers and close the window."""

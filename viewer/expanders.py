@@ -10,7 +10,7 @@ from runtime.errors import SportError
 from runtime.prompts.gpt_settings import GptSettings, gpt_configured
 from viewer.jobs import Jobs
 from viewer.prompting import Prompting
-from viewer.services import Services
+from viewer.services import Loaded, Services
 from viewer.state import AppState
 
 KINDS = ("library", "gpt")
@@ -56,7 +56,7 @@ class Expanders:
         self.state.expander.report = ""
         settings, library = self.wanted(), self.library
         if library is None:
-            return  # the model that is being loaded brings its library, and `wanted` is asked again
+            return  # the model that is being loaded brings its library, and `use` looks at the choice again
         if settings is None:
             self.jobs.submit("language model", lambda: library, self.prompting.use_expander)
         else:
@@ -65,6 +65,18 @@ class Expanders:
                 lambda: self.services.open_expander(library, settings),
                 self.prompting.use_expander,
             )
+
+    def use(self, loaded: Loaded, given: GptSettings | None) -> None:
+        """Let a loaded model's workers answer; they were opened to ask `given`, which may no longer be the choice."""
+        self.library = loaded.library
+        changed = self.wanted() != given
+        if changed:
+            # what waits for the model must not be sent where nobody wants it any more
+            for worker in loaded.prompts:
+                worker.use(loaded.library)
+        self.prompting.use(loaded.prompts)
+        if changed:
+            self.apply()
 
     def test(self) -> None:
         """Ask the language model one question and report."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from runtime.atomic import check_target
 from runtime.errors import UsageError
 from runtime.prompts.blend import ALL_A, Weights
 
@@ -42,7 +43,7 @@ class ViewOptions:
     controls: str = ""
 
     def check(self) -> None:
-        """UsageError naming the option when a value cannot be used."""
+        """UsageError naming the option when a value cannot be used, FileError when a picture cannot be written."""
         for name, value in (("--width", self.width), ("--height", self.height)):
             if value is not None and not MIN_SIDE <= value <= MAX_SIDE:
                 raise UsageError(
@@ -58,3 +59,7 @@ class ViewOptions:
             raise UsageError(f"--camera {self.camera}: expected follow or orbit.", "Choose one of the two.")
         if self.frames_directory is not None and not self.offscreen:
             raise UsageError("--save-frames: works with --offscreen only.", "Add --offscreen.")
+        if self.screenshot is not None:
+            check_target(self.screenshot.expanduser())
+        if self.frames_directory is not None:
+            check_target(self.frames_directory.expanduser() / "frame_00000.png")

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from runtime.clip import LIVE_SECONDS
 from runtime.errors import SportError
 from runtime.prompts.blend import ALL_A, Weights, write_words
 from runtime.prompts.expander import Expander
@@ -20,7 +21,6 @@ from viewer.suggestions import remember
 
 CLOSE_SECONDS = 30.0
 BLOCKING_SECONDS = 60.0  # how long an offscreen run waits for an answer
-LIVE_SECONDS = 0.1  # blend while a slider is dragged: asked again each frame, it eases towards the hand
 FIRST_BLEND: Weights = (0.5,) * len(ALL_A)  # of a new prompt B: half, so that it shows
 
 Side = Literal["a", "b"]
@@ -35,7 +35,8 @@ class _Question:
     asked: Request | None = None  # newest request without a final answer
     label: str = ""  # of the undo step
     remembered: bool = False  # into the history
-    stepped: bool = False  # its first answer has made the undo step
+    answers: tuple[Answer, ...] = ()  # its answer as the steps of undo have it: the first one makes a step
+    then: tuple[Request, str, bool] | None = None  # what to ask next: request, label, remembered
 
 
 @dataclass
@@ -66,9 +67,13 @@ class Prompting:
             if question.worker is not None:
                 question.worker.close()
             question.worker = worker
-            request = question.asked if answer is None or question.asked is not None else answer.words
-            if request is not None:
-                self._ask(side, request, "the model", question.remembered)
+            waits = None if question.asked is None else (question.asked, question.label, question.remembered)
+            if (
+                answer is not None
+            ):  # first, because a prompt that waits leaves locked parts the codes in force
+                self._ask(side, answer.words, "the model", then=waits)
+            elif waits is not None:
+                self._ask(side, *waits)
 
     def use_expander(self, expander: Expander) -> None:
         """Let another expander answer from the next prompt on."""
@@ -166,14 +171,17 @@ class Prompting:
     def undo(self) -> None:
         """Take back the last change; a prompt without an answer yet is withdrawn."""
         self.commit()
-        sides: tuple[Side, ...] = ("a", "b")
-        unanswered = [side for side in sides if self._withdraw(side)]
+        unanswered = self._unanswered()
         if not unanswered:
             self._go_to(self.history.undo_label, self.history.undo(), "Undone")
+        for side, question in self._questions.items():
+            # a prompt that still holds goes on to its better answer
+            if side in unanswered or getattr(self.state.prompt.edit, side) not in question.answers:
+                self._withdraw(side)
 
     def redo(self) -> None:
         """Do again what was taken back last."""
-        if not self.state.prompt.asked:
+        if not self._unanswered():
             self._go_to(self.history.redo_label, self.history.redo(), "Done again")
 
     def _go_to(self, label: str, edit: StyleEdit | None, verb: str) -> None:
@@ -194,39 +202,47 @@ class Prompting:
         if edit.a is not None:
             prompt.parts = dict(edit.a.words.to_mapping())
 
-    def _withdraw(self, side: Side) -> bool:
-        """Give up a question in hand; answers whether it had no answer at all yet."""
+    def _withdraw(self, side: Side) -> None:
+        """Give up a question in hand; without an answer yet it is as if it had never been asked."""
         question, answer = self._questions[side], getattr(self.state.prompt.edit, side)
         if question.asked is None or question.worker is None:
-            return False
+            return
         question.worker.withdraw()
-        question.asked = None
+        question.asked = question.then = None
         self._note_asked()
-        if question.stepped:
-            return False
-        self._field(side).text = "" if answer is None else answer.prompt
-        self.state.messages.note(f"Withdrawn: {question.label}.")
-        return True
+        if not question.answers:
+            self._field(side).text = "" if answer is None else answer.prompt
+            self.state.messages.note(f"Withdrawn: {question.label}.")
 
     # --- questions and answers
 
     def _field(self, side: Side) -> FieldState:
         return self.state.prompt.box if side == "a" else self.state.prompt.other
 
-    def _ask(self, side: Side, request: Request, label: str, remembered: bool = False) -> None:
+    def _ask(
+        self,
+        side: Side,
+        request: Request,
+        label: str,
+        remembered: bool = False,
+        then: tuple[Request, str, bool] | None = None,
+    ) -> None:
         question = self._questions[side]
-        question.asked, question.label = request, label
-        question.remembered, question.stepped = remembered, False
+        question.asked, question.label, question.remembered = request, label, remembered
+        question.answers, question.then = (), then
         self._note_asked()
         if question.worker is None:
             return
-        keeps = side == "a" and isinstance(request, str)
-        question.worker.submit(request, self.state.prompt.edit.kept_words() if keeps else None)
+        question.worker.submit(request)
         if self.blocking:
             deadline = time.monotonic() + BLOCKING_SECONDS
             while question.asked is not None and time.monotonic() < deadline:
                 self.poll()
                 time.sleep(0.001)
+
+    def _unanswered(self) -> list[Side]:
+        """Sides whose question in hand has no answer at all yet."""
+        return [side for side, q in self._questions.items() if q.asked is not None and not q.answers]
 
     def _note_asked(self) -> None:
         self.state.prompt.asked = frozenset(s for s, q in self._questions.items() if q.asked is not None)
@@ -238,6 +254,8 @@ class Prompting:
             # an answer to an older request must not overwrite newer words
             if result is not None and result.request == question.asked:
                 self._take(side, question, result)
+            if question.asked is None and question.then is not None:
+                self._ask(side, *question.then)
         self._hand_over()
 
     def _take(self, side: Side, question: _Question, result: Any) -> None:
@@ -247,37 +265,61 @@ class Prompting:
         if result.error is not None:
             self._fail(result.error)
             return
-        edit, before = self.state.prompt.edit, getattr(self.state.prompt.edit, side)
-        answer = Answer.of(result)
-        if not isinstance(result.request, str):
+        before, answer = getattr(self.state.prompt.edit, side), Answer.of(result)
+        prompted, followed = isinstance(result.request, str), bool(question.answers)
+        if not prompted:
             known = before or dataclasses.replace(answer, prompt="", said=result.request)
             answer = dataclasses.replace(known, words=result.request, z=result.z, final=True)
+        elif before is not None and not followed:
+            answer = answer.keeping(_locked(self.state.prompt.edit, side), before)
+        if followed:
+            self._improve(side, answer, question)
+        else:
+            self._adopt(side, answer, question)
+        in_force = getattr(self.state.prompt.edit, side)
+        if side == "a":
+            self.state.prompt.parts = dict(in_force.words.to_mapping())
+        if not followed or in_force.words != before.words:
+            # the first style is there at once
+            self._due_seconds = self.state.settings.blend_seconds if self._styled else 0.0
+        if question.remembered and prompted:
+            settings = self.state.settings
+            settings.prompt_history = remember(settings.prompt_history, result.request)
+        if prompted and (self._styled or answer.note):  # the first answers without a word
+            model = self.state.expander.language_model or "the language model"
+            self.state.messages.post(*answer_message(answer, question.label, model, followed))
+
+    def _adopt(self, side: Side, answer: Answer, question: _Question) -> None:
+        """Put a question's first answer into force, as a step of undo."""
+        edit = self.state.prompt.edit
         changes: dict[str, Any] = {side: answer}
         if side == "b" and not any(edit.weights):
             changes["weights"] = FIRST_BLEND
-        unchanged = question.stepped and answer.words == before.words
-        self._adopt(side, dataclasses.replace(edit, **changes), question)
-        if not unchanged:
-            # the first style is there at once
-            self._due_seconds = self.state.settings.blend_seconds if self._styled else 0.0
-        if question.remembered and isinstance(result.request, str):
-            settings = self.state.settings
-            settings.prompt_history = remember(settings.prompt_history, result.request)
-        if isinstance(result.request, str) and (
-            self._styled or answer.note
-        ):  # the first answers without a word
-            model = self.state.expander.language_model or "the language model"
-            self.state.messages.post(*answer_message(answer, question.label, model, question.stepped))
-        question.stepped = True
+        self.state.prompt.edit = dataclasses.replace(edit, **changes)
+        self.history.push(question.label, self.state.prompt.edit)
+        question.answers = (answer,)
 
-    def _adopt(self, side: Side, edit: StyleEdit, question: _Question) -> None:
-        self.state.prompt.edit = edit
-        if side == "a" and edit.a is not None:
-            self.state.prompt.parts = dict(edit.a.words.to_mapping())
-        if question.stepped:
-            self.history.replace(edit)
-        else:
-            self.history.push(question.label, edit)
+    def _improve(self, side: Side, answer: Answer, question: _Question) -> None:
+        """Put a better answer in the place of the first one, in the prompt's step and in all that was done to it since.
+
+        Where a part was locked after the first answer, it keeps that answer's words.
+        """
+        found: list[Answer] = []
+
+        def improved(edit: StyleEdit) -> StyleEdit:
+            first = getattr(edit, side)
+            if first not in question.answers:
+                return edit
+            found.append(answer.keeping(_locked(edit, side), first))
+            change: dict[str, Any] = {side: found[-1]}
+            return dataclasses.replace(edit, **change)
+
+        committed = self.state.prompt.edit is self.history.top
+        self.history.revise(improved)
+        top = self.history.top
+        # what is committed must stay the very same object, by which `commit` knows it
+        self.state.prompt.edit = top if committed and top is not None else improved(self.state.prompt.edit)
+        question.answers = tuple(found)
 
     def _hand_over(self) -> None:
         """Give the style that is due to the controller; folding it costs about a millisecond."""
@@ -299,6 +341,11 @@ class Prompting:
     def _fail(self, error: SportError) -> None:
         self.state.messages.error(error)
         self.first_error = self.first_error or error
+
+
+def _locked(edit: StyleEdit, side: Side) -> frozenset[str]:
+    """Parts whose words the answers on a side leave alone."""
+    return edit.locked if side == "a" else frozenset()
 
 
 def _named(part: str) -> str:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from runtime.prompts.gpt_settings import GptSettings
 from runtime.terrain import Terrain
 from viewer.expanders import Expanders
 from viewer.jobs import Jobs
@@ -89,14 +90,14 @@ class Scene:
         self.jobs.submit(
             "model",
             lambda: self.services.load_model(directory, terrain, seed, gpt),
-            self._take_model,
+            lambda loaded: self._take_model(loaded, gpt),
             self._lose_model,
         )
 
     def _lose_model(self, _: Exception) -> None:
         self.state.prompt.available = self.state.prompt.loading = False
 
-    def _take_model(self, loaded: Loaded) -> None:
+    def _take_model(self, loaded: Loaded, gpt: GptSettings | None) -> None:
         state = self.state
         loaded.controller.set_terrain(state.terrain)  # it may have changed while the model was loading
         state.simulation.use(loaded.controller)
@@ -106,8 +107,8 @@ class Scene:
             state.messages.note(loaded.notice)
         self.set_temperature(state.settings.temperature)
         self.set_strength(state.settings.strength)
-        self.expanders.library, self.suggester.nearest = loaded.library, loaded.library.nearest
-        self.prompting.use(loaded.prompts)
+        self.suggester.nearest = loaded.library.nearest
+        self.expanders.use(loaded, gpt)
 
     def set_temperature(self, temperature: float) -> None:
         """How lively the sampler is; 0 always takes the mean."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -32,8 +32,8 @@ class PromptWorkerLike(Protocol):
         """Whether a request waits or is being worked on."""
         ...
 
-    def submit(self, prompt: str | PartDescriptions, kept: Mapping[str, str] | None = None) -> None:
-        """Ask for a style; `kept` are words, by part, that stay whatever the expander says."""
+    def submit(self, prompt: str | PartDescriptions) -> None:
+        """Ask for a style."""
         ...
 
     def withdraw(self) -> None:

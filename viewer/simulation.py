@@ -18,6 +18,7 @@ from runtime.terrain import Terrain
 
 STEP_SECONDS = 1.0 / 60.0
 MAX_STEPS = 6  # per displayed frame: a slow machine plays slower instead of falling behind for ever
+_STANDS = "The character stands until you reset it (Home)."
 MAX_FAILURES = 3  # in a row; then the character stands still until it is reset
 MS_HALF_LIFE_STEPS = 20.0
 _LOG = logging.getLogger("sport.viewer")
@@ -159,18 +160,17 @@ class Simulation:
         cost_ms = (time.perf_counter() - begin) * 1e3
         share = 1.0 - 0.5 ** (1.0 / MS_HALF_LIFE_STEPS)
         self.model_ms = cost_ms if self.model_ms == 0.0 else self.model_ms + (cost_ms - self.model_ms) * share
-        self._failures = 0
-        self.problem = getattr(controller, "message", "") or self.problem
+        fault = getattr(
+            controller, "message", ""
+        )  # it set itself back: no defect, unless it does so every time
+        self._failures = self._failures + 1 if fault else 0
+        self.problem = (f"{fault} {_STANDS}" if self.halted else fault) or self.problem
         self.previous, self.current = self.current, pose
         return pose
 
     def _fail(self, failure: str) -> None:
         self._failures += 1
-        after = (
-            "The character stands until you reset it (Home)."
-            if self.halted
-            else "It was set back to its last good pose."
-        )
+        after = _STANDS if self.halted else "It was set back to its last good pose."
         self.problem = f"The motion model failed: {failure}. {after}"
         self.previous = self.current
         if self.controller is None or self.halted:

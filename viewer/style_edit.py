@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -39,13 +39,23 @@ class Answer:
         return Answer(
             result.request,
             expansion.descriptions,
-            result.descriptions,
+            expansion.descriptions,
             result.z,
             expansion.source,
             expansion.nearest,
             expansion.note,
             result.milliseconds,
             result.final,
+        )
+
+    def keeping(self, parts: Collection[str], before: Answer) -> Answer:
+        """The same answer but for `parts`, which go on as in `before`: a part's code comes from its own words alone."""
+        if not parts:
+            return self
+        words = {part: getattr(before.words, part) for part in parts}
+        kept = np.array([part in parts for part in PART_NAMES])[:, None]
+        return dataclasses.replace(
+            self, words=dataclasses.replace(self.words, **words), z=np.where(kept, before.z, self.z)
         )
 
     @property
@@ -96,12 +106,6 @@ class StyleEdit:
             return self.a.words.to_json()
         return BlendedPrompt(self.a.words, self.b.words, self.weights).to_json()
 
-    def kept_words(self) -> Mapping[str, str]:
-        """Words of the locked parts, which the next prompt must leave alone."""
-        if self.a is None:
-            return {}
-        return {part: getattr(self.a.words, part) for part in PART_NAMES if part in self.locked}
-
     def with_weight(self, part: str, weight: float) -> StyleEdit:
         """Another share of prompt B in one part."""
         i = PART_NAMES.index(part)
@@ -150,10 +154,9 @@ class UndoStack:
         del self._steps[: -MAX_STEPS - 1]
         self._at = len(self._steps) - 1
 
-    def replace(self, edit: StyleEdit) -> None:
-        """Put an edit in the place of the one in force, as the same step."""
-        if self._at >= 0:
-            self._steps[self._at] = (self._steps[self._at][0], edit)
+    def revise(self, change: Callable[[StyleEdit], StyleEdit]) -> None:
+        """Put what `change` makes of each edit in its place, as the same step."""
+        self._steps = [(label, change(edit)) for label, edit in self._steps]
 
     def undo(self) -> StyleEdit | None:
         """The edit before; None when there is none."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,6 +30,8 @@ class Takes:
     state: AppState
     jobs: Jobs
     recorder: ClipRecorder
+    _writers: dict[Path, ClipItem] = field(default_factory=dict)  # whose clip a file of this session holds
+    _proposed: str | None = None  # what was put into the export field, until something else is typed
 
     def add_poses(self, poses: list[Pose], controls: Controls) -> None:
         """Remember simulated poses, as they are shown, and what was asked for; call once a frame."""
@@ -88,9 +91,16 @@ class Takes:
         clips.selected = index
         if clips.playback is not None and clips.playback.index != index:
             self.play(index)
-        clips.export_path = str(
-            Path(self.state.settings.export_folder) / f"{file_stem(clips.items[index].name)}.bvh"
-        )
+        self._propose(clips.items[index])
+
+    def _propose(self, item: ClipItem) -> None:
+        """Fill the export field with the file that holds the clip since this session, or with a name that is free."""
+        if item.saved is not None and self._writers.get(item.saved) is item:
+            proposal = item.saved
+        else:
+            folder = Path(self.state.settings.export_folder)
+            proposal = folder / free_path(folder.expanduser() / f"{file_stem(item.name)}.bvh").name
+        self.state.clips.export_path = self._proposed = str(proposal)
 
     def remove(self, index: int) -> None:
         """Take a clip out of the list; files stay."""
@@ -99,6 +109,7 @@ class Takes:
             return
         self.close_playback()
         item = clips.items.pop(index)
+        self._writers = {path: writer for path, writer in self._writers.items() if writer is not item}
         clips.selected = min(index, len(clips.items) - 1)
         self.select(clips.selected)
         self.state.messages.note(f"{item.name} removed from the list.")
@@ -140,11 +151,18 @@ class Takes:
     # --- export
 
     def export(self) -> None:
-        """Write the current clip, trimmed as marked, as BVH to the path in the field."""
+        """Write the current clip, trimmed as marked, as BVH to the path in the field.
+
+        A path that was typed may be one that exists; what was proposed is free or holds this clip already.
+        """
         clips, settings = self.state.clips, self.state.settings
         item = clips.current
         if item is None:
             return
+        if clips.export_path == self._proposed:
+            self._propose(item)  # another program may have taken the name since
+        else:
+            self._proposed = None  # typed: whatever is typed from now on is meant
         try:
             path = export_target(clips.export_path)
         except SportError as error:
@@ -166,6 +184,7 @@ class Takes:
 
     def _exported(self, item: ClipItem, path: Path) -> None:
         item.saved = path
+        self._writers[path] = item
         self.state.settings.export_folder = str(path.parent)
         self.state.messages.note(f"Saved {path}")
 
@@ -218,7 +237,7 @@ def file_stem(name: str) -> str:
 def free_path(path: Path) -> Path:
     """`path`, or the first of path-2, path-3, … that does not exist."""
     candidate, number = path, 2
-    while candidate.exists():
+    while os.path.lexists(candidate):  # unlike Path.exists, no error where the folder cannot be read
         candidate = path.with_stem(f"{path.stem}-{number}")
         number += 1
     return candidate

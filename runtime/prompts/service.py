@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -35,13 +35,11 @@ class SteppedExpander(Expander, Protocol):
 class PromptResult:
     """Answer to one request, or `error`; a request may get several, the last of them is `final`.
 
-    `expansion` is what the expander said, `descriptions` the same with the words that were to be kept, `z` (6, 64)
-    their code. `milliseconds` have passed since the worker began.
+    `expansion` is what the expander said, `z` (6, 64) its code. `milliseconds` have passed since the worker began.
     """
 
     request: Request
     expansion: Expansion | None
-    descriptions: PartDescriptions | None
     z: NDArray[np.float32] | None
     milliseconds: float
     error: SportError | None = None
@@ -51,7 +49,6 @@ class PromptResult:
 @dataclass(frozen=True)
 class _Job:
     request: Request
-    kept: Mapping[str, str]
     stop: threading.Event
 
 
@@ -73,14 +70,11 @@ class PromptWorker:
         self._thread = threading.Thread(target=self._work, name="prompts", daemon=True)
         self._thread.start()
 
-    def submit(self, prompt: Request, kept: Mapping[str, str] | None = None) -> None:
-        """Ask for a prompt or for six descriptions, in place of whatever waits or is in hand.
-
-        `kept` are words, by part, that stay whatever the expander says. No effect once closed.
-        """
+    def submit(self, prompt: Request) -> None:
+        """Ask for a prompt or for six descriptions, in place of whatever waits or is in hand; no effect once closed."""
         with self._condition:
             self._stop_job_in_hand()
-            self._waiting = None if self._closed else _Job(prompt, dict(kept or {}), threading.Event())
+            self._waiting = None if self._closed else _Job(prompt, threading.Event())
             self._condition.notify()
 
     def withdraw(self) -> None:
@@ -145,17 +139,16 @@ class PromptWorker:
 
         try:
             for expansion, final in _expansions(job, expander):
-                words = PartDescriptions(**{**expansion.descriptions.to_mapping(), **job.kept})
-                z = self._encoder.encode(words)
-                yield PromptResult(job.request, expansion, words, z, since(), final=final)
+                z = self._encoder.encode(expansion.descriptions)
+                yield PromptResult(job.request, expansion, z, since(), final=final)
                 if job.stop.is_set():
                     return
         except SportError as error:
-            yield PromptResult(job.request, None, None, None, since(), error)
+            yield PromptResult(job.request, None, None, since(), error)
         except Exception as unexpected:  # the thread must outlive any defect, and the user must see it
             _log.exception("prompt worker")
             defect = SportError(f"The prompt failed unexpectedly: {unexpected!r}.", "Try another prompt.")
-            yield PromptResult(job.request, None, None, None, since(), defect)
+            yield PromptResult(job.request, None, None, since(), defect)
 
 
 def _expansions(job: _Job, expander: Expander) -> Iterator[tuple[Expansion, bool]]:

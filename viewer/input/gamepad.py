@@ -13,6 +13,7 @@ BUTTONS = (
 )  # fmt: skip
 MAX_MAPPING_BYTES = 4_000_000
 _REST = 0.3  # a raw axis counts once it was seen this near its middle: dead and shifted axes never do
+_RELEASED = -0.7  # a raw trigger counts once it was seen below: what rests in its middle there is none
 
 
 @dataclass(frozen=True)
@@ -98,20 +99,24 @@ class GlfwGamepads:
         if count < 4 or button_count < 6:
             return None  # a wheel, a sensor or a keyboard that calls itself a joystick
         axes = [float(pointer[i]) for i in range(count)]
+        six = count >= 6
+        triggers = (2, 5) if six else ()
         live = self._live_axes.setdefault(pad, set())
-        live.update(i for i, value in enumerate(axes) if abs(value) < _REST)
+        live.update(i for i, v in enumerate(axes) if (v < _RELEASED if i in triggers else abs(v) < _REST))
 
         def axis(i: int) -> float:
             return axes[i] if i in live else 0.0
 
-        six = count >= 6
+        def trigger(i: int) -> float:
+            return (axes[i] + 1) / 2 if i in live and i in triggers else 0.0
+
         buttons = frozenset(BUTTONS[i] for i in range(min(button_count, 8)) if button_pointer[i])
         return GamepadState(
             _text(self.glfw.get_joystick_name(pad)) + " (unmapped)",
             (axis(0), -axis(1)),
             (axis(3 if six else 2), -axis(4 if six else 3)),
-            (axes[2] + 1) / 2 if six else 0.0,
-            (axes[5] + 1) / 2 if six else 0.0,
+            trigger(2),
+            trigger(5),
             buttons,
         )
 

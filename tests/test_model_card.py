@@ -58,6 +58,8 @@ def test_a_damaged_measurement_is_named(model, tmp_path) -> None:
 def test_a_card_tells_of_its_8_bit_graph(model) -> None:
     metadata = json.loads((model / "metadata.json").read_text())
     assert "8-bit" not in model_card(metadata | {"quantised": {}}, {})
+    kept = metadata["quantised"] | {"kept": ["linear_3"]}
+    assert "8-bit weights, but for linear_3;" in model_card(metadata | {"quantised": kept}, {})
     quantised = {
         "default": "int8",
         "relative_error": 0.0086,

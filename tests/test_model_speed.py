@@ -48,7 +48,9 @@ def frames(folder):
 def quantised(folder, frames, tmp_path_factory):
     path = tmp_path_factory.mktemp("quantised") / "model"
     shutil.copytree(folder, path)
-    return path, quantize_model(path, frames=frames)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("training.quantize.LIMIT", 1.0)
+        return path, quantize_model(path, frames=frames)
 
 
 def single_steps(model, frames, count):
@@ -129,6 +131,20 @@ def test_what_is_sensitive_stays_in_full_precision(quantised):
     assert {"encoder_first_quantized", "convolution_0_quantized", "linear_0_quantized"} <= eight
     products = [n for n in model.graph.node if n.op_type == "MatMulInteger"]
     assert len(products) == 3 + 5 * 3  # encoder and front; code, convolution and linear in each of five steps
+
+
+@pytest.mark.parametrize(("limit", "kept"), [(1.0, []), (0.0, ["linear_0"])])
+def test_where_8_bits_cost_too_much_the_last_product_stays_in_full_precision(
+    folder, frames, tmp_path, monkeypatch, limit, kept
+):
+    import onnx
+
+    monkeypatch.setattr("training.quantize.LIMIT", limit)
+    copy = tmp_path / "model"
+    shutil.copytree(folder, copy)
+    assert quantize_model(copy, frames=frames)["kept"] == kept
+    floats = {t.name for t in onnx.load(copy / "step_int8.onnx").graph.initializer}
+    assert ("linear_0" in floats) == bool(kept)
 
 
 def test_the_second_row_takes_the_rounding_of_activations_away(folder, frames, tmp_path, monkeypatch):

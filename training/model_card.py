@@ -71,9 +71,10 @@ def _eight_bits(quantised: dict[str, Any]) -> list[str]:
     """What is said of the 8-bit step graph, where there is one."""
     if "relative_error" not in quantised:
         return []
+    but = f", but for {', '.join(quantised['kept'])}" if quantised.get("kept") else ""
     return [
         "",
-        f"`step_int8.onnx` is `step.onnx` with 8-bit weights; {quantised['default']} is loaded unless another precision"
+        f"`step_int8.onnx` is `step.onnx` with 8-bit weights{but}; {quantised['default']} is loaded unless another precision"
         f" is asked for. Over {quantised['frames']} frames of its own walks it is {quantised['relative_error']:.2%} from"
         f" full precision, joints {quantised['joint_error_mm']:.1f} mm on average and"
         f" {quantised['joint_error_max_mm']:.1f} mm at most.",

@@ -18,13 +18,19 @@ KING, DUCK = (FakeLibrary().expand(prompt).descriptions for prompt in ("a proud 
 # a blend
 
 
-def test_a_blend_can_be_moved_while_the_language_model_thinks(
-    asking: Callable[[], App], model: Model
-) -> None:
+def blending(asking: Callable[[], App], model: Model) -> App:
+    """The library has answered prompt B and its slider was moved, the language model has been asked."""
     app = asking()
     app.prompting.submit_prompt("a duck", "b")
     run_until(app, lambda: app.state.prompt.edit.b is not None and bool(model.asked))
     app.prompting.set_all_weights(0.8)
+    return app
+
+
+def test_a_blend_can_be_moved_while_the_language_model_thinks(
+    asking: Callable[[], App], model: Model
+) -> None:
+    app = blending(asking, model)
     app.prompting.commit()
     model.released.set()
     run_until(app, lambda: not app.state.prompt.asked)
@@ -39,10 +45,7 @@ def test_a_blend_can_be_moved_while_the_language_model_thinks(
 def test_a_blend_moved_while_the_language_model_thinks_is_a_step_of_its_own(
     asking: Callable[[], App], model: Model
 ) -> None:
-    app = asking()
-    app.prompting.submit_prompt("a duck", "b")
-    run_until(app, lambda: app.state.prompt.edit.b is not None and bool(model.asked))
-    app.prompting.set_all_weights(0.8)
+    app = blending(asking, model)
     app.prompting.commit("blend of all parts")
     app.prompting.set_all_weights(0.0)  # still held when the answer comes
     model.released.set()

@@ -152,8 +152,9 @@ def quantize_model(
         digest = hashlib.sha256(target.read_bytes()).hexdigest()
         _note(folder, {"default": "fp32"}, digest)  # loaded to be measured
         frames = frames or record_frames(folder, text_encoder)
-        section = {"default": default, "kept": list(kept), **measure(folder, frames)}
-        if float(section["relative_error"]) <= LIMIT:  # type: ignore[arg-type]
+        measured = measure(folder, frames)
+        section = {"default": default, "kept": list(kept), **measured}
+        if measured["relative_error"] <= LIMIT:
             break
     _note(folder, section, digest)
     return section

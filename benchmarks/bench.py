@@ -15,10 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from runtime.assets import PROJECT_ROOT
-from runtime.atomic import check_target, write_atomic
-from runtime.errors import SportError, UsageError
+from sport.runtime.assets import PROJECT_ROOT
+from sport.runtime.atomic import check_target, write_atomic
+from sport.runtime.errors import SportError, UsageError
 
 WARM_UP = 60  # frames
 PROMPTS = (
@@ -104,11 +103,11 @@ def _timed(work: Callable[[], object], count: int) -> list[float]:
 
 
 def _model_times(frames: int, model: Path | None) -> dict[str, Any]:
-    from runtime.controller import Controller
-    from runtime.controls import Controls
-    from runtime.features import INPUT_SIZE
-    from runtime.model import load_model
-    from runtime.terrain import Terrain
+    from sport.runtime.controls import Controls
+    from sport.runtime.motion.controller import Controller
+    from sport.runtime.motion.features import INPUT_SIZE
+    from sport.runtime.motion.model import load_model
+    from sport.runtime.terrain.height_map import Terrain
 
     network = load_model(model)
     x = np.zeros((1, INPUT_SIZE), np.float32)
@@ -126,8 +125,8 @@ def _model_times(frames: int, model: Path | None) -> dict[str, Any]:
 
 
 def _prompt_times(model: Path | None) -> dict[str, float]:
-    from runtime.generate import open_prompter
-    from runtime.model import load_model
+    from sport.runtime.generate import open_prompter
+    from sport.runtime.motion.model import load_model
 
     network = load_model(model)
     begin = time.perf_counter()
@@ -142,8 +141,8 @@ def _prompt_times(model: Path | None) -> dict[str, float]:
 
 def _frame_times(frames: int, model: Path | None) -> dict[str, float]:
     """Frames of the viewer itself, walking, with everything that draws pixels left out."""
-    from viewer.app import App
-    from viewer.options import ViewOptions
+    from sport.viewer.app import App
+    from sport.viewer.options import ViewOptions
 
     app = App(ViewOptions(offscreen=True, frames=frames, model=model, controls=f"w {WARM_UP + frames}"))
     try:

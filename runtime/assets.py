@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from runtime.errors import FileError
+from sport.runtime.errors import FileError
 
 PROJECT_ROOT = Path(__file__).resolve().parent.parent
 

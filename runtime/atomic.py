@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from runtime.errors import FileError
+from sport.runtime.errors import FileError
 
 _REMEDY = "Choose a folder that can be written, with space left."
 

@@ -10,23 +10,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-
-from runtime.clip import Clip, PromptEvent
-from runtime.errors import FileError, PromptError, SportError, UsageError
-from runtime.paths import ControlScript, Place, control_script
-from runtime.pose import Pose
-from runtime.prompts.expander import DEFAULT_PROMPT
-from runtime.take_metadata import gait_of, gait_seconds, origin_of
-from runtime.terrain import Terrain
+from sport.runtime.errors import FileError, PromptError, SportError, UsageError
+from sport.runtime.motion.paths import ControlScript, Place, control_script
+from sport.runtime.pose import Pose
+from sport.runtime.prompts.expander import DEFAULT_PROMPT
+from sport.runtime.takes.clip import Clip, PromptEvent
+from sport.runtime.takes.metadata import gait_of, gait_seconds, origin_of
+from sport.runtime.terrain.height_map import Terrain
 
 if TYPE_CHECKING:
-    from runtime.controller import Controller
-    from runtime.controls import Controls
-    from runtime.model import MotionModel
-    from runtime.prompts.blend import BlendedPrompt, Words
-    from runtime.prompts.expander import Expander
-    from runtime.prompts.parts import PartDescriptions
-    from runtime.prompts.text_encoder import TextEncoder
+    from sport.runtime.controls import Controls
+    from sport.runtime.motion.controller import Controller
+    from sport.runtime.motion.model import MotionModel
+    from sport.runtime.prompts.blend import BlendedPrompt, Words
+    from sport.runtime.prompts.expander import Expander
+    from sport.runtime.prompts.parts import PartDescriptions
+    from sport.runtime.prompts.text_encoder import TextEncoder
 
 Array = NDArray[np.floating]
 PromptToStyle = Callable[["str | PartDescriptions"], Array]  # a prompt or six descriptions to Z^t (6, 64)
@@ -50,9 +49,9 @@ def open_prompter(
     `text_encoder` is the folder of the one that the model was trained with, where that is not the shipped one.
     `expanded` is told each prompt with its six descriptions.
     """
-    from runtime.prompts.content import PromptEncoder
-    from runtime.prompts.parts import PartDescriptions
-    from runtime.prompts.text_encoder import library_encoder, text_encoder_of
+    from sport.runtime.prompts.content import PromptEncoder
+    from sport.runtime.prompts.parts import PartDescriptions
+    from sport.runtime.prompts.text_encoder import library_encoder, text_encoder_of
 
     words = text_encoder_of(model.metadata, model.folder, text_encoder)
     expanding = _open_expander(expander, library_encoder(words))
@@ -72,11 +71,11 @@ def open_prompter(
 
 def _open_expander(name: str, text_encoder: TextEncoder) -> Expander:
     if name == "library":
-        from runtime.prompts.library import LibraryExpander
+        from sport.runtime.prompts.english.library import LibraryExpander
 
         return LibraryExpander(text_encoder)
     if name == "gpt":
-        from runtime.prompts.gpt import GptExpander
+        from sport.runtime.prompts.gpt.expander import GptExpander
 
         return GptExpander()
     raise UsageError(f"--expander {name}: there is no such expander.", f"Choose {' or '.join(EXPANDERS)}.")
@@ -84,8 +83,8 @@ def _open_expander(name: str, text_encoder: TextEncoder) -> Expander:
 
 def load_parts(path: Path) -> PartDescriptions:
     """Six descriptions from a JSON file with one string for each body part; FileError or PromptError names what is wrong."""
-    from runtime.prompts.parts import PartDescriptions
-    from runtime.skeleton import PART_NAMES
+    from sport.runtime.prompts.parts import PartDescriptions
+    from sport.runtime.skeleton import PART_NAMES
 
     form = f"Write a JSON object with {', '.join(PART_NAMES)}."
     try:
@@ -137,12 +136,12 @@ def generate_clip(
     """Generate a clip of `seconds` at 60 frames a second; equal arguments give equal bytes.
 
     `prompt` is one prompt, six descriptions, a blend of two, or several prompts with times (also those of a take),
-    `terrain` a name, file or terrain, `path` and `gait` are those of `runtime.paths`. `model` is a model folder, by default the shipped one; `expander`, `report` and
+    `terrain` a name, file or terrain, `path` and `gait` are those of `sport.runtime.motion.paths`. `model` is a model folder, by default the shipped one; `expander`, `report` and
     `text_encoder` are those of `open_prompter`, `strength` is that of `Controller`. SportError names what cannot be used.
     """
-    from runtime.controller import Controller
-    from runtime.model import MAX_STRENGTH, MIN_STRENGTH, load_model
-    from runtime.terrain_library import load_terrain
+    from sport.runtime.motion.controller import Controller
+    from sport.runtime.motion.model import MAX_STRENGTH, MIN_STRENGTH, load_model
+    from sport.runtime.terrain.library import load_terrain
 
     if not 1.0 / FPS <= seconds <= MAX_SECONDS:
         raise UsageError(f"--seconds {seconds}: expected up to {MAX_SECONDS:.0f}.", "Choose a shorter time.")
@@ -191,9 +190,9 @@ def _events(
     prompt: str | PartDescriptions | BlendedPrompt | Sequence[PromptEvent],
 ) -> tuple[tuple[PromptEvent, ...], list[Words | BlendedPrompt]]:
     """The clip's prompt events, and for each what is to be expanded, encoded or blended."""
-    from runtime.prompts.blend import BlendedPrompt, read_words, write_words
-    from runtime.prompts.expander import check_prompt
-    from runtime.prompts.parts import PartDescriptions
+    from sport.runtime.prompts.blend import BlendedPrompt, read_words, write_words
+    from sport.runtime.prompts.expander import check_prompt
+    from sport.runtime.prompts.parts import PartDescriptions
 
     if isinstance(prompt, str):
         return (PromptEvent(0.0, prompt),), [check_prompt(prompt)]
@@ -207,7 +206,7 @@ def _events(
 
 
 def _style(words: Words | BlendedPrompt, to_style: PromptToStyle) -> Array:
-    from runtime.prompts.blend import BlendedPrompt, blend_parts
+    from sport.runtime.prompts.blend import BlendedPrompt, blend_parts
 
     if isinstance(words, BlendedPrompt):
         return blend_parts(to_style(words.a), to_style(words.b), words.weights)
@@ -216,7 +215,7 @@ def _style(words: Words | BlendedPrompt, to_style: PromptToStyle) -> Array:
 
 def _spelled_out(words: Words | BlendedPrompt, meant: dict[str, PartDescriptions]) -> str:
     """The words of `PromptEvent.words`; `meant` has the descriptions of prompts as far as the prompter told them."""
-    from runtime.prompts.blend import BlendedPrompt
+    from sport.runtime.prompts.blend import BlendedPrompt
 
     def parts(side: Words) -> PartDescriptions | None:
         return meant.get(side) if isinstance(side, str) else side

@@ -7,8 +7,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-
-from runtime import rotations
+from sport.runtime import rotations
 
 Array = NDArray[np.floating]
 

@@ -6,11 +6,10 @@ import time
 from collections.abc import Callable
 
 import numpy as np
+from sport.viewer.app import App
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.input.gamepad import GamepadState
 from viewer_fakes import FakeController
-
-from viewer.app import App
-from viewer.gl_bindings import imgui
-from viewer.input.gamepad import GamepadState
 
 Start = Callable[..., App]
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from app_driver import Start, click, controller, press, run, style, words
+from sport.runtime.prompts.blend import read_words
 from viewer_fakes import FakeEncoder, FakeLibrary
-
-from runtime.prompts.blend import read_words
 
 
 def test_a_blend_moves_each_part_by_its_share(start: Start) -> None:

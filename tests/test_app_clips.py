@@ -12,16 +12,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from app_driver import Start, message, run
+from sport.runtime.errors import FileError
+from sport.runtime.motion.controller import TEMPERATURE
+from sport.runtime.takes.bvh import read_bvh
+from sport.runtime.takes.clip import load_clip_bvh
+from sport.viewer import app as app_module
+from sport.viewer.app import App
+from sport.viewer.options import ViewOptions
+from sport.viewer.takes.takes import Takes
 from viewer_fakes import fake_services
-
-from runtime.bvh import read_bvh
-from runtime.clip import load_clip_bvh
-from runtime.controller import TEMPERATURE
-from runtime.errors import FileError
-from viewer import app as app_module
-from viewer.app import App
-from viewer.options import ViewOptions
-from viewer.takes import Takes
 
 
 def record(app: App, frames: int = 30) -> None:

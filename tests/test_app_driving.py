@@ -7,8 +7,7 @@ import math
 
 import pytest
 from app_driver import Start, click_prompt_box, controller, message, run
-
-from viewer.input.gamepad import GamepadState
+from sport.viewer.input.gamepad import GamepadState
 
 
 def test_key_w_moves_the_character_at_once(start: Start) -> None:
@@ -120,7 +119,7 @@ def test_function_keys_toggle_what_is_shown(start: Start) -> None:
 
 
 def test_ctrl_z_is_no_crouch(start: Start) -> None:
-    from runtime.controls import Gait
+    from sport.runtime.controls import Gait
 
     app = start()
     run(app, 2)

@@ -11,11 +11,10 @@ from typing import Any
 import pytest
 from app_driver import Start, click, message, press, run, run_until
 from slow_model import ANSWER, Model, load_model, source
-
-from viewer.app import App
-from viewer.jobs import Jobs
-from viewer.services import Loaded
-from viewer.settings import load_settings, save_settings
+from sport.viewer.app import App
+from sport.viewer.jobs import Jobs
+from sport.viewer.services import Loaded
+from sport.viewer.settings import load_settings, save_settings
 
 KEY = "sk-0123456789-never-written"
 
@@ -210,7 +209,7 @@ def loading(
     """Opens the application as on a screen; the model is there once the event is set."""
     loaded = threading.Event()
     model.released.set()
-    monkeypatch.setattr("viewer.app.Jobs", lambda messages, blocking: Jobs(messages))
+    monkeypatch.setattr("sport.viewer.app.Jobs", lambda messages, blocking: Jobs(messages))
 
     def load(*given: Any) -> Loaded:
         loaded.wait(20.0)

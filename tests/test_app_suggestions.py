@@ -5,9 +5,8 @@ from __future__ import annotations
 import threading
 
 from app_driver import Start, click, controller, press, prompt, run, run_until, type_prompt, typing
+from sport.viewer.settings import load_settings, save_settings
 from viewer_fakes import FakeLibrary
-
-from viewer.settings import load_settings, save_settings
 
 
 def test_suggestions_show_while_typing_and_are_taken_by_keys(start: Start) -> None:
@@ -125,9 +124,9 @@ def test_the_prompt_that_the_program_begins_with_is_no_history(start: Start) -> 
 
 
 def test_the_shipped_library_is_what_is_suggested() -> None:
-    from runtime.prompts.library import LibraryExpander
-    from runtime.prompts.text_encoder import TextEncoder
-    from viewer.services import library_prompts
+    from sport.runtime.prompts.english.library import LibraryExpander
+    from sport.runtime.prompts.text_encoder import TextEncoder
+    from sport.viewer.services import library_prompts
 
     prompts = library_prompts()
     assert len(prompts) > 200

@@ -7,11 +7,10 @@ from collections.abc import Callable
 import numpy as np
 from app_driver import run, run_until, style, words
 from slow_model import ANSWER, Model, source
+from sport.runtime.prompts.blend import BlendedPrompt
+from sport.runtime.prompts.parts import PartDescriptions
+from sport.viewer.app import App
 from viewer_fakes import FakeEncoder, FakeLibrary
-
-from runtime.prompts.blend import BlendedPrompt
-from runtime.prompts.parts import PartDescriptions
-from viewer.app import App
 
 KING, DUCK = (FakeLibrary().expand(prompt).descriptions for prompt in ("a proud king", "a duck"))
 

@@ -11,17 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 from app_driver import Start, run
+from sport.runtime.errors import UsageError
+from sport.runtime.terrain.height_map import Terrain
+from sport.viewer.gui.layout import Rect, arrange, view_centre
+from sport.viewer.messages import Messages
+from sport.viewer.settings import Settings, config_directory, load_settings, save_settings
+from sport.viewer.stage.simulation import MAX_STEPS, Simulation, interpolate
+from sport.viewer.state import Stats
+from sport.viewer.takes.playback import Playback
+from sport.viewer.takes.takes import export_target, file_stem, free_path
 from viewer_fakes import FakeController
-
-from runtime.errors import UsageError
-from runtime.terrain import Terrain
-from viewer.messages import Messages
-from viewer.panels.layout import Rect, arrange, view_centre
-from viewer.playback import Playback
-from viewer.settings import Settings, config_directory, load_settings, save_settings
-from viewer.simulation import MAX_STEPS, Simulation, interpolate
-from viewer.state import Stats
-from viewer.takes import export_target, file_stem, free_path
 
 
 def test_settings_survive_and_damage_is_named(tmp_path: Path) -> None:
@@ -138,7 +137,7 @@ def test_simulation_steps_at_60_hz_whatever_the_display() -> None:
         fake = simulation.controller
         assert isinstance(fake, FakeController)
         begin = fake.steps
-        from runtime.controls import Controls
+        from sport.runtime.controls import Controls
 
         for _ in range(round(rate * 2)):
             simulation.advance(1.0 / rate, Controls(move=(0.0, 1.0)))
@@ -149,7 +148,7 @@ def test_simulation_steps_at_60_hz_whatever_the_display() -> None:
 def test_interpolated_poses_keep_bone_lengths() -> None:
     ground = Terrain.flat()
     fake = FakeController(ground)
-    from runtime.controls import Controls
+    from sport.runtime.controls import Controls
 
     a = fake.step(Controls())
     b = fake.step(Controls(move=(1.0, 0.0)))
@@ -161,8 +160,8 @@ def test_interpolated_poses_keep_bone_lengths() -> None:
 
 
 def test_playback_loops_between_its_marks() -> None:
-    from runtime.clip import ClipRecorder
-    from runtime.controls import Controls
+    from sport.runtime.controls import Controls
+    from sport.runtime.takes.clip import ClipRecorder
 
     fake, recorder = FakeController(Terrain.flat()), ClipRecorder()
     for _ in range(61):

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 from app_driver import InjectedPads, Start, run
+from sport.runtime.errors import DisplayError, UsageError
+from sport.viewer.app import App
+from sport.viewer.options import ViewOptions
+from sport.viewer.window import KEY_CODES
 from viewer_fakes import fake_services
-
-from runtime.errors import DisplayError, UsageError
-from viewer.app import App
-from viewer.options import ViewOptions
-from viewer.window import KEY_CODES
 
 
 def test_first_frame_shows_scene_and_panels(start: Start) -> None:
@@ -49,7 +48,7 @@ def test_resize_to_odd_sizes(start: Start, size: tuple[int, int]) -> None:
 
 
 def test_change_of_scale_does_not_add_up(start: Start) -> None:
-    from viewer.gl_bindings import imgui
+    from sport.viewer.gl_bindings import imgui
 
     app = start()
     run(app)
@@ -64,7 +63,7 @@ def test_the_status_line_tells_the_true_rates(start: Start, monkeypatch: pytest.
     app = start()
     run(app, 3)
     clock = SimpleNamespace(now=100.0)
-    monkeypatch.setattr("viewer.app.time", SimpleNamespace(perf_counter=lambda: clock.now))
+    monkeypatch.setattr("sport.viewer.app.time", SimpleNamespace(perf_counter=lambda: clock.now))
     for frame in range(400):
         clock.now += 0.01 if frame % 2 else 0.04  # an uneven machine: 40 pictures a second
         run(app)

@@ -11,8 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
-
-from runtime.assets import PROJECT_ROOT
+from sport.runtime.assets import PROJECT_ROOT
 
 MAX_LINES = 450
 MAX_FUNCTION_LINES = 80

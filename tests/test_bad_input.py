@@ -16,16 +16,16 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from sport.runtime.assets import PROJECT_ROOT, asset_path
+from sport.runtime.errors import ModelError
+from sport.runtime.motion.model_files import INT8_GRAPH, read_metadata
+from sport.runtime.motion.processor import exact_8_bit_products
+from sport.runtime.skeleton import REST_HIPS_HEIGHT
+from sport.runtime.takes.bvh import read_bvh
+from sport.runtime.takes.clip import Clip, load_clip_bvh, save_bvh
 from viewer_fakes import FakeRenderer
 
-import sport
-from runtime.assets import PROJECT_ROOT, asset_path
-from runtime.bvh import read_bvh
-from runtime.clip import Clip, load_clip_bvh, save_bvh
-from runtime.errors import ModelError
-from runtime.model_files import INT8_GRAPH, read_metadata
-from runtime.processor import exact_8_bit_products
-from runtime.skeleton import REST_HIPS_HEIGHT
+from sport import cli
 
 MODEL = asset_path("models/compact")
 STEP = INT8_GRAPH if exact_8_bit_products() else "step"  # the step graph that is loaded here
@@ -172,9 +172,7 @@ def test_a_damaged_model_is_one_sentence(
 ) -> None:
     make, words = MODELS[case]
     out = tmp_path / "out.bvh"
-    assert (
-        sport.main(["generate", "--model", str(make(tmp_path)), "--seconds", "0.1", "--out", str(out)]) == 2
-    )
+    assert cli.main(["generate", "--model", str(make(tmp_path)), "--seconds", "0.1", "--out", str(out)]) == 2
     check_sentence(capsys.readouterr().err, *words)
     assert not out.exists()
 
@@ -199,7 +197,7 @@ def test_a_mistake_is_one_sentence(case: str, tmp_path: Path, capsys: pytest.Cap
     (tmp_path / "file").write_text("", encoding="utf-8")
     arguments = ["--out", str(tmp_path / "out.bvh"), *(a.replace("TMP", str(tmp_path)) for a in arguments)]
     try:
-        code: int | str | None = sport.main(["generate", "--seconds", "0.1", *arguments])
+        code: int | str | None = cli.main(["generate", "--seconds", "0.1", *arguments])
     except SystemExit as end:  # how argparse ends the program
         code = end.code
     assert code == 2
@@ -222,7 +220,7 @@ def test_a_damaged_ground_is_one_sentence(
 ) -> None:
     make, words = GROUNDS[case]
     out = tmp_path / "out.bvh"
-    assert sport.main(["generate", "--terrain", str(make(tmp_path)), "--out", str(out)]) == 2
+    assert cli.main(["generate", "--terrain", str(make(tmp_path)), "--out", str(out)]) == 2
     check_sentence(capsys.readouterr().err, *words)
 
 
@@ -241,7 +239,7 @@ def test_the_viewer_ends_with_one_sentence_when_nobody_watches(
 ) -> None:
     option, make, words = VIEW[case]
     view = ["view", "--offscreen", "--size", "64x64", "--terrain", "flat", "--no-panels"]
-    assert sport.main([*view, option, str(make(tmp_path))]) == 2
+    assert cli.main([*view, option, str(make(tmp_path))]) == 2
     check_sentence(capsys.readouterr().err, *words)
 
 
@@ -308,9 +306,9 @@ IN_THE_VIEWER: dict[str, tuple[Callable[[Path], Path], tuple[str, ...]]] = {
 
 
 def test_the_viewer_says_it_goes_on_and_loses_nothing(tmp_path: Path) -> None:
-    from viewer.app import App
-    from viewer.options import ViewOptions
-    from viewer.services import default_services
+    from sport.viewer.app import App
+    from sport.viewer.options import ViewOptions
+    from sport.viewer.services import default_services
 
     options = ViewOptions(offscreen=True, width=96, height=64, terrain="flat", panels=False)
     services = replace(

@@ -4,16 +4,12 @@ import json
 
 import numpy as np
 import pytest
+import sport.runtime.generate as generate_module
+import sport.runtime.motion.model
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from walker import WalkerModel
-
-import runtime.generate as generate_module
-import runtime.model
-import sport
-from runtime.clip import PromptEvent
-from runtime.errors import PromptError
-from runtime.prompts.blend import (
+from sport.runtime.errors import PromptError
+from sport.runtime.prompts.blend import (
     ALL_A,
     ALL_B,
     BlendedPrompt,
@@ -23,8 +19,12 @@ from runtime.prompts.blend import (
     read_words,
     write_words,
 )
-from runtime.prompts.parts import PartDescriptions
-from runtime.skeleton import PART_NAMES
+from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.skeleton import PART_NAMES
+from sport.runtime.takes.clip import PromptEvent
+from walker import WalkerModel
+
+from sport import cli
 
 settings.register_profile("blend", max_examples=40, deadline=None, derandomize=True)
 settings.load_profile("blend")
@@ -117,14 +117,16 @@ def style_of(words):
 
 @pytest.fixture
 def walker(monkeypatch):
-    monkeypatch.setattr(runtime.model, "load_model", lambda folder=None, threads=1: WalkerModel())
+    monkeypatch.setattr(
+        sport.runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel()
+    )
     monkeypatch.setattr(generate_module, "open_prompter", lambda model, *_: style_of)
 
 
 def test_generate_blends(walker, tmp_path):
     def written(*arguments):
         out = tmp_path / "clip.bvh"
-        assert sport.main(["generate", *arguments, "--seconds", "0.3", "--out", str(out)]) == 0
+        assert cli.main(["generate", *arguments, "--seconds", "0.3", "--out", str(out)]) == 0
         return out.read_bytes()
 
     proud, drunk = written("--prompt", "proud"), written("--prompt", "drunkard")
@@ -155,7 +157,7 @@ def test_the_events_of_a_take_make_its_style_again(walker):
 )  # fmt: skip
 def test_a_blend_that_cannot_be_made_is_one_sentence(walker, tmp_path, capsys, arguments, told):
     out = tmp_path / "clip.bvh"
-    assert sport.main(["generate", *arguments, "--out", str(out)]) == 2
+    assert cli.main(["generate", *arguments, "--out", str(out)]) == 2
     assert told in capsys.readouterr().err
     assert not out.exists()
 
@@ -165,9 +167,9 @@ def test_a_blend_that_cannot_be_made_is_one_sentence(walker, tmp_path, capsys, a
 
 def test_a_style_that_changes_each_frame_is_folded_once_a_frame():
     """As while a slider is dragged."""
-    from runtime.controller import Controller
-    from runtime.controls import Controls
-    from runtime.terrain import Terrain
+    from sport.runtime.controls import Controls
+    from sport.runtime.motion.controller import Controller
+    from sport.runtime.terrain.height_map import Terrain
 
     model = WalkerModel()
     controller = Controller(model, Terrain.flat())

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-
-from runtime import rotations
-from runtime.bvh import format_bvh, parse_bvh, read_bvh
-from runtime.errors import FileError
-from runtime.skeleton import SPORT_SKELETON, J
+from sport.runtime import rotations
+from sport.runtime.errors import FileError
+from sport.runtime.skeleton import SPORT_SKELETON, J
+from sport.runtime.takes.bvh import format_bvh, parse_bvh, read_bvh
 
 SMALL = """HIERARCHY
 ROOT hip

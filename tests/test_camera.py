@@ -9,10 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from render_scene import hills
-
-from runtime.spring import spring
-from viewer.camera import FollowCamera, OrbitCamera
-from viewer.render.frame import make_frame
+from sport.runtime.spring import spring
+from sport.viewer.render.camera import FollowCamera, OrbitCamera
+from sport.viewer.render.frame import make_frame
 
 untimed = settings(deadline=None)  # a busy machine must not fail them
 yaws = st.floats(-math.pi, math.pi)

@@ -4,11 +4,11 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from runtime.errors import FileError, UsageError  # noqa: E402
-from training.checkpoint import START, pack, unpack  # noqa: E402
-from training.networks.generator import Generator  # noqa: E402
-from training.presets import preset  # noqa: E402
-from training.session import load_checkpoint, save_checkpoint  # noqa: E402
+from sport.runtime.errors import FileError, UsageError  # noqa: E402
+from sport.training.checkpoint import START, pack, unpack  # noqa: E402
+from sport.training.networks.generator import Generator  # noqa: E402
+from sport.training.presets import preset  # noqa: E402
+from sport.training.session import load_checkpoint, save_checkpoint  # noqa: E402
 
 
 @pytest.fixture

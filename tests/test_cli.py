@@ -5,20 +5,22 @@ import sys
 import types
 
 import pytest
+import sport.runtime.generate as generate_module
+import sport.runtime.motion.model
 import test_generate
+from sport.runtime.assets import PROJECT_ROOT
+from sport.runtime.takes.bvh import read_bvh
+from sport.runtime.takes.clip import load_clip_bvh
 from walker import WalkerModel
 
-import runtime.generate as generate_module
-import runtime.model
-import sport
-from runtime.assets import PROJECT_ROOT
-from runtime.bvh import read_bvh
-from runtime.clip import load_clip_bvh
+from sport import cli
 
 
 @pytest.fixture
 def walker(monkeypatch):
-    monkeypatch.setattr(runtime.model, "load_model", lambda folder=None, threads=1: WalkerModel())
+    monkeypatch.setattr(
+        sport.runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel()
+    )
     monkeypatch.setattr(generate_module, "open_prompter", lambda model, *_: test_generate.style_of)
 
 
@@ -26,15 +28,15 @@ def walker(monkeypatch):
 def viewed(monkeypatch):
     """Options that reach the viewer, in place of a window."""
     seen = []
-    app = types.ModuleType("viewer.app")
+    app = types.ModuleType("sport.viewer.app")
     app.run = lambda options: seen.append(options) or 0
-    monkeypatch.setitem(sys.modules, "viewer.app", app)
+    monkeypatch.setitem(sys.modules, "sport.viewer.app", app)
     return seen
 
 
 def test_help_names_every_command(capsys):
     with pytest.raises(SystemExit) as end:
-        sport.main(["--help"])
+        cli.main(["--help"])
     assert end.value.code == 0
     text = capsys.readouterr().out
     for word in ("view", "generate", "bench", "train", "examples", "--offscreen", "--out"):
@@ -42,14 +44,14 @@ def test_help_names_every_command(capsys):
 
 
 def test_plain_sport_opens_the_viewer(viewed):
-    assert sport.main([]) == 0
+    assert cli.main([]) == 0
     assert viewed[0].offscreen is False
     assert viewed[0].terrain is None
 
 
 def test_view_options_arrive(viewed, tmp_path):
     shot = tmp_path / "shot.png"
-    sport.main(["view", "--offscreen", "--frames", "9", "--screenshot", str(shot), "--size", "640x360",
+    cli.main(["view", "--offscreen", "--frames", "9", "--screenshot", str(shot), "--size", "640x360",
                 "--terrain", "stairs", "--prompt", "proud", "--seed", "4", "--no-panels"])  # fmt: skip
     options = viewed[0]
     assert (options.offscreen, options.frames, options.screenshot) == (True, 9, shot)
@@ -60,7 +62,7 @@ def test_view_options_arrive(viewed, tmp_path):
 @pytest.mark.parametrize("options", [["--screenshot"], ["--offscreen", "--save-frames"]])
 def test_pictures_that_cannot_be_written_are_told_before_anything_runs(viewed, options, tmp_path, capsys):
     (tmp_path / "file").write_text("")
-    assert sport.main(["view", *options, str(tmp_path / "file" / "out.png")]) == 2
+    assert cli.main(["view", *options, str(tmp_path / "file" / "out.png")]) == 2
     error = capsys.readouterr().err
     assert str(tmp_path / "file") in error
     assert error.count("\n") == 1
@@ -70,12 +72,12 @@ def test_pictures_that_cannot_be_written_are_told_before_anything_runs(viewed, o
 def test_generate_writes_a_clip_that_is_the_same_each_time(walker, tmp_path, capsys):
     arguments = ["generate", "--prompt", "proud", "--path", "circle", "--seconds", "1.5", "--seed", "3"]
     one, two = tmp_path / "one.bvh", tmp_path / "two.bvh"
-    assert sport.main([*arguments, "--out", str(one)]) == 0
-    assert sport.main([*arguments, "--out", str(two)]) == 0
+    assert cli.main([*arguments, "--out", str(one)]) == 0
+    assert cli.main([*arguments, "--out", str(two)]) == 0
     assert one.read_bytes() == two.read_bytes()
     assert "90 frames" in capsys.readouterr().out
     assert len(load_clip_bvh(one)) == 90
-    assert sport.main([*arguments, "--fps", "30", "--unit", "m", "--out", str(two)]) == 0
+    assert cli.main([*arguments, "--fps", "30", "--unit", "m", "--out", str(two)]) == 0
     motion = read_bvh(two)
     assert (round(motion.fps), len(motion.positions)) == (30, 45)
     assert 0.5 < motion.positions[0, 0, 1] < 1.5
@@ -103,7 +105,7 @@ def test_generate_writes_a_clip_that_is_the_same_each_time(walker, tmp_path, cap
 )
 def test_mistakes_are_one_sentence_and_exit_code_2(walker, viewed, arguments, expected, tmp_path, capsys):
     out = tmp_path / "out.bvh"
-    assert sport.main([str(out) if a == "OUT" else a for a in arguments]) == 2
+    assert cli.main([str(out) if a == "OUT" else a for a in arguments]) == 2
     error = capsys.readouterr().err
     assert error.startswith("sport: ")
     assert expected in error
@@ -113,14 +115,14 @@ def test_mistakes_are_one_sentence_and_exit_code_2(walker, viewed, arguments, ex
 
 def test_a_missing_model_is_named(tmp_path, capsys):
     folder = tmp_path / "nowhere"
-    assert sport.main(["generate", "--model", str(folder), "--out", str(tmp_path / "x.bvh")]) == 2
+    assert cli.main(["generate", "--model", str(folder), "--out", str(tmp_path / "x.bvh")]) == 2
     assert "nowhere" in capsys.readouterr().err
 
 
 def test_unknown_commands_and_missing_options_exit_with_2(capsys):
     for arguments in (["dance"], ["generate"]):
         with pytest.raises(SystemExit) as end:
-            sport.main(arguments)
+            cli.main(arguments)
         assert end.value.code == 2
     assert "--out" in capsys.readouterr().err
 
@@ -129,23 +131,23 @@ def test_training_without_torch_says_what_to_install(monkeypatch, capsys):
     for name in [name for name in sys.modules if name.split(".")[0] == "training"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)  # as if it were not installed
-    assert sport.main(["train", "all", "--out", "x"]) == 2
+    assert cli.main(["train", "all", "--out", "x"]) == 2
     error = capsys.readouterr().err
     assert "torch" in error
     assert "pip install -e '.[train]'" in error
 
 
 def test_training_commands_hand_on_their_arguments(monkeypatch):
-    stub = types.ModuleType("training.pipeline")
+    stub = types.ModuleType("sport.training.pipeline")
     stub.main = lambda argv: len(argv)
-    monkeypatch.setitem(sys.modules, "training.pipeline", stub)
-    assert sport.main(["train", "all", "--out", "x"]) == 3
+    monkeypatch.setitem(sys.modules, "sport.training.pipeline", stub)
+    assert cli.main(["train", "all", "--out", "x"]) == 3
 
 
 def test_help_imports_nothing_heavy():
     code = (
-        "import sys, sport\n"
-        "try:\n    sport.main(['--help'])\nexcept SystemExit:\n    pass\n"
+        "import sys\nfrom sport import cli\n"
+        "try:\n    cli.main(['--help'])\nexcept SystemExit:\n    pass\n"
         "print([m for m in ('numpy', 'onnxruntime', 'torch', 'imgui_bundle', 'trimesh', 'PIL') if m in sys.modules])"
     )
     done = subprocess.run(

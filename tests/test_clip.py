@@ -5,17 +5,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from sport.runtime import rotations
+from sport.runtime.atomic import atomic_path, write_atomic
+from sport.runtime.controls import Controls, Gait
+from sport.runtime.errors import FileError, UsageError
+from sport.runtime.pose import Pose
+from sport.runtime.skeleton import SPORT_SKELETON, J
+from sport.runtime.takes import metadata as take_metadata
+from sport.runtime.takes.bvh import read_bvh
+from sport.runtime.takes.clip import Clip, ClipRecorder, PromptEvent, load_clip_bvh, save_bvh
+from sport.runtime.takes.metadata import Origin, gait_of, origin_of, sidecar_path
 from walker import walk
-
-from runtime import rotations, take_metadata
-from runtime.atomic import atomic_path, write_atomic
-from runtime.bvh import read_bvh
-from runtime.clip import Clip, ClipRecorder, PromptEvent, load_clip_bvh, save_bvh
-from runtime.controls import Controls, Gait
-from runtime.errors import FileError, UsageError
-from runtime.pose import Pose
-from runtime.skeleton import SPORT_SKELETON, J
-from runtime.take_metadata import Origin, gait_of, origin_of, sidecar_path
 
 
 def make_clip(frames=61, **changes):

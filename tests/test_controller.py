@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
+from sport.runtime.controls import Controls, Gait
+from sport.runtime.motion.controller import Controller
+from sport.runtime.motion.model import load_model
+from sport.runtime.skeleton import SPORT_SKELETON
+from sport.runtime.terrain.height_map import Terrain
+from sport.runtime.terrain.library import make_terrain
 from walker import WalkerModel
-
-from runtime.controller import Controller
-from runtime.controls import Controls, Gait
-from runtime.model import load_model
-from runtime.skeleton import SPORT_SKELETON
-from runtime.terrain import Terrain
-from runtime.terrain_library import make_terrain
 
 FORWARD = Controls((0.0, 1.0))
 

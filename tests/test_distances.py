@@ -1,6 +1,6 @@
 """The table of several models' distances, and where it is written."""
 
-from training.evaluation.distances import _between_markers, table
+from sport.training.evaluation.motion.distances import _between_markers, table
 
 RESULT = {
     "fmd": {

@@ -8,32 +8,43 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from walker import WalkerModel, walk
-
-from runtime import rotations
-from runtime.controls import Gait
-from runtime.errors import FileError, ModelError, UsageError
-from runtime.features import OUTPUT
-from runtime.prompts.expander import Expansion
-from runtime.prompts.parts import PartDescriptions
-from runtime.skeleton import PART_NAMES, SPORT_SKELETON
-from training.data.clip_files import TrainingClip
-from training.data.height_patches import Patches
-from training.evaluation import part_edits, retrieval, text_main, text_timing, text_walks
-from training.evaluation.part_edits import Case, catalogue_cases, load_reference, score, targets
-from training.evaluation.retrieval import Clips, Codes, first_ranks, held_out_clips, recall
-from training.evaluation.text_independence import (
+from sport.runtime import rotations
+from sport.runtime.controls import Gait
+from sport.runtime.errors import FileError, ModelError, UsageError
+from sport.runtime.motion.features import OUTPUT
+from sport.runtime.prompts.expander import Expansion
+from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.skeleton import PART_NAMES, SPORT_SKELETON
+from sport.training.data.clip_files import TrainingClip
+from sport.training.data.height_patches import Patches
+from sport.training.evaluation.report.text_tables import BEGIN, END, bars, markdown, write_markdown
+from sport.training.evaluation.text import (
+    command as text_main,
+)
+from sport.training.evaluation.text import (
+    part_edits,
+    retrieval,
+)
+from sport.training.evaluation.text import (
+    timing as text_timing,
+)
+from sport.training.evaluation.text import (
+    walks as text_walks,
+)
+from sport.training.evaluation.text.independence import (
     by_slot,
     independence,
     own_and_others,
     part_changes,
     seed_changes,
 )
-from training.evaluation.text_prompts import FREE_PROMPTS
-from training.evaluation.text_report import BEGIN, END, bars, markdown, write_markdown
-from training.evaluation.text_walks import Walk, Walker, mean_rotation, rotation_change, summarise
-from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
-from training.layering.pose_edits import Motion, apply
+from sport.training.evaluation.text.part_edits import Case, catalogue_cases, load_reference, score, targets
+from sport.training.evaluation.text.prompts import FREE_PROMPTS
+from sport.training.evaluation.text.retrieval import Clips, Codes, first_ranks, held_out_clips, recall
+from sport.training.evaluation.text.walks import Walk, Walker, mean_rotation, rotation_change, summarise
+from sport.training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
+from sport.training.layering.pose_edits import Motion, apply
+from walker import WalkerModel, walk
 
 NEUTRAL = PartDescriptions(**{part: f"{part} as always" for part in PART_NAMES})
 FRAMES = 300
@@ -428,8 +439,8 @@ def test_a_number_of_workers_that_makes_no_sense_is_named(small: None, clips: Pa
 
 
 def test_joints_of_the_parts_are_apart() -> None:
-    from runtime.skeleton import PART_JOINTS
-    from training.evaluation.text_independence import JOINTS
+    from sport.runtime.skeleton import PART_JOINTS
+    from sport.training.evaluation.text.independence import JOINTS
 
     for part, joints in JOINTS.items():
         assert set(joints) <= set(PART_JOINTS[part])

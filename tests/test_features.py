@@ -3,9 +3,9 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
-
-from runtime import features, rotations
-from runtime.skeleton import SPORT_SKELETON
+from sport.runtime import rotations
+from sport.runtime.motion import features
+from sport.runtime.skeleton import SPORT_SKELETON
 
 
 def test_sizes_are_the_papers():

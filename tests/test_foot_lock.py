@@ -2,16 +2,15 @@
 
 import numpy as np
 import pytest
+from sport.runtime import rotations
+from sport.runtime.feet.foot_lock import FootLock
+from sport.runtime.feet.settings import FootLockSettings
+from sport.runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS, joint_heights
+from sport.runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, J
+from sport.runtime.terrain.height_map import Terrain
+from sport.runtime.terrain.library import make_terrain
+from sport.training.evaluation.motion.feet import skating, sole_skating, toe_heights
 from walker import CYCLE_FRAMES, walk
-
-from benchmarks.feet import skating, sole_skating, toe_heights
-from runtime import rotations
-from runtime.feet import SOLE_HEIGHTS, SOLE_POINTS, joint_heights
-from runtime.foot_lock import FootLock
-from runtime.foot_lock_settings import FootLockSettings
-from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, J
-from runtime.terrain import Terrain
-from runtime.terrain_library import make_terrain
 
 DT = 1 / 60
 TOES, ANKLES, KNEES = [5, 10], [4, 9], [3, 8]

@@ -5,21 +5,21 @@ from __future__ import annotations
 import json
 
 import pytest
+import sport.runtime.generate as generate_module
+import sport.runtime.motion.model
+import sport.runtime.prompts.content
+import sport.runtime.prompts.gpt.expander
 from gpt_endpoint import (
     FIVE,
     PROUD,
     Encoder,
 )
+from sport.runtime.errors import UsageError
+from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.takes.bvh import read_bvh
 from walker import WalkerModel
 
-import runtime.generate as generate_module
-import runtime.model
-import runtime.prompts.content
-import runtime.prompts.gpt
-import sport
-from runtime.bvh import read_bvh
-from runtime.errors import UsageError
-from runtime.prompts.parts import PartDescriptions
+from sport import cli
 
 
 @pytest.fixture
@@ -37,8 +37,8 @@ def walker(monkeypatch, tmp_path):
 
     model = WalkerModel()
     model.prompt_path = tmp_path / "none.onnx"
-    monkeypatch.setattr(runtime.model, "load_model", lambda folder=None, threads=1: model)
-    monkeypatch.setattr(runtime.prompts.content, "PromptEncoder", Encoding)
+    monkeypatch.setattr(sport.runtime.motion.model, "load_model", lambda folder=None, threads=1: model)
+    monkeypatch.setattr(sport.runtime.prompts.content, "PromptEncoder", Encoding)
     monkeypatch.setenv("SPORT_CACHE_DIR", str(tmp_path / "cache"))
     for name in ("OPENAI_API_KEY", "OPENAI_BASE_URL", "SPORT_GPT_MODEL"):
         monkeypatch.delenv(name, raising=False)
@@ -48,7 +48,7 @@ def walker(monkeypatch, tmp_path):
 def test_generate_from_six_descriptions(walker, tmp_path, capsys):
     parts, out = tmp_path / "parts.json", tmp_path / "clip.bvh"
     parts.write_text(PROUD.to_json(), encoding="utf-8-sig")
-    assert sport.main(["generate", "--parts", str(parts), "--seconds", "0.5", "--out", str(out)]) == 0
+    assert cli.main(["generate", "--parts", str(parts), "--seconds", "0.5", "--out", str(out)]) == 0
     assert walker == [PROUD]
     assert len(read_bvh(out).positions) == 30
 
@@ -62,7 +62,7 @@ def test_a_parts_file_that_cannot_be_used_is_named(walker, tmp_path, capsys, con
     parts, out = tmp_path / "parts.json", tmp_path / "clip.bvh"
     if content is not None:
         parts.write_bytes(content)
-    assert sport.main(["generate", "--parts", str(parts), "--out", str(out)]) == 2
+    assert cli.main(["generate", "--parts", str(parts), "--out", str(out)]) == 2
     error = capsys.readouterr().err
     assert "parts.json" in error
     assert problem in error
@@ -73,14 +73,14 @@ def test_generate_asks_the_language_model_when_told(walker, endpoint, monkeypatc
     monkeypatch.setenv("OPENAI_BASE_URL", endpoint.url)
     out = tmp_path / "clip.bvh"
     arguments = ["generate", "--prompt", "proud", "--expander", "gpt", "--seconds", "0.5", "--out", str(out)]
-    assert sport.main(arguments) == 0
+    assert cli.main(arguments) == 0
     assert walker == [PROUD]
     assert endpoint.bodies[0]["model"] == "gpt-4o-mini"
 
 
 def test_generate_does_not_quietly_use_another_expander(walker, tmp_path, capsys):
     out = tmp_path / "clip.bvh"
-    assert sport.main(["generate", "--prompt", "proud", "--expander", "gpt", "--out", str(out)]) == 2
+    assert cli.main(["generate", "--prompt", "proud", "--expander", "gpt", "--out", str(out)]) == 2
     assert "OPENAI_API_KEY" in capsys.readouterr().err
     assert not out.exists()
     with pytest.raises(UsageError, match="oracle"):
@@ -90,6 +90,6 @@ def test_generate_does_not_quietly_use_another_expander(walker, tmp_path, capsys
 def test_generate_tells_what_the_library_remarks(walker, tmp_path, capsys):
     out = tmp_path / "clip.bvh"
     prompt = "tax return of the third quarter"
-    assert sport.main(["generate", "--prompt", prompt, "--seconds", "0.5", "--out", str(out)]) == 0
+    assert cli.main(["generate", "--prompt", prompt, "--seconds", "0.5", "--out", str(out)]) == 0
     assert "neutral" in capsys.readouterr().err
     assert isinstance(walker[0], PartDescriptions)

@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from gltf_characters import join_glb, split_glb, user_character
-
-from runtime.errors import FileError
-from runtime.gltf import load_character, skin_vertices
-from runtime.gltf_writer import write_character
+from sport.runtime.character.character import load_character, skin_vertices
+from sport.runtime.character.writer import write_character
+from sport.runtime.errors import FileError
 
 
 @pytest.fixture(scope="module")

@@ -34,16 +34,15 @@ from gpt_endpoint import (
     trickle,
     wait_for,
 )
-
-from runtime.errors import FileError, PromptError
-from runtime.prompts.expander import Expansion
-from runtime.prompts.fallback import FallbackExpander, open_expander
-from runtime.prompts.gpt import GptExpander
-from runtime.prompts.gpt_client import PromptCancelledError, retry_after
-from runtime.prompts.gpt_prompt import LISTS, load_structured_prompt
-from runtime.prompts.gpt_settings import GptSettings
-from runtime.prompts.service import PromptWorker
-from runtime.skeleton import PART_NAMES
+from sport.runtime.errors import FileError, PromptError
+from sport.runtime.prompts.expander import Expansion
+from sport.runtime.prompts.gpt.client import PromptCancelledError, retry_after
+from sport.runtime.prompts.gpt.expander import GptExpander
+from sport.runtime.prompts.gpt.fallback import FallbackExpander, open_expander
+from sport.runtime.prompts.gpt.prompt import LISTS, load_structured_prompt
+from sport.runtime.prompts.gpt.settings import GptSettings
+from sport.runtime.prompts.service import PromptWorker
+from sport.runtime.skeleton import PART_NAMES
 
 # what is asked
 
@@ -281,7 +280,7 @@ def test_after_a_costly_failure_the_endpoint_is_left_alone_for_a_while(endpoint,
     expander = expander_of(endpoint, attempts=1, costly_s=0.0, pause_s=100.0)
     assert expander.expand("known").source == "gpt"
     endpoint.script = [fail(500), say(DRUNK.to_json())]
-    monkeypatch.setattr("runtime.prompts.gpt.time", clock)
+    monkeypatch.setattr("sport.runtime.prompts.gpt.expander.time", clock)
     with pytest.raises(PromptError, match="500"):
         expander.expand("proud")
     assert expander.expand("known").descriptions == PROUD  # stored
@@ -289,7 +288,7 @@ def test_after_a_costly_failure_the_endpoint_is_left_alone_for_a_while(endpoint,
         expander.expand("proud")
     assert len(endpoint.requests) == 2
     later[0] = 101.0
-    monkeypatch.setattr("runtime.prompts.gpt_client.time", clock)
+    monkeypatch.setattr("sport.runtime.prompts.gpt.client.time", clock)
     assert expander.expand("proud").descriptions == DRUNK
 
 

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-
-from runtime import rotations
-from runtime.features import FPS
-from runtime.inertialization import AFTERWARDS, ARMS, FASTEST, Inertialization
-from runtime.skeleton import SPORT_SKELETON
+from sport.runtime import rotations
+from sport.runtime.motion.features import FPS
+from sport.runtime.motion.inertialization import AFTERWARDS, ARMS, FASTEST, Inertialization
+from sport.runtime.skeleton import SPORT_SKELETON
 
 ARM = SPORT_SKELETON.index("LeftArm")
 

@@ -3,10 +3,9 @@
 import json
 
 import pytest
-
-from runtime.assets import asset_path
-from runtime.errors import FileError
-from training.model_card import main, model_card
+from sport.runtime.assets import asset_path
+from sport.runtime.errors import FileError
+from sport.training.export.model_card import main, model_card
 
 SOAK = {
     "frames": 7200,

@@ -1,8 +1,7 @@
 """The diffusion's noise over time."""
 
 import numpy as np
-
-from runtime.noise import DriftingNoise
+from sport.runtime.motion.noise import DriftingNoise
 
 DT = 1.0 / 60.0
 

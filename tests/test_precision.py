@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
+import sport.training.evaluation.motion.precision as precision
+from sport.runtime.errors import UsageError
+from sport.runtime.motion.features import OUTPUT
+from sport.runtime.motion.model_files import INT8_GRAPH
 from walker import WalkerModel
-
-import benchmarks.precision as precision
-from runtime.errors import UsageError
-from runtime.features import OUTPUT
-from runtime.model_files import INT8_GRAPH
 
 
 class Stooping(WalkerModel):

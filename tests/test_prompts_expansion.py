@@ -7,14 +7,13 @@ from functools import cache
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from runtime.errors import PromptError
-from runtime.prompts.expander import Expansion
-from runtime.prompts.library import LibraryExpander
-from runtime.prompts.parts import PartDescriptions, mirror_text
-from runtime.prompts.spelling import Spelling
-from runtime.prompts.text_encoder import TextEncoder
-from runtime.skeleton import PART_NAMES
+from sport.runtime.errors import PromptError
+from sport.runtime.prompts.english.library import LibraryExpander
+from sport.runtime.prompts.english.spelling import Spelling
+from sport.runtime.prompts.expander import Expansion
+from sport.runtime.prompts.parts import PartDescriptions, mirror_text
+from sport.runtime.prompts.text_encoder import TextEncoder
+from sport.runtime.skeleton import PART_NAMES
 
 ARMS, LEGS = ("left_arm", "right_arm"), ("left_leg", "right_leg")
 

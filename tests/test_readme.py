@@ -9,11 +9,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from sport.runtime.assets import PROJECT_ROOT
+from sport.runtime.takes.clip import load_clip_bvh
+from sport.viewer.input.bindings import HELP
 
-import sport
-from runtime.assets import PROJECT_ROOT
-from runtime.clip import load_clip_bvh
-from viewer.input.bindings import HELP
+from sport import cli
 
 README = (PROJECT_ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, re.S)
@@ -41,9 +41,9 @@ def test_the_library_example_writes_its_clip(tmp_path: Path) -> None:
 def test_commands_exist_with_these_options(line: str) -> None:
     arguments = shlex.split(line, comments=True)[1:]
     if arguments[0] in ("train", "evaluate"):
-        assert arguments[0] in sport._TRAINING
+        assert arguments[0] in cli._TRAINING
     else:
-        sport.build_parser().parse_args(arguments)
+        cli.build_parser().parse_args(arguments)
 
 
 def test_modules_that_are_run_exist() -> None:

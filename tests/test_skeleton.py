@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-
-from runtime import rotations
-from runtime.skeleton import (
+from sport.runtime import rotations
+from sport.runtime.skeleton import (
     MIRROR_JOINTS,
     PART_JOINTS,
     PART_NAMES,

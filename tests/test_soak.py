@@ -4,13 +4,12 @@ import json
 
 import numpy as np
 import pytest
+from sport.runtime.controls import Controls, Gait
+from sport.runtime.errors import UsageError
+from sport.runtime.motion.controller import Controller
+from sport.runtime.terrain.height_map import Terrain
+from sport.training.evaluation.motion import soak
 from walker import WalkerModel
-
-from benchmarks import soak
-from runtime.controller import Controller
-from runtime.controls import Controls, Gait
-from runtime.errors import UsageError
-from runtime.terrain import Terrain
 
 
 def play(controller, frames, controls, frozen_from=None):

@@ -1,14 +1,13 @@
-"""`python -m benchmarks.speed`: its figures, on speeds that are known and on the shipped model."""
+"""`python -m sport.training.evaluation.motion.speed`: its figures, on speeds that are known and on the shipped model."""
 
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-from benchmarks import speed
-from runtime.errors import UsageError
-from runtime.features import FPS
+from sport.runtime.errors import UsageError
+from sport.runtime.motion.features import FPS
+from sport.training.evaluation.motion import speed
 
 
 def test_a_steady_walk_has_neither_error_nor_deviation():

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from runtime.features import FPS
-from runtime.speed_regulator import RANGE, STANDING_GAIN, SpeedRegulator
+from sport.runtime.motion.features import FPS
+from sport.runtime.motion.speed_regulator import RANGE, STANDING_GAIN, SpeedRegulator
 
 LATE, SLUGGISH = (
     round(0.25 * FPS),

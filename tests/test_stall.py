@@ -3,9 +3,8 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
-
-from runtime.features import FPS
-from runtime.stall import FEET, STALLED_SECONDS, Stall, turned
+from sport.runtime.motion.features import FPS
+from sport.runtime.motion.stall import FEET, STALLED_SECONDS, Stall, turned
 
 WANTED = 1.4  # m/s
 

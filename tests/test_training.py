@@ -8,19 +8,20 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("onnxscript")
 
-from runtime import features, rotations  # noqa: E402
-from runtime.controller import Controller  # noqa: E402
-from runtime.controls import Controls  # noqa: E402
-from runtime.features import INPUT, OUTPUT  # noqa: E402
-from runtime.model import load_model  # noqa: E402
-from runtime.skeleton import PART_NAMES, REST_HIPS_HEIGHT, SPORT_SKELETON, J  # noqa: E402
-from runtime.terrain import Terrain  # noqa: E402
-from training.batches import Frames  # noqa: E402
-from training.frames import clip_frames, load_frames, sampling_weights  # noqa: E402
-from training.layering.longer_phrases import longer_sentences  # noqa: E402
-from training.part_swaps import NOTHING  # noqa: E402
-from training.pipeline import main  # noqa: E402
-from training.rollouts import RolloutLanes  # noqa: E402
+from sport.runtime import rotations  # noqa: E402
+from sport.runtime.controls import Controls  # noqa: E402
+from sport.runtime.motion import features
+from sport.runtime.motion.controller import Controller  # noqa: E402
+from sport.runtime.motion.features import INPUT, OUTPUT  # noqa: E402
+from sport.runtime.motion.model import load_model  # noqa: E402
+from sport.runtime.skeleton import PART_NAMES, REST_HIPS_HEIGHT, SPORT_SKELETON, J  # noqa: E402
+from sport.runtime.terrain.height_map import Terrain  # noqa: E402
+from sport.training.batches import Frames  # noqa: E402
+from sport.training.frames import clip_frames, load_frames, sampling_weights  # noqa: E402
+from sport.training.layering.longer_phrases import longer_sentences  # noqa: E402
+from sport.training.part_swaps import NOTHING  # noqa: E402
+from sport.training.pipeline import main  # noqa: E402
+from sport.training.rollouts import RolloutLanes  # noqa: E402
 
 SPEED = 1.2  # m/s
 LENGTH = 260
@@ -105,7 +106,7 @@ def _frames(clips) -> Frames:
 
 
 def test_a_lane_that_predicts_the_truth_sees_captured_frames(clips, monkeypatch):
-    monkeypatch.setattr("training.rollouts.FOREIGN_POSE", 0.0)
+    monkeypatch.setattr("sport.training.rollouts.FOREIGN_POSE", 0.0)
     frames = _frames(clips)
     rows = torch.tensor([100, 400])
     lanes = RolloutLanes(frames, 2, 1e9, iter([rows, rows]))
@@ -118,7 +119,7 @@ def test_a_lane_that_predicts_the_truth_sees_captured_frames(clips, monkeypatch)
 
 
 def test_lanes_can_begin_in_the_pose_of_another_clip(clips, monkeypatch):
-    monkeypatch.setattr("training.rollouts.FOREIGN_POSE", 1.0)
+    monkeypatch.setattr("sport.training.rollouts.FOREIGN_POSE", 1.0)
     frames = _frames(clips)
     rows = torch.arange(100, 164)
     lanes = RolloutLanes(frames, 64, 1e9, iter([rows]))
@@ -150,7 +151,9 @@ def test_lanes_restart_at_the_end_of_their_clip(clips):
 
 def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(clips, tmp_path, monkeypatch):
     few = [s for part in PART_NAMES for s in longer_sentences() if s.part == part][::60]
-    monkeypatch.setattr("training.stage_words.longer_sentences", lambda: few)  # embedding them all takes long
+    monkeypatch.setattr(
+        "sport.training.stages.words.longer_sentences", lambda: few
+    )  # embedding them all takes long
     out = tmp_path / "run"
     steps = [
         "--phase-steps",

@@ -4,11 +4,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-
-from runtime import features, ik, rotations
-from runtime.features import OutputParts, build_output
-from runtime.model import Style
-from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, J
+from sport.runtime import rotations
+from sport.runtime.feet import ik
+from sport.runtime.motion import features
+from sport.runtime.motion.features import OutputParts, build_output
+from sport.runtime.motion.model import Style
+from sport.runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, J
 
 CYCLE_FRAMES = 64
 STRIDE_M = 1.2  # of a whole cycle
@@ -53,7 +54,7 @@ def walk(frames, drift=(0.0, 0.0), terrain=None, speed_share=1.0):
 
 @dataclass
 class WalkerModel:
-    """Has the interface of `runtime.model.MotionModel`, follows its trajectory input and cycles the walk.
+    """Has the interface of `sport.runtime.motion.model.MotionModel`, follows its trajectory input and cycles the walk.
 
     `style` tilts the head, so that another Z^t gives another motion; `broken_at` makes that frame not finite.
     """

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from sport.runtime.motion import features
+from sport.runtime.motion.features import INPUT, OUTPUT
+from sport.runtime.skeleton import PART_JOINTS, J
+from sport.training.frames import FrameTable
 from torch import Tensor
-
-from runtime import features
-from runtime.features import INPUT, OUTPUT
-from runtime.skeleton import PART_JOINTS, J
-from training.frames import FrameTable
 
 
 @dataclass

@@ -1,7 +1,7 @@
 """A run's weights as one small file, to fine-tune a model or to train it further elsewhere.
 
-python -m training.checkpoint pack RUN FILE        phases, content encoder, scales and generator, in half precision
-python -m training.checkpoint unpack FILE RUN      into an empty run; `sport train stage2` then starts from them
+python -m sport.training.checkpoint pack RUN FILE        phases, content encoder, scales and generator, in half precision
+python -m sport.training.checkpoint unpack FILE RUN      into an empty run; `sport train stage2` then starts from them
 """
 
 from __future__ import annotations
@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import torch
-
-from runtime.errors import FileError, UsageError, run_command
-from training.history import History
-from training.session import load_checkpoint, save_checkpoint
+from sport.runtime.errors import FileError, UsageError, run_command
+from sport.training.history import History
+from sport.training.session import load_checkpoint, save_checkpoint
 
 START = "start.pt"  # weights that stage 2 begins with in place of random ones
 CONTENT_START = "content_start.pt"  # the same for stage 1

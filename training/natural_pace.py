@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import torch
-
-from runtime.controls import Gait
-from runtime.features import INPUT, OUTPUT, PHASE_OFFSETS, L
-from training.frames import LAYERED, PLAIN, FrameTable
-from training.stage_motion import StyleTable
+from sport.runtime.controls import Gait
+from sport.runtime.motion.features import INPUT, OUTPUT, PHASE_OFFSETS, L
+from sport.training.frames import LAYERED, PLAIN, FrameTable
+from sport.training.stages.motion import StyleTable
 
 
 def style_speeds(table: FrameTable, style: StyleTable, ridge: float = 0.3, draws: int = 4) -> np.ndarray:

@@ -10,26 +10,37 @@ from pathlib import Path
 
 import numpy as np
 import torch
-
-from runtime.assets import asset_path
-from runtime.errors import FileError
-from runtime.features import OUTPUT_SIZE
-from runtime.prompts.text_encoder import SHIPPED, TextEncoder
-from training import parallel, stage_content, stage_motion, stage_phase, stage_words
-from training.batches import Frames, Normalisation
-from training.export import Trained, export_model
-from training.export_ablation import DECODERS
-from training.frames import FrameTable, load_frames, sampling_weights
-from training.history import History
-from training.layering.build import COUNT, LAYERS, build_layers
-from training.natural_pace import neutral_style, start_state, style_speeds
-from training.networks.content import ContentEncoder
-from training.networks.diffusion import Schedule, reverse_steps
-from training.networks.generator import Generator
-from training.presets import ABLATIONS, PRESETS, ModelConfig, ablation, preset
-from training.quantize import quantize_model
-from training.session import Session, load_checkpoint, save_checkpoint
-from training.styles import StyleTexts, load_style_texts
+from sport.runtime.assets import asset_path
+from sport.runtime.errors import FileError
+from sport.runtime.motion.features import OUTPUT_SIZE
+from sport.runtime.prompts.text_encoder import SHIPPED, TextEncoder
+from sport.training import parallel
+from sport.training.batches import Frames, Normalisation
+from sport.training.export.ablation import DECODERS
+from sport.training.export.model import Trained, export_model
+from sport.training.export.quantize import quantize_model
+from sport.training.frames import FrameTable, load_frames, sampling_weights
+from sport.training.history import History
+from sport.training.layering.build import COUNT, LAYERS, build_layers
+from sport.training.natural_pace import neutral_style, start_state, style_speeds
+from sport.training.networks.content import ContentEncoder
+from sport.training.networks.diffusion import Schedule, reverse_steps
+from sport.training.networks.generator import Generator
+from sport.training.presets import ABLATIONS, PRESETS, ModelConfig, ablation, preset
+from sport.training.session import Session, load_checkpoint, save_checkpoint
+from sport.training.stages import (
+    content as stage_content,
+)
+from sport.training.stages import (
+    motion as stage_motion,
+)
+from sport.training.stages import (
+    phase as stage_phase,
+)
+from sport.training.stages import (
+    words as stage_words,
+)
+from sport.training.styles import StyleTexts, load_style_texts
 
 log = logging.getLogger("sport.train")
 
@@ -110,7 +121,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _import(args: argparse.Namespace) -> None:
-    from training.data.importer import import_all
+    from sport.training.data.importer import import_all
 
     if args.data is None:
         raise FileError("--data: missing.", "Name the folder that holds the motion data archives.")
@@ -119,8 +130,8 @@ def _import(args: argparse.Namespace) -> None:
 
 
 def _layer(args: argparse.Namespace) -> None:
-    from training.styles import CAPTIONS
-    from training.text.captions import write_clip_captions
+    from sport.training.styles import CAPTIONS
+    from sport.training.text.captions import write_clip_captions
 
     clips = args.clips or args.out / "clips"
     if args.layers and not (clips / LAYERS).exists():
@@ -323,6 +334,6 @@ def _notes(args: argparse.Namespace, table: FrameTable, history: History) -> dic
 
 
 if __name__ == "__main__":
-    from runtime.errors import run_command
+    from sport.runtime.errors import run_command
 
     raise SystemExit(run_command("train", main))

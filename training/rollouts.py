@@ -10,12 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import torch
+from sport.runtime.motion import features
+from sport.runtime.motion.features import INPUT, OUTPUT
+from sport.training.batches import Frames, Normalisation
+from sport.training.part_swaps import Swaps
 from torch import Tensor
-
-from runtime import features
-from runtime.features import INPUT, OUTPUT
-from training.batches import Frames, Normalisation
-from training.part_swaps import Swaps
 
 PRESENT = 60
 _POSE = ("joint_positions", "joint_velocities")
@@ -27,7 +26,7 @@ FOREIGN_POSE = 0.35
 class RolloutLanes:
     """`lanes` rollouts; each ends by chance after `mean_frames` on average, or with its clip.
 
-    With `part_swaps` some are told of another clip's part, see `training.part_swaps`.
+    With `part_swaps` some are told of another clip's part, see `sport.training.part_swaps`.
     """
 
     def __init__(

@@ -11,10 +11,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import torch
+from sport.runtime.errors import FileError
+from sport.training import parallel
 from torch import Tensor, nn
-
-from runtime.errors import FileError
-from training import parallel
 
 log = logging.getLogger("sport.train")
 

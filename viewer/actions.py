@@ -6,21 +6,21 @@ import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
-from runtime.errors import SportError
-from runtime.prompts.expander import DEFAULT_PROMPT
-from runtime.terrain_files import SUFFIXES as GROUNDS
-from viewer.camera_control import CameraControl
-from viewer.capture import screenshot_path
-from viewer.expanders import Expanders
-from viewer.input.bindings import Action
-from viewer.jobs import Jobs
-from viewer.options import ViewOptions
-from viewer.prompting import Prompting
-from viewer.scene import Scene
-from viewer.state import AppState
-from viewer.suggester import Suggester
-from viewer.takes import Takes
-from viewer.window import Window
+from sport.runtime.errors import SportError
+from sport.runtime.prompts.expander import DEFAULT_PROMPT
+from sport.runtime.terrain.files import SUFFIXES as GROUNDS
+from sport.viewer.input.bindings import Action
+from sport.viewer.jobs import Jobs
+from sport.viewer.options import ViewOptions
+from sport.viewer.prompt.expanders import Expanders
+from sport.viewer.prompt.prompting import Prompting
+from sport.viewer.prompt.suggester import Suggester
+from sport.viewer.render.capture import screenshot_path
+from sport.viewer.stage.camera_control import CameraControl
+from sport.viewer.stage.loading import Scene
+from sport.viewer.state import AppState
+from sport.viewer.takes.takes import Takes
+from sport.viewer.window import Window
 
 _GLTF = (".glb", ".gltf")  # characters, or grounds as in GROUNDS
 
@@ -153,6 +153,6 @@ class Actions:
 
 def has_skin(path: Path) -> bool:
     """Whether a glTF file holds a skin; FileError when it cannot be read."""
-    from runtime.gltf_read import open_gltf
+    from sport.runtime.character.read import open_gltf
 
     return bool(open_gltf(path).gltf.skins)

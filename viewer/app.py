@@ -10,32 +10,32 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from runtime.clip import ClipRecorder
-from runtime.errors import SportError
-from runtime.pose import Pose
-from runtime.terrain import Terrain
-from viewer.actions import Actions
-from viewer.camera_control import CameraControl
-from viewer.capture import save_png
-from viewer.expanders import Expanders
-from viewer.gl_bindings import glfw, imgui
-from viewer.input.bindings import InputMapper, Intent, to_controls
-from viewer.input.gamepad import GamepadSource, GlfwGamepads
-from viewer.input.keyboard import Keyboard
-from viewer.input.script import ControlScript
-from viewer.jobs import Jobs
-from viewer.options import ViewOptions
-from viewer.overlays import make_overlays
-from viewer.panels.shell import Shell
-from viewer.prompting import Prompting
-from viewer.scene import Scene
-from viewer.services import Services, default_services
-from viewer.settings import MAPPINGS_NAME, config_directory, load_settings, save_settings
-from viewer.simulation import STEP_SECONDS, Simulation
-from viewer.state import AppState
-from viewer.suggester import Suggester
-from viewer.takes import Takes
-from viewer.window import KEY_CODES, Window, WindowEvents
+from sport.runtime.errors import SportError
+from sport.runtime.pose import Pose
+from sport.runtime.takes.clip import ClipRecorder
+from sport.runtime.terrain.height_map import Terrain
+from sport.viewer.actions import Actions
+from sport.viewer.gl_bindings import glfw, imgui
+from sport.viewer.input.bindings import InputMapper, Intent, to_controls
+from sport.viewer.input.gamepad import GamepadSource, GlfwGamepads
+from sport.viewer.input.keyboard import Keyboard
+from sport.viewer.input.script import ControlScript
+from sport.viewer.jobs import Jobs
+from sport.viewer.options import ViewOptions
+from sport.viewer.prompt.expanders import Expanders
+from sport.viewer.prompt.prompting import Prompting
+from sport.viewer.prompt.suggester import Suggester
+from sport.viewer.render.capture import save_png
+from sport.viewer.services import Services, default_services
+from sport.viewer.settings import MAPPINGS_NAME, config_directory, load_settings, save_settings
+from sport.viewer.shell import Shell
+from sport.viewer.stage.camera_control import CameraControl
+from sport.viewer.stage.loading import Scene
+from sport.viewer.stage.overlays import make_overlays
+from sport.viewer.stage.simulation import STEP_SECONDS, Simulation
+from sport.viewer.state import AppState
+from sport.viewer.takes.takes import Takes
+from sport.viewer.window import KEY_CODES, Window, WindowEvents
 
 __all__ = ["App", "ViewOptions", "run"]
 

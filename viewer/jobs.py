@@ -8,8 +8,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
-from runtime.errors import SportError
-from viewer.messages import Messages
+from sport.runtime.errors import SportError
+from sport.viewer.messages import Messages
 
 _LOG = logging.getLogger("sport.viewer")
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from runtime.atomic import check_target
-from runtime.errors import UsageError
-from runtime.prompts.blend import ALL_A, Weights
+from sport.runtime.atomic import check_target
+from sport.runtime.errors import UsageError
+from sport.runtime.prompts.blend import ALL_A, Weights
 
 MIN_SIDE, MAX_SIDE = 64, 8192  # pixels
 MAX_FRAMES = 1_000_000
@@ -18,7 +18,7 @@ class ViewOptions:
     """Options of one run of the viewer; None means "as last time" or the built-in default.
 
     `controls` is a script of keys for tests and film making, e.g. "w 2; w+shift 1.5; idle 1" (see
-    `viewer.input.script`). With `offscreen` no display is needed, every frame is one simulation step of 1/60 s
+    `sport.viewer.input.script`). With `offscreen` no display is needed, every frame is one simulation step of 1/60 s
     and the run is deterministic; it ends after `frames` frames.
     """
 

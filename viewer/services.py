@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from runtime.errors import FileError, UsageError
-from runtime.prompts.expander import Expander
-from runtime.prompts.gpt_settings import GptSettings
-from runtime.prompts.parts import PartDescriptions
-from runtime.terrain import Terrain
-from viewer.simulation import ControllerLike
+from sport.runtime.errors import FileError, UsageError
+from sport.runtime.prompts.expander import Expander
+from sport.runtime.prompts.gpt.settings import GptSettings
+from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.terrain.height_map import Terrain
+from sport.viewer.stage.simulation import ControllerLike
 
 DEFAULT_CHARACTER = "character/mannequin.glb"
 READY_PROMPTS = "prompts/styles.json"
@@ -25,7 +25,7 @@ LIBRARY = "prompts/library.json"
 
 
 class PromptWorkerLike(Protocol):
-    """What the viewer needs of `runtime.prompts.service.PromptWorker`."""
+    """What the viewer needs of `sport.runtime.prompts.service.PromptWorker`."""
 
     @property
     def busy(self) -> bool:
@@ -54,7 +54,7 @@ class PromptWorkerLike(Protocol):
 
 
 class LibraryLike(Expander, Protocol):
-    """What the viewer needs of `runtime.prompts.library.LibraryExpander`."""
+    """What the viewer needs of `sport.runtime.prompts.english.library.LibraryExpander`."""
 
     def nearest(self, text: str) -> tuple[tuple[str, float], ...]:
         """The library's prompts most like `text` with their similarity, best first."""
@@ -113,12 +113,12 @@ def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSett
 
     Prompts are expanded by the library, or by the language model `gpt` with the library behind it.
     """
-    from runtime.controller import Controller
-    from runtime.model import load_model as load
-    from runtime.prompts.content import PromptEncoder
-    from runtime.prompts.library import LibraryExpander
-    from runtime.prompts.service import PromptWorker
-    from runtime.prompts.text_encoder import library_encoder, text_encoder_of
+    from sport.runtime.motion.controller import Controller
+    from sport.runtime.motion.model import load_model as load
+    from sport.runtime.prompts.content import PromptEncoder
+    from sport.runtime.prompts.english.library import LibraryExpander
+    from sport.runtime.prompts.service import PromptWorker
+    from sport.runtime.prompts.text_encoder import library_encoder, text_encoder_of
 
     model = load(directory)
     text_encoder = text_encoder_of(model.metadata, model.folder)
@@ -133,44 +133,44 @@ def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSett
 
 def open_expander(library: LibraryLike, gpt: GptSettings) -> Expander:
     """A language model with the library behind it."""
-    from runtime.prompts.fallback import open_expander as open_fallback
+    from sport.runtime.prompts.gpt.fallback import open_expander as open_fallback
 
     return open_fallback(library, gpt)
 
 
 def check_endpoint(gpt: GptSettings, stop: threading.Event) -> str:
     """Ask a language model one question; what it did."""
-    from runtime.prompts.gpt_check import check_endpoint as check
+    from sport.runtime.prompts.gpt.check import check_endpoint as check
 
     return check(gpt, stop)
 
 
 def load_terrain(spec: str, cell_m: float, height_m: float) -> Terrain:
     """A terrain by name or file."""
-    from runtime.terrain_library import load_terrain as load
+    from sport.runtime.terrain.library import load_terrain as load
 
     return load(spec, cell_m, height_m)
 
 
 def terrain_names() -> tuple[str, ...]:
     """Names of the ready terrains."""
-    from runtime.terrain_library import TERRAIN_NAMES
+    from sport.runtime.terrain.library import TERRAIN_NAMES
 
     return TERRAIN_NAMES
 
 
 def load_character(path: Path | None) -> Any:
     """The character of a GLB file; the shipped mannequin by default."""
-    from runtime.assets import asset_path
-    from runtime.gltf import load_character as load
+    from sport.runtime.assets import asset_path
+    from sport.runtime.character.character import load_character as load
 
     return load(asset_path(DEFAULT_CHARACTER) if path is None else path)
 
 
 def make_renderer(ctx: Any, quality: str) -> Any:
     """The project's renderer; "" lets it choose the quality for this machine."""
-    from viewer.render.quality import HIGH, SOFTWARE
-    from viewer.render.renderer import Renderer
+    from sport.viewer.render.quality import HIGH, SOFTWARE
+    from sport.viewer.render.renderer import Renderer
 
     presets = {preset.name: preset for preset in (SOFTWARE, HIGH)}
     if quality and quality not in presets:
@@ -182,7 +182,7 @@ def make_renderer(ctx: Any, quality: str) -> Any:
 
 def ready_prompts() -> tuple[str, ...]:
     """The prompt of each style of the shipped library, without repetitions."""
-    from runtime.assets import asset_path
+    from sport.runtime.assets import asset_path
 
     path = asset_path(READY_PROMPTS)
     try:
@@ -195,8 +195,8 @@ def ready_prompts() -> tuple[str, ...]:
 
 def library_prompts() -> tuple[str, ...]:
     """Every prompt of the shipped library, to suggest while one is typed: entries first, then other words for them."""
-    from runtime.assets import asset_path
-    from runtime.prompts.library_data import load_library, load_styles
+    from sport.runtime.assets import asset_path
+    from sport.runtime.prompts.english.library_data import load_library, load_styles
 
     entries = load_library(asset_path(LIBRARY), load_styles(asset_path(READY_PROMPTS)))
     prompts = [entry.prompt for entry in entries] + [text for entry in entries for text in entry.also]

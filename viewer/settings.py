@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from runtime.atomic import write_atomic
-from runtime.controller import TEMPERATURE
-from runtime.prompts.gpt_settings import has_credentials
+from sport.runtime.atomic import write_atomic
+from sport.runtime.motion.controller import TEMPERATURE
+from sport.runtime.prompts.gpt.settings import has_credentials
 
 MAX_BYTES = 1_000_000
 MAX_LIST = 50  # entries of a list

@@ -6,16 +6,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.skeleton import PART_NAMES
-from viewer.messages import Messages
-from viewer.settings import Settings
-from viewer.simulation import Simulation
-from viewer.style_edit import StyleEdit
+from sport.runtime.skeleton import PART_NAMES
+from sport.viewer.messages import Messages
+from sport.viewer.prompt.style_edit import StyleEdit
+from sport.viewer.settings import Settings
+from sport.viewer.stage.simulation import Simulation
 
 if TYPE_CHECKING:
-    from runtime.clip import Clip
-    from runtime.terrain import Terrain
-    from viewer.playback import Playback
+    from sport.runtime.takes.clip import Clip
+    from sport.runtime.terrain.height_map import Terrain
+    from sport.viewer.takes.playback import Playback
 
 FPS_HALF_LIFE_S = 0.5
 

@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from runtime.errors import PromptError
-from runtime.prompts.parts import PartDescriptions
-from runtime.skeleton import PART_NAMES
+from sport.runtime.errors import PromptError
+from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.skeleton import PART_NAMES
 
 Array = NDArray[np.floating]
 Words = str | PartDescriptions  # a prompt, or what the six parts do

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from runtime.prompts.parts import PartDescriptions, check_text
+from sport.runtime.prompts.parts import PartDescriptions, check_text
 
 MAX_PROMPT_CHARACTERS = 1000
 DEFAULT_PROMPT = (

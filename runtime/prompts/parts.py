@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from runtime.errors import PromptError
-from runtime.skeleton import PART_NAMES
+from sport.runtime.errors import PromptError
+from sport.runtime.skeleton import PART_NAMES
 
 MAX_CHARACTERS = 300
 _SWAPPED_PARTS = {

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-
-from runtime.assets import asset_path
-from runtime.errors import ModelError
+from sport.runtime.assets import asset_path
+from sport.runtime.errors import ModelError
 
 if TYPE_CHECKING:
     import onnxruntime

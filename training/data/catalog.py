@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from runtime.errors import FileError
+from sport.runtime.errors import FileError
 
 SOURCES = ("100style", "bandai_namco", "cmu", "jlpm", "pfnn", "pfnn_rollouts")
 

@@ -1,6 +1,6 @@
 """Contact sheets: frames of imported clips as bone figures, to see errors that numbers hide.
 
-`python -m training.data.contact_sheet --dataset DIR --out docs/contact_sheets`
+`python -m sport.training.data.contact_sheet --dataset DIR --out docs/contact_sheets`
 """
 
 from __future__ import annotations
@@ -11,11 +11,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from runtime import rotations
-from runtime.errors import run_command
-from runtime.skeleton import PART_JOINTS, SPORT_SKELETON
-from runtime.terrain import Terrain
+from sport.runtime import rotations
+from sport.runtime.errors import run_command
+from sport.runtime.skeleton import PART_JOINTS, SPORT_SKELETON
+from sport.runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 

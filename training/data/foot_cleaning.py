@@ -7,10 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-
-from runtime import rotations
-from runtime.ik import solve_legs
-from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
+from sport.runtime import rotations
+from sport.runtime.feet.ik import solve_legs
+from sport.runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
 
 Array = NDArray[np.floating]
 GroundHeight = Callable[[Array, Array], Array]

@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from runtime.controls import Gait
-from runtime.skeleton import SPORT_SKELETON
-from training.data.catalog import Refusal
-from training.data.clip_files import TrainingClip
-from training.data.labels import FOOT_JOINTS
-from training.data.retarget import FPS
-from training.data.source_skeletons import HEAD_LIFT_DEGREES
+from sport.runtime.controls import Gait
+from sport.runtime.skeleton import SPORT_SKELETON
+from sport.training.data.catalog import Refusal
+from sport.training.data.clip_files import TrainingClip
+from sport.training.data.labels import FOOT_JOINTS
+from sport.training.data.retarget import FPS
+from sport.training.data.source_skeletons import HEAD_LIFT_DEGREES
 
 
 @dataclass(frozen=True)
@@ -114,7 +113,7 @@ class Report:
 
 _PREFACE = """# Training data
 
-Written by `python -m training.data.importer --data DIR --out DIR --report FILE`. Contact sheets of every source lie in
+Written by `python -m sport.training.data.importer --data DIR --out DIR --report FILE`. Contact sheets of every source lie in
 `contact_sheets/`: left limbs orange, right limbs blue, contacts green, the ground as a grid.
 
 Clips are retargeted by calibrated rest poses, brought to 60 Hz, cut (lead-ins, T-poses, spikes) and their feet locked

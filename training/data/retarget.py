@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
-from runtime import rotations
-from runtime.bvh import BvhMotion
-from runtime.ik import solve_legs
-from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
-from training.data.source_skeletons import SourceJoint, SourceSkeleton
+from sport.runtime import rotations
+from sport.runtime.feet.ik import solve_legs
+from sport.runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
+from sport.runtime.takes.bvh import BvhMotion
+from sport.training.data.source_skeletons import SourceJoint, SourceSkeleton
 
 Array = NDArray[np.floating]
 

@@ -8,11 +8,10 @@ from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
-
-from runtime import rotations
-from runtime.bvh import BvhMotion
-from runtime.errors import FileError
-from runtime.skeleton import SPORT_SKELETON
+from sport.runtime import rotations
+from sport.runtime.errors import FileError
+from sport.runtime.skeleton import SPORT_SKELETON
+from sport.runtime.takes.bvh import BvhMotion
 
 Array = NDArray[np.floating]
 

@@ -11,16 +11,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from runtime.atomic import check_target, write_atomic
-from runtime.errors import UsageError
-from runtime.motion_encoder import MotionEncoder
-from training.evaluation.bars import check
-from training.evaluation.encoder_features import has_encoder
-from training.evaluation.plan import Options, Plan, make_plan
-from training.evaluation.report import markdown, write_markdown
-from training.evaluation.score_capture import score_held_out, score_rollouts
-from training.evaluation.score_model import score_model
-from training.evaluation.subject import Subject
+from sport.runtime.atomic import check_target, write_atomic
+from sport.runtime.errors import UsageError
+from sport.runtime.motion.motion_encoder import MotionEncoder
+from sport.training.evaluation.metrics.encoder_features import has_encoder
+from sport.training.evaluation.motion.plan import Options, Plan, make_plan
+from sport.training.evaluation.motion.score_capture import score_held_out, score_rollouts
+from sport.training.evaluation.motion.score_model import score_model
+from sport.training.evaluation.motion.subject import Subject
+from sport.training.evaluation.report.bars import check
+from sport.training.evaluation.report.tables import markdown, write_markdown
 
 log = logging.getLogger("sport.evaluate")
 
@@ -75,7 +75,7 @@ def main(argv: list[str] | None = None) -> int:
     """Evaluate; the exit code is 0 also where a model misses a bar: the tables say so."""
     words = list(sys.argv[1:] if argv is None else argv)
     if "--text" in words:  # does the motion do what the words say
-        from training.evaluation import text_main
+        from sport.training.evaluation.text import command as text_main
 
         words.remove("--text")
         return text_main.main(words)
@@ -87,7 +87,7 @@ def main(argv: list[str] | None = None) -> int:
         if target is not None:
             check_target(target)
     if args.figures is not None:
-        from training.evaluation.figures import draw_figures
+        from sport.training.evaluation.report.figures import draw_figures
 
         args.figures.mkdir(parents=True, exist_ok=True)
         draw_figures(args.clips, args.model[0], args.figures, args.seed, log.info)

@@ -1,6 +1,6 @@
 """`sport train layer`: layered clips from imported ones, each with six descriptions of its own.
 
-    python -m training.layering.build --clips DIR --out DIR
+    python -m sport.training.layering.build --clips DIR --out DIR
 
 Writes `layer_*.npz` beside (or apart from) the imported clips, and `layers.json`: for every layered clip the
 descriptions of its parts, a key that names what each part does, and what the clip was made of.
@@ -16,21 +16,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-
-from runtime import features
-from runtime.assets import asset_path
-from runtime.controls import Gait
-from runtime.errors import FileError, run_command
-from runtime.prompts.parts import PartDescriptions
-from runtime.skeleton import PART_NAMES
-from runtime.terrain import Terrain
-from training.data.clip_files import TrainingClip
-from training.data.height_patches import Patches
-from training.frames import PLAIN
-from training.layering import recipes
-from training.layering.catalog import EDITS
-from training.layering.pose_edits import Motion, apply
-from training.layering.recombine import UPPER_PARTS, cut, recombine
+from sport.runtime.assets import asset_path
+from sport.runtime.controls import Gait
+from sport.runtime.errors import FileError, run_command
+from sport.runtime.motion import features
+from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.skeleton import PART_NAMES
+from sport.runtime.terrain.height_map import Terrain
+from sport.training.data.clip_files import TrainingClip
+from sport.training.data.height_patches import Patches
+from sport.training.frames import PLAIN
+from sport.training.layering import recipes
+from sport.training.layering.catalog import EDITS
+from sport.training.layering.pose_edits import Motion, apply
+from sport.training.layering.recombine import UPPER_PARTS, cut, recombine
 
 log = logging.getLogger("sport.train")
 
@@ -256,7 +255,7 @@ def report(entries: dict[str, dict], captured: int) -> str:
     lines = [
         "# Layered styles",
         "",
-        "Written by `python -m training.layering.build --clips DIR --report FILE`. Layered clips are made of imported"
+        "Written by `python -m sport.training.layering.build --clips DIR --report FILE`. Layered clips are made of imported"
         " ones: parts of another style at matching step phase (*recombined*), and edits with exact descriptions"
         " (*parametric*), the feet kept by inverse kinematics. Every clip has six descriptions of its own. The edits"
         " are defined in `training/layering/catalog*.py`; those marked there as held out never enter training.",

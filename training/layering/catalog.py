@@ -9,15 +9,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from training.layering.catalog_arms import ARM, ARM_SWING
-from training.layering.catalog_body import HEAD, LEG, LEGS, TORSO
+from sport.training.layering.catalog_arms import ARM, ARM_SWING
+from sport.training.layering.catalog_body import HEAD, LEG, LEGS, TORSO
 
 
 @dataclass(frozen=True)
 class PartEdit:
     """One edit. `phrases` `{part: sentences}` describe every part it changes; `parameters` are those of `kind`.
 
-    `measure` (part, field of its measures in `training.text.measure`) is the quantity that shows the edit.
+    `measure` (part, field of its measures in `sport.training.text.measure`) is the quantity that shows the edit.
     """
 
     name: str

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import product
 
-from training.layering.catalog import PartEdit
-from training.layering.recipes import trained_edits
+from sport.training.layering.catalog import PartEdit
+from sport.training.layering.recipes import trained_edits
 
 # What can be added to a posture, and to a movement, without another pose.
 _STILL: dict[str, tuple[str, ...]] = {

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from runtime import features, ik, rotations
-from runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
-from runtime.terrain import Terrain
-from training.frames import smooth
-from training.layering.catalog import PartEdit
+from sport.runtime import rotations
+from sport.runtime.feet import ik
+from sport.runtime.motion import features
+from sport.runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
+from sport.runtime.terrain.height_map import Terrain
+from sport.training.frames import smooth
+from sport.training.layering.catalog import PartEdit
 
 Array = NDArray[np.floating]
 

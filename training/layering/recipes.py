@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-
-from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS, PartEdit
+from sport.training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS, PartEdit
 
 _CHANCE = {"left_arm": 0.42, "right_arm": 0.42, "torso": 0.38, "head": 0.38, "legs": 0.6}
 BOTH_ARMS = 0.2  # chance that an edited arm is joined by the same edit of the other

@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-
-from runtime import rotations
-from runtime.skeleton import PART_JOINTS
-from training.layering.pose_edits import Motion, left_landings, step_phase
+from sport.runtime import rotations
+from sport.runtime.skeleton import PART_JOINTS
+from sport.training.layering.pose_edits import Motion, left_landings, step_phase
 
 Array = NDArray[np.floating]
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
+from sport.runtime.skeleton import PART_JOINTS, PART_NAMES, J
+from sport.training.presets import ModelConfig
 from torch import Tensor, nn
-
-from runtime.skeleton import PART_JOINTS, PART_NAMES, J
-from training.presets import ModelConfig
 
 SEQUENCE_LENGTH = 40  # T
 PART_SIZE = 64
@@ -105,7 +104,7 @@ class MotionSequenceEncoder(nn.Module):
 class PartTextEncoder(nn.Module):
     """Body-part MLP: six sentences `(B, 6, D)`, embedded, to six VAE tokens; parts never mix.
 
-    One-sided (`runtime.prompts.one_side`), the last number of a sentence is its side: left and right limbs share
+    One-sided (`sport.runtime.prompts.one_side`), the last number of a sentence is its side: left and right limbs share
     their tokens, and of torso and head the second half of the code changes its sign with the side. So the code of
     mirrored words is the mirrored code: the limbs' exchanged, the second half of torso and head negative.
     """

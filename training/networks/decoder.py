@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 
 import torch
+from sport.training.networks.mixture import ExpertLinear
+from sport.training.presets import ModelConfig
 from torch import Tensor, nn
 from torch.nn.functional import silu
-
-from training.networks.mixture import ExpertLinear
-from training.presets import ModelConfig
 
 
 class MixtureDecoder(nn.Module):

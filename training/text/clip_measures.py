@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-
-from runtime.errors import FileError
-from training.text.measure import FPS, BodyMeasures, average, measure
+from sport.runtime.errors import FileError
+from sport.training.text.measure import FPS, BodyMeasures, average, measure
 
 MIN_FRAMES = 90
 _WALK = 1

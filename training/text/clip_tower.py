@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from sport.runtime.errors import FileError
+from sport.training.text.minilm import read_safetensors
 from torch import Tensor, nn
-
-from runtime.errors import FileError
-from training.text.minilm import read_safetensors
 
 _REMEDY = "Name a folder as Hugging Face stores CLIP: config.json, model.safetensors, tokenizer.json."
 

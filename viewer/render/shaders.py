@@ -12,9 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import moderngl
-
-from runtime.assets import PROJECT_ROOT
-from runtime.errors import DisplayError, FileError
+from sport.runtime.assets import PROJECT_ROOT
+from sport.runtime.errors import DisplayError, FileError
 
 SHADER_ROOT = PROJECT_ROOT / "shaders"
 REMEDY = "Install the program again; if you edited this shader, correct that line."

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import moderngl
-
-from viewer.render.gl import bind_blocks
-from viewer.render.shaders import load_program
+from sport.viewer.render.gl import bind_blocks
+from sport.viewer.render.shaders import load_program
 
 
 class SkyPass:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 
 import moderngl
-
-from viewer.render.gl import scissored, set_uniforms
-from viewer.render.quality import Quality
-from viewer.render.shaders import load_program
+from sport.viewer.render.gl import scissored, set_uniforms
+from sport.viewer.render.quality import Quality
+from sport.viewer.render.shaders import load_program
 
 
 class ShadowMap:

@@ -14,8 +14,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-
-from runtime.terrain import Terrain
+from sport.runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 Indices = NDArray[np.uint32]

@@ -1,0 +1,179 @@
+"""Skinned characters from glTF files: ours, or a user's own, driven by poses of the SPORT skeleton."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime import rotations
+from sport.runtime.character.joints import REQUIRED, Alignment, align, match_joints
+from sport.runtime.character.mesh import MeshData, read_meshes
+from sport.runtime.character.read import REMEDY, STRUCTURE_ERRORS, GltfFile, open_gltf
+from sport.runtime.errors import FileError
+from sport.runtime.pose import Pose
+from sport.runtime.skeleton import SPORT_SKELETON
+
+Array = NDArray[Any]
+
+MAX_JOINTS = 1024
+
+
+@dataclass(frozen=True)
+class Character:
+    """A skinned mesh in its bind pose and the joints that carry it; colours are linear RGB.
+
+    `sport_joints` `(K,)` is the SPORT joint that drives each joint, -1 where it follows its parent rigidly.
+    """
+
+    positions: Array  # (V, 3) float32
+    normals: Array  # (V, 3) float32, unit
+    colors: Array  # (V, 3) float32, linear RGB 0..1
+    joint_indices: Array  # (V, 4) uint16
+    joint_weights: Array  # (V, 4) float32, rows sum to one
+    triangles: Array  # (F, 3) uint32, counter-clockwise from outside
+    joint_names: tuple[str, ...]
+    joint_parents: tuple[int, ...]  # parents before children is not guaranteed; -1 at roots
+    inverse_bind: Array  # (K, 4, 4) float32
+    rest_world: Array  # (K, 4, 4) float32
+    sport_joints: Array  # (K,)
+    alignment: Alignment
+
+    def joint_transforms(self, positions: Array, world_rotations: Array) -> tuple[Array, Array]:
+        """Pivots `(..., K, 3)` and turns from the rest pose `(..., K, 4)` of the character's joints in a SPORT pose.
+
+        `positions` `(..., 31, 3)` and `world_rotations` `(..., 31, 4)` are the pose's joints, any leading shape.
+        """
+        a = self.alignment
+        if a.native:
+            return positions, world_rotations
+        lead = positions.shape[:-2]
+        pivots = np.empty((*lead, len(a.driver), 3), np.float64)
+        turns = np.empty((*lead, len(a.driver), 4), np.float64)
+        for k in a.order:
+            turns[..., k, :] = rotations.multiply(world_rotations[..., a.source[k], :], a.turns[k])
+            if k == a.order[0]:
+                pivots[..., k, :] = self._hips(positions, turns[..., k, :])
+            else:
+                carrier = a.anchor[k]
+                pivots[..., k, :] = pivots[..., carrier, :] + rotations.rotate(
+                    turns[..., carrier, :], a.arms[k]
+                )
+        rigid = np.flatnonzero(a.source < 0)
+        turns[..., rigid, :] = turns[..., a.driver[rigid], :]
+        pivots[..., rigid, :] = pivots[..., a.driver[rigid], :] + rotations.rotate(
+            turns[..., rigid, :], a.arms[rigid]
+        )
+        return pivots, turns
+
+    def _hips(self, positions: Array, hips_turn: Array) -> Array:
+        left, right = (SPORT_SKELETON.index(name) for name in ("LeftUpLeg", "RightUpLeg"))
+        middle = 0.5 * (positions[..., left, :] + positions[..., right, :])
+        lift = np.array([0.0, self.alignment.lift, 0.0])
+        return middle + lift + rotations.rotate(hips_turn, self.alignment.hips_offset)
+
+    def joint_matrices(self, positions: Array, world_rotations: Array) -> Array:
+        """World matrices `(..., K, 4, 4)` of the joints in a SPORT pose given as in `joint_transforms`."""
+        pivots, turns = self.joint_transforms(positions, world_rotations)
+        matrices = np.zeros((*pivots.shape[:-1], 4, 4), np.float32)
+        matrices[..., :3, :3] = rotations.to_matrix(turns) @ self.alignment.basis
+        matrices[..., :3, 3] = pivots
+        matrices[..., 3, 3] = 1.0
+        return matrices
+
+    def skin_matrices(self, pose: Pose) -> Array:
+        """Skinning matrices `(K, 4, 4)` float32 that carry bind-pose vertices to world space in `pose`."""
+        return (self.joint_matrices(pose.positions, pose.world_rotations) @ self.inverse_bind).astype(
+            np.float32
+        )
+
+
+def skin_vertices(character: Character, matrices: Array) -> Array:
+    """Vertices `(V, 3)` skinned on the CPU by `matrices` `(K, 4, 4)`."""
+    blended = np.einsum("vi,vijk->vjk", character.joint_weights, matrices[character.joint_indices, :3])
+    return np.einsum("vjk,vk->vj", blended[..., :3], character.positions) + blended[..., 3]
+
+
+def read_joint_map(path: str | Path) -> dict[str, str]:
+    """A JSON object that maps SPORT joint names to joint names of the user's character."""
+    path = Path(path)
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror or error}.", "Check the path.") from error
+    except ValueError as error:
+        raise FileError(
+            f"{path}: not JSON ({error}).", 'Expected {"LeftArm": "name in the file", ...}.'
+        ) from error
+    unknown = sorted(set(data) - set(SPORT_SKELETON.names)) if isinstance(data, dict) else ["a JSON object"]
+    if unknown or not all(isinstance(value, str) for value in data.values()):
+        raise FileError(
+            f"{path}: expected SPORT joint names mapped to strings, found {', '.join(map(repr, unknown[:4]))}.",
+            f"Known joints: {', '.join(SPORT_SKELETON.names)}.",
+        )
+    return data
+
+
+def load_character(path: str | Path, joint_map: Mapping[str, str] | None = None) -> Character:
+    """Load a skinned .glb or .gltf; FileError names the file, what is wrong and what to do.
+
+    Joints are found by the names of SPORT / CMU, Mixamo, VRM, Unreal or SMPL skeletons, or by `joint_map` (SPORT joint
+    name -> joint name in the file), which overrides them one by one.
+    """
+    file = open_gltf(Path(path))
+    try:
+        data = read_meshes(file)
+    except STRUCTURE_ERRORS as error:
+        problem = f"{type(error).__name__}: {error}"[:160]
+        raise FileError(f"{file.name}: damaged glTF structure ({problem}).", REMEDY) from error
+    if len(data.joint_nodes) > MAX_JOINTS:
+        raise FileError(
+            f"{file.name}: {len(data.joint_nodes)} joints; at most {MAX_JOINTS} are supported.", REMEDY
+        )
+    return _assemble(file, data, joint_map or {})
+
+
+def _assemble(file: GltfFile, data: MeshData, joint_map: Mapping[str, str]) -> Character:
+    nodes = file.gltf.nodes
+    names = tuple(nodes[n].name or f"node{n}" for n in data.joint_nodes)
+    found = _find_joints(file, data, names, joint_map)
+    alignment = align(found, data.joint_parents, data.rest_world, data.rest_positions())
+    return Character(
+        positions=data.positions,
+        normals=data.normals,
+        colors=data.colors,
+        joint_indices=data.joint_indices,
+        joint_weights=data.joint_weights,
+        triangles=data.triangles,
+        joint_names=names,
+        joint_parents=data.joint_parents,
+        inverse_bind=data.inverse_bind,
+        rest_world=data.rest_world.astype(np.float32),
+        sport_joints=alignment.source,
+        alignment=alignment,
+    )
+
+
+def _find_joints(
+    file: GltfFile, data: MeshData, names: tuple[str, ...], joint_map: Mapping[str, str]
+) -> dict[str, int]:
+    found = match_joints(names) | data.humanoid
+    for joint, name in joint_map.items():
+        if joint not in SPORT_SKELETON.names or name not in names:
+            raise FileError(
+                f"{file.name}: the joint map names {joint!r} -> {name!r}, which is not in the skeleton.",
+                f"Joints of the file: {', '.join(names[:80])}.",
+            )
+        found[joint] = names.index(name)
+    missing = [name for name in REQUIRED if name not in found]
+    if missing:
+        raise FileError(
+            f"{file.name}: no joints found for {', '.join(missing)} (names of SPORT, Mixamo, VRM, Unreal and SMPL"
+            " skeletons are known).",
+            "Give a joint map: a JSON file of SPORT joint names and the joint names of this character.",
+        )
+    return found

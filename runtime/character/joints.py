@@ -1,0 +1,223 @@
+"""Which joint of a user's character plays which SPORT joint, and how its rest pose is aligned with ours."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime import rotations
+from sport.runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, J
+
+Array = NDArray[np.floating]
+
+# SPORT joint -> name in that convention, lower case letters and digits only; {s} stands for the side.
+_SIDED = ("Left", "Right")
+_SPORT = {name: re.sub(r"[^a-z0-9]", "", name.lower()) for name in SPORT_SKELETON.names}
+_MIXAMO = {
+    "Hips": "hips", "LowerBack": "spine", "Spine": "spine1", "Spine1": "spine2", "Neck1": "neck", "Head": "head",
+    "{S}Shoulder": "{s}shoulder", "{S}Arm": "{s}arm", "{S}ForeArm": "{s}forearm", "{S}Hand": "{s}hand",
+    "{S}HandIndex1": "{s}handmiddle1", "{S}UpLeg": "{s}upleg", "{S}Leg": "{s}leg", "{S}Foot": "{s}foot",
+    "{S}ToeBase": "{s}toebase",
+}  # fmt: skip
+_VRM = {
+    "Hips": "hips", "LowerBack": "spine", "Spine": "chest", "Spine1": "upperchest", "Neck1": "neck", "Head": "head",
+    "{S}Shoulder": "{s}shoulder", "{S}Arm": "{s}upperarm", "{S}ForeArm": "{s}lowerarm", "{S}Hand": "{s}hand",
+    "{S}HandIndex1": "{s}middleproximal", "{S}UpLeg": "{s}upperleg", "{S}Leg": "{s}lowerleg", "{S}Foot": "{s}foot",
+    "{S}ToeBase": "{s}toes",
+}  # fmt: skip
+_UNREAL = {
+    "Hips": "pelvis", "LowerBack": "spine01", "Spine": "spine02", "Spine1": "spine03", "Neck1": "neck01",
+    "Head": "head", "{S}Shoulder": "clavicle{i}", "{S}Arm": "upperarm{i}", "{S}ForeArm": "lowerarm{i}",
+    "{S}Hand": "hand{i}", "{S}HandIndex1": "middle01{i}", "{S}UpLeg": "thigh{i}", "{S}Leg": "calf{i}",
+    "{S}Foot": "foot{i}", "{S}ToeBase": "ball{i}",
+}  # fmt: skip
+_SMPL = {
+    "Hips": "pelvis", "LowerBack": "spine1", "Spine": "spine2", "Spine1": "spine3", "Neck1": "neck", "Head": "head",
+    "{S}Shoulder": "{s}collar", "{S}Arm": "{s}shoulder", "{S}ForeArm": "{s}elbow", "{S}Hand": "{s}wrist",
+    "{S}HandIndex1": "{s}middle1", "{S}UpLeg": "{s}hip", "{S}Leg": "{s}knee", "{S}Foot": "{s}ankle",
+    "{S}ToeBase": "{s}foot",
+}  # fmt: skip
+_VROID = {
+    key: "jbip" + re.sub(r"^c(?=\{)", "", ("c" if "{" not in value else "") + value.replace("{s}", "{i}"))
+    for key, value in _VRM.items()
+}
+
+
+def _both_sides(table: Mapping[str, str]) -> dict[str, str]:
+    result = {}
+    for key, value in table.items():
+        for side in _SIDED if "{S}" in key else ("",):
+            result[key.format(S=side)] = value.format(s=side.lower(), i=side[:1].lower())
+    return result
+
+
+CONVENTIONS: dict[str, dict[str, str]] = {
+    "SPORT": _SPORT, "Mixamo": _both_sides(_MIXAMO), "VRM": _both_sides(_VRM), "VRoid": _both_sides(_VROID),
+    "Unreal": _both_sides(_UNREAL), "SMPL": _both_sides(_SMPL),
+}  # fmt: skip
+REQUIRED = (
+    "Hips", "Head", *(s + bone for s in _SIDED for bone in ("UpLeg", "Leg", "Foot", "Arm", "ForeArm", "Hand"))
+)  # fmt: skip
+
+
+def simple_name(name: str) -> str:
+    """A joint name without namespace, case and punctuation: "mixamorig:LeftArm" becomes "leftarm"."""
+    bare = re.split(r"[:|]", name)[-1]
+    return re.sub(r"^mixamorig\d*|[^a-z0-9]", "", bare.lower())
+
+
+def match_joints(names: Sequence[str]) -> dict[str, int]:
+    """SPORT joint name -> index into `names`, by the naming convention that recognises most joints."""
+    index: dict[str, int] = {}
+    for i, name in enumerate(names):
+        index.setdefault(simple_name(name), i)
+    best: dict[str, int] = {}
+    for table in CONVENTIONS.values():
+        found = {joint: index[simple] for joint, simple in table.items() if simple in index}
+        if (_score(found)) > _score(best):
+            best = found
+    return best
+
+
+def _score(found: Mapping[str, int]) -> tuple[int, int]:
+    return sum(name in found for name in REQUIRED), len(found)
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """How joint transforms of a character with K joints follow a SPORT pose.
+
+    A driven joint turns with SPORT joint `source` by `world_rotation * turn`; every other joint moves rigidly with
+    its nearest driven ancestor `driver`. All lengths are already in the metres of the SPORT character.
+    """
+
+    order: tuple[int, ...]  # driven joints, ancestors first; the hips come first
+    source: NDArray[np.int64]  # (K,) SPORT joint of a driven joint, -1 otherwise
+    driver: NDArray[np.int64]  # (K,) the joint itself where driven
+    anchor: NDArray[np.int64]  # (K,) driven joint that carries this joint's pivot
+    turns: Array  # (K, 4) rest-pose alignment of driven joints
+    arms: Array  # (K, 3) from the anchor's pivot to this joint's pivot, aligned rest pose
+    basis: Array  # (K, 3, 3) rest-pose axes with scale
+    hips_offset: Array  # (3,) from the middle of the hip joints to the hips, aligned rest pose
+    lift: float  # metres added to the height, so that the soles stand where ours stand
+    native: bool  # the joints are exactly SPORT_SKELETON
+
+
+def align(found: Mapping[str, int], parents: Sequence[int], rest_world: Array, vertices: Array) -> Alignment:
+    """Alignment of a rest pose: `found` joints, `rest_world` `(K, 4, 4)`, mesh `vertices` `(V, 3)` in that pose.
+
+    Rest poses in A-pose, of another size, facing, or up axis are turned and scaled onto the SPORT rest pose.
+    """
+    facing = _canonical_axes(found, rest_world[:, :3, 3].astype(np.float64))
+    scale = _leg_scale(found, rest_world[:, :3, 3])
+    position = rest_world[:, :3, 3] @ facing.T * scale
+    source = np.full(len(parents), -1)
+    for name, k in found.items():
+        source[k] = SPORT_SKELETON.index(name)
+    hips = found["Hips"]
+    driver = _drivers(parents, source, hips)
+    order = _ancestors_first([int(k) for k in np.flatnonzero(source >= 0)], parents, hips)
+    anchor = np.array(
+        [driver[p] if source[k] >= 0 and (p := parents[k]) >= 0 else driver[k] for k in range(len(parents))]
+    )
+    turns = _turns(found, order, anchor, source, position)
+    legs = 0.5 * (position[found["LeftUpLeg"]] + position[found["RightUpLeg"]])
+    ankle = 0.5 * (position[found["LeftFoot"]] + position[found["RightFoot"]])
+    native = len(found) == len(parents) == J and bool(
+        np.array_equal(source, np.arange(J))
+        and np.allclose(position - position[hips], SPORT_SKELETON.rest_positions, atol=1e-4)
+        and np.allclose(rest_world[:, :3, :3], np.eye(3), atol=1e-5)
+    )
+    sole = float((vertices @ facing[1]).min()) * scale
+    lift = 0.0 if native else float(np.clip(ankle[1] - sole - ANKLE_HEIGHT, -0.2, 0.2))
+    return Alignment(
+        order,
+        source,
+        driver,
+        anchor,
+        turns,
+        position - position[anchor],
+        scale * facing @ rest_world[:, :3, :3],
+        position[hips] - legs,
+        lift,
+        native,
+    )
+
+
+def _canonical_axes(found: Mapping[str, int], position: Array) -> Array:
+    """Rotation `(3, 3)` in quarter turns that puts the character's left on +X and its head on +Y."""
+    left = position[found["LeftUpLeg"]] - position[found["RightUpLeg"]]
+    up = position[found["Head"]] - position[found["Hips"]]
+    rows = np.zeros((3, 3))
+    for row, direction in ((0, left), (1, up)):
+        axis = int(np.argmax(np.abs(direction)))
+        rows[row, axis] = np.sign(direction[axis]) or 1.0
+    rows[2] = np.cross(rows[0], rows[1])
+    return rows if abs(np.linalg.det(rows) - 1.0) < 1e-6 else np.eye(3)
+
+
+def _leg_scale(found: Mapping[str, int], position: Array) -> float:
+    length = 0.0
+    for side in _SIDED:
+        hip, knee, ankle = (position[found[side + bone]] for bone in ("UpLeg", "Leg", "Foot"))
+        length += 0.5 * float(np.linalg.norm(hip - knee) + np.linalg.norm(knee - ankle))
+    ours = np.linalg.norm(SPORT_SKELETON.offsets, axis=1)
+    return float(ours[SPORT_SKELETON.index("LeftLeg")] + ours[SPORT_SKELETON.index("LeftFoot")]) / max(
+        length, 1e-6
+    )
+
+
+def _drivers(parents: Sequence[int], source: NDArray[np.int64], hips: int) -> NDArray[np.int64]:
+    driver = np.empty(len(parents), np.int64)
+    for k in range(len(parents)):
+        j = k
+        while j >= 0 and source[j] < 0:
+            j = parents[j]
+        driver[k] = hips if j < 0 else j
+    return driver
+
+
+def _ancestors_first(joints: list[int], parents: Sequence[int], hips: int) -> tuple[int, ...]:
+    def depth(k: int) -> int:
+        return 0 if k < 0 else 1 + depth(parents[k])
+
+    return (hips, *sorted((k for k in joints if k != hips), key=depth))
+
+
+_AIM = {"Arm": "ForeArm", "ForeArm": "Hand", "Hand": "HandIndex1", "UpLeg": "Leg", "Leg": "Foot"}
+
+
+def _turns(
+    found: Mapping[str, int],
+    order: Sequence[int],
+    anchor: NDArray[np.int64],
+    source: NDArray[np.int64],
+    position: Array,
+) -> Array:
+    """Rest alignment `(K, 4)`: limb bones turn onto the SPORT rest directions, feet only about the vertical."""
+    turns = rotations.identity((len(source),)).astype(np.float64)
+    ours = SPORT_SKELETON.rest_positions
+    for k in order:
+        name = SPORT_SKELETON.names[source[k]]
+        side = next((s for s in _SIDED if name.startswith(s)), "")
+        bone = name[len(side) :]
+        if not side or bone in ("Shoulder", "HipJoint"):
+            continue
+        inherited = turns[anchor[k]]
+        target_name = side + _AIM.get(bone, "ToeBase" if bone == "Foot" else "")
+        if target_name not in found:
+            turns[k] = rotations.identity() if bone in ("Foot", "ToeBase") else inherited
+            continue
+        theirs = position[found[target_name]] - position[k]
+        wanted = ours[SPORT_SKELETON.index(target_name)] - ours[source[k]]
+        if bone == "Foot":
+            inherited, theirs, wanted = rotations.identity(), theirs * (1, 0, 1), wanted * (1, 0, 1)
+        theirs = rotations.rotate(inherited, rotations.normalize(theirs))
+        turns[k] = rotations.multiply(rotations.between(theirs, rotations.normalize(wanted)), inherited)
+    for side in _SIDED:  # toes keep the foot's alignment
+        if side + "ToeBase" in found:
+            turns[found[side + "ToeBase"]] = turns[found[side + "Foot"]]
+    return turns

@@ -1,0 +1,1 @@
+"""Feet on the ground: foot lock, leg IK and the measure of skating."""

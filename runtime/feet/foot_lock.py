@@ -1,0 +1,95 @@
+"""Feet that stand: holds toes and heels on the terrain while they are in contact, and lifts them over it in swing.
+
+Per foot: contact with hysteresis → the held point (toe in preference to heel) → rotation → position → clearance;
+then the hips sink as far as a held foot needs, and closed-form IK brings the legs there. The difference between
+incoming and outgoing foot is one offset, held constant by nothing and damped to zero when the foot is free, so
+that nothing jumps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.feet.leg_scalar import LegPose, damp, leg_bones, leg_forward, leg_inverse
+from sport.runtime.feet.planted_foot import PlantedFoot, drop_for, straightness
+from sport.runtime.feet.settings import FootLockSettings
+from sport.runtime.skeleton import SPORT_SKELETON, Skeleton
+from sport.runtime.terrain.height_map import Terrain
+from sport.runtime.terrain.point_heights import PointHeights
+
+Array = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class FootLockResult:
+    """The pose with planted feet: `hips_position` (3,), `local_rotations` (31, 4)."""
+
+    hips_position: Array
+    local_rotations: Array
+
+
+class FootLock:
+    """Plants the feet of one character; keeps its state from frame to frame.
+
+    One instance per character, `apply` once per simulated frame in order, `reset` after a teleport.
+    """
+
+    def __init__(self, skeleton: Skeleton = SPORT_SKELETON, settings: FootLockSettings | None = None) -> None:
+        self._settings = settings or FootLockSettings()
+        self._bones = (leg_bones(0, skeleton), leg_bones(1, skeleton))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all holds and offsets."""
+        self._feet = tuple(PlantedFoot(bones, self._settings) for bones in self._bones)
+        self._drop, self._drop_velocity = 0.0, 0.0
+
+    @property
+    def held(self) -> tuple[str, str]:
+        """What holds the left and the right foot: "", "heel" or "toe"."""
+        return self._feet[0].anchor, self._feet[1].anchor
+
+    def apply(
+        self,
+        hips_position: Array,
+        local_rotations: Array,
+        contacts: Array,
+        terrain: Terrain,
+        dt: float,
+    ) -> FootLockResult:
+        """Planted pose of an incoming one.
+
+        `hips_position` `(3,)`, `local_rotations` `(31, 4)`, `contacts` `(4,)` in 0..1 (left heel, left toe, right
+        heel, right toe), `dt` seconds since the previous call.
+        """
+        x, y, z = (float(v) for v in hips_position)
+        local = np.asarray(local_rotations, np.float64).tolist()
+        chances = np.asarray(contacts, np.float64).tolist()
+        ground = PointHeights(terrain)
+        legs = [leg_forward(foot.bones, (x, y, z), local) for foot in self._feet]
+        for side, (foot, leg) in enumerate(zip(self._feet, legs, strict=True)):
+            foot.observe(leg, chances[2 * side], chances[2 * side + 1], ground, dt)
+            foot.choose_anchor(leg, self._drop, self._feet[1 - side].refractory > 0.0)
+            foot.plant(leg, self._drop, ground, dt)
+        self._lower_hips(legs, dt)
+        result = np.array(local_rotations, copy=True)
+        for foot, leg in zip(self._feet, legs, strict=True):
+            first = foot.bones.joints[1]
+            target = foot.within_reach(leg, self._drop, ground)
+            result[first : first + 3] = leg_inverse(leg, target, foot.rotation, self._drop)
+        hips = np.array([x, y - self._drop, z], np.asarray(hips_position).dtype)
+        return FootLockResult(hips, result)
+
+    def _lower_hips(self, legs: list[LegPose], dt: float) -> None:
+        """Let the hips sink until every held foot is in reach, as an incoming straight leg is."""
+        needed = 0.0
+        for foot, leg in zip(self._feet, legs, strict=True):
+            if foot.anchor:
+                reach = foot.bones.length * straightness(leg, foot.bones)
+                needed = max(needed, drop_for(leg.hip, foot.ankle, reach))
+        goal = min(needed, self._settings.max_drop)
+        self._drop, self._drop_velocity = damp(
+            self._drop, self._drop_velocity, goal, self._settings.hips_halflife, dt
+        )

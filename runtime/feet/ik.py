@@ -1,0 +1,133 @@
+"""Closed-form two-bone inverse kinematics on arrays of any leading shape: one frame, both legs, or a whole clip."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime import rotations
+from sport.runtime.skeleton import SPORT_SKELETON, Skeleton
+
+Array = NDArray[np.floating]
+
+# hips → hip joint → thigh → shin → foot, as joint indices of the SPORT skeleton (left, right)
+LEG_HIP_JOINTS = np.array([1, 6])
+LEG_THIGHS = np.array([2, 7])
+LEG_SHINS = np.array([3, 8])
+LEG_FEET = np.array([4, 9])
+LEG_TOES = np.array([5, 10])
+
+MAX_REACH = 0.999  # of the leg's length: a knee never locks, so its bending plane stays defined
+EASE_REACH = 0.02  # of the leg's length: the last stretch is approached with falling speed
+MIN_REACH = 0.2  # of the leg's length: about 155 degrees of knee flexion
+POLE_WEIGHT_M = 0.01  # pull of the pole on the bending plane, as metres of knee offset
+_FORWARD = np.array([0.0, 0.0, 1.0])
+
+
+def soft_reach(distance: Array, length: Array) -> Array:
+    """Distance that a leg of `length` may span when `distance` is asked; once differentiable.
+
+    Equal to the asked distance up to 98 % of the length, then eased quadratically towards 99.9 %. The knee angle grows
+    with the square root of the missing length, so this easing makes it move at a finite speed as the leg straightens.
+    """
+    length = np.asarray(length)
+    room = EASE_REACH * length
+    start = MAX_REACH * length - room
+    over = np.clip(np.asarray(distance) - start, 0.0, 2.0 * room)
+    eased = np.minimum(distance, start) + over - over * over / (4.0 * room)
+    return np.maximum(eased, MIN_REACH * length)
+
+
+def two_bone(
+    hip: Array, knee: Array, ankle: Array, target: Array, pole: Array | None = None
+) -> tuple[Array, Array]:
+    """World rotations `(..., 4)` to apply to the upper and the lower bone so that the ankle reaches `target`.
+
+    All points are `(..., 3)` in one space. `pole` `(..., 3)` is the direction in which the knee may bend: the incoming
+    bending plane is kept, except that a straight knee follows the pole and one bent against the pole is
+    brought to its side. Without a pole the incoming plane is kept as it is. Bones keep their lengths; a target out of
+    reach is approached along its line (see `soft_reach`).
+    """
+    hip, knee, ankle, target = (np.asarray(a, np.float64) for a in (hip, knee, ankle, target))
+    upper, lower = _length(knee - hip), _length(ankle - knee)
+    to_target = target - hip
+    asked = _length(to_target)
+    axis = rotations.normalize(ankle - hip)
+    aim = rotations.normalize(np.where(asked[..., None] > 1e-6, to_target, axis))
+    distance = soft_reach(asked, upper + lower)
+    distance = np.maximum(distance, np.abs(upper - lower) + 1e-4)
+
+    bend = _bend_direction(axis, knee - hip, pole)
+    swing = rotations.between(axis, aim)
+    bend = rotations.rotate(swing, bend)
+    cosine = (upper**2 + distance**2 - lower**2) / (2.0 * upper * distance)
+    cosine = np.clip(cosine, -1.0, 1.0)[..., None]
+    thigh = cosine * aim + np.sqrt(1.0 - cosine**2) * bend  # unit direction of the new upper bone
+    shin = rotations.normalize(distance[..., None] * aim - upper[..., None] * thigh)
+    thigh_now = rotations.rotate(swing, rotations.normalize(knee - hip))
+    shin_now = rotations.rotate(swing, rotations.normalize(ankle - knee))
+    return (
+        rotations.multiply(rotations.between(thigh_now, thigh), swing),
+        rotations.multiply(rotations.between(shin_now, shin), swing),
+    )
+
+
+def solve_legs(
+    hips_position: Array,
+    local_rotations: Array,
+    ankle_targets: Array,
+    foot_world_rotations: Array | None = None,
+    skeleton: Skeleton = SPORT_SKELETON,
+) -> Array:
+    """Local rotations `(..., 31, 4)` with both ankles at `ankle_targets` `(..., 2, 3)` (left, right; world, metres).
+
+    `hips_position` `(..., 3)` and `local_rotations` `(..., 31, 4)` are the incoming pose. The feet take
+    `foot_world_rotations` `(..., 2, 4)`, or keep their incoming world rotations when it is None.
+    """
+    local = np.asarray(local_rotations, np.float64)
+    hips_world = local[..., None, 0, :]
+    base_world = rotations.multiply(hips_world, local[..., LEG_HIP_JOINTS, :])
+    thigh_world = rotations.multiply(base_world, local[..., LEG_THIGHS, :])
+    shin_world = rotations.multiply(thigh_world, local[..., LEG_SHINS, :])
+    foot_world = rotations.multiply(shin_world, local[..., LEG_FEET, :])
+    offsets = np.asarray(skeleton.offsets, np.float64)
+    base = np.asarray(hips_position)[..., None, :] + rotations.rotate(hips_world, offsets[LEG_HIP_JOINTS])
+    hip = base + rotations.rotate(base_world, offsets[LEG_THIGHS])
+    knee = hip + rotations.rotate(thigh_world, offsets[LEG_SHINS])
+    ankle = knee + rotations.rotate(shin_world, offsets[LEG_FEET])
+
+    pole = rotations.rotate(thigh_world, np.broadcast_to(_FORWARD, hip.shape))
+    thigh_turn, shin_turn = two_bone(hip, knee, ankle, ankle_targets, pole)
+    new_thigh = rotations.multiply(thigh_turn, thigh_world)
+    new_shin = rotations.multiply(shin_turn, shin_world)
+    new_foot = foot_world if foot_world_rotations is None else np.asarray(foot_world_rotations)
+    result = local.copy()
+    result[..., LEG_THIGHS, :] = _relative(base_world, new_thigh)
+    result[..., LEG_SHINS, :] = _relative(new_thigh, new_shin)
+    result[..., LEG_FEET, :] = _relative(new_shin, new_foot)
+    return result.astype(np.asarray(local_rotations).dtype)
+
+
+def _bend_direction(axis: Array, knee: Array, pole: Array | None) -> Array:
+    """Unit direction `(..., 3)`, perpendicular to `axis`, in which the knee leaves the line from hip to ankle."""
+    bend = _perpendicular(knee, axis)
+    if pole is None:
+        # a straight leg without a hint bends towards +Z, or +Y when the leg lies along Z
+        helper = np.where(np.abs(axis[..., 2:]) < 0.9, _FORWARD, np.array([0.0, 1.0, 0.0]))
+        fallback = rotations.normalize(_perpendicular(helper, axis))
+        return rotations.normalize(np.where(_length(bend)[..., None] > 1e-5, bend, fallback))
+    forward = rotations.normalize(_perpendicular(np.asarray(pole, np.float64), axis))
+    bend = bend + POLE_WEIGHT_M * forward
+    against = np.sum(bend * forward, axis=-1, keepdims=True)
+    return rotations.normalize(bend + forward * np.maximum(0.5 * POLE_WEIGHT_M - against, 0.0))
+
+
+def _perpendicular(v: Array, axis: Array) -> Array:
+    return v - np.sum(v * axis, axis=-1, keepdims=True) * axis
+
+
+def _relative(parent: Array, world: Array) -> Array:
+    return rotations.normalize(rotations.multiply(rotations.inverse(parent), world))
+
+
+def _length(v: Array) -> Array:
+    return np.linalg.norm(v, axis=-1)

@@ -1,0 +1,322 @@
+"""One foot of the foot lock: what holds it, where it stands, and how it clears the ground on its way."""
+
+from __future__ import annotations
+
+from math import atan2, cos, pi, sin, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.feet.ik import EASE_REACH, MAX_REACH
+from sport.runtime.feet.leg_scalar import (
+    LegBones,
+    LegPose,
+    Quaternion,
+    Vector,
+    add,
+    between,
+    damp,
+    damp_vector,
+    dot,
+    from_vector,
+    inverse,
+    length,
+    multiply,
+    rotate,
+    scale,
+    soft_reach,
+    subtract,
+    to_vector,
+    unit,
+)
+from sport.runtime.feet.settings import FootLockSettings
+from sport.runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
+from sport.runtime.terrain.point_heights import PointHeights
+
+Array = NDArray[np.floating]
+
+REACH_TRIALS = 4  # raisings of a foot that its leg does not reach; one is the rule
+
+
+class PlantedFoot:
+    """State of one foot. The offset is outgoing minus incoming toe joint."""
+
+    def __init__(self, bones: LegBones, settings: FootLockSettings) -> None:
+        self.bones = bones
+        self.settings = settings
+        self.anchor = ""  # "", "heel" or "toe": the point that is held
+        self.point = (0.0, 0.0)  # x, z of the held point
+        self.lowest = 0.0  # lowest height of the incoming point since it is held
+        self.refractory = 0.0  # s until it may be held again
+        self.offset: Vector = (0.0, 0.0, 0.0)
+        self.offset_velocity: Vector = (0.0, 0.0, 0.0)
+        self.yaw, self.yaw_velocity = 0.0, 0.0
+        self.held_yaw: float | None = None
+        self.tilt: Vector = (0.0, 0.0, 0.0)  # rotation vector that lays the sole on the ground
+        self.tilt_velocity: Vector = (0.0, 0.0, 0.0)
+        self.incoming: tuple[Vector, Vector] | None = None  # toe and ankle of the previous frame
+        self.toe: Vector = (0.0, 0.0, 0.0)  # outgoing
+        self.ankle: Vector = (0.0, 0.0, 0.0)
+        self.rotation: Quaternion = (1.0, 0.0, 0.0, 0.0)
+        self.velocity: Vector = (0.0, 0.0, 0.0)  # of the incoming toe
+        self.rise = (0.0, 0.0)  # m/s of the outgoing toe and ankle
+        self.toe_down = self.heel_down = False
+        self.heights = (0.0, 0.0)  # incoming toe and ankle over their resting heights
+        self.chances = (0.0, 0.0)  # of contact, toe and heel
+
+    def observe(self, leg: LegPose, heel: float, toe: float, ground: PointHeights, dt: float) -> None:
+        """Read the incoming foot: velocities, heights over rest, and which points are in contact."""
+        if self.incoming is None:
+            self.incoming = (leg.toe, leg.ankle)
+            self.toe, self.ankle = leg.toe, leg.ankle
+        self.velocity = scale(subtract(leg.toe, self.incoming[0]), 1.0 / dt)
+        ankle_velocity = scale(subtract(leg.ankle, self.incoming[1]), 1.0 / dt)
+        self.incoming = (leg.toe, leg.ankle)
+        self.refractory = max(0.0, self.refractory - dt)
+        self.heights = (
+            leg.toe[1] - ground.height(leg.toe[0], leg.toe[2]) - TOE_HEIGHT,
+            leg.ankle[1] - ground.height(leg.ankle[0], leg.ankle[2]) - ANKLE_HEIGHT,
+        )
+        self.chances = (toe, heel)
+        self.toe_down = self._in_contact(self.toe_down, toe, self.heights[0], self.velocity)
+        self.heel_down = self._in_contact(self.heel_down, heel, self.heights[1], ankle_velocity)
+
+    def _in_contact(self, was: bool, chance: float, height: float, velocity: Vector) -> bool:
+        s = self.settings
+        speed = sqrt(velocity[0] * velocity[0] + velocity[2] * velocity[2])
+        slack = 1.5 if was else 1.0  # hysteresis
+        if length(velocity) < slack * s.still_speed and height < slack * s.still_height:
+            return True
+        if was:
+            return chance > s.contact_off and speed < slack * s.lock_speed
+        return chance > s.contact_on and speed < s.lock_speed and height < s.lock_height
+
+    def choose_anchor(self, leg: LegPose, drop: float, other_steps: bool) -> None:
+        """Take, keep or give up the held point; the toe goes before the heel, so that the foot rolls over it."""
+        s = self.settings
+        anchor = "toe" if self.toe_down else "heel" if self.heel_down else ""
+        if self.refractory > 0.0:
+            anchor = ""
+        rise, chance = (x[0 if anchor == "toe" else 1] for x in (self.heights, self.chances))
+        may_rise = s.release_rise_sure if chance > s.contact_on else s.release_rise
+        if anchor and anchor != self.anchor:
+            joint = self.toe if anchor == "toe" else self.ankle
+            self.point, self.lowest = (joint[0], joint[2]), rise
+        self.anchor = anchor
+        if not anchor:
+            return
+        self.lowest = min(self.lowest, rise)
+        joint = leg.toe if anchor == "toe" else leg.ankle
+        away = sqrt((joint[0] - self.point[0]) ** 2 + (joint[2] - self.point[1]) ** 2)
+        hip = (leg.hip[0], leg.hip[1] - drop, leg.hip[2])
+        stretch = length(subtract(self.ankle, hip)) - self.bones.length
+        if rise > self.lowest + may_rise:
+            self.anchor, self.toe_down, self.heel_down = "", False, False
+        elif max(away / s.release_offset, stretch / s.release_stretch) > (1.5 if other_steps else 1.0):
+            self.anchor, self.refractory = "", s.refractory
+
+    def plant(self, leg: LegPose, drop: float, ground: PointHeights, dt: float) -> None:
+        """Set the outgoing toe, ankle and foot rotation."""
+        before = (self.toe[1], self.ankle[1])
+        tilt = self.tilt
+        self._turn(leg, ground, dt)
+        turned = self.rotation
+        sole = rotate(self.rotation, self.bones.offsets[4])
+        if self.anchor == "toe":
+            rest = self._support(ground) + TOE_HEIGHT
+            y = self._settle(self.toe[1], self.rise[0], rest, dt)
+            self.toe = (self.point[0], y, self.point[1])
+            self.ankle = subtract(self.toe, sole)
+            self._raise_heel(leg, drop)
+        elif self.anchor == "heel":
+            rest = ground.height(*self.point) + ANKLE_HEIGHT
+            y = self._settle(self.ankle[1], self.rise[1], rest, dt)
+            self.ankle = (self.point[0], y, self.point[1])
+            self.toe = add(self.ankle, sole)
+        else:
+            goal = (0.0, self._lift(leg, ground), 0.0)
+            self._fade_offset(goal, dt)
+            self.toe = add(leg.toe, self.offset)
+            self.ankle = subtract(self.toe, sole)
+        self._clear(ground)
+        if (
+            self.rotation != turned
+        ):  # rolling and clearing are part of the tilt, so that it fades when they end
+            self.tilt = to_vector(multiply(self.rotation, multiply(inverse(turned), from_vector(self.tilt))))
+            self.tilt_velocity = scale(subtract(self.tilt, tilt), 1.0 / dt)
+        self.rise = ((self.toe[1] - before[0]) / dt, (self.ankle[1] - before[1]) / dt)
+        offset = subtract(self.toe, leg.toe)
+        if self.anchor:
+            self.offset_velocity = scale(subtract(offset, self.offset), 1.0 / dt)
+        self.offset = offset
+
+    def _raise_heel(self, leg: LegPose, drop: float) -> None:
+        """Roll a trailing foot over its held toe as far as the leg is too short, as a walker does."""
+        hip = (leg.hip[0], leg.hip[1] - drop, leg.hip[2])
+        reach = self.bones.length * straightness(leg, self.bones)
+        to_hip, to_ankle = subtract(hip, self.toe), subtract(self.ankle, self.toe)
+        distance, foot = length(to_hip), self.bones.foot_length
+        lack = length(subtract(self.ankle, hip)) - reach
+        behind = (to_hip[0] * -to_ankle[0] + to_hip[2] * -to_ankle[2]) / foot - foot
+        share = min(max(behind / self.settings.trailing, 0.0), 1.0)
+        if lack <= 0.0 or share == 0.0:
+            return
+        wanted = reach + (1.0 - share) * lack
+        cosine = (distance * distance + foot * foot - wanted * wanted) / (2.0 * distance * foot)
+        up, along = scale(to_hip, 1.0 / distance), unit(to_ankle)
+        side = unit(subtract(along, scale(up, dot(along, up))))
+        cosine = min(cosine, 1.0)
+        turned = add(scale(up, cosine), scale(side, sqrt(1.0 - cosine * cosine)))
+        self.rotation = multiply(between(along, turned), self.rotation)
+        self.ankle = add(self.toe, scale(turned, foot))
+
+    def _settle(self, y: float, velocity: float, rest: float, dt: float) -> float:
+        s = self.settings
+        return damp(y, velocity, rest, s.settle_halflife + s.settle_slower * abs(y - rest), dt)[0]
+
+    def _turn(self, leg: LegPose, ground: PointHeights, dt: float) -> None:
+        """Rotation of the foot: incoming, with its heading held and its sole laid flat while all of it is down."""
+        s = self.settings
+        ahead = rotate(leg.foot, self.bones.offsets[4])
+        level = sqrt(ahead[0] * ahead[0] + ahead[2] * ahead[2]) > 0.04
+        heel_over_toe = -ahead[1] - (ANKLE_HEIGHT - TOE_HEIGHT)  # on level ground
+        tiptoe = min(self.heights[1] - self.heights[0], heel_over_toe) > s.still_height
+        whole = bool(self.anchor) and self.toe_down and self.heel_down and level and not tiptoe
+        heading = atan2(ahead[0], ahead[2])
+        if whole:
+            if self.held_yaw is None:
+                self.held_yaw = heading + self.yaw
+            turn = (self.held_yaw - heading + pi) % (2.0 * pi) - pi
+            turn = min(max(turn, -s.max_yaw), s.max_yaw)
+            self.yaw, self.yaw_velocity = turn, (turn - self.yaw) / dt
+        else:
+            self.held_yaw = None
+            self.yaw, self.yaw_velocity = damp(self.yaw, self.yaw_velocity, 0.0, s.yaw_halflife, dt)
+        rotation = multiply(_from_yaw(self.yaw), leg.foot)
+        goal: Vector = (0.0, 0.0, 0.0)
+        if whole:
+            slope = between((0.0, 1.0, 0.0), self._normal(ground))
+            lying = multiply(slope, _from_yaw(heading + self.yaw))
+            goal = to_vector(multiply(lying, inverse(rotation)))
+        self._fade_tilt(goal, dt)
+        self.rotation = multiply(from_vector(self.tilt), rotation)
+
+    def _fade_tilt(self, goal: Vector, dt: float) -> None:
+        self.tilt, self.tilt_velocity = damp_vector(
+            self.tilt, self.tilt_velocity, goal, self.settings.flat_halflife, dt
+        )
+
+    def _normal(self, ground: PointHeights) -> Vector:
+        """Upward normal of the ground under the sole; straight up where the sole lies over an edge."""
+        x, z, reach = 0.5 * (self.toe[0] + self.ankle[0]), 0.5 * (self.toe[2] + self.ankle[2]), 0.07
+        dx = (ground.height(x + reach, z) - ground.height(x - reach, z)) / (2.0 * reach)
+        dz = (ground.height(x, z + reach) - ground.height(x, z - reach)) / (2.0 * reach)
+        steep = sqrt(dx * dx + dz * dz) > self.settings.edge_slope
+        return (0.0, 1.0, 0.0) if steep else unit((-dx, 1.0, -dz))
+
+    def _support(self, ground: PointHeights) -> float:
+        """Height of the ground that carries a held toe: under the heel when the toe hangs over an edge."""
+        under = ground.height(*self.point)
+        if not self.heel_down:
+            return under
+        heel = ground.height(self.ankle[0], self.ankle[2])
+        over_edge = heel - under > self.settings.edge_slope * self.bones.foot_length
+        return heel if over_edge else under
+
+    def _lift(self, leg: LegPose, ground: PointHeights) -> float:
+        """Metres by which the swinging foot has to rise over its incoming height: ground below, edges ahead."""
+        s = self.settings
+        lift = s.refractory_lift if self.refractory > 0.0 else 0.0
+        vx, vy, vz = self.velocity
+        speed = sqrt(vx * vx + vz * vz)
+        moving = min(1.0, speed / s.swing_speed)
+        incoming = (leg.toe[1] - TOE_HEIGHT, leg.ankle[1] - ANKLE_HEIGHT)
+        for joint, rest, chance in zip((self.toe, self.ankle), incoming, self.chances, strict=True):
+            below = ahead = ground.height(joint[0], joint[2])
+            for share in (1.0, 0.75, 0.5, 0.25):
+                time = share * s.look_ahead
+                ahead = ground.height(joint[0] + time * vx, joint[2] + time * vz)
+                if ahead - below > 0.03 + s.edge_slope * time * speed:
+                    lift = max(lift, ahead + s.clearance - rest)
+            # a foot in swing slows down before it lands, and does not drag over the ground
+            free = 1.0 - chance
+            soon = max(0.0, ahead - below - 0.25 * s.look_ahead * vy) + moving * moving * s.swing_clearance
+            depth = below - s.sink - rest + free * soon
+            lift = max(lift, _soft_positive(depth, free * s.soft_floor))
+        return lift
+
+    def _fade_offset(self, goal: Vector, dt: float) -> None:
+        s = self.settings
+        vertical = s.rise_halflife if goal[1] > self.offset[1] else s.fall_halflife
+        y, velocity_y = damp(self.offset[1], self.offset_velocity[1], goal[1], vertical, dt)
+        (x, _, z), (velocity_x, _, velocity_z) = damp_vector(
+            self.offset, self.offset_velocity, goal, s.release_halflife, dt
+        )
+        self.offset, self.offset_velocity = (x, y, z), (velocity_x, velocity_y, velocity_z)
+
+    def _clear(self, ground: PointHeights) -> None:
+        """Raise toe and ankle out of the ground, turning the foot so that it keeps its length."""
+        s = self.settings
+        toe_floor = ground.height(self.toe[0], self.toe[2]) + TOE_HEIGHT - s.sink
+        ankle_floor = ground.height(self.ankle[0], self.ankle[2]) + ANKLE_HEIGHT - s.sink
+        if self.toe[1] >= toe_floor and self.ankle[1] >= ankle_floor:
+            return
+        toe = (self.toe[0], max(self.toe[1], toe_floor), self.toe[2])
+        ankle = (self.ankle[0], max(self.ankle[1], ankle_floor), self.ankle[2])
+        before = unit(subtract(self.toe, self.ankle))
+        after = unit(subtract(toe, ankle))
+        self.rotation = multiply(between(before, after), self.rotation)
+        sole = scale(after, self.bones.foot_length)
+        if self.anchor == "heel":
+            toe = add(ankle, sole)
+        else:
+            ankle = subtract(toe, sole)
+        # the turn has moved one end sideways, perhaps over an edge: what is still missing lifts the foot as it is
+        missing = max(0.0, self._depth(toe, ankle, ground))
+        self.toe = (toe[0], toe[1] + missing, toe[2])
+        self.ankle = (ankle[0], ankle[1] + missing, ankle[2])
+
+    def _depth(self, toe: Vector, ankle: Vector, ground: PointHeights) -> float:
+        """Metres by which a foot at `toe` and `ankle` lies deeper in the ground than a sole may press."""
+        return max(
+            ground.height(toe[0], toe[2]) + TOE_HEIGHT - self.settings.sink - toe[1],
+            ground.height(ankle[0], ankle[2]) + ANKLE_HEIGHT - self.settings.sink - ankle[1],
+        )
+
+    def within_reach(self, leg: LegPose, drop: float, ground: PointHeights) -> Vector:
+        """Target of the ankle for the IK: raised where the leg is too short and what it reaches instead lies in a step."""
+        hip, target = (leg.hip[0], leg.hip[1] - drop, leg.hip[2]), self.ankle
+        for _ in range(REACH_TRIALS):
+            to_target = subtract(target, hip)
+            asked = length(to_target)
+            if asked <= (MAX_REACH - EASE_REACH) * self.bones.length:
+                break
+            reached = add(hip, scale(to_target, soft_reach(asked, self.bones.length) / asked))
+            toe = add(reached, rotate(self.rotation, self.bones.offsets[4]))
+            missing = self._depth(toe, reached, ground)
+            if missing <= 0.0:
+                break
+            target = (target[0], target[1] + 2.0 * missing, target[2])  # twice: the reach takes a part of it
+        return target
+
+
+def straightness(leg: LegPose, bones: LegBones) -> float:
+    """Share of its length that a leg may span: that of the incoming pose, and at least what needs no easing."""
+    return max(MAX_REACH - EASE_REACH, min(length(subtract(leg.ankle, leg.hip)) / bones.length, MAX_REACH))
+
+
+def _soft_positive(x: float, width: float) -> float:
+    """max(x, 0), rounded off over +- `width`."""
+    if abs(x) >= width:
+        return max(x, 0.0)
+    return (x + width) * (x + width) / (4.0 * width)
+
+
+def _from_yaw(yaw: float) -> Quaternion:
+    return cos(0.5 * yaw), 0.0, sin(0.5 * yaw), 0.0
+
+
+def drop_for(hip: Vector, ankle: Vector, reach: float) -> float:
+    """Metres that `hip` must sink for `ankle` to be within `reach`; as far as useful when it never is."""
+    across = (ankle[0] - hip[0]) ** 2 + (ankle[2] - hip[2]) ** 2
+    height = sqrt(max(reach * reach - across, 0.0))
+    return max(hip[1] - ankle[1] - height, 0.0)

@@ -1,0 +1,310 @@
+"""The character: turns controls and a style into one pose per 1/60 s (DESIGN of one frame: see docs/architecture.md)."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime import rotations
+from sport.runtime.controls import Controls, Gait
+from sport.runtime.feet.foot_lock import FootLock
+from sport.runtime.motion import features
+from sport.runtime.motion.features import FPS, GAITS, InputParts, split_output
+from sport.runtime.motion.inertialization import Inertialization
+from sport.runtime.motion.model import MotionModel, Style
+from sport.runtime.motion.noise import DriftingNoise
+from sport.runtime.motion.phase import advance_phase
+from sport.runtime.motion.speed_regulator import SpeedRegulator
+from sport.runtime.motion.stall import TURNS_PER_SECOND, Stall, turned
+from sport.runtime.motion.trajectory import PRESENT, Trajectory, decay
+from sport.runtime.pose import Pose
+from sport.runtime.skeleton import SPORT_SKELETON
+from sport.runtime.terrain.height_map import Terrain
+
+Array = NDArray[np.floating]
+log = logging.getLogger("sport.controller")
+
+DT = 1.0 / FPS
+TEMPERATURE = (
+    0.7  # of the sampler: livelier than its mean, and nearer to the capture than at 1 (docs/evaluation.md)
+)
+STAND_SPEED = 0.12  # m/s; slower wishes mean standing
+MIN_GAIT_SPEED = 0.3  # m/s; slower, feet may well rest for a while
+CROUCH_SPEED = 0.8  # m/s at full stick
+JUMP_SECONDS = 0.7
+# what the regulator leaves of a difference in speed is taken up by longer or shorter strides, this much at most
+STRIDE_WARP = (0.8, 1.25)
+SPEED_HALF_LIFE = 0.25  # seconds, smoothing of the measured speed (a stride speeds up and slows down)
+
+
+@dataclass(frozen=True)
+class TrajectoryView:
+    """What the viewer draws: the 12 samples in world space."""
+
+    positions: Array  # (12, 3)
+    directions: Array  # (12, 2)
+
+
+@dataclass
+class _Body:
+    """The network's own state: what is fed back, relative to the root."""
+
+    joints: Array  # (31, 3)
+    velocities: Array  # (31, 3)
+    phase: Array  # (121, 5, 2) dense ±60 frames
+
+
+class Controller:
+    """Deterministic: the same model, seed, controls, terrain and styles give the same poses."""
+
+    def __init__(
+        self,
+        model: MotionModel,
+        terrain: Terrain,
+        seed: int = 0,
+        temperature: float = TEMPERATURE,
+        strength: float = 1.0,
+    ) -> None:
+        self.model = model
+        self._strength = strength
+        self.terrain = terrain
+        self.temperature = temperature
+        self.seed = seed
+        self.foot_lock_enabled = True
+        self.message = ""  # the network's fault in this frame, for the status line
+        self._foot_lock = FootLock(SPORT_SKELETON)
+        self._stall = Stall()
+        self._regulator = SpeedRegulator()
+        self._arms = Inertialization()
+        self._style = model.fold_style(model.neutral, self._strength)
+        self._from_z = self._to_z = self._style.z
+        self._blend, self._blend_seconds = 1.0, 0.0
+        self.asked_speed = 0.0
+        self.reset()
+
+    def reset(self, x: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Pose:
+        """Stand at x, z (metres) facing `yaw` (radians)."""
+        start = self.model.metadata["start"]
+        y = split_output(np.array(start["output"], np.float64))
+        phase = np.array(start["phase"], np.float64).reshape(-1, features.C, 2)
+        dense = np.arange(-PRESENT, PRESENT + 1)
+        interpolated = [np.interp(dense, features.PHASE_OFFSETS, p) for p in phase.reshape(len(phase), -1).T]
+        self._body = _Body(
+            y.joint_positions,
+            np.zeros_like(y.joint_velocities),
+            np.stack(interpolated, -1).reshape(-1, features.C, 2),
+        )
+        self._trajectory = Trajectory(float(x), float(z), float(yaw))
+        self._noise = DriftingNoise((1, *self.model.noise_shape), self.seed)
+        self._jump_left = 0.0
+        self._measured_speed = 0.0  # smoothed over a stride
+        self._root_speed = 0.0
+        self._regulator.reset()
+        self._foot_lock.reset()
+        self._stall.reset()
+        self._arms.reset()
+        self._ground = float(self.terrain.height(x, z))
+        self.pose = self._pose(y, np.zeros(4))
+        return self.pose
+
+    def set_style(self, z: Array, transition_seconds: float = 1.0) -> None:
+        """Blend to Z^t `(6, 64)` over the given time, starting with the next frame."""
+        z = np.ascontiguousarray(z, np.float32)
+        fits = z.shape == self._style.z.shape and bool(np.all(np.isfinite(z)))
+        if (
+            transition_seconds <= 0 or not fits
+        ):  # `fold_style` says what is wrong with a code that does not fit
+            self._style, self._blend = self.model.fold_style(z, self._strength), 1.0
+            self._from_z = self._to_z = self._style.z
+            return
+        self._from_z, self._to_z = self._style.z, z  # folded once a frame while it blends
+        self._blend, self._blend_seconds = 0.0, float(transition_seconds)
+
+    @property
+    def strength(self) -> float:
+        """How far styles go from neutral walking: 0 is neutral, 1 as the model shows them, more exaggerates."""
+        return self._strength
+
+    @strength.setter
+    def strength(self, value: float) -> None:
+        self._strength = value
+        self._style = self.model.fold_style(self._style.z, value)
+
+    def set_terrain(self, terrain: Terrain) -> None:
+        """Stand on another ground; the character stays where it is in X and Z."""
+        self.terrain = terrain
+        self._foot_lock.reset()
+
+    @property
+    def style(self) -> Style:
+        """The style of this frame (a blend during a transition)."""
+        return self._style
+
+    def full_speed(self, gait: Gait) -> float:
+        """What a full stick asks for in the present style, m/s."""
+        speeds = {Gait.JOG: self._style.jog_speed, Gait.CROUCH: CROUCH_SPEED}
+        return speeds.get(gait, self._style.walk_speed)
+
+    @property
+    def unlocked(self) -> tuple[Array, Array]:
+        """Hips `(3,)` and local rotations `(31, 4)` before foot lock: the network's, arms inertialised in a blend."""
+        return self._unlocked
+
+    @property
+    def trajectory(self) -> TrajectoryView:
+        """The 12 samples, laid on the terrain."""
+        index = self._trajectory.samples
+        xz = self._trajectory.xz[index]
+        height = self.terrain.height(xz[:, 0], xz[:, 1])
+        return TrajectoryView(np.stack([xz[:, 0], height, xz[:, 1]], -1), self._trajectory.directions[index])
+
+    def step(self, controls: Controls) -> Pose:
+        """Simulate 1/60 s. A fault of the network sets the character back to standing, and `message` for this frame."""
+        self.message = ""
+        self._advance_style()
+        self._steer(controls)
+        x, ground = self._input()
+        y_flat, _ = self.model.step(x[None], self._next_noise(), self._style)
+        if not np.all(np.isfinite(y_flat)):
+            self.message = "The motion network gave values that are not finite; the character was reset."
+            log.error(self.message)
+            root = self.pose.root_position
+            return self.reset(float(root[0]), float(root[2]), self.pose.root_yaw)
+        y = split_output(y_flat[0].astype(np.float64))
+        self._ground = ground
+        self.pose = self._pose(y, np.clip(y.contacts, 0.0, 1.0))
+        self._feed_back(y)
+        return self.pose
+
+    # -- one frame, in order -------------------------------------------------------------------------------------
+
+    def _advance_style(self) -> None:
+        if self._blend >= 1.0:
+            return
+        self._blend = min(1.0, self._blend + DT / self._blend_seconds)
+        t = self._blend * self._blend * (3 - 2 * self._blend)
+        self._style = self.model.fold_style((1 - t) * self._from_z + t * self._to_z, self._strength)
+
+    def _steer(self, controls: Controls) -> None:
+        move = np.array(controls.move, np.float64)
+        amount = float(np.linalg.norm(move))
+        if amount > 1.0:
+            move, amount = move / amount, 1.0
+        speed = self.full_speed(controls.gait)
+        velocity = move * speed
+        self.asked_speed = amount * speed
+        moving = self.asked_speed > STAND_SPEED
+        if moving:
+            velocity = velocity * self._regulator.update(self.asked_speed, self._root_speed)
+        else:
+            velocity = np.zeros(2)
+            self._regulator.reset()
+        gait = controls.gait
+        if gait == Gait.JUMP:
+            self._jump_left = JUMP_SECONDS
+        if self._jump_left > 0:
+            self._jump_left -= DT
+            gait = Gait.JUMP
+        elif not moving and gait != Gait.CROUCH:
+            gait = Gait.STAND
+        one_hot = np.zeros(GAITS)
+        one_hot[gait] = 1.0
+        facing = None
+        if controls.facing is not None:
+            facing = float(np.arctan2(*controls.facing))
+        elif moving:
+            facing = float(np.arctan2(*velocity))
+        self._trajectory.steer(velocity, facing, one_hot)
+
+    def _input(self) -> tuple[Array, float]:
+        t = self._trajectory
+        index = t.samples
+        positions, directions = t.xz[index], t.directions[index]
+        points = features.height_points(positions, directions)
+        heights = self.terrain.height(points[..., 0], points[..., 1]).astype(np.float64)
+        parts = InputParts(
+            root_position=t.xz[PRESENT],
+            root_yaw=t.yaw[PRESENT],
+            trajectory_positions=positions,
+            trajectory_directions=directions,
+            heights=heights,
+            gait=t.gait[index],
+            phase=self._body.phase[features.PHASE_OFFSETS + PRESENT],
+            joint_positions=self._body.joints,
+            joint_velocities=self._body.velocities,
+        )
+        return features.build_input(parts), float(features.ground_height(heights))
+
+    def _next_noise(self) -> Array:
+        noise = self._noise.step(DT)
+        return np.float32(max(self.temperature, 0.0)) * noise
+
+    def _pose(self, y: features.OutputParts, contacts: Array) -> Pose:
+        t = self._trajectory
+        yaw, xz = t.yaw[PRESENT], t.xz[PRESENT]
+        turn = rotations.from_yaw(yaw)
+        world = rotations.multiply(turn, rotations.from_6d(y.joint_rotations))
+        local = SPORT_SKELETON.local_rotations(world)
+        hips = features.to_world(y.joint_positions[0], yaw) + np.array([xz[0], self._ground, xz[1]])
+        local = self._arms.apply(local, self._blend < 1.0)
+        self._unlocked = (hips, local)
+        if self.foot_lock_enabled:
+            locked = self._foot_lock.apply(hips, local, contacts, self.terrain, DT)
+            hips, local = locked.hips_position, locked.local_rotations
+        positions, world = SPORT_SKELETON.forward_kinematics(hips, np.asarray(local))
+        root = np.array([xz[0], float(self.terrain.height(xz[0], xz[1])), xz[1]], np.float32)
+        return Pose(
+            np.asarray(hips, np.float32),
+            np.asarray(local, np.float32),
+            positions.astype(np.float32),
+            world.astype(np.float32),
+            np.asarray(contacts, np.float32),
+            root,
+            float(yaw),
+        )
+
+    def _feed_back(self, y: features.OutputParts) -> None:
+        """Next frame's state: the network's own pose on the fixed skeleton, before foot lock.
+
+        Poses after foot lock were tried by none of the training data; the network would drift away on them. Arms that
+        are held back while styles blend are fed back as they are shown, so that it goes on from where they are.
+        """
+        t, body = self._trajectory, self._body
+        yaw = t.yaw[PRESENT]
+        positions, _ = SPORT_SKELETON.forward_kinematics(*self._unlocked)
+        body.joints = features.relative_joints(
+            positions, t.xz[PRESENT], np.array(self._ground), np.array(yaw)
+        )
+        body.velocities = y.joint_velocities
+        body.phase = advance_phase(body.phase, y.phase)
+        if self._stall.update(body.joints, self._gait_speed()):
+            body.phase = turned(body.phase, TURNS_PER_SECOND * DT)
+        velocity = features.to_world(y.root[:2], yaw)
+        velocity = self._calmed(velocity)
+        self._root_speed = float(np.linalg.norm(velocity))
+        self._measured_speed += (self._root_speed - self._measured_speed) * (1 - decay(SPEED_HALF_LIFE))
+        velocity = velocity * self._stride_warp()
+        next_yaw = yaw + y.root[2] * DT
+        t.advance(
+            velocity * DT,
+            float(y.root[2] * DT),
+            features.to_world(y.trajectory_positions, next_yaw),
+            features.to_world(y.trajectory_directions, next_yaw),
+        )
+
+    def _gait_speed(self) -> float:
+        """The speed at which feet should be stepping, m/s: 0 at rest, in a jump, and while the root has not set off."""
+        travels = self._measured_speed > 0.5 * self.asked_speed and self._jump_left <= 0
+        return self.asked_speed if travels and self.asked_speed > MIN_GAIT_SPEED else 0.0
+
+    def _stride_warp(self) -> float:
+        """Scale of the root's displacement towards the asked speed; the foot lock keeps the feet planted."""
+        walks = self._measured_speed > 0.5 * self.asked_speed > 0.5 * STAND_SPEED
+        return float(np.clip(self.asked_speed / self._measured_speed, *STRIDE_WARP)) if walks else 1.0
+
+    def _calmed(self, velocity: Array) -> Array:
+        """The network's root velocity; standing still, it is damped so that idle characters do not creep."""
+        standing = float(self._trajectory.gait[PRESENT, Gait.STAND])
+        return velocity * (1.0 - standing**4)

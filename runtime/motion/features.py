@@ -1,0 +1,193 @@
+"""The layout of the networks' input x and output y: the one place that training and runtime share (Sec. III-A).
+
+Symbols of the paper: t^p, t^d trajectory positions and directions; h terrain heights; j^p, j^v joint positions and
+velocities; g gait; p phase; d root displacement; c contacts. Everything is relative to the root: the hips projected
+to the ground, facing the smoothed forward direction. Every function takes any leading shape `(...)`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime import rotations
+from sport.runtime.skeleton import SPORT_SKELETON, J
+
+Array = NDArray[np.floating]
+
+LAYOUT_VERSION = 1
+FPS = 60
+SAMPLE_STEP = 10  # frames between two samples of the ±1 s window
+L = 12  # trajectory samples
+C = 5  # phase channels
+GAITS = 6
+TRAJECTORY_OFFSETS = np.arange(-60, 60, SAMPLE_STEP)  # frames; index 6 is the present
+PHASE_OFFSETS = np.arange(-60, 61, SAMPLE_STEP)
+FUTURE_OFFSETS = TRAJECTORY_OFFSETS[L // 2 :]
+FUTURE_PHASE_OFFSETS = PHASE_OFFSETS[L // 2 :]
+HEIGHT_SPACING = 0.25  # metres between the right, centre and left height samples
+
+
+def _layout(*fields: tuple[str, int]) -> tuple[dict[str, slice], int]:
+    slices, start = {}, 0
+    for name, size in fields:
+        slices[name] = slice(start, start + size)
+        start += size
+    return slices, start
+
+
+INPUT, INPUT_SIZE = _layout(
+    ("trajectory_positions", 2 * L),
+    ("trajectory_directions", 2 * L),
+    ("heights", 3 * L),
+    ("joint_positions", 3 * J),
+    ("joint_velocities", 3 * J),
+    ("gait", GAITS * L),
+    ("phase", 2 * C * (L + 1)),
+)
+OUTPUT, OUTPUT_SIZE = _layout(
+    ("trajectory_positions", L),
+    ("trajectory_directions", L),
+    ("joint_positions", 3 * J),
+    ("joint_velocities", 3 * J),
+    ("root", 3),
+    ("contacts", 4),
+    ("phase", 2 * C * (L // 2 + 1)),
+    ("joint_rotations", 6 * J),
+)
+PAPER_OUTPUT_SIZE = OUTPUT["joint_rotations"].start  # 287: the paper's y has no rotations
+MOTION_INPUT_SIZE = INPUT["phase"].start  # 342: x without p, what the motion experts see
+
+_HIP_ACROSS = (SPORT_SKELETON.index("LeftUpLeg"), SPORT_SKELETON.index("RightUpLeg"))
+_SHOULDER_ACROSS = (SPORT_SKELETON.index("LeftArm"), SPORT_SKELETON.index("RightArm"))
+
+
+def to_root(vectors: Array, yaw: Array) -> Array:
+    """Turn world XZ `(..., 2)` or XYZ `(..., 3)` vectors into the frame of a root that faces `yaw` `(...)`."""
+    return _turn(vectors, -np.asarray(yaw))
+
+
+def to_world(vectors: Array, yaw: Array) -> Array:
+    """Inverse of `to_root`."""
+    return _turn(vectors, np.asarray(yaw))
+
+
+def _turn(v: Array, yaw: Array) -> Array:
+    cosine, sine = np.cos(yaw), np.sin(yaw)
+    x, z = v[..., 0], v[..., -1]
+    turned_x, turned_z = cosine * x + sine * z, cosine * z - sine * x
+    if v.shape[-1] == 2:
+        return np.stack([turned_x, turned_z], axis=-1)
+    return np.stack([turned_x, v[..., 1], turned_z], axis=-1)
+
+
+def facing_yaw(positions: Array) -> Array:
+    """Yaw `(...)` of the body's forward direction: across hips and shoulders `(..., 31, 3)`, turned by 90 degrees."""
+    left_hip, right_hip = _HIP_ACROSS
+    left_arm, right_arm = _SHOULDER_ACROSS
+    across = (
+        positions[..., left_hip, :]
+        - positions[..., right_hip, :]
+        + positions[..., left_arm, :]
+        - positions[..., right_arm, :]
+    )
+    # forward = across x up
+    return np.arctan2(-across[..., 2], across[..., 0])
+
+
+def height_points(positions: Array, directions: Array) -> Array:
+    """XZ points `(..., 12, 3, 2)` right, centre and left of trajectory samples `(..., 12, 2)`."""
+    left = np.stack([directions[..., 1], -directions[..., 0]], axis=-1)
+    side = np.array([-HEIGHT_SPACING, 0.0, HEIGHT_SPACING], np.float32)[:, None]
+    return positions[..., None, :] + side * left[..., None, :]
+
+
+def ground_height(heights: Array) -> Array:
+    """Reference ground of a frame `(...)`: the mean centre height of the ±1 s window `(..., 12, 3)`.
+
+    The mean, not the height under the hips: it moves smoothly over steps (as in PFNN).
+    """
+    return heights[..., 1].mean(axis=-1)
+
+
+@dataclass
+class InputParts:
+    """What x is made of, in world space. Joints belong to the previous frame, the trajectory to this one."""
+
+    root_position: Array  # (..., 2) XZ
+    root_yaw: Array  # (...)
+    trajectory_positions: Array  # (..., 12, 2)
+    trajectory_directions: Array  # (..., 12, 2)
+    heights: Array  # (..., 12, 3) right, centre, left
+    gait: Array  # (..., 12, 6)
+    phase: Array  # (..., 13, 5, 2)
+    joint_positions: Array  # (..., 31, 3) relative to the previous root
+    joint_velocities: Array  # (..., 31, 3) m/s, relative to the previous root
+
+
+def build_input(parts: InputParts) -> Array:
+    """x `(..., 472)` of one frame, not normalised."""
+    lead = np.shape(parts.root_yaw)
+    yaw = np.asarray(parts.root_yaw)[..., None]
+    centred = parts.trajectory_positions - parts.root_position[..., None, :]
+    heights = parts.heights - ground_height(parts.heights)[..., None, None]
+    fields = [
+        to_root(centred, yaw),
+        to_root(parts.trajectory_directions, yaw),
+        heights,
+        parts.joint_positions,
+        parts.joint_velocities,
+        parts.gait,
+        parts.phase,
+    ]
+    return np.concatenate([f.reshape(*lead, -1) for f in fields], axis=-1).astype(np.float32)
+
+
+@dataclass
+class OutputParts:
+    """What y is made of; joints, rotations and root displacement are relative to the root of frame i."""
+
+    trajectory_positions: Array  # (..., 6, 2) relative to the root of frame i+1
+    trajectory_directions: Array  # (..., 6, 2)
+    joint_positions: Array  # (..., 31, 3)
+    joint_velocities: Array  # (..., 31, 3) m/s
+    root: Array  # (..., 3) forward-frame velocity x, z in m/s and yaw rate in rad/s from frame i to i+1
+    contacts: Array  # (..., 4)
+    phase: Array  # (..., 7, 5, 2) present and future
+    joint_rotations: Array  # (..., 31, 6) world orientation relative to the root, 6D
+
+
+def build_output(parts: OutputParts) -> Array:
+    """y `(..., 473)` of one frame, not normalised."""
+    lead = parts.root.shape[:-1]
+    fields = [getattr(parts, name) for name in OUTPUT]
+    return np.concatenate([f.reshape(*lead, -1) for f in fields], axis=-1).astype(np.float32)
+
+
+def split_output(y: Array) -> OutputParts:
+    """Inverse of `build_output`."""
+    lead = y.shape[:-1]
+    shapes = {
+        "trajectory_positions": (6, 2),
+        "trajectory_directions": (6, 2),
+        "joint_positions": (J, 3),
+        "joint_velocities": (J, 3),
+        "root": (3,),
+        "contacts": (4,),
+        "phase": (7, C, 2),
+        "joint_rotations": (J, 6),
+    }
+    return OutputParts(**{n: y[..., OUTPUT[n]].reshape(*lead, *s) for n, s in shapes.items()})
+
+
+def relative_joints(positions: Array, root_xz: Array, ground: Array, yaw: Array) -> Array:
+    """World joints `(..., 31, 3)` relative to a root: origin on the reference ground, turned by -yaw."""
+    origin = np.stack([root_xz[..., 0], np.asarray(ground), root_xz[..., 1]], axis=-1)
+    return to_root(positions - origin[..., None, :], np.asarray(yaw)[..., None])
+
+
+def relative_rotations(world: Array, yaw: Array) -> Array:
+    """6D orientations `(..., 31, 6)` of world rotations `(..., 31, 4)` relative to a root's yaw `(...)`."""
+    turn = rotations.from_yaw(-np.asarray(yaw))[..., None, :]
+    return rotations.to_6d(rotations.multiply(np.broadcast_to(turn, world.shape), world))

@@ -1,0 +1,159 @@
+"""The trained networks behind three ONNX graphs and a metadata file, checked when loaded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.assets import asset_path
+from sport.runtime.errors import ModelError
+from sport.runtime.motion.model_files import (
+    FOLDED,
+    INT8_GRAPH,
+    check_graphs,
+    choose_precision,
+    open_graph,
+    read_graph,
+    read_metadata,
+)
+
+Array = NDArray[np.float32]
+
+DEFAULT_MODEL = "models/compact"
+MIN_STRENGTH, MAX_STRENGTH = 0.0, 2.0
+
+
+@dataclass(frozen=True)
+class Style:
+    """What a prompt contributes to every frame: the modulator's folded weights and the natural speeds."""
+
+    z: Array  # (6, 64), as it came from the prompt, whatever the strength
+    front_bias: Array
+    content_weight: Array
+    content_bias: Array
+    walk_speed: float  # m/s
+    jog_speed: float
+
+
+class MotionModel:
+    """One frame of motion: x and a style to y, by five denoising steps inside one graph.
+
+    Deterministic for equal inputs and noise. `precision` is that of the loaded step graph, fp32 or int8, and
+    `notice` says so where it is not the one that the model prefers. With int8 a
+    character's output depends a little on the others of its batch: they share the scale of the activations.
+    `noise_shape` is `(steps, experts, output size)`,
+    `style_shape` that of Z^t: (6, 64), or of six sentence embeddings for a network without a content encoder.
+    """
+
+    def __init__(
+        self, folder: Path, metadata: dict[str, Any], threads: int = 1, precision: str = "auto"
+    ) -> None:
+        self.folder = folder
+        self.precision, self.notice = choose_precision(folder, metadata, precision)
+        self.name = str(metadata["name"])
+        self.metadata = metadata
+        config = metadata["config"]
+        self.noise_shape = (
+            len(metadata["reverse_steps"]),
+            int(config["experts"]),
+            int(config["output_size"]),
+        )
+        self.style_shape = (6, int(config.get("style_size", 384)) // 6)
+        self._neutral_code, self._strength = _strength(folder, metadata, self.style_shape)
+        step = "step" if self.precision == "fp32" else INT8_GRAPH
+        prompt, self._style, self._step = (
+            open_graph(folder / f"{name}.onnx", read_graph(folder, name, metadata), threads)
+            for name in ("prompt", "style", step)
+        )
+        self._styles_apart = check_graphs(
+            folder, prompt, self._style, self._step, self.noise_shape, self.style_shape, step
+        )
+        self._stacked: tuple[tuple[Style, ...], dict[str, Array]] = ((), {})
+        self.provider = self._step.get_providers()[0].removesuffix("ExecutionProvider")
+
+    @property
+    def prompt_path(self) -> Path:
+        """The text side of the content encoder: sentence embeddings to Z^t."""
+        return self.folder / "prompt.onnx"
+
+    @property
+    def neutral(self) -> Array:
+        """Z^t `(6, 64)` of neutral walking; zeros, the middle of all training sentences, where a model does not tell it."""
+        return np.zeros(self.style_shape, np.float32) if self._neutral_code is None else self._neutral_code
+
+    def fold_style(self, z: Array, strength: float = 1.0) -> Style:
+        """Fold Z^t `(6, 64)` into the modulator's weights: once per prompt, and per frame while prompts blend.
+
+        The code is drawn out from that of neutral walking, n: n + s (z - n), s being `strength` times what the model's
+        metadata found best.
+        """
+        z = np.ascontiguousarray(z, np.float32)
+        if z.shape != self.style_shape or not np.all(np.isfinite(z)):
+            raise ModelError(
+                f"Z^t: expected finite values of shape {self.style_shape}, got {z.shape}.",
+                "Encode the prompt again.",
+            )
+        strength *= self._strength
+        drawn = z
+        if self._neutral_code is not None and strength != 1.0:
+            drawn = self._neutral_code + np.float32(strength) * (z - self._neutral_code)
+        bias, weight, content_bias, speeds = self._style.run(None, {"z": drawn})
+        walk, jog = float(np.clip(speeds[0], 0.4, 2.2)), float(np.clip(speeds[1], 1.2, 5.0))
+        return Style(z, bias, weight, content_bias, walk, max(jog, 1.3 * walk))
+
+    def step(self, x: Array, noise: Array, style: Style | Sequence[Style]) -> tuple[Array, Array]:
+        """y `(B, 473)` and alpha `(B, experts)` of inputs `(B, 472)` and noise `(B, *noise_shape)`.
+
+        `style` is one for all characters, or one for each; the same list again is not stacked anew.
+        """
+        y, alpha = self._step.run(None, {"x": x, "noise": noise, **self._folded(style, len(x))})
+        return y, alpha
+
+    def _folded(self, style: Style | Sequence[Style], count: int) -> dict[str, Array]:
+        if isinstance(style, Style):
+            tensors = {name: getattr(style, name) for name in FOLDED}
+            return {name: tensor[None] for name, tensor in tensors.items()} if self._styles_apart else tensors
+        if len(style) != count or not self._styles_apart:
+            problem = f"{len(style)} styles for {count} characters"
+            problem = problem if self._styles_apart else "this model takes one style for all characters"
+            raise ModelError(
+                f"{self.folder}: {problem}.", "Give a style for each, with a newly exported model."
+            )
+        known, tensors = self._stacked
+        if len(known) != count or any(a is not b for a, b in zip(known, style, strict=True)):
+            tensors = {name: np.stack([getattr(one, name) for one in style]) for name in FOLDED}
+            self._stacked = (tuple(style), tensors)
+        return tensors
+
+
+def _strength(folder: Path, metadata: dict[str, Any], shape: tuple[int, int]) -> tuple[Array | None, float]:
+    """Neutral Z^t and the strength that a model shows styles with; None and 1 for a model without (it has no strength)."""
+    section = metadata.get("strength")
+    if section is None:
+        return None, 1.0
+    try:
+        neutral = np.array(section["neutral"], np.float32).reshape(shape)
+        default = float(section["default"])
+        fits = bool(np.isfinite(neutral).all()) and MIN_STRENGTH <= default <= MAX_STRENGTH
+    except (TypeError, KeyError, ValueError, OverflowError):
+        fits = False
+    if not fits:
+        raise ModelError(
+            f"{folder / 'metadata.json'}: field 'strength' is no neutral style {shape} with a default of "
+            f"{MIN_STRENGTH:g} to {MAX_STRENGTH:g}.",
+            "Export the model again.",
+        )
+    return neutral, default
+
+
+def load_model(folder: Path | str | None = None, threads: int = 1, precision: str = "auto") -> MotionModel:
+    """Load and check a model folder (default: the shipped one); ModelError names what is wrong with it.
+
+    `precision` is fp32, int8, or auto: what the folder's metadata name as the better one.
+    """
+    folder = Path(folder) if folder is not None else asset_path(DEFAULT_MODEL)
+    return MotionModel(folder, read_metadata(folder), threads, precision)

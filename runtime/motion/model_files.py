@@ -1,0 +1,196 @@
+"""A model folder read with doubt: metadata and graphs are checked in full before anything relies on them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from sport.runtime.errors import ModelError
+from sport.runtime.motion.features import INPUT, INPUT_SIZE, LAYOUT_VERSION, OUTPUT_SIZE
+from sport.runtime.motion.processor import exact_8_bit_products
+from sport.runtime.skeleton import SPORT_SKELETON
+
+if TYPE_CHECKING:
+    import onnxruntime
+
+MAX_METADATA_BYTES = 16 * 1024 * 1024
+MAX_GRAPH_BYTES = 1024 * 1024 * 1024
+REMEDY = "Install the program again, or name another model folder."
+FOLDED = ("front_bias", "content_weight", "content_bias")  # what a style gives to every frame
+INT8_GRAPH = (
+    "step_int8"  # optional twin of "step" with 8-bit weights (python -m sport.training.export.quantize)
+)
+PRECISIONS = ("auto", "fp32", "int8")
+_LOG = logging.getLogger("sport.model")
+_Shapes = dict[str, list[int | None] | None]  # by name in order; None stands for any number or shape
+_JSON_NAMES: dict[type, str] = {str: "string", dict: "object", list: "list"}
+_FIELDS: dict[str, type] = {
+    "name": str, "config": dict, "reverse_steps": list, "sha256": dict, "joints": list, "start": dict,
+}  # fmt: skip
+
+
+def read_metadata(folder: Path) -> dict[str, Any]:
+    """The checked metadata of a model folder; ModelError names the file, the field and what was expected."""
+    path = folder / "metadata.json"
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_METADATA_BYTES + 1)
+    except OSError as error:
+        raise ModelError(f"{path}: {error.strerror or error}.", REMEDY) from error
+    if len(data) > MAX_METADATA_BYTES:
+        raise ModelError(f"{path}: larger than {MAX_METADATA_BYTES >> 20} MB.", REMEDY)
+    try:
+        metadata = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise ModelError(f"{path}: not valid JSON.", REMEDY) from error
+    _check_metadata(path, metadata)
+    return metadata
+
+
+def _check_metadata(path: Path, metadata: Any) -> None:
+    if not isinstance(metadata, dict) or metadata.get("format") != "sport-model":
+        raise ModelError(f"{path}: not the metadata of a SPORT model.", REMEDY)
+    version = metadata.get("layout_version")
+    if version != LAYOUT_VERSION or isinstance(version, bool):
+        raise ModelError(
+            f"{path}: field 'layout_version' is {repr(version)[:40]}, this program needs {LAYOUT_VERSION}.",
+            "Export the model again with this version of the program.",
+        )
+    for field, kind in _FIELDS.items():
+        if not isinstance(metadata.get(field), kind):
+            problem = "is missing" if field not in metadata else f"is not a JSON {_JSON_NAMES[kind]}"
+            raise ModelError(f"{path}: field '{field}' {problem}.", REMEDY)
+    if tuple(metadata["joints"]) != SPORT_SKELETON.names:
+        raise ModelError(f"{path}: field 'joints' names another skeleton.", REMEDY)
+    config, start = metadata["config"], metadata["start"]
+    if config.get("output_size") != OUTPUT_SIZE:
+        raise ModelError(
+            f"{path}: output size {str(config.get('output_size'))[:40]}, the viewer needs {OUTPUT_SIZE}"
+            " (with joint rotations).",
+            "Train a preset with rotations.",
+        )
+    experts = config.get("experts")
+    if type(experts) is not int or not 1 <= experts <= 1024:
+        raise ModelError(f"{path}: field 'config.experts' is no number of experts.", REMEDY)
+    for field, count in (("output", OUTPUT_SIZE), ("phase", INPUT["phase"].stop - INPUT["phase"].start)):
+        _check_numbers(path, f"start.{field}", start.get(field), count)
+
+
+def _check_numbers(path: Path, field: str, values: Any, count: int) -> None:
+    try:
+        array = np.asarray(values, np.float64)
+    except (TypeError, ValueError, OverflowError):
+        array = np.zeros(0)
+    if array.shape != (count,) or not np.isfinite(array).all():
+        raise ModelError(f"{path}: field '{field}' is not a list of {count} finite numbers.", REMEDY)
+
+
+def choose_precision(folder: Path, metadata: dict[str, Any], asked: str) -> tuple[str, str]:
+    """fp32 or int8 for one of PRECISIONS, and a notice for the user or "".
+
+    `auto` is fp32, with a notice and a warning in the log, where the model's default is int8 and 8-bit products overflow.
+
+    ModelError when int8 is asked for and not there, or not exact here, and when the metadata name another default.
+    """
+    path = folder / "metadata.json"
+    quantised = metadata.get("quantised", {})
+    if not isinstance(quantised, dict) or quantised.get("default", "fp32") not in PRECISIONS[1:]:
+        raise ModelError(f"{path}: field 'quantised.default' is neither fp32 nor int8.", REMEDY)
+    if asked not in PRECISIONS:
+        raise ModelError(f"precision {asked[:40]}: unknown.", f"Use one of {', '.join(PRECISIONS)}.")
+    precision = str(quantised.get("default", "fp32")) if asked == "auto" else asked
+    if precision == "int8" and INT8_GRAPH not in metadata["sha256"]:
+        raise ModelError(
+            f"{path}: the model has no 8-bit graph ({INT8_GRAPH}.onnx).",
+            f"Make it with `python -m sport.training.export.quantize {folder}`, or load the model with precision fp32.",
+        )
+    if precision == "int8" and not exact_8_bit_products():
+        problem = "8-bit products overflow on this processor, which has no VNNI"
+        if asked == "auto":
+            notice = f"{problem}; the slower fp32 graph is used."
+            _LOG.warning("%s: %s", folder, notice)
+            return "fp32", notice
+        raise ModelError(f"precision int8: {problem}.", "Load the model with precision fp32.")
+    return precision, ""
+
+
+def read_graph(folder: Path, name: str, metadata: dict[str, Any]) -> bytes:
+    """The bytes of `name`.onnx, which must be those that the metadata was written for."""
+    path = folder / f"{name}.onnx"
+    try:
+        if path.stat().st_size > MAX_GRAPH_BYTES:
+            raise ModelError(f"{path}: larger than {MAX_GRAPH_BYTES >> 20} MB.", REMEDY)
+        data = path.read_bytes()
+    except OSError as error:
+        raise ModelError(f"{path}: {error.strerror or error}.", REMEDY) from error
+    if hashlib.sha256(data).hexdigest() != metadata["sha256"].get(name):
+        raise ModelError(f"{path}: damaged, or from another export than metadata.json.", REMEDY)
+    return data
+
+
+def open_graph(path: Path, data: bytes, threads: int) -> onnxruntime.InferenceSession:
+    """A CPU session that does not spin while idle; ModelError when `data`, read from `path`, is no network."""
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.inter_op_num_threads = 1
+    options.log_severity_level = 3
+    # A frame is some hundred short products. To wake a second thread for each costs more than it wins, so it spins
+    # between them, but never beyond the frame.
+    options.add_session_config_entry("session.intra_op.allow_spinning", "1" if threads > 1 else "0")
+    options.add_session_config_entry("session.force_spinning_stop", "1")
+    try:
+        session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+        # kept to change the provider later, which nobody does: the file once more
+        session._model_bytes = None
+        return session
+    except Exception as error:  # onnxruntime raises a dozen unrelated types for a damaged graph
+        problem = f"not a graph that onnxruntime {onnxruntime.__version__} can load"
+        raise ModelError(f"{path}: {problem}.", REMEDY) from error
+
+
+def check_graphs(
+    folder: Path,
+    prompt: onnxruntime.InferenceSession,
+    style: onnxruntime.InferenceSession,
+    step: onnxruntime.InferenceSession,
+    noise_shape: tuple[int, int, int],
+    style_shape: tuple[int, int] = (6, 64),
+    step_name: str = "step",
+) -> bool:
+    """Whether `step` takes a style for each character; ModelError when the graphs do not fit this program, the
+    metadata or each other."""
+    prompt_path = folder / "prompt.onnx"
+    _check_shapes(prompt_path, prompt.get_inputs(), {"embeddings": [None, 6, None]})
+    # what comes after z are the distribution's parameters, which evaluation compares (models of version 0.1 lack them)
+    _check_shapes(prompt_path, prompt.get_outputs()[:1], {"z": [None, *style_shape]})
+    style_path, step_path = folder / "style.onnx", folder / f"{step_name}.onnx"
+    _check_shapes(style_path, style.get_inputs(), {"z": [*style_shape]})
+    _check_shapes(style_path, style.get_outputs(), {**dict.fromkeys(FOLDED), "speeds": [2]})
+    folded = {value.name: list(value.shape) for value in style.get_outputs() if value.name in FOLDED}
+    # models of version 0.1 take one style for all characters, without a dimension for it
+    bias = next((value for value in step.get_inputs() if value.name == FOLDED[0]), None)
+    apart = bias is not None and len(bias.shape) > len(folded[FOLDED[0]])
+    leading = [None] if apart else []
+    taken: _Shapes = {name: [*leading, *shape] for name, shape in folded.items()}
+    inputs: _Shapes = {"x": [None, INPUT_SIZE], "noise": [None, *noise_shape], **taken}
+    _check_shapes(step_path, step.get_inputs(), inputs)
+    _check_shapes(step_path, step.get_outputs(), {"y": [None, OUTPUT_SIZE], "alpha": [None, noise_shape[1]]})
+    return apart
+
+
+def _check_shapes(path: Path, values: Any, expected: _Shapes) -> None:
+    found = {value.name: list(value.shape) for value in values}
+    if list(found) != list(expected):
+        raise ModelError(f"{path}: has {', '.join(found)[:80]}; expected {', '.join(expected)}.", REMEDY)
+    for name, shape in expected.items():
+        sizes = found[name]
+        fits = shape is None or len(sizes) == len(shape)
+        if not fits or any(w not in (None, s) for w, s in zip(shape or [], sizes, strict=False)):
+            wanted = ", ".join("any" if size is None else str(size) for size in shape or [])
+            raise ModelError(f"{path}: '{name}' has shape {sizes}; expected ({wanted}).", REMEDY)

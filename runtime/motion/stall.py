@@ -1,0 +1,54 @@
+"""A stall: the root travels while the feet hardly move, because the phases that the network feeds itself stand still.
+
+Turning them forward, as a step would, lets the gait catch on again within some tenths of a second.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.feet.skating import SOLE_POINTS
+from sport.runtime.motion.features import FPS
+from sport.runtime.motion.trajectory import decay
+
+Array = NDArray[np.floating]
+
+FEET = list(SOLE_POINTS)
+STALLED_SHARE = 0.35  # of the asked speed; in a gait feet move against the root about as fast as the root
+STALLED_SECONDS = 0.25  # longer than feet rest against the root in the slowest step
+SMOOTHING = 0.1  # seconds, half-life of the feet's speed
+TURNS_PER_SECOND = 2.0  # of the phases while stalled
+
+
+class Stall:
+    """Notices a stall from frame to frame."""
+
+    def __init__(self) -> None:
+        self._feet: Array | None = None
+        self._speed = 0.0
+        self._seconds = 0.0
+
+    def reset(self) -> None:
+        """Forget the motion so far."""
+        self._feet, self._seconds = None, 0.0
+
+    def update(self, joints: Array, wanted: float) -> bool:
+        """Whether the gait stalls, given joints `(31, 3)` relative to the root and the speed `wanted` in m/s, 0 at rest."""
+        feet = joints[FEET]
+        if self._feet is None:
+            self._speed = wanted
+        else:
+            speed = float(np.linalg.norm(feet - self._feet, axis=-1).mean()) * FPS
+            self._speed += (speed - self._speed) * (1.0 - decay(SMOOTHING))
+        self._feet = feet
+        slow = wanted > 0.0 and self._speed < STALLED_SHARE * wanted
+        self._seconds = self._seconds + 1.0 / FPS if slow else 0.0
+        return self._seconds > STALLED_SECONDS
+
+
+def turned(phase: Array, turns: float) -> Array:
+    """Phase vectors `(..., 2)`, amplitude times sine and cosine, `turns` further on."""
+    angle = 2.0 * np.pi * turns
+    sine, cosine = np.sin(angle), np.cos(angle)
+    s, c = phase[..., 0], phase[..., 1]
+    return np.stack([s * cosine + c * sine, c * cosine - s * sine], axis=-1)

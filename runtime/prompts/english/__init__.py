@@ -1,0 +1,1 @@
+"""Prompts without a language model: an English grammar and the shipped library."""

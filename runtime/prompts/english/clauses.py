@@ -1,0 +1,182 @@
+"""Parser for clauses that say what a part does: "left arm hanging", "limping on the right leg", "hands on hips"."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from sport.runtime.prompts.english import clause_rules as rules
+from sport.runtime.prompts.english.clause_words import Actions
+from sport.runtime.prompts.english.gestures import take_gestures
+from sport.runtime.prompts.parts import MAX_CHARACTERS
+from sport.runtime.skeleton import PART_NAMES
+
+_LIMBS = ("arm", "leg")
+_NAMED = (
+    "fist",
+    "elbow",
+    "nose",
+    "heel",
+    "toe",
+    "hip",
+    "chin",
+)  # whose actions are not those of the whole part
+
+
+@dataclass(frozen=True)
+class ParsedPrompt:
+    """`parts`: part name → description that the prompt states; `rest`: the prompt without those clauses."""
+
+    parts: dict[str, str]
+    rest: str
+
+
+def parse_clauses(prompt: str) -> ParsedPrompt:
+    """Take the statements about body parts out of a prompt; several on one part are joined."""
+    text = rules.compiled(rf"\bleft and right(?=\s+(?:{rules.NOUNS}))").sub("both", prompt.lower())
+    text = text.replace("left and right", "side to side").replace("’", "'")
+    text = rules.compiled(rules.TWO_NOUNS).sub(r"\g<first> \g<rest>, \g<second> \g<rest>", text)
+    text = rules.compiled(rules.TRUNK).sub("torso", text)
+    parts, text = take_gestures(text)
+    pieces = rules.compiled(f"({rules.SEPARATOR})").split(text)
+    denied: set[str] = set()  # parts of which no more is known than what they do not do
+    rest: list[str] = []
+    last = ("arm", "right")  # the limb spoken of, for "the other one"
+    for i in range(0, len(pieces), 2):
+        found, remainder = _parse_clause(pieces[i].strip(), last)
+        denies = bool(rules.compiled(rules.DENIES).search(pieces[i]))
+        for part, description in found.items():
+            if part not in parts or (part in denied and not denies):
+                parts[part] = description
+                (denied.add if denies else denied.discard)(part)
+            elif not denies:  # "head down, never looks up": what is denied adds nothing to what is said
+                parts[part] = _joined(parts[part], description)
+            side, _, limb = part.partition("_")
+            last = (limb, side) if limb else last
+        if remainder:
+            if rest and i > 0:
+                rest.append(pieces[i - 1])
+            rest.append(remainder)
+    return ParsedPrompt(parts, _tidy("".join(rest)))
+
+
+def _parse_clause(clause: str, last: tuple[str, str]) -> tuple[dict[str, str], str]:
+    """Parts that a clause describes, and what of it does not; `last` are limb and side of the clause before."""
+    parts: dict[str, str] = {}
+    other = rules.compiled(rules.OTHER_CLAUSE).match(clause)
+    if other:
+        stated = _described(last[0], (_opposite(last[1]),), other["rest"], clause)
+        if stated:
+            return stated, ""
+    noun = rules.compiled(rules.NOUN_CLAUSE).match(clause)
+    if noun:
+        stated = _noun_parts(noun, noun["rest"], last, verbatim=True)
+        if stated:
+            return stated, ""
+    verb = rules.compiled(rules.VERB_CLAUSE).search(clause)
+    if verb:
+        action = f"{verb['degree'] or ''}{verb['verb']} {verb['rest']}"
+        stated = _noun_parts(verb, action, last, verbatim=False)
+        if stated:
+            parts.update(stated)
+            clause = _without_denial(clause[: verb.start()].strip())
+    for pattern, target, looked_up in rules.IDIOMS:
+        match = rules.compiled(pattern).search(clause)
+        if match:
+            for part, description in _idiom_parts(target, looked_up or match.group(0), match).items():
+                parts[part] = _joined(parts.get(part), description)
+            clause = f"{clause[: match.start()]} {clause[match.end() :]}".strip()
+    return parts, clause
+
+
+def _noun_parts(match: re.Match[str], action: str, last: tuple[str, str], verbatim: bool) -> dict[str, str]:
+    """Descriptions of a clause with a part's name; the clause itself where no rule knows its action."""
+    noun = match["noun"]
+    if rules.compiled(rules.NO_CLAUSE).search(match["rest"].strip()):
+        return {}
+    group = next(name for name, nouns, _, _ in rules.GROUPS if re.fullmatch(nouns, noun))
+    # "hands", "feet" and "both" mean two sides; a single limb without a side is the right one
+    plural = noun == "feet" or match.string[match.end("noun") : match.end("noun") + 1] == "s"
+    owners = match["owners"].split()
+    before = match.string[: match.start(2) if match.re.groups > 1 else 0]
+    denial = rules.compiled(rules.DENIES).search(f"{' '.join(before.split()[-3:])} {match['owners']}")
+    words = f"{noun} {action}" if noun in _NAMED else action
+    stated = _described(
+        group, _sides(owners, plural, last), f"{denial.group(0)} {words}" if denial else words, match.string
+    )
+    if stated or not verbatim or not (owners or plural):
+        return stated
+    singular = "foot" if noun == "feet" else noun
+    template = f"{'{s} ' if group in _LIMBS else ''}{singular} {action}"[: MAX_CHARACTERS - 3]
+    return _sided(group, _sides(owners, plural, last), template)
+
+
+def _idiom_parts(target: str, words: str, match: re.Match[str]) -> dict[str, str]:
+    group = {"arms": "arm", "legs": "leg", "one_leg": "leg"}.get(target, target)
+    denied = match.groupdict().get("denied") and target != "arms"
+    words = f"not {words}" if denied and not rules.compiled(rules.DENIES).search(words) else words
+    sides = ("left", "right") if target in ("arms", "legs") else ("right",)
+    if target in _LIMBS:
+        sides = (match["side"],)
+    return _described(group, sides, words, match.group(0))
+
+
+def _described(group: str, sides: tuple[str, ...], words: str, context: str) -> dict[str, str]:
+    """The trained sentences for an action of a group's parts, or {} when no rule knows it."""
+    actions, denied = next((a, d) for name, _, a, d in rules.GROUPS if name == group)
+    if rules.compiled(rules.DENIES).search(words):
+        rest = rules.compiled(rules.DENIES).sub(" ", words)
+        known = _lookup(actions, rest) or rules.compiled(r"mov|leav").search(rest)
+        template = _lookup(denied, rest) if known else None
+    else:
+        template = _lookup(actions, words)
+    return {} if template is None else _sided(group, sides, template)
+
+
+def _sides(owners: list[str], plural: bool, last: tuple[str, str]) -> tuple[str, ...]:
+    if "left" in owners or "right" in owners:
+        return tuple(side for side in ("left", "right") if side in owners)
+    if "other" in owners:
+        return (_opposite(last[1]),)
+    both = plural or {"both", "two", "neither", "either", "no", "any"} & set(owners)
+    return ("left", "right") if both else ("right",)
+
+
+def _sided(group: str, sides: tuple[str, ...], template: str) -> dict[str, str]:
+    if group not in _LIMBS:
+        return {group: template}
+    # str.replace and not format: the user's own words may hold braces
+    found = {f"{side}_{group}": template.replace("{s}", side) for side in sides}
+    return {part: found[part] for part in PART_NAMES if part in found}
+
+
+def _opposite(side: str) -> str:
+    return "left" if side == "right" else "right"
+
+
+def _joined(old: str | None, new: str) -> str:
+    joined = f"{old}, {new}" if old and old != new else new
+    return joined if len(joined) <= MAX_CHARACTERS else new
+
+
+def _lookup(actions: Actions, words: str) -> str | None:
+    """The sentence of the first rule that matches, in the degree that the words give it."""
+    found = next((text for pattern, text in actions if rules.compiled(pattern).search(words)), None)
+    if found is None or isinstance(found, str):
+        return found
+    slightly, plainly, far = found
+    if rules.compiled(rules.SLIGHTLY).search(words):
+        return slightly
+    return far if rules.compiled(rules.FAR).search(words) else plainly
+
+
+def _without_denial(clause: str) -> str:
+    return rules.compiled(rf"\s*{rules.DENIES}$").sub("", clause)
+
+
+def _tidy(rest: str) -> str:
+    rest = re.sub(r"\s+", " ", rest).strip(" ,;.:!?-")
+    rest = re.sub(
+        r"(?:(?:^|\s+)(?:and|with|while|but|whose|who|is|has|in|on|the|a|his|her|their))+$", "", rest
+    )
+    return re.sub(r"^(?:and|with|while|but)\s+", "", rest)

@@ -1,0 +1,165 @@
+"""Several entries of the library made into one set of six descriptions, part by part."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
+from sport.runtime.prompts.english.phrases import FIGURES, SLIGHTLY, Element
+from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.skeleton import PART_NAMES
+
+BROAD = 5  # an entry that tells so many parts is a whole figure or scene
+TEMPERATURE = 0.06  # of the softmax over the similarities of neighbours
+# What decides a part when several entries tell it: what the body must do before what it feels.
+_ORDER = (
+    "bodies ages walks emotions minds dances sports situations weather ground injuries loads occupations posture steps "
+    "arms"
+)
+_PRECEDENCE = {name: 1.0 + 0.03 * rank for rank, name in enumerate(_ORDER.split())}
+_PAIRS = {"arms": ("left_arm", "right_arm"), "legs": ("left_leg", "right_leg")}
+_GROUPS = {**_PAIRS, "torso": ("torso",), "head": ("head",)}
+
+
+@dataclass(frozen=True)
+class Composition:
+    """Six descriptions, and the entry that each part's words come from."""
+
+    descriptions: PartDescriptions
+    sources: dict[str, int]
+
+
+def compose_elements(
+    elements: Sequence[Element],
+    entries: tuple[LibraryEntry, ...],
+    embeddings: LibraryEmbeddings,
+    neutral: int,
+) -> Composition:
+    """Figures, moods, loads and grounds on one body: each part from the strongest entry that tells it.
+
+    Without a figure the strongest entry moves the whole body, unless it is asked for "slightly".
+    """
+    chosen = _without_mentioned([e for e in elements if not e.only], entries)
+    figures = [e for e in chosen if len(entries[e.entry].tells) >= BROAD]
+    modifiers = [e for e in chosen if e not in figures]
+    if figures:
+        sources = _figure_parts(figures, entries, embeddings, neutral)
+    else:
+        base = max(modifiers, key=lambda e: _strength(e, entries), default=None)
+        whole = base is not None and base.degree > SLIGHTLY
+        sources = dict.fromkeys(PART_NAMES, base.entry if base is not None and whole else neutral)
+    for part in PART_NAMES:
+        telling = [e for e in modifiers if part in entries[e.entry].tells]
+        if telling:
+            sources[part] = max(telling, key=lambda e: _strength(e, entries)).entry
+    _show_all(sources, modifiers, entries)
+    for element in elements:
+        sources.update(dict.fromkeys(element.only, element.entry))
+    return Composition(_words(sources, entries), sources)
+
+
+def _show_all(
+    sources: dict[str, int], modifiers: Sequence[Element], entries: tuple[LibraryEntry, ...]
+) -> None:
+    """Give an entry that lost every part it tells the one least missed: "a happy drunk" keeps a happy head."""
+    for element in modifiers:
+        if element.entry in sources.values():
+            continue
+        for name in ("head", "torso", "arms", "legs"):
+            parts = _GROUPS[name]
+            owner = sources[parts[0]]
+            elsewhere = any(sources[p] == owner for p in PART_NAMES if p not in parts)
+            if elsewhere and set(parts) <= set(entries[element.entry].tells):
+                sources.update(dict.fromkeys(parts, element.entry))
+                break
+
+
+def _figure_parts(
+    figures: Sequence[Element],
+    entries: tuple[LibraryEntry, ...],
+    embeddings: LibraryEmbeddings,
+    neutral: int,
+) -> dict[str, int]:
+    """Which of the figures moves each part: the two strongest share arms, legs, torso and head by what is unusual."""
+    ranked = sorted(figures, key=lambda e: -_figure_strength(e, entries))
+    sources = dict.fromkeys(PART_NAMES, ranked[0].entry)
+    others = [e for e in ranked if e.entry != ranked[0].entry]
+    if not others:
+        return sources
+    unusual = 1.0 - np.einsum("npd,pd->np", embeddings.parts, embeddings.parts[neutral])
+    margins = {}
+    for name, parts in _GROUPS.items():
+        columns = [PART_NAMES.index(part) for part in parts]
+        first, second = (float(unusual[e.entry, columns].mean()) for e in (ranked[0], others[0]))
+        told = set(parts) <= set(entries[others[0].entry].tells)
+        margins[name] = (second - first) if told else -1.0
+    order = sorted(margins, key=lambda name: -margins[name])
+    # each of the two is seen somewhere
+    given = [name for i, name in enumerate(order) if i == 0 or (margins[name] > 0 and i < len(order) - 1)]
+    for name in given:
+        sources.update(dict.fromkeys(_GROUPS[name], others[0].entry))
+    return sources
+
+
+def compose_neighbours(
+    ranked: Sequence[tuple[int, float]], entries: tuple[LibraryEntry, ...], embeddings: LibraryEmbeddings
+) -> Composition:
+    """For each part the words that the neighbours (entry, similarity) agree on most, weighted by similarity."""
+    indices = [i for i, _ in ranked]
+    weights = softmax(np.array([s for _, s in ranked], np.float32) / TEMPERATURE)
+    vectors = embeddings.parts[indices]  # (k, 6, D)
+    sources = {}
+    for p, part in enumerate(PART_NAMES):
+        agreement = weights * (vectors[:, p] @ (vectors[:, p].T @ weights))
+        sources[part] = indices[int(np.argmax(agreement))]
+    return Composition(_words(sources, entries), sources)
+
+
+def sources_note(
+    sources: dict[str, int], entries: tuple[LibraryEntry, ...], similarity: dict[int, float]
+) -> str:
+    """Which parts come from which entry: "arms, legs: “robot” (100%); torso, head: “depressed person” (96%)"."""
+    words = []
+    for entry in dict.fromkeys(sources.values()):
+        parts = [part for part in PART_NAMES if sources[part] == entry]
+        for pair, sides in _PAIRS.items():
+            if set(sides) <= set(parts):
+                parts = [pair if part == sides[0] else part for part in parts if part != sides[1]]
+        near = f" ({similarity[entry]:.0%})" if entry in similarity else ""
+        words.append(f"{', '.join(parts).replace('_', ' ')}: “{entries[entry].prompt}”{near}")
+    return "; ".join(words)
+
+
+def softmax(x: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Softmax over the last axis."""
+    e = np.exp(x - x.max(axis=-1, keepdims=True))
+    return np.asarray(e / e.sum(axis=-1, keepdims=True), np.float32)
+
+
+def _without_mentioned(elements: Sequence[Element], entries: tuple[LibraryEntry, ...]) -> list[Element]:
+    """The elements without figures that are only mentioned: a second one counts when compared or joined with."""
+    chosen: list[Element] = []
+    for element in elements:
+        somebody = [e for e in chosen if entries[e.entry].category in FIGURES]
+        figure = entries[element.entry].category in FIGURES
+        if figure and somebody and not (element.after_like or element.joined):
+            continue
+        chosen.append(element)
+    return chosen
+
+
+def _strength(element: Element, entries: tuple[LibraryEntry, ...]) -> float:
+    return element.similarity * element.degree * _PRECEDENCE.get(entries[element.entry].category, 1.0)
+
+
+def _figure_strength(element: Element, entries: tuple[LibraryEntry, ...]) -> float:
+    # "walks like a penguin" is about the penguin; somebody is more than a scene
+    somebody = 1.1 if entries[element.entry].category in FIGURES else 1.0
+    return element.similarity * element.degree * somebody * (1.3 if element.after_like else 1.0)
+
+
+def _words(sources: dict[str, int], entries: tuple[LibraryEntry, ...]) -> PartDescriptions:
+    return PartDescriptions(**{part: getattr(entries[i].descriptions, part) for part, i in sources.items()})

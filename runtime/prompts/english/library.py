@@ -1,0 +1,348 @@
+"""Prompts without key or network: part clauses are parsed, the rest comes from the nearest library entries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from sport.runtime.assets import asset_path
+from sport.runtime.prompts.english.clauses import parse_clauses
+from sport.runtime.prompts.english.compose import compose_elements, compose_neighbours, sources_note
+from sport.runtime.prompts.english.language import ENGLISH, is_foreign, knows_no_word
+from sport.runtime.prompts.english.library_data import (
+    NEUTRAL_STYLE,
+    LibraryEmbeddings,
+    LibraryEntry,
+    PromptLibrary,
+    Style,
+    embed_library,
+    library_hash,
+    load_embeddings,
+    load_prompt_library,
+    load_styles,
+)
+from sport.runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, read_phrases
+from sport.runtime.prompts.english.sides import on_side, side_asked
+from sport.runtime.prompts.english.spelling import Spelling
+from sport.runtime.prompts.english.words import PERSONS, PLACES, Word, words_of
+from sport.runtime.prompts.expander import Expansion, check_prompt
+from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.prompts.text_encoder import TextEncoderLike
+from sport.runtime.skeleton import PART_NAMES
+
+# Cosine similarities of prompts, set on the first lists of tests/prompt_lists.py.
+NEAR = 0.62  # the best entry is taken whole
+FAR = 0.45  # below, the prompt says nothing about a way of moving
+GUESS = 0.56  # below, neighbours are a guess that is wrong more often than not: neutral
+STRETCH = 0.56  # what is left of a prompt beside the phrases found names an entry
+WHOLE = 0.3  # words that an entry must explain more than the phrases found do, to be taken in place of them
+CERTAIN = 0.85  # an entry about body parts that shares a part's name only with the prompt needs as much
+ONE_WORD = 0.72  # the same where that is a single word, whose neighbours are many
+CLOSE = 0.8  # so near an entry a prompt is about a body, whatever the bodily score
+PLAIN = 0.2  # neutral walks are like everything that "walks": what is asked for by a style is none
+ANIMAL = 0.25  # how far below 0 the bodily score may lie where an animal is named: "a dog that has just had a bath"
+NEIGHBOURS = 4  # entries that vote for each part between FAR and NEAR
+MAX_STRETCHES = 4  # embedded for one prompt
+LIMP = "limping on the {s} leg"  # an entry of the library
+_FOREIGN = "is not English, the only language that the library reads: neutral. A language model reads others."
+_UNKNOWN = "has no word that the library knows, which reads English only: neutral."
+
+
+@dataclass(frozen=True)
+class _Library:
+    content: PromptLibrary
+    embeddings: LibraryEmbeddings
+    phrases: PhraseIndex
+    spelling: Spelling
+    neutral: int  # its entry
+    plain: list[int]  # entries that are neutral in one way or another
+
+    @property
+    def entries(self) -> tuple[LibraryEntry, ...]:
+        return self.content.entries
+
+
+class LibraryExpander:
+    """Expands prompts by the library at `library_path` (with styles.json and library.npz beside it).
+
+    Files are read at the first `expand`; without fitting stored embeddings they are computed then.
+    """
+
+    def __init__(self, encoder: TextEncoderLike, library_path: Path | None = None) -> None:
+        self._encoder = encoder
+        self._path = library_path
+
+    def expand(self, prompt: str) -> Expansion:
+        """Six descriptions for any prompt; PromptError when it is empty, over-long or has control characters."""
+        prompt = check_prompt(prompt)
+        library = self._library
+        whole = library.phrases.whole(prompt)
+        if whole is not None:
+            return _expansion(
+                library.entries[whole].descriptions, self._near(self._rank(prompt), whole), {}, ""
+            )
+        if is_foreign(prompt, library.phrases.known):
+            return self._neutral((), {}, f"“{_short(prompt)}” {_FOREIGN}")
+        text, read = library.spelling.corrected(prompt)
+        expansion = self._expand_english(text)
+        if not read:
+            return expansion
+        note = ", ".join(f"“{wrong}” read as “{right}”" for wrong, right in read.items())
+        return replace(expansion, note=f"{note[0].upper()}{note[1:]}. {expansion.note}".strip())
+
+    @property
+    def ready_prompts(self) -> tuple[str, ...]:
+        """The training styles' prompts, for a list to choose from."""
+        return tuple(style.prompt for style in self._styles.values())
+
+    def nearest(self, text: str) -> tuple[tuple[str, float], ...]:
+        """The library's prompts most like `text`, with their cosine similarity, best first; takes milliseconds."""
+        return self._near(self._rank(check_prompt(text)))
+
+    def _expand_english(self, prompt: str) -> Expansion:
+        parsed = parse_clauses(prompt)
+        parsed = replace(parsed, rest=self._library.phrases.plainly(parsed.rest))
+        words = words_of(parsed.rest)
+        if not any(word.says for word in words):
+            if parsed.parts:
+                return self._neutral((), parsed.parts, "", explicit=True)
+            return self._neutral((), {}, "The prompt names no style: neutral.")
+        return self._expand_rest(parsed.rest, words, parsed.parts)
+
+    def _expand_rest(self, rest: str, words: list[Word], stated: dict[str, str]) -> Expansion:
+        """What a prompt asks for beside its clauses: by its phrases, by the nearest entries, or nothing."""
+        library = self._library
+        reading, side = read_phrases(words, library.phrases), side_asked(words)
+        elements, note, text = list(reading.elements), "", rest
+        if reading.denied:
+            note = f"Left out, as it is denied: “{_short(', '.join(reading.denied))}”."
+            kept = sorted({*reading.left, *(i for e in elements for i in range(e.start, e.end))})
+            if not any(words[i].says for i in kept):
+                return self._denied(reading.denials, stated, note)
+            text = " ".join(words[i].text for i in kept)
+        ranked = self._rank(text)
+        near = self._near(ranked)
+        if any(words[i].says for i in reading.left) and not self._about_somebody(words, elements):
+            animal = any(library.entries[e.entry].category == "animals" for e in elements)
+            reason = self._says_nothing(text, ranked[0][1], ANIMAL if animal else 0.0)
+            if reason:
+                return self._neutral(near, stated, reason)
+        if elements:
+            elements += self._stretches(words, reading.left, elements)
+        explained = sum(_saying(words, e) * e.similarity for e in elements)
+        asked = sum(words[i].says for i in reading.left) + sum(_saying(words, e) for e in reading.elements)
+        by_words = any(e.only for e in elements) or ranked[0][0] in reading.mentioned
+        # the nearest one is somebody named: "nurse" alone would lose the tiredness of "a tired nurse at the end of …"
+        best_category = library.entries[ranked[0][0]].category
+        named = best_category in FIGURES and ranked[0][0] in {e.entry for e in elements}
+        better = not named and ranked[0][1] >= NEAR and asked * ranked[0][1] >= explained + WHOLE
+        if not elements or (better and not by_words):
+            return self._by_neighbours(text, ranked, stated, note, side)
+        made = compose_elements(elements, self._entries_on(side), library.embeddings, library.neutral)
+        similarity = {e.entry: e.similarity for e in elements}
+        if len(set(made.sources.values())) > 1:
+            note = f"{sources_note(made.sources, library.entries, similarity)}. {note}".strip()
+        return _expansion(made.descriptions, near, stated, note)
+
+    def _by_neighbours(
+        self, text: str, ranked: list[tuple[int, float]], stated: dict[str, str], note: str, side: str
+    ) -> Expansion:
+        """The nearest entry, or what the nearest ones agree on; neutral when they are far."""
+        library = self._library
+        best, near = ranked[0][1], self._near(ranked)
+        if best < FAR:
+            return self._neutral(near, stated, f"{_far(text, best)} {note}".strip())
+        entries = self._entries_on(side)
+        if best < GUESS or self._only_a_part_in_common(text, ranked[0]):
+            reason = f"“{_short(text)}” is only {best:.0%} like the nearest prompt, “{near[0][0]}”: neutral."
+            return self._neutral(near, stated, f"{reason} {note}".strip())
+        if best >= NEAR:
+            return _expansion(entries[ranked[0][0]].descriptions, near, stated, note)
+        made = compose_neighbours(ranked[:NEIGHBOURS], entries, library.embeddings)
+        parts = sources_note(made.sources, library.entries, dict(ranked))
+        note = f"Composed from the nearest prompts, {best:.0%} like it at best: {parts}. {note}".strip()
+        return _expansion(made.descriptions, near, stated, note)
+
+    def _denied(self, denials: tuple[int, ...], stated: dict[str, str], note: str) -> Expansion:
+        """A prompt that only says what is not: the opposite where the library has one, else neutral."""
+        library = self._library
+        opposite = next((library.entries[i].opposite for i in denials if library.entries[i].opposite), "")
+        if not opposite:
+            return self._neutral((), stated, note)
+        entry = next(e for e in library.entries if e.prompt == opposite)
+        return _expansion(
+            entry.descriptions, ((opposite, 1.0),), stated, f"{note} In its place: “{opposite}”."
+        )
+
+    def _only_a_part_in_common(self, text: str, best: tuple[int, float]) -> bool:
+        """Whether a text names a body part and shares no other word with an entry about parts: another instruction."""
+        words = words_of(text)
+        named = any(word.stem in PLACES for word in words) and not any(w.text in PERSONS for w in words)
+        return named and best[1] < CERTAIN and not self._shares_a_word(words, best[0])
+
+    def _shares_a_word(self, words: list[Word], number: int) -> bool:
+        """Whether an entry about arms, legs or posture has one of the words, parts' names aside; True for others."""
+        entry = self._library.entries[number]
+        if entry.category not in ("arms", "steps", "posture"):
+            return True
+        own = {
+            word.stem.removesuffix("ing")
+            for prompt in (entry.prompt, *entry.also)
+            for word in words_of(prompt)
+        }
+        return any(
+            word.says and word.stem not in PLACES and word.stem.removesuffix("ing") in own for word in words
+        )
+
+    def _entries_on(self, side: str) -> tuple[LibraryEntry, ...]:
+        """The library's entries for a prompt that names one side of the body; "" for one that does not."""
+        entries = self._library.entries
+        return tuple(on_side(entry, side) for entry in entries) if side else entries
+
+    def _stretches(self, words: list[Word], left: tuple[int, ...], named: list[Element]) -> list[Element]:
+        """Entries that stretches beside a prompt's phrases are like: "lethargic" in "a lethargic robot"."""
+        categories = [entry.category for entry in self._library.entries]
+        elements = []
+        for start, end in _runs(words, left)[:MAX_STRETCHES]:
+            text = " ".join(word.text for word in words[start:end])
+            entry, similarity = self._rank(text)[0]
+            one = sum(word.says for word in words[start:end]) == 1
+            if similarity < (ONE_WORD if one else STRETCH):
+                continue
+            if similarity < CERTAIN and not self._shares_a_word(words[start:end], entry):
+                continue
+            beside = {categories[e.entry] for e in named if start in (e.start, e.end) or end == e.start}
+            if categories[entry] in beside & {"dances", "sports"}:
+                continue  # "a basketball player dribbling" does one sport, which is named
+            if not self._library.phrases.only_alone(words[start:end]) and self._bodily(text) > 0.0:
+                elements.append(Element(entry, start, end, similarity))
+        return elements
+
+    def _about_somebody(self, words: list[Word], elements: list[Element]) -> bool:
+        """Whether a prompt names a person or asks for parts, so that it is about a body whatever else it says."""
+        people = ("characters", "occupations", "ages")
+        return any(word.text in PERSONS for word in words) or any(
+            e.only or self._library.entries[e.entry].category in people for e in elements
+        )
+
+    def _says_nothing(self, text: str, best: float, margin: float) -> str:
+        """Why a prompt says nothing about a way of moving, or ""."""
+        if knows_no_word(text, self._library.phrases.known) and best < NEAR:
+            return f"“{_short(text)}” {_UNKNOWN}"
+        if best < FAR or (best < CLOSE and self._bodily(text) < -margin):
+            return _far(text, best)
+        return ""
+
+    def _bodily(self, text: str) -> float:
+        """Above 0 where a text is rather about somebody's body than about nothing bodily."""
+        weights = self._library.embeddings.bodily
+        return float(self._encoder.encode([text])[0] @ weights[:-1] + weights[-1])
+
+    def _neutral(
+        self,
+        near: tuple[tuple[str, float], ...],
+        stated: dict[str, str],
+        note: str,
+        explicit: bool = False,
+    ) -> Expansion:
+        base = self._library.entries[self._beside(stated)].descriptions
+        return _expansion(base, near, stated, note, explicit)
+
+    def _beside(self, stated: dict[str, str]) -> int:
+        """The entry for what a prompt leaves open: neutral, but who limps does so with the whole body."""
+        library = self._library
+        sides = [side for side in ("left", "right") if "limping" in stated.get(f"{side}_leg", "")]
+        limp = library.phrases.whole(LIMP.format(s=sides[0])) if len(sides) == 1 else None
+        return library.neutral if limp is None else limp
+
+    def _rank(self, text: str) -> list[tuple[int, float]]:
+        """(entry, cosine similarity) of the nearest entries, best first; an entry counts by its best prompt."""
+        embeddings = self._library.embeddings
+        similarity = embeddings.prompts @ self._encoder.encode([text])[0]
+        by_entry = np.full(len(self._library.entries), -1.0, np.float32)
+        np.maximum.at(by_entry, embeddings.entry_of, similarity)
+        by_entry[self._library.plain] -= PLAIN
+        order = np.argsort(-by_entry, kind="stable")[: NEIGHBOURS + 1]
+        return [(int(i), float(np.clip(by_entry[i], -1.0, 1.0))) for i in order]
+
+    def _near(
+        self, ranked: list[tuple[int, float]], first: int | None = None
+    ) -> tuple[tuple[str, float], ...]:
+        """Prompts and similarities; `first` is the entry that was asked for in so many words."""
+        if first is not None:
+            ranked = [(first, 1.0), *((i, s) for i, s in ranked if i != first)][: len(ranked)]
+        return tuple((self._library.entries[i].prompt, similarity) for i, similarity in ranked)
+
+    @cached_property
+    def _library(self) -> _Library:
+        path = self._library_path
+        content = load_prompt_library(path, self._styles)
+        stored = load_embeddings(
+            path.with_suffix(".npz"), library_hash(content), self._encoder, len(content.entries)
+        )
+        styles = [entry.style for entry in content.entries]
+        if NEUTRAL_STYLE not in styles:  # a library of one's own
+            neutral = LibraryEntry(
+                "neutral", (), self._styles[NEUTRAL_STYLE].descriptions[0], style=NEUTRAL_STYLE
+            )
+            content = replace(content, entries=(*content.entries, neutral))
+            styles, stored = [*styles, NEUTRAL_STYLE], None
+        embeddings = stored or embed_library(content, self._encoder)
+        plain = [i for i, style in enumerate(styles) if style.startswith(NEUTRAL_STYLE)]
+        phrases = PhraseIndex(content)
+        spelling = Spelling(phrases.known | ENGLISH, embeddings.other_words)
+        return _Library(content, embeddings, phrases, spelling, styles.index(NEUTRAL_STYLE), plain)
+
+    @cached_property
+    def _styles(self) -> dict[str, Style]:
+        return load_styles(self._library_path.with_name("styles.json"))
+
+    @property
+    def _library_path(self) -> Path:
+        return asset_path("prompts/library.json") if self._path is None else self._path
+
+
+def _expansion(
+    base: PartDescriptions,
+    near: tuple[tuple[str, float], ...],
+    stated: dict[str, str],
+    note: str,
+    explicit: bool = False,
+) -> Expansion:
+    words = {**base.to_mapping(), **stated}
+    source: Literal["library", "explicit"] = (
+        "explicit" if explicit or len(stated) == len(PART_NAMES) else "library"
+    )
+    return Expansion(
+        PartDescriptions(**words), source, near, note, tuple(p for p in PART_NAMES if p in stated)
+    )
+
+
+def _runs(words: list[Word], left: tuple[int, ...]) -> list[tuple[int, int]]:
+    """Stretches (start, end) of neighbouring words of one clause among `left`, those that can name something."""
+    runs: list[list[int]] = []
+    for i in left:
+        if runs and runs[-1][-1] == i - 1 and words[i].clause == words[i - 1].clause:
+            runs[-1].append(i)
+        else:
+            runs.append([i])
+    return [
+        (run[0], run[-1] + 1)
+        for run in runs
+        if any(words[i].says and words[i].stem not in PLACES for i in run)
+    ]
+
+
+def _saying(words: list[Word], element: Element) -> int:
+    return sum(word.says for word in words[element.start : element.end])
+
+
+def _far(text: str, best: float) -> str:
+    return f"“{_short(text)}” says nothing about a body, {best:.0%} like the nearest prompt: neutral."
+
+
+def _short(text: str, limit: int = 40) -> str:
+    return text if len(text) <= limit else text[: limit - 1] + "…"

@@ -1,0 +1,276 @@
+"""The shipped prompt library as data: its JSON, and its precomputed embeddings. assets/prompts/README.md has the format.
+
+An entry is either a training style, `{"style": "drunk", "category", "also": [...]}`, or a hand-written one:
+`{"prompt", "category", "also", "arms" or "left_arm" and "right_arm", "legs" or "left_leg" and "right_leg", "torso",
+"head"}`. `{s}` in arms and legs stands for the side; `@drunk` takes the same part's words from that training style. `"opposite"`
+names the entry for its denial.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.errors import FileError, PromptError
+from sport.runtime.prompts.parts import PartDescriptions, check_text
+from sport.runtime.prompts.text_encoder import TextEncoderLike
+from sport.runtime.skeleton import PART_NAMES
+
+MAX_BYTES = 8_000_000
+NEUTRAL_STYLE = "neutral"
+RIDGE = 10.0
+
+
+@dataclass(frozen=True)
+class LibraryEntry:
+    """One prompt, other ways to ask for it, and its six descriptions.
+
+    `tells` are the parts that make the entry what it is, and which it gives to another character when both are asked
+    for: torso and head of a mood, legs of a ground. `style` is the training style's key or "". `opposite` is the prompt of
+    the entry that shows it denied ("not so fast"), or "".
+    """
+
+    prompt: str
+    also: tuple[str, ...]
+    descriptions: PartDescriptions
+    category: str = ""
+    tells: tuple[str, ...] = PART_NAMES
+    style: str = ""
+    opposite: str = ""
+
+
+@dataclass(frozen=True)
+class PromptLibrary:
+    """All entries; `alone` are words that name an entry only as the whole prompt ("star", but not in "a star player");
+    `nothing` are examples of prompts about nothing bodily.
+    """
+
+    entries: tuple[LibraryEntry, ...]
+    alone: frozenset[str] = frozenset()
+    nothing: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Style:
+    """A training style: a prompt for the list of ready prompts, and paraphrased descriptions of its motion."""
+
+    prompt: str
+    descriptions: tuple[PartDescriptions, ...]
+
+
+@dataclass(frozen=True)
+class LibraryEmbeddings:
+    """Unit vectors of the library's words, N entries with P prompts in all.
+
+    `prompts` (P, D) with the entry of each in `entry_of` (P,), `parts` (N, 6, D). `bodily` (D + 1,) are weights and
+    offset of a linear score that is above 0 for prompts about a body and below for those about nothing bodily.
+    `other_words` are English words one letter off the library's, which are no typing errors.
+    """
+
+    prompts: NDArray[np.float32]
+    entry_of: NDArray[np.int64]
+    parts: NDArray[np.float32]
+    bodily: NDArray[np.float32]
+    other_words: tuple[str, ...] = ()
+
+
+def load_styles(path: Path) -> dict[str, Style]:
+    """The training styles of styles.json; FileError naming the style when one is malformed."""
+    styles = {}
+    for key, value in _read_object(path).items():
+        try:
+            descriptions = tuple(PartDescriptions.from_mapping(d) for d in value["descriptions"])
+            if not descriptions:
+                raise ValueError("no descriptions")
+            styles[key] = Style(check_text(value["prompt"], "prompt", 300), descriptions)
+        except (PromptError, KeyError, TypeError, ValueError, AttributeError) as error:
+            raise FileError(
+                f"{path}: style {key!r} is malformed ({error!r}).", "Restore the file."
+            ) from error
+    if NEUTRAL_STYLE not in styles:
+        raise FileError(f"{path}: style {NEUTRAL_STYLE!r} is missing.", "Restore the file.")
+    return styles
+
+
+def load_library(path: Path, styles: Mapping[str, Style]) -> tuple[LibraryEntry, ...]:
+    """The entries of library.json with references to `styles` resolved; FileError naming a malformed entry."""
+    return load_prompt_library(path, styles).entries
+
+
+def load_prompt_library(path: Path, styles: Mapping[str, Style]) -> PromptLibrary:
+    """library.json with references to `styles` resolved; FileError naming a malformed entry."""
+    file = _read_object(path)
+    values = file.get("entries")
+    if not isinstance(values, list) or not values:
+        raise FileError(f"{path}: has no list 'entries'.", "Restore the file.")
+    tells, alone, nothing = _lists(file, path)
+    entries = []
+    for number, value in enumerate(values):
+        try:
+            entries.append(_entry(value, styles, tells))
+        except (PromptError, KeyError, TypeError, ValueError, AttributeError) as error:
+            raise FileError(
+                f"{path}: entry {number} is malformed ({error!r}).", "Correct or restore the file."
+            ) from error
+    prompts = {entry.prompt for entry in entries}
+    for number, entry in enumerate(entries):
+        if entry.opposite and entry.opposite not in prompts:
+            raise FileError(
+                f"{path}: entry {number} names the opposite {entry.opposite!r}, expected another entry's prompt.",
+                "Correct or restore the file.",
+            )
+    return PromptLibrary(tuple(entries), alone, nothing)
+
+
+def _lists(
+    file: Mapping[str, Any], path: Path
+) -> tuple[dict[str, tuple[str, ...]], frozenset[str], tuple[str, ...]]:
+    """What each category tells, the words that name an entry only alone, and the prompts about nothing bodily."""
+    try:
+        tells = {name: _parts(value["tells"]) for name, value in file.get("categories", {}).items()}
+        alone = frozenset(check_text(word, "word", 40) for word in file.get("alone", ()))
+        nothing = tuple(check_text(text, "prompt about nothing", 300) for text in file.get("nothing", ()))
+    except (PromptError, KeyError, TypeError, ValueError, AttributeError) as error:
+        raise FileError(
+            f"{path}: 'categories', 'alone' or 'nothing' is malformed ({error!r}).",
+            "Correct or restore the file.",
+        ) from error
+    return tells, alone, nothing
+
+
+def _entry(
+    value: Mapping[str, Any], styles: Mapping[str, Style], tells_of: Mapping[str, tuple[str, ...]]
+) -> LibraryEntry:
+    also = tuple(check_text(a, "other prompt", 300) for a in value.get("also", ()))
+    category = str(value.get("category", ""))
+    tells = _parts(value["tells"]) if "tells" in value else tells_of.get(category, PART_NAMES)
+    opposite = str(value.get("opposite", ""))
+    if "style" in value:
+        style = styles[value["style"]]
+        return LibraryEntry(
+            style.prompt, also, style.descriptions[0], category, tells, value["style"], opposite
+        )
+    words = {}
+    for part in PART_NAMES:
+        side, _, limb = part.partition("_")
+        text = value[part] if part in value else value[f"{limb}s"]
+        if text.startswith("@"):
+            text = getattr(styles[text[1:]].descriptions[0], part)
+        words[part] = text.replace("{s}", side)
+    prompt = check_text(value["prompt"], "prompt", 300)
+    return LibraryEntry(prompt, also, PartDescriptions(**words), category, tells, "", opposite)
+
+
+def _parts(names: list[str]) -> tuple[str, ...]:
+    unknown = [name for name in names if name not in PART_NAMES]
+    if unknown or not names:
+        raise ValueError(f"parts {names!r}, expected some of {PART_NAMES}")
+    return tuple(part for part in PART_NAMES if part in names)
+
+
+def library_hash(library: PromptLibrary) -> str:
+    """SHA-256 over all that is embedded: stored embeddings belong to exactly these words."""
+    words = [[e.prompt, e.also, e.descriptions.as_tuple()] for e in library.entries]
+    return hashlib.sha256(json.dumps([words, library.nothing]).encode("utf-8")).hexdigest()
+
+
+def embed_library(library: PromptLibrary, encoder: TextEncoderLike) -> LibraryEmbeddings:
+    """Compute the embeddings of all prompts and descriptions: some seconds for some hundred entries."""
+    asked = [(text, i) for i, entry in enumerate(library.entries) for text in (entry.prompt, *entry.also)]
+    parts = [encoder.encode(entry.descriptions.as_tuple()) for entry in library.entries]
+    prompts = encoder.encode([text for text, _ in asked])
+    return LibraryEmbeddings(
+        prompts,
+        np.array([i for _, i in asked], np.int64),
+        np.stack(parts),
+        _bodily_score(prompts, encoder.encode(library.nothing)),
+    )
+
+
+def _bodily_score(prompts: NDArray[np.float32], nothing: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Ridge regression of +1 for `prompts` (P, D) and -1 for `nothing` (M, D), both sides of equal weight: (D + 1,)."""
+    if not len(nothing):
+        return np.eye(1, prompts.shape[1] + 1, prompts.shape[1], np.float32)[0]  # all is bodily
+    features = np.hstack([np.vstack([prompts, nothing]), np.ones((len(prompts) + len(nothing), 1))])
+    wanted = np.repeat([1.0, -1.0], [len(prompts), len(nothing)])
+    weights = len(features) / 2 / np.repeat([len(prompts), len(nothing)], [len(prompts), len(nothing)])
+    weighted = features * weights[:, None]
+    normal = features.T @ weighted + RIDGE * np.eye(features.shape[1])
+    return np.linalg.solve(normal, weighted.T @ wanted).astype(np.float32)
+
+
+def save_embeddings(path: Path, embeddings: LibraryEmbeddings, digest: str, encoder_name: str) -> None:
+    """Write library.npz; numbers of unit vectors as bytes, which change a cosine by less than 0.005."""
+    np.savez_compressed(
+        path,
+        prompts=_bytes(embeddings.prompts),
+        entry_of=embeddings.entry_of.astype(np.int32),
+        parts=_bytes(embeddings.parts),
+        bodily=embeddings.bodily,
+        other_words=np.array("\n".join(embeddings.other_words)),
+        digest=np.array(digest),
+        encoder=np.array(encoder_name),
+    )
+
+
+def load_embeddings(
+    path: Path, digest: str, encoder: TextEncoderLike, entries: int
+) -> LibraryEmbeddings | None:
+    """Stored embeddings, or None when there are none for these words and this encoder; FileError when damaged."""
+    if not path.exists():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            if str(data["digest"]) != digest or str(data["encoder"]) != encoder.name:
+                return None
+            found = LibraryEmbeddings(
+                _unit_vectors(data["prompts"]),
+                data["entry_of"].astype(np.int64),
+                _unit_vectors(data["parts"]),
+                data["bodily"].astype(np.float32),
+                tuple(str(data["other_words"]).split()),
+            )
+    except Exception as error:  # zipfile, zlib and numpy each raise their own for a damaged archive
+        raise FileError(
+            f"{path}: not readable as the library's embeddings ({error}).",
+            "Run `python -m sport.training.text.build_library`, or install the program again.",
+        ) from error
+    count, size = len(found.entry_of), encoder.dimensions
+    if found.prompts.shape != (count, size) or found.parts.shape != (entries, len(PART_NAMES), size):
+        raise FileError(
+            f"{path}: embeddings of shape {found.parts.shape}, expected {(entries, len(PART_NAMES), size)}.",
+            "Run `python -m sport.training.text.build_library`.",
+        )
+    return found
+
+
+def _bytes(vectors: NDArray[np.float32]) -> NDArray[np.int8]:
+    """Unit vectors `(..., D)` as bytes, each by its largest number."""
+    largest = np.abs(vectors).max(axis=-1, keepdims=True, initial=1e-9)
+    return np.round(vectors / largest * 127).astype(np.int8)
+
+
+def _unit_vectors(stored: NDArray[np.int8]) -> NDArray[np.float32]:
+    """The inverse of `_bytes`: the scale is that of unit length."""
+    vectors = stored.astype(np.float32)
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1.0), np.float32)
+
+
+def _read_object(path: Path) -> dict[str, Any]:
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise FileError(
+                f"{path}: larger than {MAX_BYTES} bytes.", "Choose a prompt library of this program."
+            )
+        value = json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise FileError(f"{path}: not readable as JSON ({error}).", "Restore the file.") from error
+    if not isinstance(value, dict):
+        raise FileError(f"{path}: not a JSON object.", "Restore the file.")
+    return value

@@ -1,0 +1,1 @@
+"""Prompts expanded by a language model."""

@@ -1,0 +1,235 @@
+"""Chat completions of any compatible endpoint, with a limit on every wait and a sentence for every failure.
+
+Python package `openai`, imported at the first request. Answers are read as they come, so that neither a slow nor an
+endless one gets further than its limit.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import queue
+import re
+import threading
+import time
+from collections.abc import Callable, Sequence
+from email.utils import parsedate_to_datetime
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from sport.runtime.errors import PromptError
+from sport.runtime.prompts.gpt.settings import KEY, MODEL, TIMEOUT, URL, GptSettings
+
+if TYPE_CHECKING:
+    from openai import OpenAI
+
+_log = logging.getLogger(__name__)
+Result = TypeVar("Result")
+Message = dict[str, str]
+
+INSTALL = "Run pip install 'sport-viewer[gpt]'."
+MAX_BODY_BYTES = 1_000_000
+STOP_SECONDS = 0.02  # how soon a stop is noticed
+_RETRIED = (408, 409, 425, 429)  # and 5xx
+_TRANSPORT = ("httpx", "httpx2", "httpcore", "httpcore2", "anyio")  # openai 2 and 3 bring different ones
+
+
+class EndpointError(PromptError):
+    """An endpoint gave no answer; `retry` says whether asking again may help, `wait_s` when it said how long."""
+
+    def __init__(
+        self,
+        problem: str,
+        remedy: str = "",
+        status: int | None = None,
+        retry: bool = False,
+        wait_s: float | None = None,
+    ) -> None:
+        super().__init__(problem, remedy)
+        self.status = status
+        self.retry = retry
+        self.wait_s = wait_s
+
+
+class PromptCancelledError(PromptError):
+    """The question was withdrawn before it was answered."""
+
+    def __init__(self) -> None:
+        super().__init__("The prompt was withdrawn before the language model answered.")
+
+
+class ChatClient:
+    """Asks the endpoint of `settings`; every method may be called from any thread."""
+
+    def __init__(self, settings: GptSettings) -> None:
+        self._settings = settings
+
+    def prepare(self) -> None:
+        """Import what the first request needs, so that no time limit has to pay for it."""
+        _ = self._client.chat.completions.with_streaming_response
+
+    def complete(
+        self,
+        messages: Sequence[Message],
+        response_format: dict[str, Any] | None,
+        until: float,
+        stop: threading.Event,
+    ) -> str:
+        """The text of the model's answer, asked again after failures that may pass, until `time.monotonic()` is `until`.
+
+        EndpointError says why there is none, PromptCancelledError that `stop` was set meanwhile.
+        """
+        settings, wait = self._settings, self._settings.backoff_s
+        begun = time.monotonic()
+        for attempt in range(1, settings.attempts + 1):
+            seconds = min(settings.timeout_s, until - time.monotonic())
+            ask = partial(self._request, messages, response_format, seconds)
+            try:
+                return self._within(ask, seconds, stop)
+            except EndpointError as error:
+                failure = error
+            except TimeoutError:
+                failure = self._too_slow(time.monotonic() - begun)
+            pause = wait if failure.wait_s is None else failure.wait_s
+            hopeless = pause > settings.longest_wait_s or time.monotonic() + pause >= until
+            if not failure.retry or hopeless or attempt == settings.attempts:
+                raise failure
+            _log.info("%s Asked again in %.1f s.", failure.problem, pause)
+            if stop.wait(pause):
+                raise PromptCancelledError
+            wait *= 2.0
+        raise AssertionError("the last attempt returns or raises")
+
+    def _within(self, call: Callable[[], Result], seconds: float, stop: threading.Event) -> Result:
+        """Result of `call` in a thread of its own, left to itself after `seconds` (TimeoutError) or at `stop`.
+
+        A socket that waits cannot be interrupted from outside; its own time-out ends the thread soon after.
+        """
+        box: queue.SimpleQueue[tuple[Result | None, BaseException | None]] = queue.SimpleQueue()
+
+        def work() -> None:
+            try:
+                box.put((call(), None))
+            except BaseException as error:  # raised again where the result is awaited
+                box.put((None, error))
+
+        threading.Thread(target=work, name="language model", daemon=True).start()
+        end = time.monotonic() + seconds
+        while not stop.is_set():
+            try:
+                result, error = box.get(timeout=STOP_SECONDS)
+            except queue.Empty:
+                if time.monotonic() < end:
+                    continue
+                raise TimeoutError from None
+            if error is not None:
+                raise error
+            return result  # type: ignore[return-value]
+        raise PromptCancelledError
+
+    def _request(self, messages: Sequence[Message], form: dict[str, Any] | None, seconds: float) -> str:
+        import openai
+
+        end = time.monotonic() + seconds
+        body = bytearray()
+        extra = {} if form is None else {"response_format": form}
+        try:
+            create: Any = self._client.chat.completions.with_streaming_response.create
+            arguments = {"model": self._settings.model, "messages": list(messages), **extra}
+            with create(**arguments, timeout=max(seconds, 0.01)) as response:
+                for chunk in response.iter_bytes():
+                    body += chunk
+                    if time.monotonic() > end:
+                        raise TimeoutError
+                    if len(body) > MAX_BODY_BYTES:
+                        raise self._error("answers without end.", f"Check {URL}.")
+        except openai.APIStatusError as error:
+            raise self._refusal(error) from None  # the request inside has the key in its header
+        except openai.OpenAIError as error:
+            raise self._broken(error.__cause__ or error) from None
+        except Exception as error:
+            if isinstance(error, EndpointError) or type(error).__module__.split(".")[0] not in _TRANSPORT:
+                raise
+            raise self._broken(error) from None
+        return self._text(bytes(body))
+
+    @cached_property
+    def _client(self) -> OpenAI:
+        from openai import OpenAI
+
+        # endpoints without keys still need the header not to be empty
+        key = self._settings.api_key.reveal() or "none"
+        return OpenAI(api_key=key, base_url=self._settings.base_url, max_retries=0)
+
+    def _text(self, body: bytes) -> str:
+        try:
+            choice = json.loads(body)["choices"][0]
+            message = choice["message"]
+            content, refusal = message.get("content"), message.get("refusal")
+        except (ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError):
+            raise self._error("answers with something that is no chat completion.", f"Check {URL}.") from None
+        if refusal:
+            raise self._error(f"refuses the prompt: “{self._clean(refusal)}”.", "Ask in other words.")
+        if not isinstance(content, str):
+            raise self._error("answers without text.", f"Choose another model by {MODEL}.")
+        return content
+
+    # failures as sentences
+
+    def _error(self, problem: str, remedy: str, **details: Any) -> EndpointError:
+        return EndpointError(f"{self._settings.host} {problem}", remedy, **details)
+
+    def _too_slow(self, seconds: float) -> EndpointError:
+        remedy = f"Try again, choose a faster model, or raise {TIMEOUT}."
+        return self._error(f"gave no answer within {seconds:.1f} s.", remedy, retry=True)
+
+    def _broken(self, cause: BaseException) -> EndpointError | TimeoutError:
+        if "Timeout" in type(cause).__name__:
+            return TimeoutError()
+        reason = self._clean(str(cause) or type(cause).__name__)
+        return self._error(f"cannot be reached ({reason}).", f"Check {URL} and the network.", retry=True)
+
+    def _refusal(self, error: Any) -> EndpointError:
+        """What a status other than 200 means; `error` is an openai.APIStatusError."""
+        status = int(error.status_code)
+        body = error.body if isinstance(error.body, dict) else {}
+        said = self._clean(body.get("message") or error.message)
+        if status in (401, 403):
+            # what it says may repeat the key
+            return self._error(f"refuses the key ({status}).", f"Check {KEY}.", status=status)
+        if status == 404:
+            problem = f"knows no model {self._settings.model!r} at this address (404)."
+            return self._error(problem, f"Check {MODEL} and {URL}.", status=status)
+        if status == 429 and error.code == "insufficient_quota":
+            return self._error("says that the account's quota is used up (429).", "Top it up.", status=status)
+        if status == 429:
+            wait = retry_after(error.response.headers)
+            asks = "" if wait is None else f", and asks to wait {wait:.0f} s"
+            problem = f"gets too many requests (429{asks})."
+            return self._error(problem, "Try again later.", status=status, retry=True, wait_s=wait)
+        if status >= 500 or status in _RETRIED:
+            wait = retry_after(error.response.headers)
+            problem = f"fails ({status})."
+            return self._error(problem, "Try again later.", status=status, retry=True, wait_s=wait)
+        return self._error(f"refuses the request ({status}: {said}).", f"Check {MODEL}.", status=status)
+
+    def _clean(self, text: object, limit: int = 160) -> str:
+        """Foreign text for a message: without the key, on one line, shortened."""
+        line = " ".join(self._settings.api_key.hide_in(str(text)).split())
+        line = re.sub(r"\bsk-[\w*-]+|//[^/@\s]*@", "***", line)
+        return line if len(line) <= limit else line[: limit - 1] + "…"
+
+
+def retry_after(headers: Any) -> float | None:
+    """Seconds that an answer's headers ask to wait, given as seconds or as a date; None when they ask nothing usable."""
+    for name, unit in (("retry-after-ms", 1e-3), ("retry-after", 1.0)):
+        try:
+            seconds = float(headers.get(name, "")) * unit
+        except ValueError:
+            continue
+        return seconds if 0.0 <= seconds < float("inf") else None
+    try:
+        moment = parsedate_to_datetime(headers.get("retry-after", ""))
+        return max(moment.timestamp() - time.time(), 0.0)
+    except (TypeError, ValueError, IndexError, OverflowError):
+        return None

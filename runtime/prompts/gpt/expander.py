@@ -1,0 +1,161 @@
+"""Prompts expanded by a language model, as in the paper (Sec. III-C)."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import logging
+import threading
+import time
+from functools import cached_property
+from pathlib import Path
+
+from sport.runtime.errors import PromptError, SportError, UsageError
+from sport.runtime.prompts.expander import Expansion, check_prompt
+from sport.runtime.prompts.gpt.cache import AnswerCache, cache_directory
+from sport.runtime.prompts.gpt.client import INSTALL, ChatClient, EndpointError
+from sport.runtime.prompts.gpt.prompt import (
+    Message,
+    StructuredPrompt,
+    answer_schema,
+    load_structured_prompt,
+    repair_messages,
+)
+from sport.runtime.prompts.gpt.settings import MODEL, GptSettings
+from sport.runtime.prompts.parts import PartDescriptions
+
+_log = logging.getLogger(__name__)
+_SCHEMA_REFUSED = (400, 404, 415, 422, 501)  # statuses of endpoints that know no response_format
+
+
+class GptExpander:
+    """Asks a language model for the six descriptions; `expand` waits for it, so call it in a worker thread.
+
+    Without `settings` the environment configures it, at the first prompt. `cache` is the folder of stored answers, by
+    default the user's cache directory.
+    """
+
+    def __init__(self, settings: GptSettings | None = None, cache: Path | None = None) -> None:
+        self._given_settings = settings
+        self._cache_directory = cache
+        self._lock = threading.Lock()
+        self._stops: set[threading.Event] = set()  # of the prompts in hand
+        self._schema_refused = False
+        self._left_alone_until = 0.0  # monotonic seconds
+        self._last_failure: EndpointError | None = None
+
+    def expand(self, prompt: str, stop: threading.Event | None = None) -> Expansion:
+        """Descriptions by the language model, with source "gpt"; from the cache when it was asked before.
+
+        PromptError when the prompt cannot be used, when the model gives no usable answer even after one repair, or as
+        PromptCancelledError when `stop` is set or `cancel` is called meanwhile. UsageError when it is not configured.
+        """
+        prompt = check_prompt(prompt)
+        stop = threading.Event() if stop is None else stop
+        with self._lock:
+            self._stops.add(stop)
+        try:
+            return self._expand(prompt, stop)
+        finally:
+            with self._lock:
+                self._stops.discard(stop)
+
+    def stored(self, prompt: str) -> Expansion | None:
+        """The answer of an earlier time, without asking; None when there is none or nothing is configured."""
+        try:
+            descriptions = self._cache.get(check_prompt(prompt))
+        except UsageError:  # the first `expand` tells what is wrong with the settings
+            return None
+        return None if descriptions is None else Expansion(descriptions, "gpt")
+
+    def prepare(self) -> None:
+        """Import and open what the first prompt needs: Python's import would hold up frames for tens of milliseconds.
+
+        Says nothing of what is missing or wrong; the first `expand` does.
+        """
+        with contextlib.suppress(SportError):
+            self._check_ready()
+            self._client.prepare()
+            _ = self._cache.version
+
+    def cancel(self) -> None:
+        """Let every `expand` in progress end at once, by PromptCancelledError."""
+        with self._lock:
+            for stop in self._stops:
+                stop.set()
+
+    def _expand(self, prompt: str, stop: threading.Event) -> Expansion:
+        stored = self._cache.get(prompt)
+        if stored is not None:
+            return Expansion(stored, "gpt")
+        self._check_ready()
+        self._client.prepare()
+        started = time.monotonic()
+        try:
+            descriptions = self._ask(prompt, started + self._settings.deadline_s, stop)
+        except EndpointError as failure:
+            if time.monotonic() - started > self._settings.costly_s:
+                self._left_alone_until = time.monotonic() + self._settings.pause_s
+                self._last_failure = failure
+            raise
+        self._cache.put(prompt, descriptions)
+        return Expansion(descriptions, "gpt")
+
+    def _check_ready(self) -> None:
+        if importlib.util.find_spec("openai") is None:
+            raise PromptError(
+                "The language model needs the Python package 'openai', which is not installed.", INSTALL
+            )
+        seconds = self._left_alone_until - time.monotonic()
+        if self._last_failure is not None and seconds > 0.0:
+            problem = f"{self._last_failure.problem} It is asked again in {seconds:.0f} s."
+            raise PromptError(problem, self._last_failure.remedy)
+
+    def _ask(self, prompt: str, until: float, stop: threading.Event) -> PartDescriptions:
+        """Ask, and once more with the reason when the answer cannot be used."""
+        messages = self._instructions.messages(prompt)
+        answer = self._complete(messages, until, stop)
+        try:
+            return self._instructions.read(answer)
+        except PromptError as reason:
+            _log.info("answer of %s cannot be used: %s", self._settings.model, reason.problem)
+            repair = repair_messages(answer, str(reason))
+        answer = self._complete([*messages, *repair], until, stop)
+        try:
+            return self._instructions.read(answer)
+        except PromptError as reason:
+            raise PromptError(
+                f"The answer of {self._settings.model} cannot be used: {reason.problem}",
+                f"Try other words, or another model by {MODEL}.",
+            ) from reason
+
+    def _complete(self, messages: list[Message], until: float, stop: threading.Event) -> str:
+        """The model's answer, with a schema if the endpoint takes one."""
+        if not self._schema_refused:
+            try:
+                return self._client.complete(messages, answer_schema(), until, stop)
+            except EndpointError as error:
+                if error.status not in _SCHEMA_REFUSED:
+                    raise
+        answer = self._client.complete(messages, None, until, stop)
+        self._schema_refused = True
+        return answer
+
+    @cached_property
+    def _settings(self) -> GptSettings:
+        return self._given_settings or GptSettings.from_environment()
+
+    @cached_property
+    def _instructions(self) -> StructuredPrompt:
+        return load_structured_prompt()
+
+    @cached_property
+    def _client(self) -> ChatClient:
+        return ChatClient(self._settings)
+
+    @cached_property
+    def _cache(self) -> AnswerCache:
+        settings, version = self._settings, self._instructions.version
+        return AnswerCache(
+            self._cache_directory or cache_directory(), settings.model, settings.base_url, version
+        )

@@ -1,0 +1,61 @@
+"""A language model first, the library until it answers and when it fails."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+import threading
+from collections.abc import Iterator
+
+from sport.runtime.errors import SportError
+from sport.runtime.prompts.expander import Expander, Expansion, check_prompt
+from sport.runtime.prompts.gpt.client import PromptCancelledError
+from sport.runtime.prompts.gpt.expander import GptExpander
+from sport.runtime.prompts.gpt.settings import GptSettings
+
+_log = logging.getLogger(__name__)
+
+
+class FallbackExpander:
+    """Expands by `primary`, and by `secondary` with a note why when that fails."""
+
+    def __init__(self, primary: GptExpander, secondary: Expander) -> None:
+        self._primary = primary
+        self._secondary = secondary
+
+    def expand(self, prompt: str) -> Expansion:
+        """Descriptions of whichever answers; PromptError when the prompt itself cannot be used or was withdrawn."""
+        *_, (expansion, _) = self.steps(prompt, threading.Event())
+        return expansion
+
+    def steps(self, prompt: str, stop: threading.Event) -> Iterator[tuple[Expansion, bool]]:
+        """The library's answer at once and the language model's when it comes: (expansion, whether it is final).
+
+        What the language model has answered before is there at once. PromptCancelledError soon after `stop` is set.
+        """
+        prompt = check_prompt(prompt)
+        stored = self._primary.stored(prompt)
+        if stored is not None:
+            yield stored, True
+            return
+        quick = self._secondary.expand(prompt)
+        yield quick, False
+        try:
+            answer = self._primary.expand(prompt, stop)
+        except PromptCancelledError:
+            raise
+        except SportError as error:
+            _log.warning("language model: %s", error)
+            note = f"Language model: {error.problem} The library answered. {quick.note}".strip()
+            answer = dataclasses.replace(quick, note=note)
+        yield answer, True
+
+
+def open_expander(library: Expander, settings: GptSettings) -> FallbackExpander:
+    """The language model of `settings` with the library behind it.
+
+    Takes some tenths of a second, for its imports: call it in a worker thread.
+    """
+    gpt = GptExpander(settings)
+    gpt.prepare()
+    return FallbackExpander(gpt, library)

@@ -1,0 +1,1 @@
+"""Takes: clips, BVH, and what a take was made with."""

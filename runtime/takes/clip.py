@@ -1,0 +1,365 @@
+"""Takes: an immutable clip of poses, a recorder that always remembers the last minutes, and BVH in and out."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime import rotations
+from sport.runtime.atomic import write_atomic
+from sport.runtime.errors import FileError, UsageError
+from sport.runtime.pose import Pose
+from sport.runtime.skeleton import SPORT_SKELETON, J
+from sport.runtime.takes.bvh import BvhMotion, format_bvh, read_bvh
+from sport.runtime.takes.metadata import (
+    UNKNOWN,
+    Origin,
+    PromptEvent,
+    describe,
+    format_metadata,
+    gait_seconds,
+    read_metadata,
+    sidecar_path,
+)
+
+__all__ = ["Clip", "ClipRecorder", "PromptEvent", "check_bvh_options", "load_clip_bvh", "save_bvh"]
+
+Array = NDArray[np.floating]
+
+UNITS_PER_METRE = {"cm": 100.0, "m": 1.0}
+ROTATION_ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
+MAX_FPS = 1000.0
+LIVE_SECONDS = (
+    0.1  # transition while a slider is dragged: asked again in each frame, it eases towards the hand
+)
+# where the bones without a child end, metres; readers draw and measure leaf bones by it
+END_OFFSETS = {
+    5: np.array([0.0, 0.0, 0.06], np.float32),
+    10: np.array([0.0, 0.0, 0.06], np.float32),
+    16: np.array([0.0, 0.18, 0.02], np.float32),
+    22: np.array([0.04, 0.0, 0.0], np.float32),
+    23: np.array([0.03, 0.0, 0.03], np.float32),
+    29: np.array([-0.04, 0.0, 0.0], np.float32),
+    30: np.array([-0.03, 0.0, 0.03], np.float32),
+}
+
+
+@dataclass(frozen=True)
+class Clip:
+    """Poses of the SPORT skeleton at a fixed rate, as they were on the screen."""
+
+    name: str
+    fps: float
+    hips_positions: Array  # (T, 3) metres, world
+    local_rotations: Array  # (T, 31, 4)
+    contacts: Array  # (T, 4) 0..1: left heel, left toe, right heel, right toe
+    prompts: tuple[PromptEvent, ...] = ()
+    terrain: str = "flat"  # name or file of the ground it was made on
+    origin: Origin = UNKNOWN  # model, seed and settings
+    gait_seconds: tuple[tuple[str, float], ...] = ()  # how long each gait was asked for
+    gaits: NDArray[np.int8] | None = None  # (T,) asked for in each frame; None for takes from files
+
+    def __post_init__(self) -> None:
+        n = len(self.hips_positions)
+        shapes = (self.hips_positions.shape, self.local_rotations.shape, self.contacts.shape)
+        if n < 1 or shapes != ((n, 3), (n, J, 4), (n, 4)):
+            raise ValueError(f"clip arrays {shapes}: expected (T, 3), (T, {J}, 4), (T, 4) with T >= 1")
+        if not 0.0 < self.fps <= MAX_FPS:
+            raise ValueError(f"clip of {self.fps} frames per second: expected 0 to {MAX_FPS:.0f}")
+
+    def __len__(self) -> int:
+        return len(self.hips_positions)
+
+    @property
+    def seconds(self) -> float:
+        """Time from the first to the last frame."""
+        return (len(self) - 1) / self.fps
+
+    def describe(self) -> str:
+        """How it was made, in some lines for a person; "" when nothing is known."""
+        return describe(self.terrain, self.prompts, self.origin, dict(self.gait_seconds))
+
+    def pose(self, i: int, ground_m: float = 0.0) -> Pose:
+        """The pose of frame `i`; `ground_m` is the height of the terrain under it."""
+        return _pose(self.hips_positions[i], self.local_rotations[i], self.contacts[i], ground_m)
+
+    def sample(self, seconds: float, ground_m: float = 0.0) -> Pose:
+        """The pose at a time, interpolated; times outside the clip give its ends."""
+        hips, local, contacts = self._at(np.array([seconds]))
+        return _pose(hips[0], local[0], contacts[0], ground_m)
+
+    def world(self) -> tuple[Array, Array]:
+        """World positions `(T, 31, 3)` and rotations `(T, 31, 4)`."""
+        return SPORT_SKELETON.forward_kinematics(self.hips_positions, self.local_rotations)
+
+    def trim(self, first: int, last: int) -> Clip:
+        """Frames `first` to `last`, both included."""
+        if not 0 <= first <= last < len(self):
+            raise UsageError(
+                f"trim {first} to {last}: the clip has frames 0 to {len(self) - 1}.", "Choose others."
+            )
+        keep = slice(first, last + 1)
+        gaits = None if self.gaits is None else self.gaits[keep]
+        return replace(
+            self,
+            gaits=gaits,
+            gait_seconds=() if gaits is None else tuple(gait_seconds(gaits, self.fps).items()),
+            hips_positions=self.hips_positions[keep],
+            local_rotations=self.local_rotations[keep],
+            contacts=self.contacts[keep],
+            prompts=_shift_prompts(self.prompts, first / self.fps, (last - first) / self.fps),
+        )
+
+    def resampled(self, fps: float) -> Clip:
+        """The same motion at another rate, from the same first frame."""
+        if not 0.0 < fps <= MAX_FPS:
+            raise UsageError(f"{fps} frames per second: expected 0 to {MAX_FPS:.0f}.", "Try 60 or 30.")
+        if fps == self.fps:
+            return self
+        count = math.floor(self.seconds * fps + 1e-6) + 1
+        hips, local, contacts = self._at(np.arange(count) / fps)
+        return replace(
+            self, fps=fps, hips_positions=hips, local_rotations=local, contacts=contacts, gaits=None
+        )
+
+    def _at(self, seconds: Array) -> tuple[Array, Array, Array]:
+        at = np.clip(np.asarray(seconds, np.float64) * self.fps, 0.0, len(self) - 1.0)
+        before = np.floor(at + 1e-9).astype(np.int64)
+        after = np.minimum(before + 1, len(self) - 1)
+        share = np.clip(at - before, 0.0, 1.0)
+        t = share[:, None]
+        hips = self.hips_positions[before] * (1 - t) + self.hips_positions[after] * t
+        contacts = self.contacts[before] * (1 - t) + self.contacts[after] * t
+        local = rotations.slerp(self.local_rotations[before], self.local_rotations[after], t)
+        return hips.astype(np.float32), local.astype(np.float32), contacts.astype(np.float32)
+
+
+class ClipRecorder:
+    """Always on: keeps the last `max_seconds`, so that a take can begin in the past, and the whole of a running take.
+
+    A take longer than `MAX_TAKE_SECONDS` keeps its last part. Frames are copied, so poses may be reused.
+    """
+
+    MAX_TAKE_SECONDS = 3600.0
+
+    def __init__(self, max_seconds: float = 300.0, fps: float = 60.0) -> None:
+        self.fps = fps
+        self._keep = max(1, round(max_seconds * fps))
+        self._limit = max(self._keep, round(self.MAX_TAKE_SECONDS * fps))
+        self._frames: deque[Array] = deque()
+        self._first = 0  # number of the oldest frame kept; frames count from 0 since the program's start
+        self._begin: int | None = None  # number of the take's first frame
+        self._prompts: deque[tuple[int, PromptEvent]] = deque()
+
+    @property
+    def recording(self) -> bool:
+        """Whether a take is running."""
+        return self._begin is not None
+
+    @property
+    def take_seconds(self) -> float:
+        """Length of the running take, 0 without one."""
+        return 0.0 if self._begin is None else (self._first + len(self._frames) - self._begin) / self.fps
+
+    @property
+    def seconds(self) -> float:
+        """How far back `last` can reach."""
+        return len(self._frames) / self.fps
+
+    def add(self, pose: Pose, gait: int = -1) -> None:
+        """Remember the pose of one simulated frame, and the gait that was asked for (-1: not known)."""
+        row = np.concatenate([pose.hips_position, np.ravel(pose.local_rotations), pose.contacts, [gait]])
+        self._frames.append(row.astype(np.float32))
+        keep = self._keep
+        if self._begin is not None:
+            keep = min(max(keep, self._first + len(self._frames) - self._begin), self._limit)
+        while len(self._frames) > keep:
+            self._frames.popleft()
+            self._first += 1
+        while len(self._prompts) > 1 and self._prompts[1][0] <= self._first:
+            self._prompts.popleft()  # no frame that is kept was made by it
+
+    def mark_prompt(self, prompt: str, transition_seconds: float = 0.0, words: str = "") -> None:
+        """Note that `prompt` holds from the next frame on; see `PromptEvent`.
+
+        Of live changes within `LIVE_SECONDS` only the last is kept, at the time of the first.
+        """
+        event = PromptEvent(0.0, prompt, transition_seconds, words)
+        frame = self._first + len(self._frames)
+        if self._prompts and _is_live(event):
+            before, last = self._prompts[-1]
+            if _is_live(last) and frame - before < round(LIVE_SECONDS * self.fps):
+                self._prompts[-1] = (before, event)
+                return
+        self._prompts.append((frame, event))
+
+    def start(self) -> None:
+        """Begin a take with the next frame; a running take goes on."""
+        if self._begin is None:
+            self._begin = self._first + len(self._frames)
+
+    def stop(self, name: str = "take", terrain: str = "flat", origin: Origin | None = None) -> Clip:
+        """End the take; UsageError when none is running or it has no frame yet."""
+        if self._begin is None:
+            raise UsageError("no take is running.", "Start recording first.")
+        begin, self._begin = self._begin, None
+        return self._clip(begin, name, terrain, origin)
+
+    def last(
+        self, seconds: float, name: str = "take", terrain: str = "flat", origin: Origin | None = None
+    ) -> Clip:
+        """The last `seconds` (at most what is remembered) as a clip; a running take goes on."""
+        count = max(1, round(seconds * self.fps))
+        return self._clip(self._first + len(self._frames) - count, name, terrain, origin)
+
+    def _clip(self, begin: int, name: str, terrain: str, origin: Origin | None) -> Clip:
+        begin = max(begin, self._first)
+        rows = list(islice(self._frames, begin - self._first, None))
+        if not rows:
+            raise UsageError("nothing is recorded yet.", "Let the character move first.")
+        table = np.stack(rows)
+        events = tuple(replace(event, seconds=(frame - begin) / self.fps) for frame, event in self._prompts)
+        gaits = table[:, -1].astype(np.int8)
+        return Clip(
+            name=name,
+            fps=self.fps,
+            hips_positions=table[:, :3],
+            local_rotations=table[:, 3:-5].reshape(-1, J, 4),
+            contacts=table[:, -5:-1],
+            prompts=_shift_prompts(events, 0.0, len(rows) / self.fps),
+            terrain=terrain,
+            origin=origin or UNKNOWN,
+            gait_seconds=tuple(gait_seconds(gaits, self.fps).items()),
+            gaits=gaits,
+        )
+
+
+def check_bvh_options(fps: float, unit: str, order: str = "ZYX") -> None:
+    """UsageError when `save_bvh` cannot write with these options."""
+    if not 1.0 <= fps <= MAX_FPS:
+        raise UsageError(f"{fps} frames per second: expected 1 to {MAX_FPS:.0f}.", "Try 60 or 30.")
+    if unit not in UNITS_PER_METRE:
+        raise UsageError(f"unit '{unit}': expected cm or m.", "Choose one of the two.")
+    if order.upper() not in ROTATION_ORDERS:
+        raise UsageError(f"rotation order '{order}': unknown.", f"Choose {', '.join(ROTATION_ORDERS)}.")
+
+
+def save_bvh(clip: Clip, path: str | Path, fps: float = 60.0, unit: str = "cm", order: str = "ZYX") -> Path:
+    """Write a BVH that appears whole or not at all, and its `sidecar_path`; the BVH's path.
+
+    `fps` resamples the clip, `unit` is "cm" or "m", `order` one of `ROTATION_ORDERS`. UsageError or FileError.
+    """
+    check_bvh_options(fps, unit, order)
+    at_rate = clip.resampled(fps)
+    scale = UNITS_PER_METRE[unit]
+    text = format_bvh(
+        SPORT_SKELETON,
+        at_rate.hips_positions,
+        at_rate.local_rotations,
+        fps,
+        units_per_metre=scale,
+        order=order,
+        end_offsets=END_OFFSETS,
+    )
+    path = Path(path)
+    write_atomic(path, text)
+    metadata = format_metadata(
+        text, clip.name, clip.seconds, clip.terrain, clip.prompts, clip.origin, dict(clip.gait_seconds)
+    )
+    write_atomic(sidecar_path(path), metadata)
+    return path
+
+
+def load_clip_bvh(path: str | Path) -> Clip:
+    """A clip from a BVH of the 31-joint SPORT skeleton in any unit, channel order and joint order.
+
+    FileError names the joints that are missing or rest otherwise, or a rate that no clip has. Contacts are zero: a
+    BVH has none.
+    What the file beside it tells of prompts and origin is taken where it belongs to this BVH.
+    """
+    path = Path(path)
+    motion = read_bvh(path)
+    remedy = "Open a BVH that this program has written."
+    fps = float(round(motion.fps, 3))
+    if not 0.0 < fps <= MAX_FPS:
+        raise FileError(f"{path}: {fps:g} frames per second; expected at most {MAX_FPS:.0f}.", remedy)
+    missing = [name for name in SPORT_SKELETON.names if name not in motion.skeleton.names]
+    if missing:
+        more = f" and {len(missing) - 4} more" if len(missing) > 4 else ""
+        raise FileError(f"{path}: joint {', '.join(missing[:4])}{more} is missing.", remedy)
+    order = [motion.skeleton.index(name) for name in SPORT_SKELETON.names]
+    scale = _metres_per_unit(motion, order, path)
+    if motion.skeleton.parents[order[0]] >= 0:
+        raise FileError(f"{path}: expected the joint Hips as ROOT.", remedy)
+    made = read_metadata(path)
+    return Clip(
+        name=path.stem,
+        fps=fps,
+        hips_positions=(motion.positions[:, order[0]] * scale).astype(np.float32),
+        local_rotations=motion.local_rotations[:, order],
+        contacts=np.zeros((len(motion.positions), 4), np.float32),
+        prompts=made.prompts,
+        terrain=made.terrain,
+        origin=made.origin,
+        gait_seconds=made.gait_seconds,
+    )
+
+
+def _metres_per_unit(motion: BvhMotion, order: list[int], path: Path) -> float:
+    """Scale of a file whose rest pose is the SPORT skeleton's but for its unit."""
+    for name, j in zip(SPORT_SKELETON.names, order, strict=True):
+        parent = motion.skeleton.parents[j]
+        ours = SPORT_SKELETON.parents[SPORT_SKELETON.index(name)]
+        if ours >= 0 and (parent < 0 or motion.skeleton.names[parent] != SPORT_SKELETON.names[ours]):
+            raise FileError(
+                f"{path}: joint {name} is not a child of {SPORT_SKELETON.names[ours]}.",
+                "Open a BVH that this program has written.",
+            )
+    theirs = motion.skeleton.offsets[order].astype(np.float64)
+    wanted = SPORT_SKELETON.offsets.astype(np.float64)
+    theirs[0] = wanted[0] = 0.0
+    total = float(np.sum(theirs * theirs))
+    scale = float(np.sum(theirs * wanted)) / total if total > 0.0 else 0.0
+    difference = np.linalg.norm(theirs * scale - wanted, axis=-1)
+    worst = int(np.argmax(difference))
+    if scale <= 0.0 or difference[worst] > 0.01:
+        raise FileError(
+            f"{path}: joint {SPORT_SKELETON.names[worst]} rests {difference[worst] * 100:.0f} cm from its"
+            " place in the SPORT skeleton.",
+            "Open a BVH that this program has written.",
+        )
+    for unit in UNITS_PER_METRE.values():  # offsets are rounded in the file, the unit is not
+        if abs(scale * unit - 1.0) < 1e-3:
+            return 1.0 / unit
+    return scale
+
+
+def _is_live(event: PromptEvent) -> bool:
+    """Whether a style came from a slider under the hand; 0 seconds is the first style, which is there at once."""
+    return 0.0 < event.transition_seconds <= LIVE_SECONDS
+
+
+def _shift_prompts(events: tuple[PromptEvent, ...], start: float, length: float) -> tuple[PromptEvent, ...]:
+    """Events seen from `start` on: the one in force there, and those within `length` seconds after it."""
+    before = [e for e in events if e.seconds <= start]
+    within = [e for e in events if start < e.seconds <= start + length]
+    kept = []
+    if before:
+        left = (
+            before[-1].seconds + before[-1].transition_seconds - start
+        )  # a transition may still be under way
+        kept = [replace(before[-1], seconds=0.0, transition_seconds=max(left, 0.0))]
+    return (*kept, *(replace(e, seconds=e.seconds - start) for e in within))
+
+
+def _pose(hips: Array, local: Array, contacts: Array, ground_m: float) -> Pose:
+    positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
+    facing = rotations.rotate(local[0], np.array([0.0, 0.0, 1.0], np.float32))
+    root = np.array([hips[0], ground_m, hips[2]], np.float32)
+    yaw = math.atan2(float(facing[0]), float(facing[2]))
+    return Pose(hips, local, positions, world, contacts, root, yaw)

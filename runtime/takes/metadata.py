@@ -1,0 +1,231 @@
+"""What a take was made with: a JSON file beside its BVH, written with it and read with doubt.
+
+`walk.bvh` has `walk.bvh.json`. It names model, seed, ground and styles; folders, addresses and keys are never in it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.controls import Controls, Gait
+from sport.runtime.errors import SportError
+
+MAX_BYTES = 16 * 1024 * 1024
+MAX_EVENTS = 10_000
+_FORMAT = "sport-take"
+_LOG = logging.getLogger("sport.clip")
+
+
+@dataclass(frozen=True)
+class PromptEvent:
+    """A prompt that came into force `seconds` after the clip's first frame (0 or earlier: it held from the start).
+
+    `words` are the six descriptions that it meant, or a blend of two times six, as `sport.runtime.prompts.blend.read_words`
+    reads them; "" where they are not known.
+    """
+
+    seconds: float
+    prompt: str
+    transition_seconds: float = 0.0
+    words: str = ""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Model, seed and settings that a take was made with; empty or None where they are not known.
+
+    `model_sha256` is that of the step graph that ran. The seed belongs to a character's start at its place: a take
+    cut from a longer run needs the run from its start to be made again frame by frame.
+    """
+
+    model: str = ""
+    model_sha256: str = ""
+    precision: str = ""
+    seed: int | None = None
+    temperature: float | None = None
+    strength: float | None = None
+    terrain_seed: int | None = None  # None for a ground from a file
+
+
+UNKNOWN = Origin()
+
+
+def origin_of(controller: Any, terrain: str) -> Origin:
+    """The origin of what `controller` makes on the ground `terrain`; fields that a stand-in for it lacks stay empty."""
+    from sport.runtime.terrain.library import TERRAIN_NAMES
+
+    model = getattr(controller, "model", None)
+    precision = str(getattr(model, "precision", ""))
+    hashes = getattr(model, "metadata", {}).get("sha256", {})
+    return Origin(
+        model=str(getattr(model, "name", "")),
+        model_sha256=str(hashes.get("step_int8" if precision == "int8" else "step", "")),
+        precision=precision,
+        seed=getattr(controller, "seed", None),
+        temperature=getattr(controller, "temperature", None),
+        strength=getattr(controller, "strength", None),
+        terrain_seed=0 if terrain in TERRAIN_NAMES else None,
+    )
+
+
+def gait_of(controls: Controls) -> int:
+    """The gait that controls ask for: standing where the stick is at rest."""
+    return int(controls.gait if controls.gait == Gait.JUMP or any(controls.move) else Gait.STAND)
+
+
+def gait_seconds(gaits: NDArray[np.integer], fps: float) -> dict[str, float]:
+    """Seconds of each gait asked for in frames `(T,)` of gait numbers; empty where nothing is known of them."""
+    return {gait.name.lower(): int(n) / fps for gait in Gait if (n := np.count_nonzero(gaits == gait))}
+
+
+def sidecar_path(bvh: Path) -> Path:
+    """Where the metadata of a BVH file stand."""
+    return bvh.with_name(bvh.name + ".json")
+
+
+def format_metadata(
+    bvh_text: str,
+    name: str,
+    seconds: float,
+    terrain: str,
+    prompts: tuple[PromptEvent, ...],
+    origin: Origin,
+    gaits: Mapping[str, float],
+) -> str:
+    """The JSON text for a BVH of this text; a ground from a file goes by the file's name alone."""
+    value = {
+        "format": _FORMAT,
+        "bvh_sha256": hashlib.sha256(bvh_text.encode("utf-8")).hexdigest(),
+        "name": name,
+        "seconds": round(seconds, 4),
+        "terrain": Path(terrain).name,
+        "gait_seconds": {gait: round(length, 3) for gait, length in gaits.items()},
+        **asdict(origin),
+        "prompts": [{**asdict(event), "words": _object(event.words)} for event in prompts],
+    }
+    return json.dumps(value, ensure_ascii=False, indent=1) + "\n"
+
+
+@dataclass(frozen=True)
+class TakeMetadata:
+    """What the file beside a BVH tells; fields that are missing or of another type have their defaults."""
+
+    terrain: str = "flat"
+    prompts: tuple[PromptEvent, ...] = ()
+    origin: Origin = UNKNOWN
+    gait_seconds: tuple[tuple[str, float], ...] = ()
+
+
+def read_metadata(bvh: Path) -> TakeMetadata:
+    """The metadata of a BVH file. Without a file of this form that belongs to that very BVH, nothing is known.
+
+    A take from an older program has none, and a motion can be opened whatever stands beside it: damage is a warning
+    in the log.
+    """
+    path = sidecar_path(bvh)
+    if not path.is_file():
+        return TakeMetadata()
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise ValueError(f"larger than {MAX_BYTES >> 20} MB")
+        value = json.loads(path.read_text("utf-8"))
+        if not isinstance(value, dict) or value.get("format") != _FORMAT:
+            raise ValueError("not the metadata of a take")
+        if value.get("bvh_sha256") != hashlib.sha256(bvh.read_bytes()).hexdigest():
+            raise ValueError(f"made for another file than {bvh.name} as it is now")
+    except (OSError, ValueError, RecursionError) as error:
+        _LOG.warning("%s: not used (%s).", path, error)
+        return TakeMetadata()
+    gaits = value.get("gait_seconds")
+    events = value.get("prompts")
+    if isinstance(events, list) and len(events) > MAX_EVENTS:
+        _LOG.warning("%s: only the first %d of %d prompts are used.", path, MAX_EVENTS, len(events))
+    return TakeMetadata(
+        terrain=_text(value, "terrain", "flat"),
+        prompts=tuple(_event(e) for e in events[:MAX_EVENTS] if isinstance(e, dict))
+        if isinstance(events, list)
+        else (),
+        origin=_origin(value),
+        gait_seconds=tuple((g, _number(gaits, g, 0.0)) for g in gaits) if isinstance(gaits, dict) else (),
+    )
+
+
+def title(event: PromptEvent) -> str:
+    """A prompt in at most 60 characters; "own words" for six descriptions."""
+    from sport.runtime.prompts.blend import BlendedPrompt, read_words
+    from sport.runtime.prompts.parts import PartDescriptions
+
+    try:
+        words = read_words(event.prompt)
+    except SportError:  # of a file that somebody wrote by hand
+        words = event.prompt
+    if isinstance(words, BlendedPrompt):
+        words = " + ".join(w if isinstance(w, str) else "own words" for w in (words.a, words.b))
+    text = "own words" if isinstance(words, PartDescriptions) else words
+    return text if len(text) <= 60 else text[:59] + "…"
+
+
+def describe(
+    terrain: str, prompts: tuple[PromptEvent, ...], origin: Origin, gaits: Mapping[str, float]
+) -> str:
+    """Some lines for a person about how a take was made; "" when nothing is known."""
+    shown = [f"{max(e.seconds, 0.0):.1f} s  {title(e)}" for e in prompts[:6]]
+    if len(prompts) > 6:
+        shown.append(f"and {len(prompts) - 6} more")
+    if gaits:
+        shown.append(", ".join(f"{gait} {length:.1f} s" for gait, length in gaits.items()))
+    if origin != UNKNOWN:
+        seed = "" if origin.seed is None else f", seed {origin.seed}"
+        shown.append(f"model {origin.model} {origin.model_sha256[:8]}{seed}, ground {Path(terrain).name}")
+    return "\n".join(shown)
+
+
+def _object(words: str) -> Any:
+    return json.loads(words) if words else None
+
+
+def _event(value: dict[str, Any]) -> PromptEvent:
+    words = value.get("words")
+    return PromptEvent(
+        _number(value, "seconds", 0.0),
+        _text(value, "prompt", ""),
+        max(_number(value, "transition_seconds", 0.0), 0.0),
+        json.dumps(words, ensure_ascii=False) if isinstance(words, dict) else "",
+    )
+
+
+def _origin(value: dict[str, Any]) -> Origin:
+    """Each field by its type: text, whole number or number."""
+    found: dict[str, Any] = {}
+    for field in fields(Origin):
+        if isinstance(field.default, str):
+            found[field.name] = _text(value, field.name, "")
+        elif isinstance(value.get(field.name), int | float):
+            number = _number(value, field.name, math.nan)
+            whole = "seed" in field.name
+            if math.isfinite(number):
+                found[field.name] = int(value[field.name]) if whole else number
+    return Origin(**found)
+
+
+def _text(value: Mapping[str, Any], field: str, default: str) -> str:
+    found = value.get(field, default)
+    return found if isinstance(found, str) else default
+
+
+def _number(value: Mapping[str, Any], field: str, default: float) -> float:
+    found = value.get(field, default)
+    try:
+        number = float(found) if isinstance(found, int | float) and not isinstance(found, bool) else default
+    except OverflowError:
+        return default
+    return number if math.isfinite(number) else default

@@ -1,0 +1,1 @@
+"""Ground: height maps, the ready terrains and terrain files."""

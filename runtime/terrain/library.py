@@ -1,0 +1,194 @@
+"""Ready terrains by name: walkable ground of about 40 x 40 m with a flat start around the origin."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.errors import TerrainError
+from sport.runtime.terrain.height_map import Terrain
+
+Array = NDArray[np.floating]
+
+SIZE_M = 40.0
+START_RADIUS_M = 2.5  # level ground around the origin
+STEP_RISE_M = 0.16
+STEP_RUN_M = 0.32
+
+TERRAIN_NAMES = ("flat", "hills", "rough", "stairs", "platforms", "hurdles", "beam", "wall")
+
+
+def make_terrain(name: str, seed: int = 0) -> Terrain:
+    """The generated terrain `name`; the same name and seed give the same heights. TerrainError lists the names."""
+    makers: dict[str, Callable[[int], Terrain]] = {
+        "flat": lambda _: Terrain.flat(size_m=SIZE_M),
+        "hills": _hills,
+        "rough": _rough,
+        "stairs": _stairs,
+        "platforms": _platforms,
+        "hurdles": _hurdles,
+        "beam": _beam,
+        "wall": _wall,
+    }
+    if name not in makers:
+        raise TerrainError(
+            f"terrain '{name[:80]}': there is no such terrain.",
+            f"Choose one of {', '.join(TERRAIN_NAMES)}, or give a PNG, NPY or mesh file.",
+        )
+    return makers[name](seed)
+
+
+def load_terrain(spec: str | Path, cell_m: float = 0.1, height_m: float = 2.0) -> Terrain:
+    """Terrain from a name of `TERRAIN_NAMES`, a height map (16-bit PNG, NPY) or a mesh file.
+
+    `cell_m` is the distance of neighbouring samples, `height_m` the height of a white pixel (see `terrain_files`).
+    TerrainError or FileError name the file, what was expected and the remedy.
+    """
+    from sport.runtime.terrain import files as terrain_files
+
+    text = str(spec)
+    if text in TERRAIN_NAMES:
+        return make_terrain(text)
+    if Path(text).suffix.lower() in terrain_files.SUFFIXES:
+        return terrain_files.read_terrain(text, cell_m, height_m)
+    return make_terrain(text)  # raises with the list of names
+
+
+def example_heights(n: int = 401) -> Array:
+    """Heights `(n, n)` in 0..1 of the shipped example PNG: a terraced bowl with a smooth gully, level at its centre."""
+    axis = np.linspace(-1.0, 1.0, n)
+    x, z = np.meshgrid(axis, axis, indexing="ij")
+    radius = np.hypot(x, z)
+    bowl = 0.75 * _smoothstep(0.15, 1.0, radius)
+    terraces = np.round(bowl * 10.0) / 10.0
+    share = _smoothstep(-0.2, 0.2, x)  # smooth slope on one side, terraces on the other
+    gully = 0.25 * np.exp(-(((x + 0.5 * z) / 0.12) ** 2)) * _smoothstep(0.2, 0.4, radius)
+    return np.clip(bowl * (1.0 - share) + terraces * share - gully + 0.1, 0.0, 1.0)
+
+
+# --- makers ----------------------------------------------------------------------------------------------------------
+
+
+def _hills(seed: int) -> Terrain:
+    cell = 0.1
+    x, z = _grid(cell)
+    heights = _noise(len(x), cell, 14.0, seed) + 0.12 * _noise(len(x), cell, 4.0, seed + 1)
+    heights = _level_start(heights, x, z)
+    return _terrain("hills", _scale_to_slope(heights, cell, np.tan(np.deg2rad(18.0))), cell)
+
+
+def _rough(seed: int) -> Terrain:
+    cell = 0.1
+    x, z = _grid(cell)
+    bumps = _noise(len(x), cell, 0.9, seed)
+    strength = 0.05 + 0.10 * _smoothstep(-1.0, 1.0, _noise(len(x), cell, 6.0, seed + 1))  # 5 to 15 cm
+    heights = _level_start(0.4 * strength * bumps + 0.1 * _noise(len(x), cell, 5.0, seed + 2), x, z)
+    return _terrain("rough", _scale_to_slope(heights, cell, np.tan(np.deg2rad(20.0))), cell)
+
+
+def _stairs(seed: int) -> Terrain:
+    """Square rings around the start: up a flight, over a landing, down a flight, along a floor."""
+    del seed  # stairs are built, not grown
+    cell = 0.04  # the run is a whole number of cells, a riser is one cell wide
+    x, z = _grid(cell)
+    distance = np.maximum(np.abs(x), np.abs(z)) - 3.0
+    steps, landing = 8, 2.56
+    flight = steps * STEP_RUN_M
+    period = 2.0 * (flight + landing)
+    inside = np.mod(distance, period)
+    up = np.clip(np.floor(inside / STEP_RUN_M + 1e-6) + 1, 0, steps)
+    down = np.clip(steps - 1 - np.floor((inside - flight - landing) / STEP_RUN_M + 1e-6), 0, steps)
+    count = np.where(distance < 0, 0, np.minimum(up, down))
+    return _terrain("stairs", STEP_RISE_M * count, cell)
+
+
+def _platforms(seed: int) -> Terrain:
+    """A field of raised squares, each with ramps along Z and steps along X."""
+    cell = 0.05
+    x, z = _grid(cell)
+    rng = np.random.default_rng(seed)
+    pitch = 6.0
+    heights = np.zeros_like(x)
+    for i in range(-3, 4):
+        for j in range(-3, 4):
+            top = rng.choice([0.3, 0.45, 0.6])
+            half_x, half_z = rng.uniform(0.8, 1.1, 2)
+            if i == 0 and j == 0:
+                continue
+            beyond_x = np.maximum(np.abs(x - pitch * i) - half_x, 0.0)
+            beyond_z = np.maximum(np.abs(z - pitch * j) - half_z, 0.0)
+            steps = 0.15 * np.ceil(beyond_x / 0.4 - 1e-6)
+            heights = np.maximum(heights, top - np.maximum(steps, 0.33 * beyond_z))
+    return _terrain("platforms", heights, cell)
+
+
+def _hurdles(seed: int) -> Terrain:
+    """Low bars across the way, every 4 m."""
+    del seed
+    cell = 0.05
+    x, z = _grid(cell)
+    bar = (np.abs(np.mod(z + 2.0, 4.0) - 2.0) < 0.1) & (np.abs(z) > START_RADIUS_M) & (np.abs(x) < 6.0)
+    return _terrain("hurdles", np.where(bar, 0.35, 0.0), cell)
+
+
+def _beam(seed: int) -> Terrain:
+    """A beam 0.4 m wide and high along Z, with a ramp at both ends."""
+    del seed
+    cell = 0.05
+    x, z = _grid(cell)
+    ramp = np.clip(np.minimum(z - 3.0, 15.0 - z) / 1.2, 0.0, 1.0)
+    return _terrain("beam", np.where(np.abs(x) <= 0.2 + 1e-6, 0.4 * ramp, 0.0), cell)
+
+
+def _wall(seed: int) -> Terrain:
+    """Walls of rising height across the way, to climb or to walk around."""
+    del seed
+    cell = 0.05
+    x, z = _grid(cell)
+    heights = np.zeros_like(x)
+    for at, top in ((5.0, 0.5), (10.0, 0.8), (15.0, 1.1)):
+        heights = np.where((np.abs(z - at) < 0.5) & (np.abs(x) < 3.0), top, heights)
+    return _terrain("wall", heights, cell)
+
+
+# --- shared ----------------------------------------------------------------------------------------------------------
+
+
+def _grid(cell: float) -> tuple[Array, Array]:
+    axis = (np.arange(round(SIZE_M / cell) + 1) - round(SIZE_M / cell) // 2) * cell
+    x, z = np.meshgrid(axis, axis, indexing="ij")
+    return x, z
+
+
+def _terrain(name: str, heights: Array, cell: float) -> Terrain:
+    start = -(len(heights) // 2) * cell
+    return Terrain(name, np.ascontiguousarray(heights, np.float32), cell, (start, start))
+
+
+def _smoothstep(low: float, high: float, v: Array) -> Array:
+    t = np.clip((v - low) / (high - low), 0.0, 1.0)
+    return t * t * (3.0 - 2.0 * t)
+
+
+def _level_start(heights: Array, x: Array, z: Array) -> Array:
+    centre = len(heights) // 2
+    share = _smoothstep(START_RADIUS_M, START_RADIUS_M + 3.5, np.hypot(x, z))
+    return (heights - heights[centre, centre]) * share
+
+
+def _noise(n: int, cell: float, wavelength_m: float, seed: int) -> Array:
+    """Smooth random field `(n, n)` of unit deviation with bumps about `wavelength_m` apart."""
+    white = np.random.default_rng(seed).standard_normal((n, n))
+    fx, fz = np.fft.fftfreq(n, cell)[:, None], np.fft.rfftfreq(n, cell)[None, :]
+    frequency = np.hypot(fx, fz) * wavelength_m
+    band = np.exp(-0.5 * ((frequency - 1.0) / 0.35) ** 2) + 0.5 * np.exp(-0.5 * (frequency / 0.4) ** 2)
+    field = np.fft.irfft2(np.fft.rfft2(white) * band, (n, n))
+    return (field - field.mean()) / field.std()
+
+
+def _scale_to_slope(heights: Array, cell: float, steepest: float) -> Array:
+    """Scale heights so that the steepest hundredth of the ground begins at `steepest` (rise over run)."""
+    gx, gz = np.gradient(heights, cell)
+    return heights * (steepest / float(np.percentile(np.hypot(gx, gz), 99.0)))

@@ -1,0 +1,103 @@
+"""Features of a window without a network: what a person could measure with a ruler and a clock."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.feet import skating as feet
+from sport.runtime.motion.features import FPS
+from sport.runtime.skeleton import SPORT_SKELETON
+from sport.training.evaluation.motion.motion import WINDOW_STRIDE, RootFeatures, window_index
+
+Array = NDArray[np.floating]
+
+_JOINTS = [
+    SPORT_SKELETON.index(name)
+    for name in (
+        "Hips", "LeftLeg", "LeftFoot", "LeftToeBase", "RightLeg", "RightFoot", "RightToeBase", "Spine1", "Neck1",
+        "Head", "LeftArm", "LeftForeArm", "LeftHand", "RightArm", "RightForeArm", "RightHand",
+    )
+]  # fmt: skip
+# name: joint, end of the first bone, end of the second; the angle between the bones
+_BENDS = (
+    ("LeftLeg", "LeftUpLeg", "LeftFoot"),
+    ("RightLeg", "RightUpLeg", "RightFoot"),
+    ("LeftForeArm", "LeftArm", "LeftHand"),
+    ("RightForeArm", "RightArm", "RightHand"),
+)
+# a bone and the angles of its direction forwards and sideways from the vertical
+_LEANS = (
+    ("Hips", "Neck"),
+    ("Neck", "Head"),
+    ("LeftArm", "LeftForeArm"),
+    ("RightArm", "RightForeArm"),
+    ("LeftUpLeg", "LeftLeg"),
+    ("RightUpLeg", "RightLeg"),
+)
+_SWINGING = [
+    SPORT_SKELETON.index(n) for n in ("LeftFoot", "RightFoot", "LeftHand", "RightHand", "Head", "Hips")
+]
+_STILL_SPEED = 0.3  # m/s; a slower sole point near the ground is in contact
+_RATE = FPS / WINDOW_STRIDE
+_HARMONICS = 4
+
+
+def kinematic_features(root: RootFeatures, starts: NDArray[np.integer]) -> Array:
+    """Rows `(N, 234)` of the windows of 40 samples that begin at frames `starts`.
+
+    Mean, deviation and range of 16 joints' positions relative to the root, mean and deviation of their speeds, mean,
+    deviation and range of 16 joint and body angles, mean and deviation of the root's velocity and turn, and the
+    share of time that heels and toes stand.
+    """
+    index = window_index(starts)
+    joints = root.joints[:, _JOINTS].reshape(len(root.joints), -1)[index]
+    moved = np.diff(root.joints[index][:, :, _JOINTS], axis=1) * _RATE
+    speed = np.linalg.norm(moved, axis=-1)
+    angle = _angles(root.joints)[index]
+    velocity = root.velocity[index]
+    parts = [
+        joints.mean(1), joints.std(1), np.ptp(joints, axis=1),
+        speed.mean(1), speed.std(1),
+        angle.mean(1), angle.std(1), np.ptp(angle, axis=1),
+        velocity.mean(1), velocity.std(1),
+        _standing(root)[index].mean(1),
+    ]  # fmt: skip
+    return np.concatenate(parts, axis=1).astype(np.float32)
+
+
+def temporal_features(root: RootFeatures, starts: NDArray[np.integer]) -> Array:
+    """Rows `(N, 88)`: sizes of the first four harmonics of feet, hands, head and hips, and of knees and elbows."""
+    index = window_index(starts)
+    signals = np.concatenate(
+        [root.joints[:, _SWINGING].reshape(len(root.joints), -1), _angles(root.joints)[:, : len(_BENDS)]],
+        axis=1,
+    )[index]
+    signals = signals - signals.mean(1, keepdims=True)
+    spectrum = np.abs(np.fft.rfft(signals, axis=1))[:, 1 : _HARMONICS + 1] / signals.shape[1]
+    return spectrum.reshape(len(index), -1).astype(np.float32)
+
+
+def _angles(joints: Array) -> Array:
+    """Bends and leans `(T, 16)` in radians of root-relative joints `(T, 31, 3)`."""
+    at = SPORT_SKELETON.index
+    columns = []
+    for middle, first, last in _BENDS:
+        a, b = joints[:, at(first)] - joints[:, at(middle)], joints[:, at(last)] - joints[:, at(middle)]
+        cosine = (a * b).sum(-1) / (np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1))
+        columns.append(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    for first, last in _LEANS:
+        bone = joints[:, at(last)] - joints[:, at(first)]
+        length = np.linalg.norm(bone, axis=-1)
+        columns += [np.arcsin(np.clip(bone[:, k] / length, -1.0, 1.0)) for k in (0, 2)]
+    return np.stack(columns, axis=1)
+
+
+def _standing(root: RootFeatures) -> Array:
+    """Whether the four points of the soles stand `(T, 4)`: near the ground and slow in the world."""
+    points = root.joints[:, list(feet.SOLE_POINTS)].astype(np.float64)
+    moved = np.gradient(points, axis=0) * FPS
+    across, along, turn = (root.velocity[:, None, k] for k in range(3))
+    x = moved[..., 0] + across + turn * points[..., 2]
+    z = moved[..., 2] + along - turn * points[..., 0]
+    low = points[..., 1] - np.array(feet.SOLE_HEIGHTS) < feet.SKATING_HEIGHT_M
+    return (low & (np.hypot(x, z) < _STILL_SPEED)).astype(np.float32)

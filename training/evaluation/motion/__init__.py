@@ -1,0 +1,1 @@
+"""Motion led along paths and scored against capture."""

@@ -1,0 +1,191 @@
+"""Generated motion: the character of a model led along captured root paths, along courses, or by captured controls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.controls import Controls, Gait
+from sport.runtime.errors import SportError
+from sport.runtime.motion import features
+from sport.runtime.motion.controller import TEMPERATURE, Controller
+from sport.runtime.motion.features import FPS
+from sport.runtime.motion.model import MotionModel
+from sport.runtime.motion.trajectory import LENGTH, PRESENT
+from sport.runtime.pose import Pose
+from sport.runtime.skeleton import SPORT_SKELETON
+from sport.runtime.terrain.height_map import Terrain
+from sport.training.evaluation.motion.motion import Motion
+from sport.training.frames import PAD, extrapolate, repeat_ends, root_motion, smooth
+
+Array = NDArray[np.floating]
+
+LEAD_IN_FRAMES = (
+    2 * FPS
+)  # simulated before the scored part, so that standing still and the start pose are over
+STEADY_FRAMES = 3 * FPS  # on either side of a change of prompt
+WISH_SIGMA = 15.0  # frames; a thumb does not follow the sway of every step
+CORRECTION_PER_S = 1.0  # a player also steers back to where the clip went
+MAX_CORRECTION = 0.5  # m/s
+STAND_SPEED = 0.15  # m/s; under it, in a frame labelled as standing, the stick is let go
+
+
+class Recorder:
+    """Collects the poses of a controller, shown and before foot lock."""
+
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
+        self._poses: list[Pose] = []
+        self._unlocked: list[tuple[Array, Array]] = []
+
+    def step(self, controls: Controls) -> Pose:
+        """One frame; SportError when the network fails."""
+        pose = self._controller.step(controls)
+        if self._controller.message or not np.isfinite(pose.positions).all():
+            problem = self._controller.message or "The pose is not finite."
+            raise SportError(f"{self._controller.model.name}: {problem}", "Evaluate another model.")
+        self._poses.append(pose)
+        self._unlocked.append(self._controller.unlocked)
+        return pose
+
+    def motion(self, name: str, style: str, gait: NDArray[np.integer], skip: int) -> Motion:
+        """What was recorded after the first `skip` frames; `gait` `(frames - skip,)` are the labels asked for."""
+        poses = self._poses[skip:]
+        hips, local = (np.stack(values) for values in zip(*self._unlocked[skip:], strict=True))
+        return Motion(
+            name,
+            style,
+            np.stack([p.hips_position for p in poses]),
+            np.stack([p.local_rotations for p in poses]),
+            np.stack([p.contacts for p in poses]),
+            gait,
+            self._controller.terrain,
+            source="generated",
+            unlocked=SPORT_SKELETON.forward_kinematics(hips, local)[0].astype(np.float32),
+        )
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a stick asks for at every frame of a captured clip, the lead-in first."""
+
+    xz: Array  # (N, 2) root path
+    velocity: Array  # (N, 2) m/s
+    yaw: Array  # (N,)
+    gait: NDArray[np.integer]  # (N,)
+
+
+def wish_of(clip: Motion, lead_in: int = LEAD_IN_FRAMES) -> Wish:
+    """Smoothed root velocity, facing and gait of a clip; the lead-in goes on backwards at the first velocity."""
+    xz, yaw = root_motion(clip.positions.astype(np.float64))
+    velocity = smooth(np.gradient(xz, axis=0) * FPS, WISH_SIGMA)
+    start = velocity[0] if clip.gait[0] != Gait.STAND else np.zeros(2)
+    back = np.arange(lead_in, 0, -1)[:, None] / FPS
+    return Wish(
+        np.concatenate([xz[0] - back * start, xz]),
+        np.concatenate([np.broadcast_to(start, (lead_in, 2)), velocity]),
+        np.concatenate([np.full(lead_in, yaw[0]), yaw]),
+        np.concatenate([np.full(lead_in, clip.gait[0]), clip.gait]),
+    )
+
+
+def follow(
+    model: MotionModel, clip: Motion, z: Array, seed: int = 0, temperature: float = TEMPERATURE
+) -> Motion:
+    """The character in style Z^t `(6, 64)` led along a clip's root path, frame for frame as a player would.
+
+    The stick asks for the clip's velocity at the same time and steers back to its path; it cannot ask for more than the
+    style's own walking or jogging speed. Facing and gait are the clip's.
+    """
+    wish = wish_of(clip)
+    controller = Controller(model, clip.terrain, seed, temperature)
+    controller.set_style(z, 0.0)
+    controller.reset(float(wish.xz[0, 0]), float(wish.xz[0, 1]), float(wish.yaw[0]))
+    recorder = Recorder(controller)
+    for frame in range(len(wish.xz)):
+        recorder.step(_stick(wish, frame, controller))
+    return recorder.motion(clip.name, clip.style, clip.gait, LEAD_IN_FRAMES)
+
+
+def _stick(wish: Wish, frame: int, controller: Controller) -> Controls:
+    gait = Gait(int(wish.gait[frame]))
+    speed = float(np.linalg.norm(wish.velocity[frame]))
+    facing = (float(np.sin(wish.yaw[frame])), float(np.cos(wish.yaw[frame])))
+    if gait == Gait.STAND and speed < STAND_SPEED:
+        return Controls((0.0, 0.0), facing, Gait.WALK)
+    if gait in (Gait.STAND, Gait.OTHER):
+        gait = Gait.WALK
+    root = controller.pose.root_position
+    away = CORRECTION_PER_S * (wish.xz[frame] - np.array([root[0], root[2]], np.float64))
+    away *= min(1.0, MAX_CORRECTION / max(float(np.linalg.norm(away)), 1e-9))
+    move = (wish.velocity[frame] + away) / controller.full_speed(gait)
+    move /= max(1.0, float(np.linalg.norm(move)))
+    return Controls((float(move[0]), float(move[1])), facing, gait)
+
+
+class ReplayController(Controller):
+    """A character whose control variables t^p, t^d, t^g and t^h are those of a clip, not a stick's (Sec. IV-B2)."""
+
+    def replay(self, clip: Motion) -> None:
+        """Take the controls of `clip` from now on, one of its frames at every step."""
+        xz, yaw = root_motion(clip.positions.astype(np.float64))
+        self._path, self._facing = extrapolate(xz), repeat_ends(yaw[:, None])[:, 0]
+        self._gaits = repeat_ends(np.eye(features.GAITS)[clip.gait])
+        self._frame = 0
+
+    def _steer(self, controls: Controls) -> None:
+        now = slice(self._frame + PAD - PRESENT, self._frame + PAD - PRESENT + LENGTH)
+        trajectory: Any = self._trajectory
+        trajectory.xz, trajectory.yaw = self._path[now].copy(), self._facing[now].copy()
+        trajectory.gait = self._gaits[now].copy()
+        self._frame += 1
+
+
+def replay(
+    model: MotionModel, clip: Motion, z: Array, seed: int, temperature: float, lead_in: int
+) -> tuple[Array, Array]:
+    """Joints relative to the root `(T - lead_in, 31, 3)`, shown and before foot lock, under a clip's own controls.
+
+    The first `lead_in` frames are run at temperature 0: two runs that differ in their seed begin in the same pose.
+    """
+    controller = ReplayController(model, clip.terrain, seed, 0.0)
+    controller.set_style(z, 0.0)
+    controller.replay(clip)
+    joints = []
+    for frame in range(len(clip)):
+        if frame == lead_in:
+            controller.temperature = temperature
+        pose = controller.step(Controls())
+        if frame >= lead_in:
+            hips, local = controller.unlocked
+            both = np.stack([pose.positions, SPORT_SKELETON.forward_kinematics(hips, local)[0]])
+            root = np.array([pose.root_position[[0, 2]]] * 2)
+            ground = np.full(2, pose.root_position[1])
+            joints.append(features.relative_joints(both, root, ground, np.full(2, pose.root_yaw)))
+    shown, unlocked = np.stack(joints, 1)
+    return shown, unlocked
+
+
+def transition(model: MotionModel, first: Array, second: Array, seed: int) -> tuple[Array, int]:
+    """World joints `(T, 31, 3)` of a straight walk whose Z^t `(6, 64)` changes, and the frame of the change.
+
+    The blend takes a second, as the viewer's does; three seconds of walking lie around it.
+    """
+    controller = Controller(model, flat_ground(), seed)
+    controller.set_style(first, 0.0)
+    forward = Controls((0.0, 1.0))
+    for _ in range(LEAD_IN_FRAMES):
+        controller.step(forward)
+    positions = []
+    for frame in range(2 * STEADY_FRAMES):
+        if frame == STEADY_FRAMES:
+            controller.set_style(second, 1.0)
+        positions.append(controller.step(forward).positions)
+    return np.stack(positions), STEADY_FRAMES
+
+
+def flat_ground(size_m: float = 400.0) -> Terrain:
+    """Level ground that no course leaves."""
+    return Terrain.flat(size_m=size_m, cell_m=10.0)

@@ -1,0 +1,145 @@
+"""One form for captured and generated motion, so that both are scored by the same code; windows over it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.errors import FileError
+from sport.runtime.motion import features
+from sport.runtime.motion.features import FPS
+from sport.runtime.skeleton import SPORT_SKELETON
+from sport.runtime.terrain.height_map import Terrain
+from sport.training.frames import PAD, extrapolate, repeat_ends, root_motion
+
+Array = NDArray[np.floating]
+
+WINDOW_SAMPLES = 40  # T of the content encoder
+WINDOW_STRIDE = 2  # frames between two samples, as in stage 1
+WINDOW_FRAMES = WINDOW_STRIDE * (WINDOW_SAMPLES - 1) + 1
+GESTURES = ("raise_", "wave_")  # styles that were captured standing only
+
+
+@dataclass(frozen=True)
+class RootFeatures:
+    """A motion relative to its root, as the networks see it (un-normalised)."""
+
+    joints: Array  # (T, 31, 3) metres; heights over the reference ground
+    rotations: Array  # (T, 31, 6)
+    velocity: Array  # (T, 3) m/s in x and z, rad/s
+    xz: Array  # (T, 2) world
+    yaw: Array  # (T,)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """World poses of the SPORT skeleton at 60 Hz over a ground."""
+
+    name: str
+    style: str
+    hips: Array  # (T, 3) metres
+    local: Array  # (T, 31, 4)
+    contacts: Array  # (T, 4) 0..1
+    gait: NDArray[np.integer]  # (T,) labels of sport.runtime.controls.Gait: captured, or asked for
+    terrain: Terrain
+    held_out: bool = False
+    source: str = ""
+    unlocked: Array | None = None  # (T, 31, 3) positions before foot lock (generated motion)
+
+    def __len__(self) -> int:
+        return len(self.hips)
+
+    @cached_property
+    def positions(self) -> Array:
+        """World joints `(T, 31, 3)`."""
+        return SPORT_SKELETON.forward_kinematics(self.hips, self.local)[0]
+
+    def cut(self, first: int, last: int) -> Motion:
+        """Frames `first` to `last - 1`."""
+        keep = slice(first, last)
+        unlocked = None if self.unlocked is None else self.unlocked[keep]
+        return replace(
+            self,
+            hips=self.hips[keep],
+            local=self.local[keep],
+            contacts=self.contacts[keep],
+            gait=self.gait[keep],
+            unlocked=unlocked,
+        )
+
+    def root_features(self) -> RootFeatures:
+        """Joints, rotations and velocity relative to the smoothed root: the same for capture and for what is generated."""
+        positions, world = SPORT_SKELETON.forward_kinematics(
+            self.hips.astype(np.float64), self.local.astype(np.float64)
+        )
+        xz, yaw = root_motion(positions)
+        padded_xz, padded_yaw = extrapolate(xz), repeat_ends(yaw[:, None])[:, 0]
+        now = np.arange(len(xz)) + PAD
+        window = now[:, None] + features.TRAJECTORY_OFFSETS
+        path, angle = padded_xz[window], padded_yaw[window]
+        points = features.height_points(path, np.stack([np.sin(angle), np.cos(angle)], -1))
+        ground = features.ground_height(self.terrain.height(points[..., 0], points[..., 1]))
+        displacement = features.to_root(padded_xz[now + 1] - xz, yaw) * FPS
+        turn = (padded_yaw[now + 1] - yaw) * FPS
+        return RootFeatures(
+            features.relative_joints(positions, xz, ground, yaw).astype(np.float32),
+            features.relative_rotations(world, yaw).astype(np.float32),
+            np.concatenate([displacement, turn[:, None]], 1).astype(np.float32),
+            xz,
+            yaw,
+        )
+
+
+def mean_speed(positions: Array) -> float:
+    """Mean speed in m/s of the root of world joints `(T, 31, 3)`, without the sway of single steps."""
+    half, xz = FPS // 2, positions[:, 0, ::2].astype(np.float64)
+    return float(np.linalg.norm(xz[half:] - xz[:-half], axis=-1).mean() * FPS / half)
+
+
+def load_motion(path: Path) -> Motion:
+    """A clip file of the importer on its own ground; FileError when it is none."""
+    try:
+        with np.load(path, allow_pickle=False) as clip:
+            origin = clip["patch_origin"]
+            ground = Terrain(
+                path.stem,
+                clip["patch_heights"][0].astype(np.float32),
+                float(clip["patch_cell"]),
+                (float(origin[0]), float(origin[1])),
+            )
+            return Motion(
+                path.stem,
+                str(clip["style"]),
+                clip["hips_positions"],
+                clip["local_rotations"],
+                clip["contacts"].astype(np.float32),
+                clip["gait"].argmax(1),
+                ground,
+                str(clip["split"]) == "held_out",
+                str(clip["source"]),
+            )
+    except (OSError, ValueError, KeyError) as error:
+        raise FileError(f"{path}: not a clip file.", "Run the importer again.") from error
+
+
+def original_clips(folder: Path) -> list[Path]:
+    """Clip files without mirror images (`_m`) and copies on made terrain (`_t`); FileError when there is none."""
+    paths = [p for p in sorted(folder.glob("*.npz")) if not p.stem.endswith(("_m", "_t"))]
+    if not paths:
+        raise FileError(
+            f"{folder}: no clips (*.npz).", "Run `sport train import --data DIR --out DIR` first."
+        )
+    return paths
+
+
+def window_starts(frames: int, hop: int) -> NDArray[np.int64]:
+    """First frames of the windows of 40 samples that fit into a motion, `hop` frames apart."""
+    return np.arange(0, frames - WINDOW_FRAMES + 1, hop, dtype=np.int64)
+
+
+def window_index(starts: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Frames `(N, 40)` of windows."""
+    return np.asarray(starts)[:, None] + WINDOW_STRIDE * np.arange(WINDOW_SAMPLES)

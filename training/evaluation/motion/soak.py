@@ -1,0 +1,325 @@
+"""Minutes of random play without a window, with checks: `python -m sport.training.evaluation.motion.soak --minutes 10`.
+
+Random sticks, gaits, prompts and terrains; the exit code is 1 when a bar is missed. An hour (`--minutes 60`) takes about a
+quarter of one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.atomic import check_target, write_atomic
+from sport.runtime.controls import Controls, Gait
+from sport.runtime.errors import UsageError, run_command
+from sport.runtime.feet.skating import SOLE_POINTS
+from sport.runtime.generate import FPS, open_prompter
+from sport.runtime.motion import features
+from sport.runtime.motion.controller import Controller
+from sport.runtime.motion.model import load_model
+from sport.runtime.pose import Pose
+from sport.runtime.skeleton import SPORT_SKELETON
+from sport.runtime.terrain.height_map import Terrain
+from sport.runtime.terrain.library import make_terrain
+from sport.training.evaluation.motion.feet import skating, sole_skating, toe_heights
+
+Array = NDArray[np.floating]
+
+TERRAINS = ("flat", "hills", "rough", "stairs", "platforms")
+GAITS = (Gait.WALK, Gait.WALK, Gait.WALK, Gait.JOG, Gait.CROUCH, Gait.JUMP)
+PROMPTS = (
+    "a person walks normally", "an old man", "a proud queen", "walk like a drunk", "an angry man",
+    "a happy child", "sneak carefully, head down", "an exhausted soldier, left arm hanging", "a chicken",
+    "an aeroplane, arms spread", "a shy girl", "a zombie",
+)  # fmt: skip
+SEGMENT_SECONDS = 20.0  # on one terrain
+PROGRESS_SEGMENTS = 15  # five minutes
+SETTLE_SECONDS = 1.5  # after a change; what follows is a steady stretch
+STRETCH_SECONDS = 1.0  # shortest steady stretch
+TURN_BACK_M = 10.0
+
+HIPS_RANGE_M = (0.3, 2.0)
+MAX_BONE_CHANGE_M = 1e-3
+SPEED_TOLERANCE = 0.15
+MAX_SKATING_CM = 0.05  # per frame, walking on flat ground
+MAX_PENETRATION_CM = 2.0  # 99th percentile, hills and stairs
+# A figure that glides in one pose, or stands where it should walk: its feet hardly move relative to the root. In a walk
+# they do so with about the speed of the root.
+FROZEN_SHARE = 0.25  # of the asked speed, mean over a second
+MAX_GROWTH_MB = (
+    60.0  # of memory after the first segment; a tenth of it is what the figures themselves take in an hour
+)
+FEET = list(SOLE_POINTS)
+
+
+@dataclass
+class Segment:
+    """Twenty seconds on one terrain: poses, and per frame the wish, its speed and the frames since it changed."""
+
+    terrain: Terrain
+    poses: list[Pose] = field(default_factory=list)
+    gaits: list[Gait] = field(default_factory=list)
+    asked: list[float] = field(default_factory=list)  # m/s
+    since_change: list[int] = field(default_factory=list)
+    messages: list[str] = field(default_factory=list)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Play, print a table, write JSON; 1 when a bar is missed."""
+    parser = argparse.ArgumentParser(prog="sport.training.evaluation.motion.soak", description=__doc__)
+    parser.add_argument("--minutes", type=float, default=10.0, help="of simulated time (default: 10)")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--model", type=Path, help="folder of an exported model")
+    parser.add_argument("--json", type=Path, help="write the figures to this file")
+    options = parser.parse_args(argv)
+    if options.json is not None:
+        check_target(options.json)
+    begin = time.perf_counter()
+    if not 0.1 <= options.minutes <= 1440.0:
+        raise UsageError(f"--minutes {options.minutes}: expected 0.1 to 1440.", "Try 10.")
+    report = soak(options.minutes * 60.0, options.seed, options.model)
+    report["wall_seconds"] = time.perf_counter() - begin
+    print_report(report)
+    if options.json is not None:
+        write_atomic(options.json, json.dumps(report, indent=1) + "\n")
+    return 1 if report["missed"] else 0
+
+
+def soak(seconds: float, seed: int, model: Path | None) -> dict[str, Any]:
+    """Simulate `seconds` in segments on terrains in random order; the figures and the bars that were missed."""
+    network = load_model(model)
+    to_style = open_prompter(network)
+    styles = [to_style(prompt) for prompt in PROMPTS]
+    rng = np.random.default_rng(seed)
+    grounds = {name: make_terrain(name, seed) for name in TERRAINS}
+    controller = Controller(network, grounds["flat"], seed)
+    measured: list[dict[str, Any]] = []
+    waiting: list[str] = []
+    memory: list[float] = []
+    count = max(1, round(seconds / SEGMENT_SECONDS))
+    for number in range(count):
+        waiting = waiting or [str(name) for name in rng.permutation(TERRAINS)]
+        ground = grounds[waiting.pop()]
+        controller.set_terrain(ground)
+        controller.reset(0.0, 0.0, float(rng.uniform(-np.pi, np.pi)))
+        measured.append(measure(play_segment(controller, styles, rng)))
+        memory.append(resident_mb())
+        if (number + 1) % PROGRESS_SEGMENTS == 0 and number + 1 < count:
+            print(f"{(number + 1) * SEGMENT_SECONDS / 60.0:.0f} minutes", file=sys.stderr, flush=True)
+    return summarise(measured, memory)
+
+
+def play_segment(controller: Controller, styles: list[Array], rng: np.random.Generator) -> Segment:
+    """Random play on the controller's terrain."""
+    segment = Segment(controller.terrain)
+    controls, change_at, style_at, since = Controls(), 0, 0, 0
+    for frame in range(round(SEGMENT_SECONDS * FPS)):
+        if frame == style_at:
+            controller.set_style(styles[rng.integers(len(styles))], float(rng.uniform(0.0, SETTLE_SECONDS)))
+            style_at, since = frame + round(float(rng.uniform(4.0, 12.0)) * FPS), frame
+        if frame == change_at:
+            controls = _random_controls(controller.pose, rng)
+            change_at, since = frame + round(float(rng.uniform(1.0, 6.0)) * FPS), frame
+        segment.poses.append(controller.step(controls))
+        segment.gaits.append(controls.gait)
+        segment.asked.append(controller.asked_speed)
+        segment.since_change.append(frame - since)
+        if controller.message:
+            segment.messages.append(controller.message)
+    return segment
+
+
+def _random_controls(pose: Pose, rng: np.random.Generator) -> Controls:
+    heading = float(rng.uniform(-np.pi, np.pi))
+    x, z = float(pose.root_position[0]), float(pose.root_position[2])
+    if np.hypot(x, z) > TURN_BACK_M:
+        heading = float(np.arctan2(-x, -z) + rng.uniform(-0.7, 0.7))
+    length = float(rng.choice([0.0, 0.6, 1.0, 1.0]))
+    facing = float(rng.uniform(-np.pi, np.pi))
+    strafes = rng.random() < 0.15
+    return Controls(
+        move=(length * np.sin(heading), length * np.cos(heading)),
+        facing=(np.sin(facing), np.cos(facing)) if strafes else None,
+        gait=GAITS[rng.integers(len(GAITS))],
+    )
+
+
+def measure(segment: Segment) -> dict[str, Any]:
+    """Figures of one segment."""
+    positions = np.stack([pose.positions for pose in segment.poses])
+    finite = np.isfinite(positions).all(axis=(1, 2))
+    hips = positions[:, 0].astype(np.float64)
+    bones = np.linalg.norm(positions[:, 1:] - positions[:, list(SPORT_SKELETON.parents[1:])], axis=-1)
+    change = np.abs(bones - np.linalg.norm(SPORT_SKELETON.offsets[1:], axis=-1))
+    gaits = np.array(segment.gaits)[1:, None]
+    walking = np.broadcast_to(gaits == Gait.WALK, (len(gaits), 2))
+    return {
+        "terrain": segment.terrain.name,
+        "frames": len(positions),
+        "not_finite": int(np.sum(~finite)),
+        "messages": segment.messages,
+        "hips": hips[:, 1] - segment.terrain.height(hips[:, 0], hips[:, 2]),
+        "bone_change": float(change.max()),
+        "speeds": _steady_speeds(segment),
+        "foot_movement": foot_movement(segment),
+        "skating": skating(positions, segment.terrain)[walking],
+        "sole_skating": sole_skating(positions, segment.terrain)[walking],
+        "toes": toe_heights(positions, segment.terrain).ravel(),
+    }
+
+
+def _steady_stretches(segment: Segment) -> list[tuple[int, int]]:
+    """First and last frame (excluded) of every stretch of moving on which neither wish nor style changed for a while."""
+    steady = np.array(segment.since_change) >= round(SETTLE_SECONDS * FPS)
+    moving = (np.array(segment.asked) > 0.3) & (np.array(segment.gaits) != Gait.JUMP)
+    good = np.concatenate([[False], steady & moving, [False]]).astype(int)
+    starts, ends = np.flatnonzero(np.diff(good) == 1), np.flatnonzero(np.diff(good) == -1)
+    long_enough = ends - starts >= round(STRETCH_SECONDS * FPS)
+    return [(int(a), int(b)) for a, b in zip(starts[long_enough], ends[long_enough], strict=True)]
+
+
+def foot_movement(segment: Segment) -> list[tuple[str, float]]:
+    """Gait, and speed of the feet relative to the root over the asked speed, of every whole second of steady moving."""
+    root = np.stack([pose.root_position for pose in segment.poses])
+    yaw = np.array([pose.root_yaw for pose in segment.poses])
+    feet = np.stack([pose.positions for pose in segment.poses])[:, FEET] - root[:, None]
+    speed = np.linalg.norm(np.diff(features.to_root(feet, yaw[:, None]), axis=0), axis=-1).mean(1) * FPS
+    shares: list[tuple[str, float]] = []
+    for first, last in _steady_stretches(segment):
+        for begin in range(first, last - FPS, FPS):
+            asked = float(np.mean(segment.asked[begin : begin + FPS]))
+            share = float(speed[begin : begin + FPS].mean()) / asked
+            shares.append((segment.gaits[begin].name.lower(), share))
+    return shares
+
+
+def resident_mb() -> float:
+    """Memory of this process in MB; NaN where the system does not tell (not Linux)."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    except OSError:
+        return float("nan")
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def _steady_speeds(segment: Segment) -> list[tuple[str, float, float]]:
+    """(gait, asked, real) in m/s of every steady stretch."""
+    root = np.stack([pose.root_position for pose in segment.poses])[:, [0, 2]]
+    result: list[tuple[str, float, float]] = []
+    for first, last in _steady_stretches(segment):
+        travelled = float(np.linalg.norm(np.diff(root[first:last], axis=0), axis=-1).sum())
+        real = travelled * FPS / (last - first - 1)
+        result.append((segment.gaits[first].name.lower(), float(np.mean(segment.asked[first:last])), real))
+    return result
+
+
+def summarise(measured: list[dict[str, Any]], memory: list[float]) -> dict[str, Any]:
+    """All segments together, per terrain and per gait, and the bars that were missed.
+
+    `memory` is that of the process after every segment, MB.
+    """
+    seconds = [item for m in measured for item in m["foot_movement"]]
+    movement = np.array([share for _, share in seconds])
+    frozen = Counter(gait for gait, share in seconds if share < FROZEN_SHARE)
+    hips = np.concatenate([m["hips"] for m in measured])
+    report: dict[str, Any] = {
+        "frames": sum(m["frames"] for m in measured),
+        "not_finite": sum(m["not_finite"] for m in measured),
+        "messages": [text for m in measured for text in m["messages"]],
+        "hips_m": [float(hips.min()), float(hips.max())],
+        "bone_change_m": max(m["bone_change"] for m in measured),
+        "moving_seconds": len(movement),
+        "frozen_seconds": frozen.total(),
+        "frozen_gaits": dict(frozen),
+        "least_foot_movement": float(movement.min()) if len(movement) else None,
+        "memory_growth_mb": memory[-1] - memory[0] if np.isfinite(memory).all() else None,
+        "terrains": {},
+        "gaits": {},
+    }
+    for name in TERRAINS:
+        on = [m for m in measured if m["terrain"] == name]
+        if not on:
+            continue
+        toes = np.concatenate([m["toes"] for m in on])
+        report["terrains"][name] = {
+            "skating_cm": float(np.concatenate([m["skating"] for m in on]).mean()),
+            "sole_skating_cm": float(np.concatenate([m["sole_skating"] for m in on]).mean()),
+            "penetration_p99_cm": float(max(0.0, -np.percentile(toes, 1)) * 100.0),
+            "penetration_max_cm": float(max(0.0, -toes.min()) * 100.0),
+        }
+    speeds = [s for m in measured for s in m["speeds"]]
+    for gait in sorted({s[0] for s in speeds}):
+        asked, real = np.array([s[1:] for s in speeds if s[0] == gait]).T
+        report["gaits"][gait] = {
+            "stretches": len(asked), "asked": float(asked.mean()), "real": float(real.mean()),
+            "worst_ratio": float(max(real / asked, key=lambda r: abs(r - 1.0))),
+        }  # fmt: skip
+    if speeds:
+        asked, real = np.array([s[1:] for s in speeds]).T
+        report["speed_ratio"] = float(real.sum() / asked.sum())
+        report["speed_error"] = float(np.mean(np.abs(real - asked) / asked))
+    report["missed"] = _missed(report)
+    return report
+
+
+def _missed(report: dict[str, Any]) -> list[str]:
+    terrains = report["terrains"]
+    low, high = report["hips_m"]
+    bars = {
+        "poses that are not finite": report["not_finite"] == 0 and not report["messages"],
+        "hips height over ground": HIPS_RANGE_M[0] <= low and high <= HIPS_RANGE_M[1],
+        "frozen poses": report["frozen_seconds"] == 0,
+        "memory growth": (report["memory_growth_mb"] or 0.0) <= MAX_GROWTH_MB,
+        "bone lengths": report["bone_change_m"] <= MAX_BONE_CHANGE_M,
+        "speed on steady stretches": report.get("speed_error", 0.0) <= SPEED_TOLERANCE,
+        "skating on flat ground": terrains.get("flat", {"skating_cm": 0.0})["skating_cm"] <= MAX_SKATING_CM,
+    }
+    for name in ("hills", "stairs"):
+        if name in terrains:
+            bars[f"toe penetration on {name}"] = terrains[name]["penetration_p99_cm"] <= MAX_PENETRATION_CM
+    return [name for name, met in bars.items() if not met]
+
+
+def print_report(report: dict[str, Any]) -> None:
+    """The figures as tables."""
+    minutes = report["frames"] / FPS / 60.0
+    print(f"{minutes:.1f} minutes, {report['frames']} frames in {report['wall_seconds']:.0f} s")
+    print(f"not finite {report['not_finite']}, messages {len(report['messages'])} {report['messages'][:2]}")
+    print(f"hips over ground {report['hips_m'][0]:.2f} to {report['hips_m'][1]:.2f} m")
+    least = report["least_foot_movement"]
+    print(
+        f"frozen {report['frozen_seconds']} of {report['moving_seconds']} moving seconds {report['frozen_gaits']}, least movement of the feet"
+        f" {'-' if least is None else f'{least:.2f}'} of the asked speed"
+    )
+    growth = report["memory_growth_mb"]
+    print(f"memory grew by {'-' if growth is None else f'{growth:.0f}'} MB")
+    print(f"bone length change at most {report['bone_change_m'] * 1000:.4f} mm")
+    print(
+        f"{'terrain':10} {'skating':>8} {'at sole':>8} {'sunk p99':>9} {'sunk max':>9}   (walking; cm per frame, cm)"
+    )
+    for name, t in report["terrains"].items():
+        print(
+            f"{name:10} {t['skating_cm']:8.4f} {t['sole_skating_cm']:8.4f} {t['penetration_p99_cm']:9.2f}"
+            f" {t['penetration_max_cm']:9.2f}"
+        )
+    print(f"{'gait':10} {'stretches':>9} {'asked':>6} {'real':>6} {'worst ratio':>12}   (m/s)")
+    for name, g in report["gaits"].items():
+        print(f"{name:10} {g['stretches']:9d} {g['asked']:6.2f} {g['real']:6.2f} {g['worst_ratio']:12.2f}")
+    if "speed_ratio" in report:
+        print(
+            f"real / asked speed {report['speed_ratio']:.3f}, mean error {report['speed_error'] * 100:.1f} %"
+        )
+    print("missed: " + ", ".join(report["missed"]) if report["missed"] else "all bars met")
+
+
+if __name__ == "__main__":
+    sys.exit(run_command("soak", main))

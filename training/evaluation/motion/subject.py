@@ -1,0 +1,97 @@
+"""A model under evaluation: its networks, its styles, its size and its speed."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.controls import Controls
+from sport.runtime.motion.controller import Controller
+from sport.runtime.motion.model import MotionModel, load_model
+from sport.runtime.prompts.content import PromptEncoder
+from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.prompts.text_encoder import text_encoder_of
+from sport.training.evaluation.motion.driving import flat_ground
+
+Array = NDArray[np.floating]
+
+TIMED_FRAMES, WARM_UP = 240, 30
+
+
+class Subject:
+    """The runtime's model of a folder, with the six-part descriptions of each style."""
+
+    def __init__(self, folder: Path, texts: dict[str, list[PartDescriptions]]) -> None:
+        self.folder = folder
+        self.model: MotionModel = load_model(folder)
+        self.texts = texts
+        words = text_encoder_of(self.model.metadata, folder)
+        self._prompts = PromptEncoder(words, self.model.prompt_path)
+        self._styles: dict[tuple[str, int], Array] = {}
+
+    @property
+    def name(self) -> str:
+        """The folder's name; that of the training run for its `model` and `model-mixture`."""
+        folder = self.folder.resolve()
+        inner = folder.name
+        return folder.parent.name + inner[5:] if inner.startswith("model") else inner
+
+    @property
+    def decoder(self) -> str:
+        """ "diffusion", or "mixture" (w/o-Diffusion)."""
+        return str(self.model.metadata.get("decoder", "diffusion"))
+
+    def style(self, style: str, number: int) -> Array:
+        """Z^t `(6, 64)` of one of a style's descriptions; any number counts round."""
+        key = (style, number % len(self.texts[style]))
+        if key not in self._styles:
+            self._styles[key] = self._prompts.encode(self.texts[style][key[1]])
+        return self._styles[key]
+
+
+def count_parameters(metadata: dict[str, Any]) -> int:
+    """Trained values of encoder, modulator and decoders (Table I); of one decoder for w/o-Diffusion.
+
+    The MoE decoder is counted in the diffusion model too, as the paper's totals do.
+    """
+    from sport.training.networks.generator import Generator
+    from sport.training.presets import ModelConfig
+
+    known = {f.name for f in fields(ModelConfig)}
+    values: dict[str, Any] = {
+        k: tuple(v) if isinstance(v, list) else v for k, v in metadata["config"].items() if k in known
+    }
+    generator = Generator(ModelConfig(**values))
+    mixture = metadata.get("decoder") == "mixture"
+    return sum(
+        p.numel() for n, p in generator.named_parameters() if not (mixture and n.startswith("denoiser"))
+    )
+
+
+def frame_times(model: MotionModel, frames: int = TIMED_FRAMES) -> dict[str, float]:
+    """Median milliseconds of processor time of one thread: the network alone, and with control, foot lock and IK.
+
+    Processor time, so that other programs on the machine do not count.
+    """
+    controller = Controller(model, flat_ground())
+    forward = Controls(move=(0.0, 1.0))
+    x = np.zeros((1, 472), np.float32)
+    noise = np.random.default_rng(0).standard_normal((1, *model.noise_shape), np.float32)
+    style = controller.style
+    network = _median_ms(lambda: model.step(x, noise, style), frames)
+    return {"network_ms": network, "frame_ms": _median_ms(lambda: controller.step(forward), frames)}
+
+
+def _median_ms(work: Any, count: int) -> float:
+    times = []
+    for k in range(WARM_UP + count):
+        begin = time.process_time()
+        work()
+        if k >= WARM_UP:
+            times.append(time.process_time() - begin)
+    return 1e3 * statistics.median(times)

@@ -1,0 +1,266 @@
+"""Tables of the text evaluation as Markdown, put between markers so that a rerun replaces them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from sport.runtime.atomic import write_atomic
+from sport.training.evaluation.text import independence as text_independence
+from sport.training.evaluation.text import part_edits, retrieval
+from sport.training.evaluation.text.timing import LATENCY_BAR_MS
+
+BEGIN, END = "<!-- text evaluation: begin -->", "<!-- text evaluation: end -->"
+
+
+def write_markdown(path: Path, results: dict[str, Any]) -> None:
+    """Put the tables between the markers of `path`; into a file without them, at its end."""
+    old = path.read_text(encoding="utf-8") if path.exists() else ""
+    before, begin, rest = old.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not (begin and end):
+        before, after = (old.rstrip() + "\n\n" if old.strip() else ""), "\n"
+    write_atomic(path, f"{before}{BEGIN}\n{markdown(results)}{END}{after}")
+
+
+def markdown(results: dict[str, Any]) -> str:
+    """All tables of `results`, what `--json` holds."""
+    lines = [f"`{results['command']}`, model `{results['model']}`", "", *_bars(results)]
+    if "retrieval" in results:
+        lines += _retrieval(results["retrieval"])
+    if "edits" in results:
+        lines += [*_edits(results["edits"]), *_independence(results["independence"])]
+    if "timing" in results:
+        lines += _timing(results["timing"])
+    return "\n".join(lines) + "\n"
+
+
+def bars(results: dict[str, Any]) -> list[tuple[str, str, bool | None]]:
+    """Every demand: what is asked, what was measured, and whether it is met (None: not measured)."""
+    found: list[tuple[str, str, bool | None]] = []
+    if "retrieval" in results:
+        found += _retrieval_bars(results["retrieval"])
+    if "edits" in results:
+        zero = results["edits"]["summary"]["zero-shot"]
+        for key, asked, bar in (
+            ("right_way", "change the described way", part_edits.RIGHT_BAR),
+            ("enough", "reach at least half the described change", part_edits.ENOUGH_BAR),
+        ):
+            name = f"zero-shot part edits that {asked}: at least {100 * bar:.0f} %"
+            found.append((name, f"{100 * zero[key]:.0f} % of {zero['cases']}", zero[key] >= bar))
+        ratio = results["independence"]["by_slot"]["all"]["ratio"]
+        name = f"other parts change by at most {100 * text_independence.BAR:.0f} % of the described part's change"
+        found.append((name, f"{100 * ratio:.0f} %", ratio <= text_independence.BAR))
+    if "timing" in results:
+        latency = results["timing"]["latency"]["warm_median_ms"]
+        found.append(
+            (
+                f"prompt to Z^t in at most {LATENCY_BAR_MS:.0f} ms",
+                f"{latency:.1f} ms",
+                latency <= LATENCY_BAR_MS,
+            )
+        )
+        late = max(r["first_frame_worst"] for r in results["timing"]["response"].values())
+        found.append(("the next frame answers a new prompt", f"frame {late + 1:.0f} after it", late == 0))
+    return found
+
+
+def _retrieval_bars(scores: dict[str, Any]) -> list[tuple[str, str, bool | None]]:
+    found: list[tuple[str, str, bool | None]] = []
+    for key, words in (("text_to_motion", "text→motion"), ("motion_to_text", "motion→text")):
+        name = f"{words} R@1 on held-out captured clips: at least {100 * retrieval.BAR:.0f} %"
+        if "missing" in scores:
+            found.append((name, "not measured", None))
+        else:
+            r1 = scores["original"]["whole"][key]["r1"]
+            found.append((name, f"{100 * r1:.0f} %", r1 >= retrieval.BAR))
+    return found
+
+
+def _bars(results: dict[str, Any]) -> list[str]:
+    words = {True: "yes", False: "**no**", None: "–"}
+    return _table(["Asked", "Measured", "Met"], [[n, m, words[ok]] for n, m, ok in bars(results)])
+
+
+def _retrieval(scores: dict[str, Any]) -> list[str]:
+    lines = ["### Retrieval", ""]
+    if "missing" in scores:
+        return [*lines, scores["missing"], ""]
+    rows = []
+    names = {
+        "text_to_motion": "text→motion",
+        "motion_to_text": "motion→text",
+        "text_to_motion_alike": "text→motion, look-alike styles as one",
+        "motion_to_text_alike": "motion→text, look-alike styles as one",
+    }
+    for side in ("original", "mirrored"):
+        for key, name in names.items():
+            for compared, label in (("whole", "Eq. 2"), ("parts", "mean of parts")):
+                rows.append(_recall_row(f"{name}, {side}", label, scores[side][compared][key]))
+    head = ["", "compared by", "queries", "gallery", "R@1", "R@3", "median rank", "R@1, mean over styles"]
+    lines += [*_table(head, rows), "Chance stands in brackets.", ""]
+    own = scores["original"]["by_style"]
+    rows = [
+        [
+            style,
+            f"{row['texts']} / {row['clips']}",
+            f"{100 * row['text_to_motion']:.0f} %",
+            f"{100 * row['motion_to_text']:.0f} %",
+            _counts(row["text_taken_for"]),
+            _counts(row["motion_taken_for"]),
+        ]
+        for style, row in sorted(own.items(), key=lambda item: item[1]["motion_to_text"])
+    ]
+    head = [
+        "style",
+        "texts / clips",
+        "text→motion R@1",
+        "motion→text R@1",
+        "nearest clip is of",
+        "nearest text is of",
+    ]
+    return lines + _table(head, rows)
+
+
+def _recall_row(name: str, compared: str, found: dict[str, float]) -> list[str]:
+    return [
+        name,
+        compared,
+        f"{found['queries']}",
+        f"{found['gallery']}",
+        f"{100 * found['r1']:.0f} % ({100 * found['chance_r1']:.0f})",
+        f"{100 * found['r3']:.0f} % ({100 * found['chance_r3']:.0f})",
+        f"{found['median_rank']:g} ({found['chance_rank']:g})",
+        f"{100 * found['r1_by_style']:.0f} %",
+    ]
+
+
+def _counts(counts: dict[str, int], most: int = 3) -> str:
+    return ", ".join(f"{name} {n}" for name, n in list(counts.items())[:most]) or "–"
+
+
+def _edits(found: dict[str, Any]) -> list[str]:
+    lines = ["### Part edits", ""]
+    rows = [
+        [
+            kind,
+            f"{s['cases']}",
+            f"{100 * s['right_way']:.0f} %",
+            f"{100 * s['enough']:.0f} %",
+            f"{s['median_share']:.2f}",
+            f"{100 * s['runs_right_way']:.0f} %",
+            f"{100 * s['runs_enough']:.0f} %",
+        ]
+        for kind, s in found["summary"].items()
+    ]
+    head = ["", "cases", "right way", "at least half", "median share", "of single walks", "at least half"]
+    lines += _table(head, rows)
+    for kind, title in (
+        ("held out", "Held-out edits"),
+        ("pair", "Held-out pairs"),
+        ("free words", "Free words"),
+        ("trained", "Trained edits"),
+    ):
+        rows = [_edit_row(r) for r in found["rows"] if r["kind"] == kind]
+        if rows:
+            last = "words that the library made of it" if kind == "free words" else "walks right / half"
+            lines += [f"{title}:", ""]
+            lines += _table([" ", "measure: described → measured", "share", "right way", "half", last], rows)
+    if found["unmeasured"]:
+        names = ", ".join(found["unmeasured"])
+        lines += [
+            f"Not scored, as captured walks disagree about what the edit does to its measure: {names}.",
+            "",
+        ]
+    return lines
+
+
+def _edit_row(row: dict[str, Any]) -> list[str]:
+    changes = [
+        f"{name} {_signed(row['described'][name])} → {_signed(row['change'][name])}"
+        for name in row["described"]
+    ]
+    words = {True: "yes", False: "no"}
+    last = f"{100 * row['runs_right_way']:.0f} % / {100 * row['runs_enough']:.0f} %"
+    if row["kind"] == "free words":
+        last = "; ".join(row["words"].values())
+    noisy = "†" if row["seed_noise"] > part_edits.RIGHT_WAY else ""
+    return [
+        row["name"],
+        "; ".join(changes),
+        f"{row['worst_share']:.2f}{noisy}",
+        words[row["right_way"]],
+        words[row["enough"]],
+        last,
+    ]
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.1f}°" if abs(value) >= 3.0 else f"{value:+.2f}"
+
+
+def _independence(found: dict[str, Any]) -> list[str]:
+    rows = [
+        [
+            slot,
+            f"{s['edits']}",
+            f"{s['own']:.1f}°",
+            f"{s['others']:.1f}°",
+            f"{s['seed_others']:.1f}°",
+            f"{100 * s['ratio']:.0f} % ({100 * s['edit_ratio']:.0f})",
+            f"{100 * s['within']:.0f} %",
+            f"{100 * s['most_ratio']:.0f} % ({100 * s['edit_most_ratio']:.0f})",
+        ]
+        for slot, s in found["by_slot"].items()
+    ]
+    head = [
+        "part",
+        "edits",
+        "its change",
+        "the others'",
+        "the others' between two seeds",
+        "ratio",
+        "edits within 25 %",
+        "the other part that changes most",
+    ]
+    seeds = ", ".join(f"{part.replace('_', ' ')} {change:.1f}°" for part, change in found["seeds"].items())
+    note = (
+        "In brackets what the edits themselves do when they are applied to captured walks. "
+        f"Two seeds of the neutral prompt differ, in the same measure, by: {seeds}."
+    )
+    return ["### Part independence", "", *_table(head, rows), note, ""]
+
+
+def _timing(found: dict[str, Any]) -> list[str]:
+    latency = found["latency"]
+    rows = [
+        [
+            "first prompt, files and networks loaded",
+            f"{latency['first_ms']:.0f} ms",
+            f"{latency['first_processor_ms']:.0f} ms",
+        ],
+        [
+            f"new prompts after it, median of {latency['prompts'] - 1}",
+            f"{latency['warm_median_ms']:.1f} ms",
+            f"{latency['warm_median_processor_ms']:.1f} ms",
+        ],
+        ["the slowest of them", "–", f"{latency['warm_worst_processor_ms']:.1f} ms"],
+    ]
+    lines = ["### Speed and smoothness", "", *_table(["prompt to Z^t", "time", "processor time"], rows)]
+    rows = [
+        [f"{seconds} s", f"{r['first_frame_worst'] + 1:.0f}", f"{r['half_seconds_median']:.2f} s"]
+        for seconds, r in found["response"].items()
+    ]
+    lines += _table(["blend", "first frame that differs, latest", "half of the change, median"], rows)
+    rows = [[name, f"{r['ratio']:.2f}", f"{r['peak']:.2f}"] for name, r in found["transitions"].items()]
+    return lines + _table(["change of prompt", "jerk ratio", "highest frame"], rows)
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    return [
+        "| " + " | ".join(head) + " |",
+        "|" + " --- |" * len(head),
+        *("| " + " | ".join(row) + " |" for row in rows),
+        "",
+    ]

@@ -1,0 +1,1 @@
+"""Does the motion do what the words say."""

@@ -1,0 +1,226 @@
+"""`sport evaluate --text`: does the motion do what the words say (Sec. III-C)?
+
+python -m sport.training.evaluation.text.command --model FOLDER --clips DIR --json FILE --markdown FILE
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from sport.runtime.assets import asset_path
+from sport.runtime.atomic import check_target, write_atomic
+from sport.runtime.errors import UsageError, run_command
+from sport.runtime.motion.model import load_model
+from sport.runtime.prompts.content import PromptEncoder
+from sport.runtime.prompts.english.library import LibraryExpander
+from sport.runtime.prompts.english.library_data import load_styles
+from sport.runtime.prompts.expander import Expansion
+from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.prompts.text_encoder import TextEncoder, library_encoder, text_encoder_of
+from sport.training.evaluation.report.text_tables import markdown, write_markdown
+from sport.training.evaluation.text import part_edits
+from sport.training.evaluation.text.independence import by_slot, independence, seed_changes
+from sport.training.evaluation.text.part_edits import Case, Reference
+from sport.training.evaluation.text.prompts import FREE_PROMPTS
+from sport.training.evaluation.text.timing import timing
+from sport.training.evaluation.text.walks import SECONDS, Summary, Walk, Walker
+
+log = logging.getLogger("sport.evaluate")
+
+PARTS = ("retrieval", "edits", "timing")
+PLAIN_PROMPT = "a person walking normally"  # what words about a part change
+# changes of prompt while walking: one part, several parts, and whole styles
+CHANGES: tuple[tuple[str, str], ...] = (
+    (PLAIN_PROMPT, "left arm raised overhead"),
+    (PLAIN_PROMPT, "torso leaning far forward"),
+    (PLAIN_PROMPT, "hands on hips"),
+    (PLAIN_PROMPT, "a zombie"),
+    ("a proud king", "an exhausted soldier"),
+    ("a drunk man", PLAIN_PROMPT),
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """What the text evaluation asks for."""
+    parser.add_argument(
+        "--model",
+        type=Path,
+        default=asset_path("models/compact"),
+        metavar="DIR",
+        help="folder of an exported model",
+    )
+    parser.add_argument("--clips", type=Path, required=True, metavar="DIR", help="folder of imported clips")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures to FILE")
+    parser.add_argument(
+        "--markdown", type=Path, metavar="FILE", help="write the tables between FILE's markers"
+    )
+    parser.add_argument(
+        "--only", choices=PARTS, action="append", help="measure this alone (can be given several times)"
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="no trained edits, shorter walks: a trial, no figures to quote"
+    )
+    parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
+    parser.add_argument(
+        "--text-encoder",
+        type=Path,
+        metavar="DIR",
+        help="folder of the text encoder that the model was trained with",
+    )
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Evaluate; the exit code is 0 also where the model misses a bar: the tables say so."""
+    parser = argparse.ArgumentParser(prog="sport evaluate --text", description=__doc__)
+    add_arguments(parser)
+    args = parser.parse_args(argv)
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    for target in (args.json, args.markdown):
+        if target is not None:
+            check_target(target)
+    results = run(args)
+    print(markdown(results), end="")
+    if args.json is not None:
+        write_atomic(args.json, json.dumps(results, indent=1, ensure_ascii=False) + "\n")
+    if args.markdown is not None:
+        write_markdown(args.markdown, results)
+    return 0
+
+
+def run(args: argparse.Namespace) -> dict[str, Any]:
+    """All figures as plain data; equal arguments give equal figures, but for the times."""
+    if not 1 <= args.workers <= 64:
+        raise UsageError(f"--workers {args.workers}: expected 1 to 64.", "Choose another number.")
+    wanted = set(args.only or PARTS)
+    prompter = _Prompter(args.model, args.text_encoder)
+    results: dict[str, Any] = {"command": _command(args), "model": prompter.model.name}
+    started = time.perf_counter()
+    if "retrieval" in wanted:
+        results["retrieval"] = _retrieval(args, prompter.words)
+        log.info("retrieval: %.0f s", time.perf_counter() - started)
+    if "edits" in wanted:
+        results |= _edits(args, prompter)
+        log.info("part edits: %.0f s", time.perf_counter() - started)
+    if "timing" in wanted:
+        changes = {f"{a} → {b}": (prompter.z_of(a), prompter.z_of(b)) for a, b in CHANGES}
+        results["timing"] = timing(prompter.model, list(FREE_PROMPTS), changes, args.text_encoder)
+        log.info("timing: %.0f s", time.perf_counter() - started)
+    return results
+
+
+class _Prompter:
+    """A model's way from words to Z^t."""
+
+    def __init__(self, folder: Path, text_encoder: Path | None) -> None:
+        self.model = load_model(folder)
+        self.words: TextEncoder = text_encoder_of(self.model.metadata, folder, text_encoder)
+        self._library = LibraryExpander(library_encoder(self.words))
+        self._encoder = PromptEncoder(self.words, self.model.prompt_path)
+
+    def expand(self, prompt: str) -> Expansion:
+        """By the shipped library."""
+        return self._library.expand(prompt)
+
+    def z(self, descriptions: PartDescriptions) -> Any:
+        """Z^t `(6, 64)`."""
+        return self._encoder.encode(descriptions)
+
+    def z_of(self, prompt: str) -> Any:
+        """Z^t `(6, 64)` of a prompt."""
+        return self.z(self.expand(prompt).descriptions)
+
+
+def _retrieval(args: argparse.Namespace, words: TextEncoder) -> dict[str, Any]:
+    """The figures, or why there are none: models of version 0.1 hold no motion encoder."""
+    from sport.training.evaluation.metrics.encoder_features import has_encoder
+    from sport.training.evaluation.text.retrieval import evaluate_retrieval
+
+    if not has_encoder(args.model):
+        return {
+            "missing": "The model folder holds no motion.onnx: export it again with `sport train export`."
+        }
+    styles = load_styles(asset_path("prompts/styles.json"))
+    texts = {name: list(style.descriptions) for name, style in styles.items()}
+    return evaluate_retrieval(args.model, args.clips, texts, words)
+
+
+def _edits(args: argparse.Namespace, prompter: _Prompter) -> dict[str, Any]:
+    """Part edits and part independence: they look at the same walks."""
+    reference = part_edits.load_reference(args.clips)
+    neutral = prompter.expand(PLAIN_PROMPT).descriptions
+    expanded = {prompt: prompter.expand(prompt) for prompt in FREE_PROMPTS}
+    cases = part_edits.catalogue_cases(neutral, trained=not args.quick)
+    cases += [part_edits.free_case(p, FREE_PROMPTS[p], e.descriptions) for p, e in expanded.items()]
+    walker = Walker(args.model, args.workers, 3.0 if args.quick else SECONDS)
+    asked = [Walk.of(prompter.z(neutral), seed) for seed in range(part_edits.SEEDS)]
+    asked += [Walk.of(prompter.z(d), s) for c in cases for d, s in zip(c.variants, c.seeds, strict=True)]
+    log.info("%d walks", len(set(asked)))
+    made = iter(walker.make(asked))
+    neutral_walks = {seed: next(made) for seed in range(part_edits.SEEDS)}
+    rows, independent, unmeasured = [], [], []
+    for case in cases:
+        summaries = [next(made) for _ in case.variants]
+        row, own = _case_result(case, summaries, neutral_walks, reference)
+        if row is None:
+            unmeasured.append(case.name)
+        else:
+            rows.append(row)
+        if own is not None:
+            independent.append(own)
+    for row in rows:
+        if row["kind"] == "free words":
+            row["expansion"] = expanded[row["name"]].note
+    return {
+        "edits": {
+            "rows": rows,
+            "unmeasured": unmeasured,
+            "summary": _summaries(rows),
+            "reference": [name for name, _, _ in reference.walks],
+            "walks": len(set(asked)),
+        },
+        "independence": {
+            "rows": independent,
+            "by_slot": by_slot(independent),
+            "seeds": seed_changes(neutral_walks),
+        },
+    }
+
+
+def _case_result(
+    case: Case, summaries: Sequence[Summary], neutral: dict[int, Summary], reference: Reference
+) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
+    """The case's score, None where its measure shows nothing; and its independence, for single edits."""
+    pairs = reference.edited(case.edits)
+    described = reference.described(pairs, case.edits)
+    row = None
+    if described:
+        row = part_edits.score(case, summaries, neutral, described)
+        row["seed_noise"] = part_edits.seed_noise(neutral, described)
+    single = len(case.edits) == 1 and case.kind != "free words"
+    return row, independence(case, summaries, neutral, pairs) if single else None
+
+
+def _summaries(rows: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
+    """By kind, and of held-out edits and pairs together: what the bars are about."""
+    groups = {kind: [r for r in rows if r["kind"] == kind] for kind in dict.fromkeys(r["kind"] for r in rows)}
+    zero_shot = [r for r in rows if r["kind"] in ("held out", "pair")]
+    return {kind: part_edits.shares(group) for kind, group in {"zero-shot": zero_shot, **groups}.items()}
+
+
+def _command(args: argparse.Namespace) -> str:
+    """The command in a form that names no folder of this machine."""
+    model = args.model if not args.model.is_absolute() else Path(args.model.name)
+    words = [f"sport evaluate --text --clips DIR --model {model.as_posix()}"]
+    words += [f"--only {name}" for name in args.only or ()]
+    words += ["--quick"] if args.quick else []
+    return " ".join(words)
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_command("sport evaluate --text", main))

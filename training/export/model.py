@@ -1,0 +1,179 @@
+"""Trained weights to what the runtime loads: ONNX graphs and a metadata file with their hashes."""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from sport.runtime.motion.features import FPS, LAYOUT_VERSION
+from sport.runtime.motion.model_files import FOLDED
+from sport.runtime.skeleton import SPORT_SKELETON, J
+from sport.training.batches import Normalisation
+from sport.training.export.ablation import MixtureStepGraph
+from sport.training.export.graph import BATCH, export_graph
+from sport.training.export.model_card import model_card
+from sport.training.export.step import StepGraph, export_step
+from sport.training.networks.content import JOINT_FEATURES, SEQUENCE_LENGTH, ContentEncoder
+from sport.training.networks.diffusion import ReverseStep
+from sport.training.networks.generator import Generator
+from sport.training.presets import ModelConfig
+from torch import Tensor, nn
+
+
+class PromptGraph(nn.Module):
+    """Six sentence embeddings `(N, 6, D)` to standardised Z^t, and mean and log-variance as in Eq. 2, all `(N, 6, 64)`."""
+
+    def __init__(self, content: ContentEncoder, centre: Tensor, deviation: Tensor) -> None:
+        super().__init__()
+        self.text = content.text
+        self.register_buffer("centre", centre.view(6, -1))
+        self.register_buffer("deviation", deviation.view(6, -1))
+
+    def forward(self, embeddings: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        code = self.text(embeddings)
+        return (code.mean - self.centre) / self.deviation, code.mean, code.log_variance
+
+
+class EmbeddingGraph(nn.Module):
+    """The ablation without a content encoder: the sentence embeddings `(N, 6, D)`, standardised, are Z^t."""
+
+    def __init__(self, centre: Tensor, deviation: Tensor) -> None:
+        super().__init__()
+        self.register_buffer("centre", centre.view(6, -1))
+        self.register_buffer("deviation", deviation.view(6, -1))
+
+    def forward(self, embeddings: Tensor) -> Tensor:
+        return (embeddings - self.centre) / self.deviation
+
+
+class MotionGraph(nn.Module):
+    """The stage-1 motion encoder on sequences in real units, as `stage_content.Sequences` cuts them.
+
+    Joints `(N, 40, 31, 9)` relative to the root (position with the ground's height removed, 6D rotation) and root
+    velocity `(N, 40, 3)`, every second frame at 60 Hz, to mean and log-variance `(N, 6, 64)` of Z^m.
+    """
+
+    def __init__(self, content: ContentEncoder, scales: dict[str, Tensor]) -> None:
+        super().__init__()
+        self.motion = content.motion
+        for name, value in scales.items():
+            self.register_buffer(name, value)
+
+    def forward(self, joints: Tensor, root: Tensor) -> tuple[Tensor, Tensor]:
+        code = self.motion((joints - self.joint_mean) / self.joint_deviation, root / self.root_deviation)
+        return code.mean, code.log_variance
+
+
+class StyleGraph(nn.Module):
+    """Z^t `(6, 64)` to the folded modulator weights and the style's natural speeds (walk, jog) in m/s."""
+
+    def __init__(self, generator: Generator, speeds: Tensor) -> None:
+        super().__init__()
+        self.modulator = generator.modulator
+        self.register_buffer("speeds", speeds)  # (385, 2), the last row is the intercept
+
+    def forward(self, z: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        flat = z.reshape(1, -1)
+        speeds = (flat @ self.speeds[:-1] + self.speeds[-1])[0]
+        return (*self.modulator.fold(flat), speeds)
+
+
+@dataclass
+class Trained:
+    """Everything the export needs."""
+
+    config: ModelConfig
+    content: ContentEncoder | None  # None: the ablation without one
+    generator: Generator
+    normal: Normalisation
+    style_centre: Tensor
+    style_deviation: Tensor
+    speeds: Tensor
+    steps: list[ReverseStep]
+    sigma_bar_squared: np.ndarray
+    start: dict[str, list[float]]  # y and phase of a standing frame
+    credits: list[str]
+    notes: dict[str, object]
+    curves: dict[str, str]  # stage to its last losses
+    neutral: np.ndarray  # (6, 64) standardised Z^t of neutral walking, which `strength` starts from
+    sequence_scales: dict[str, Tensor]  # stage 1: joint_mean, joint_deviation (31, 9), root_deviation (3,)
+    decoder: str = "diffusion"  # or "mixture": the decoder of stage 2 (w/o-Diffusion)
+
+
+def export_model(trained: Trained, folder: Path) -> None:
+    """Write prompt, style, step and motion.onnx and metadata.json; each graph is checked against torch to 1e-4."""
+    folder.mkdir(parents=True, exist_ok=True)
+    config = trained.config
+    generator = trained.generator.cpu().eval()
+    scale = trained.style_centre.cpu(), trained.style_deviation.cpu()
+    content = trained.content.cpu() if trained.content is not None else None
+    prompt: nn.Module = PromptGraph(content, *scale) if content is not None else EmbeddingGraph(*scale)
+    style = StyleGraph(generator, trained.speeds)
+    normal = trained.normal.to(torch.device("cpu"))
+    mixture = trained.decoder == "mixture"
+    step = MixtureStepGraph(generator, normal) if mixture else StepGraph(generator, normal, trained.steps)
+    torch.manual_seed(0)
+    errors = {
+        "prompt": export_graph(
+            prompt,
+            (torch.randn(2, 6, config.sentence_size),),
+            ["embeddings"],
+            ["z", "mean", "log_variance"] if content is not None else ["z"],
+            ({0: BATCH},),
+            folder / "prompt.onnx",
+        ),
+        "style": export_graph(
+            style,
+            (torch.randn(6, config.style_size // 6),),
+            ["z"],
+            [*FOLDED, "speeds"],
+            (None,),
+            folder / "style.onnx",
+        ),
+        "step": export_step(step, generator, len(trained.steps), folder / "step.onnx"),
+    }
+    if content is not None:
+        errors["motion"] = export_graph(
+            MotionGraph(content, trained.sequence_scales),
+            (torch.randn(2, SEQUENCE_LENGTH, J, JOINT_FEATURES), torch.randn(2, SEQUENCE_LENGTH, 3)),
+            ["joints", "root"],
+            ["mean", "log_variance"],
+            ({0: BATCH}, {0: BATCH}),
+            folder / "motion.onnx",
+        )
+    _write_metadata(trained, folder, errors)
+
+
+def _write_metadata(trained: Trained, folder: Path, errors: dict[str, float]) -> None:
+    metadata = {
+        "format": "sport-model",
+        "layout_version": LAYOUT_VERSION,
+        "name": trained.config.name,
+        "joints": list(SPORT_SKELETON.names),
+        "fps": FPS,
+        "config": asdict(trained.config),
+        "decoder": trained.decoder,
+        "text_encoder": {
+            "name": trained.config.text_encoder,
+            "dimensions": trained.config.text_size,
+            "direction_words": trained.config.direction_words,
+            "one_sided": trained.config.one_sided_words,
+        },
+        "strength": {"default": 1.0, "neutral": trained.neutral.flatten().tolist()},
+        "reverse_steps": [asdict(s) for s in trained.steps],
+        "sigma_bar_squared": trained.sigma_bar_squared.tolist(),
+        "sha256": {n: hashlib.sha256((folder / f"{n}.onnx").read_bytes()).hexdigest() for n in errors},
+        "onnx_error": errors,
+        "start": trained.start,
+        "exported": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),
+        "credits": trained.credits,
+        "notes": trained.notes,
+        "curves": trained.curves,
+    }
+    (folder / "metadata.json").write_text(json.dumps(metadata, indent=1) + "\n", encoding="utf-8")
+    (folder / "README.md").write_text(model_card(metadata, trained.curves), encoding="utf-8")

@@ -1,0 +1,137 @@
+"""The model card that travels with the exported networks.
+
+    python -m sport.training.export.model_card FOLDER --soak soak.json --text text.json --motion evaluation.json
+
+puts measured figures into an exported model's metadata and card.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from sport.runtime.atomic import write_atomic
+from sport.runtime.errors import FileError, run_command
+
+_LIMITS = """- Trained on about 35 captured styles, on recombinations of their parts, and on parametric edits of parts; a prompt far
+  from them is composed from the nearest ones, part by part.
+- A left foot drags when it is told to, a right one (never shown in training) by a quarter of that.
+- Nodding is hardly there; looking around, waving and flapping beat with the steps, and a hand told to wave while
+  the character stands is mostly held up still.
+- Terrain is known from distilled rollouts of PFNN and from flat capture laid over hills and stairs; there is only about
+  a minute of captured stairs and uneven ground, and no capture of climbing over walls.
+- Jumping was seen in the neutral style only."""
+
+
+def model_card(metadata: dict[str, Any], curves: dict[str, str]) -> str:
+    """Markdown text from `metadata.json`'s content; `curves` maps a stage to its last logged losses."""
+    notes, config = metadata["notes"], metadata["config"]
+    again = any(len(counts) > 1 for counts in notes["steps"].values())
+    lines = [
+        f"# Model `{metadata['name']}`",
+        "",
+        f"Exported {metadata['exported']} by `sport train export --preset {config['name']}`; layout version"
+        f" {metadata['layout_version']}. Files: `prompt.onnx` (sentence embeddings to Z^t), `style.onnx` (Z^t to the"
+        " modulator's folded weights), `step.onnx` (one frame, five denoising steps), `motion.onnx` (motion to Z^m,"
+        " for evaluation), `metadata.json`.",
+        *_eight_bits(metadata.get("quantised", {})),
+        "",
+        "## Data",
+        f"{notes['clips']} clips with their mirrored and terrain copies, {notes['frames'] / 3600:.0f} minutes at 60 Hz,"
+        f" {len(notes['styles'])} styles: {', '.join(notes['styles'])}.",
+        "",
+        "## Licence and credits",
+        f"{notes['licence'][:1].upper()}{notes['licence'][1:]}.",
+        *[f"- {credit}" for credit in metadata["credits"]],
+        "",
+        "## Training",
+        f"Seed {notes['seed']}; steps of the stages: "
+        + ", ".join(f"{stage} {' + '.join(map(str, counts))}" for stage, counts in notes["steps"].items())
+        + (
+            "." if not again else ". A sum is of models that each went on from the weights of the one before."
+        ),
+        *[f"- {stage}: {text}" for stage, text in curves.items()],
+        f"- ONNX against torch, largest difference: {max(metadata['onnx_error'].values()):.1e}",
+        "- Analytic-DPM variance per step of tau: "
+        + ", ".join(f"{v:.4f}" for v in metadata["sigma_bar_squared"]),
+        "",
+        "## Metrics",
+        *(metadata.get("metrics") or ["Not measured yet."]),
+        "",
+        "## Limits",
+        _LIMITS,
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _eight_bits(quantised: dict[str, Any]) -> list[str]:
+    """What is said of the 8-bit step graph, where there is one."""
+    if "relative_error" not in quantised:
+        return []
+    but = f", but for {', '.join(quantised['kept'])}" if quantised.get("kept") else ""
+    return [
+        "",
+        f"`step_int8.onnx` is `step.onnx` with 8-bit weights{but}; {quantised['default']} is loaded unless another precision"
+        f" is asked for. Over {quantised['frames']} frames of its own walks it is {quantised['relative_error']:.2%} from"
+        f" full precision, joints {quantised['joint_error_mm']:.1f} mm on average and"
+        f" {quantised['joint_error_max_mm']:.1f} mm at most.",
+    ]
+
+
+def soak_metrics(soak: dict[str, Any]) -> list[str]:
+    """Lines from the JSON of `sport.training.evaluation.motion.soak`."""
+    minutes = soak["frames"] / 3600
+    lines = [
+        f"- {minutes:.0f} minutes of random play (`sport.training.evaluation.motion.soak`): {soak['not_finite']} values not finite,"
+        f" {soak['frozen_seconds']} of {soak['moving_seconds']} moving seconds frozen, mean speed error"
+        f" {100 * soak['speed_error']:.1f} %"
+    ]
+    skating = ", ".join(f"{k} {v['skating_cm']:.4f}" for k, v in soak["terrains"].items())
+    return [*lines, f"- Toe skating by the paper's formula in it, cm per frame: {skating}"]
+
+
+def text_metrics(text: dict[str, Any]) -> list[str]:
+    """Lines from the JSON of `sport evaluate --text`."""
+    from sport.training.evaluation.report.text_tables import bars
+
+    return [f"- {asked}: {measured}" for asked, measured, _ in bars(text)]
+
+
+def motion_metrics(motion: dict[str, Any]) -> list[str]:
+    """Lines from the JSON of `sport evaluate`, of its first model."""
+    from sport.training.evaluation.report.bars import check
+
+    found = check(motion["models"][0], motion["held_out"])
+    return [f"- {bar.name}: {bar.met} of {bar.cases} cases" for bar in found]
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description="Put measured figures into a model's card.")
+    parser.add_argument("model", type=Path, help="folder of an exported model")
+    sources = {"soak": soak_metrics, "text": text_metrics, "motion": motion_metrics}
+    for name in sources:
+        parser.add_argument(f"--{name}", type=Path, help=f"JSON of the {name} measurement")
+    args = parser.parse_args(argv)
+    metadata = _read(args.model / "metadata.json")
+    lines: list[str] = []
+    for name, lines_of in sources.items():
+        if getattr(args, name) is not None:
+            lines += lines_of(_read(getattr(args, name)))
+    metadata["metrics"] = lines
+    write_atomic(args.model / "metadata.json", json.dumps(metadata, indent=1) + "\n")
+    write_atomic(args.model / "README.md", model_card(metadata, metadata.get("curves", {})))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise FileError(f"{path}: not a readable JSON file.", "Run the measurement again.") from error
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_command("model card", main))

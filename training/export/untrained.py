@@ -1,0 +1,78 @@
+"""The step graphs of a preset with random weights: how fast a network is does not depend on what it has learned.
+
+python -m sport.training.export.untrained --preset paper FOLDER
+python -m sport.training.export.untrained --model assets/models/compact FOLDER      layers as those of that model
+
+Writes plain.onnx (content experts blended in every frame), style.onnx, step.onnx (folded) and step_int8.onnx. There is
+no metadata: it is no model that could be walked with.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from pathlib import Path
+
+import numpy as np
+import torch
+from sport.runtime.errors import run_command
+from sport.runtime.motion.features import INPUT_SIZE
+from sport.runtime.motion.model_files import FOLDED, INT8_GRAPH, read_metadata
+from sport.training.batches import Normalisation
+from sport.training.export.graph import BATCH, export_graph
+from sport.training.export.model import StyleGraph
+from sport.training.export.quantize import quantize_step
+from sport.training.export.step import PlainGraph, StepGraph, export_step
+from sport.training.networks.diffusion import Schedule, reverse_steps
+from sport.training.networks.generator import Generator
+from sport.training.presets import ModelConfig, preset
+
+
+def export_untrained(config: ModelConfig, folder: Path, seed: int = 0) -> None:
+    """Write the graphs of `config` with the weights that training would begin with."""
+    folder.mkdir(parents=True, exist_ok=True)
+    torch.manual_seed(seed)
+    generator = Generator(config).eval()
+    size = config.output_size
+    normal = Normalisation(
+        torch.zeros(INPUT_SIZE), torch.ones(INPUT_SIZE), torch.zeros(size), torch.ones(size)
+    )
+    schedule = Schedule.linear(config.diffusion_steps)
+    count = config.inference_steps
+    steps = reverse_steps(schedule, schedule.subsequence(count), np.zeros(count))
+    example = (
+        torch.randn(2, INPUT_SIZE),
+        torch.randn(2, config.style_size),
+        torch.randn(2, count, config.experts, size),
+    )
+    plain = PlainGraph(generator, normal, steps)
+    inputs, shapes = ["x", "z", "noise"], ({0: BATCH}, {0: BATCH}, {0: BATCH})
+    export_graph(plain, example, inputs, ["y"], shapes, folder / "plain.onnx")
+    style = StyleGraph(generator, torch.zeros(config.style_size + 1, 2))
+    z = torch.randn(6, config.style_size // 6)
+    export_graph(style, (z,), ["z"], [*FOLDED, "speeds"], (None,), folder / "style.onnx")
+    export_step(StepGraph(generator, normal, steps), generator, count, folder / "step.onnx")
+    quantize_step(folder / "step.onnx", folder / f"{INT8_GRAPH}.onnx")
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Command line."""
+    parser = argparse.ArgumentParser(
+        prog="sport.training.export.untrained", description="Networks to be timed."
+    )
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--preset", default="paper")
+    parser.add_argument("--model", type=Path, help="folder of a model whose layer sizes are taken")
+    options = parser.parse_args(argv)
+    for chatty in ("onnx_ir", "onnxscript", "torch.onnx"):
+        logging.getLogger(chatty).setLevel(logging.WARNING)
+    config = preset(options.preset)
+    if options.model is not None:
+        stored = read_metadata(options.model)["config"]
+        config = ModelConfig(**{**stored, "front": tuple(stored["front"])})
+    export_untrained(config, options.folder)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_command("export_untrained", main))

@@ -1,0 +1,236 @@
+"""Stage 1: train the content encoder by body-part contrast (Sec. III-C, Eq. 2, 3, 7 to 9)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict
+
+import numpy as np
+import torch
+from sport.runtime.motion.features import OUTPUT
+from sport.training import losses as terms
+from sport.training.checkpoint import CONTENT_START
+from sport.training.frames import FrameTable
+from sport.training.networks.content import SEQUENCE_LENGTH, ContentEncoder, Gaussian, StatisticsReader
+from sport.training.presets import ModelConfig
+from sport.training.session import (
+    MovingAverage,
+    Session,
+    StageState,
+    load_checkpoint,
+    save_checkpoint,
+    train,
+)
+from sport.training.stages.motion import StyleTable
+from sport.training.styles import StyleTexts, pick_paraphrases
+from torch import Tensor
+
+STRIDE = 2  # frames between two samples: 40 samples are 1.3 s, more than one step
+# Eq. 7. The paper's lambda_con is 1e-2 for 100 styles over a long training; the shorter one here needs more of it.
+LAMBDA_CONTRAST, LAMBDA_KL, LAMBDA_EMBEDDING = 0.1, 1e-5, 1e-5
+# Share of the pose statistics, which the paper has not (sport.training.networks.content.StatisticsReader).
+LAMBDA_STATISTICS = 0.5
+TEXT_BATCHES = 4  # of windows that words alone are to tell the statistics of, in every step
+# On the components (about 0.05) of sentence embeddings, of a random strength for each: near words give near content, and
+# what the direction words tell is not learned by heart from the embeddings instead.
+WORD_NOISE = (0.01, 0.04)
+
+
+class Sequences:
+    """Windows of 40 samples: joints `(B, 40, 31, 9)` and root displacement `(B, 40, 3)`, normalised."""
+
+    def __init__(self, table: FrameTable, device: torch.device) -> None:
+        self.y = torch.as_tensor(table.y).to(device)
+        self.ground = torch.as_tensor(table.ground[:, 0]).to(device)
+        probe = self.y[:: max(1, len(table) // 20000)].float()
+        joints, root = self._split(probe, self.ground[:: max(1, len(table) // 20000)])
+        self.joint_mean, self.joint_deviation = joints.mean(0), joints.std(0).clamp_min(0.05)
+        self.root_deviation = root.std(0).clamp_min(0.05)
+
+    @property
+    def scales(self) -> dict[str, Tensor]:
+        """What joints `(31, 9)` and root `(3,)` are normalised by."""
+        names = ("joint_mean", "joint_deviation", "root_deviation")
+        return {name: getattr(self, name).cpu() for name in names}
+
+    @staticmethod
+    def _split(y: Tensor, ground: Tensor) -> tuple[Tensor, Tensor]:
+        positions = y[..., OUTPUT["joint_positions"]].unflatten(-1, (-1, 3)).clone()
+        positions[..., 1] -= ground[..., None]
+        rotations = y[..., OUTPUT["joint_rotations"]].unflatten(-1, (-1, 6))
+        return torch.cat([positions, rotations], -1), y[..., OUTPUT["root"]]
+
+    def __call__(self, start: Tensor) -> tuple[Tensor, Tensor]:
+        index = start[:, None] + STRIDE * torch.arange(SEQUENCE_LENGTH, device=start.device)
+        joints, root = self._split(self.y[index].float(), self.ground[index])
+        return (joints - self.joint_mean) / self.joint_deviation, root / self.root_deviation
+
+
+def _windows(
+    table: FrameTable, weights: np.ndarray, batch: int, generator: torch.Generator, device: torch.device
+) -> Iterator[tuple[Tensor, Tensor]]:
+    """Endless batches of first frames of windows inside one clip, and these clips."""
+    clip = torch.as_tensor(table.clip.astype(np.int64))
+    last = torch.as_tensor(table.start[table.clip + 1] - 1)
+    first = torch.as_tensor(table.start[table.clip])
+    span = STRIDE * (SEQUENCE_LENGTH - 1)
+    usable = weights * ((last - first).numpy() >= span)
+    cumulative = torch.as_tensor(np.cumsum(usable / usable.sum()))
+    while True:
+        draw = torch.rand(batch, generator=generator, dtype=torch.float64)
+        rows = torch.searchsorted(cumulative, draw).clamp_max(len(table) - 1)
+        start = torch.maximum(torch.minimum(rows, last[rows] - span), first[rows])
+        yield start.to(device), clip[rows].to(device)
+
+
+class ContentLosses:
+    """The losses of stage 1 (Eq. 7) for a batch of windows and their clips."""
+
+    def __init__(
+        self,
+        module: ContentEncoder,
+        config: ModelConfig,
+        sequences: Sequences,
+        texts: StyleTexts,
+        batches: Iterator[tuple[Tensor, Tensor]],
+    ) -> None:
+        self.module, self.config, self.sequences, self.batches = module, config, sequences, batches
+        device = sequences.y.device
+        self.embeddings = [torch.as_tensor(e).to(device) for e in texts.embeddings]
+        self.index = torch.as_tensor(texts.index).to(device)
+        self.keys = torch.as_tensor(texts.keys).to(device)
+
+    def __call__(self, item: object, step: int) -> dict[str, Tensor]:
+        start, clips = item  # type: ignore[misc]
+        joints, root = self.sequences(start)
+        target = torch.cat([joints.flatten(-2), root], -1)
+        motion, text = self.module.motion(joints, root), self.text(clips)
+        z_motion, z_text = motion.sample(), text.sample()
+        whole, parts = self._contrasts(motion, text, clips)
+        decoder = self.module.decoder
+        result = {
+            "recon": terms.reconstruction(target, decoder(z_motion), decoder(z_text)),
+            "contrast": whole,
+            "part_contrast": parts,
+            "kl": terms.kullback_leibler(text, motion),
+            "embedding": terms.embedding_similarity(z_motion, z_text),
+        }
+        contrast, shares = 0.5 * whole + parts, (LAMBDA_CONTRAST, LAMBDA_KL, LAMBDA_EMBEDDING)
+        result["total"] = terms.stage1(result["recon"], contrast, result["kl"], result["embedding"], shares)
+        if self.module.statistics is not None:
+            result |= self._statistics(self.module.statistics, motion, joints)
+            both = result["statistics"] + result["text_statistics"]
+            result["total"] = result["total"] + LAMBDA_STATISTICS * both
+        return result
+
+    def text(self, clips: Tensor) -> Gaussian:
+        """Codes of random paraphrases of clips."""
+        sentence = pick_paraphrases(self.index, clips)
+        words = torch.stack([e[sentence[:, k]] for k, e in enumerate(self.embeddings)], 1)
+        return self.module.text(words + _word_noise(words, self.config.text_size))
+
+    def _contrasts(self, motion: Gaussian, text: Gaussian, clips: Tensor) -> tuple[Tensor, Tensor]:
+        """Eq. 2 of whole bodies, and the mean of the parts'."""
+        same = self.keys[clips][:, None] == self.keys[clips][None, :]  # (B, B, 6)
+        m, t = motion.parameters_flat().float(), text.parameters_flat().float()
+        whole = terms.contrastive(m.flatten(1), t.flatten(1), same.all(-1))
+        if not self.config.part_contrast:
+            return whole, whole
+        each = [terms.contrastive(m[:, k], t[:, k], same[:, :, k]) for k in range(m.shape[1])]
+        return whole, torch.stack(each).mean()
+
+    def _statistics(self, reader: StatisticsReader, motion: Gaussian, joints: Tensor) -> dict[str, Tensor]:
+        """Of motion, and of words on windows of their own: many, for nothing has to be encoded or decoded."""
+        own = terms.statistics(reader.standardised(joints), reader(motion.mean))
+        drawn = [next(self.batches) for _ in range(TEXT_BATCHES)]
+        told = reader.standardised(self.sequences(torch.cat([start for start, _ in drawn]))[0])
+        read = reader(self.text(torch.cat([clips for _, clips in drawn])).mean)
+        return {"statistics": own, "text_statistics": terms.statistics(told, read)}
+
+
+def run(
+    session: Session,
+    config: ModelConfig,
+    table: FrameTable,
+    weights: np.ndarray,
+    texts: StyleTexts,
+    steps: int = 3000,
+    batch: int = 64,
+    max_minutes: float | None = None,
+) -> ContentEncoder:
+    """Train and return the content encoder (EMA weights); also written to `content_final.pt`."""
+    device = session.device
+    torch.manual_seed(session.seed + 1)
+    sequences = Sequences(table, device)
+    batches = _windows(table, weights, batch, session.batch_generator(2), device)
+    module = ContentEncoder(config).to(device)
+    if (session.out / CONTENT_START).exists():
+        module.load_state_dict(load_checkpoint(session.out / CONTENT_START)["module"])
+    if module.statistics is not None:
+        rows = torch.cat([next(batches)[0] for _ in range(max(1, 4096 // batch))])
+        module.statistics.measure(torch.cat([sequences(r)[0] for r in rows.split(256)]))
+    optimizer = torch.optim.AdamW(module.parameters(), lr=5e-4, weight_decay=1e-4)
+    state = StageState(module, optimizer, MovingAverage(module, 0.995))
+    train(
+        session,
+        "content",
+        state,
+        batches,
+        ContentLosses(module, config, sequences, texts, batches),
+        steps,
+        lambda s: 5e-4 * min(1.0, (s + 1) / 100, (steps - s) / (0.3 * steps) + 0.02),
+        batch,
+        max_minutes,
+    )
+    module.load_state_dict(state.average.values)
+    save_checkpoint(
+        session.out / "content_final.pt",
+        {"module": module.state_dict(), "config": asdict(config), "scales": sequences.scales},
+    )
+    return module.eval()
+
+
+def _word_noise(words: Tensor, size: int) -> Tensor:
+    """Noise for the embeddings in `words` `(B, 6, D)`, their first `size` numbers; the direction words get none."""
+    least, most = WORD_NOISE
+    strength = least + (most - least) * torch.rand_like(words[..., :1])
+    noise = strength * torch.randn_like(words)
+    noise[..., size:] = 0.0
+    return noise
+
+
+@torch.no_grad()
+def _text_means(module: ContentEncoder | None, texts: StyleTexts) -> list[Tensor]:
+    """Mean of Z^t for every sentence of each part, `(U_k, 64)`; without a content encoder the embedding itself."""
+    if module is None:
+        return [torch.as_tensor(e) for e in texts.embeddings]
+    device = next(module.parameters()).device
+    means = []
+    for k, embeddings in enumerate(texts.embeddings):
+        words = torch.as_tensor(embeddings).to(device)[:, None].expand(-1, len(texts.embeddings), -1)
+        means.append(module.text(words).mean[:, k])
+    return means
+
+
+def style_scale(module: ContentEncoder | None, texts: StyleTexts) -> tuple[Tensor, Tensor]:
+    """Mean and deviation `(384,)` (six parts of 64) of Z^t over the sentences of all clips."""
+    means, centre, deviation = _text_means(module, texts), [], []
+    for k, z in enumerate(means):
+        used = z[torch.as_tensor(texts.index[:, :, k]).to(z.device).flatten()]
+        centre.append(used.mean(0))
+        deviation.append(used.std(0))
+    spread = torch.cat(deviation)
+    return torch.cat(centre), spread.clamp_min(0.2 * spread.mean().item() + 1e-4)
+
+
+def style_table(
+    module: ContentEncoder | None, texts: StyleTexts, centre: Tensor, deviation: Tensor
+) -> StyleTable:
+    """Standardised Z^t of every sentence."""
+    means = _text_means(module, texts)
+    size = means[0].shape[1]
+    parts = [
+        (z - centre[k * size : (k + 1) * size]) / deviation[k * size : (k + 1) * size]
+        for k, z in enumerate(means)
+    ]
+    return StyleTable(parts, torch.as_tensor(texts.index).to(parts[0].device))

@@ -1,0 +1,302 @@
+"""Stages 2 and 3: the motion generator, first with the MoE decoder, then with the diffusion decoder (Sec. III-F)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+
+import numpy as np
+import torch
+from sport.runtime.feet.skating import SOLE_POINTS
+from sport.runtime.motion.features import INPUT, OUTPUT
+from sport.training import losses as terms
+from sport.training.batches import Frames, Normalisation, loss_weights, random_rows
+from sport.training.checkpoint import START
+from sport.training.networks.decoder import blend_codes
+from sport.training.networks.diffusion import Schedule, add_noise, analytic_variance, noise_estimate
+from sport.training.networks.generator import Generator
+from sport.training.presets import ModelConfig
+from sport.training.rollouts import RolloutLanes, normalised
+from sport.training.session import (
+    MovingAverage,
+    Session,
+    StageState,
+    load_checkpoint,
+    save_checkpoint,
+    train,
+)
+from sport.training.styles import pick_paraphrases
+from torch import Tensor
+
+_FEET = list(SOLE_POINTS)
+
+
+@dataclass
+class StyleTable:
+    """Standardised Z^t of every training sentence: `parts[k]` `(U_k, 64)`; `index` `(clips, P, 6)` points into them."""
+
+    parts: list[Tensor]
+    index: Tensor
+
+    def draw(self, clips: Tensor) -> Tensor:
+        """Z^t `(B, 384)` of random paraphrases of clips `(B,)`."""
+        return self.of(pick_paraphrases(self.index, clips))
+
+    def of(self, sentences: Tensor) -> Tensor:
+        """Z^t `(B, 384)` of sentence indices `(B, 6)`."""
+        return torch.cat([z[sentences[:, k]] for k, z in enumerate(self.parts)], dim=-1)
+
+    def to(self, device: torch.device) -> StyleTable:
+        return StyleTable([z.to(device) for z in self.parts], self.index.to(device))
+
+
+@dataclass
+class MotionData:
+    """Frames, their normalisation, the clips' Z^t and the frames' sampling weights, on one device."""
+
+    frames: Frames
+    normal: Normalisation
+    style: StyleTable
+    weights: np.ndarray
+
+    def styles(self, clips: Tensor) -> Tensor:
+        """Z^t `(B, 384)` of clips: random paraphrases, and half of the time a blend towards others of the clip."""
+        t = torch.rand(len(clips), 1, device=clips.device)
+        t = t * (torch.rand(len(clips), 1, device=clips.device) < 0.5)
+        z = (1 - t) * self.style.draw(clips) + t * self.style.draw(clips)
+        return z + 0.05 * torch.randn_like(z)
+
+    def patch(self, rows: Tensor) -> Tensor:
+        """A random terrain patch per frame; half of the time the clip's own ground."""
+        random = (torch.rand(len(rows), device=rows.device) * self.frames.patches[rows]).long()
+        return torch.where(torch.rand(len(rows), device=rows.device) < 0.5, random, torch.zeros_like(random))
+
+    def input(self, rows: Tensor, patch: Tensor) -> Tensor:
+        """Normalised x."""
+        return (self.frames.inputs(rows, patch) - self.normal.x_mean) / self.normal.x_deviation
+
+    def output(self, rows: Tensor, patch: Tensor) -> Tensor:
+        """Normalised y."""
+        return (self.frames.outputs(rows, patch) - self.normal.y_mean) / self.normal.y_deviation
+
+
+def measure(frames: Frames, weights: np.ndarray, session: Session, count: int = 40000) -> Normalisation:
+    """Normalisation from `count` weighted frames."""
+    rows = next(random_rows(weights, count, 0, frames.last, session.generator(3)))
+    patch = torch.zeros_like(rows)
+    return Normalisation.measure(frames.inputs(rows, patch), frames.outputs(rows, patch))
+
+
+def _corrupt(x: Tensor, level: float) -> Tensor:
+    """Noise on what the network will feed back to itself, of a random strength per sample."""
+    strength = level * torch.rand(len(x), 1, device=x.device)
+    noise = torch.randn_like(x) * strength
+    noise[:, INPUT["gait"]] = 0.0
+    noise[:, INPUT["heights"]] *= 0.3
+    noise[:, INPUT["trajectory_positions"]] *= 0.3
+    noise[:, INPUT["trajectory_directions"]] *= 0.3
+    noise[:, INPUT["joint_positions"]] *= 0.4  # the softened input scale of these fields
+    noise[:, INPUT["joint_velocities"]] *= 0.4
+    return x + noise
+
+
+def stage2_loss(data: MotionData, target: Tensor, predicted: Tensor, supervised: Tensor) -> dict[str, Tensor]:
+    """Eq. 10 to 13: weighted MSE of M and the contact term; the squared foot velocity is that of the predicted j^v.
+
+    `supervised` `(B, n)` is one, or zero where the target says nothing.
+    """
+    reconstruction = terms.motion(target, predicted, loss_weights(target.device) * supervised)
+    normal = data.normal
+    field = OUTPUT["joint_velocities"]
+    velocity = predicted[:, field] * normal.y_deviation[field] + normal.y_mean[field]
+    feet = velocity.unflatten(-1, (-1, 3))[:, _FEET]
+    field = OUTPUT["contacts"]
+    labels = target[:, field] * normal.y_deviation[field] + normal.y_mean[field]
+    return {"rec": reconstruction, "contact": terms.contact(labels, feet.square().sum(-1))}
+
+
+CONTACT_WEIGHT = 0.1
+LANES = 0.5  # share of a batch that goes on from the network's own output
+LANE_FRAMES = 45.0  # mean length of such a rollout
+
+
+@dataclass
+class MixedBatch:
+    """Captured frames with noise, then rollout lanes."""
+
+    rows: Tensor
+    patch: Tensor
+    z: Tensor
+    x: Tensor  # normalised
+    target: Tensor  # normalised y
+    supervised: Tensor  # one, or zero where a swapped part moves y: see sport.training.part_swaps
+
+
+def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes, noise: float) -> MixedBatch:
+    """The first part of `rows` as captured, the rest replaced by the lanes."""
+    fresh = rows[: len(rows) - len(lanes.rows)]
+    patch = data.patch(fresh)
+    x = torch.cat(
+        [
+            _corrupt(data.input(fresh, patch), noise),
+            _corrupt(normalised(lanes.inputs(), data.normal), 0.2 * noise),
+        ]
+    )
+    rows, patch = torch.cat([fresh, lanes.rows]), torch.cat([patch, lanes.patch])
+    z, target = data.styles(data.frames.clip[rows]), data.output(rows, patch)
+    swaps = lanes.swaps
+    z = torch.cat([z[: len(fresh)], swaps.tell(z[len(fresh) :], data.styles(swaps.clip))])
+    supervised = torch.cat([torch.ones_like(target[: len(fresh)]), swaps.supervised()])
+    return MixedBatch(rows, patch, z, x, target, supervised)
+
+
+def run_stage2(
+    session: Session,
+    config: ModelConfig,
+    data: MotionData,
+    steps: int,
+    batch: int = 1024,
+    max_minutes: float | None = None,
+) -> Generator:
+    """Train everything but the diffusion decoder; AdamWR: cosine annealing with warm restarts (Sec. III-G)."""
+    torch.manual_seed(session.seed + 2)
+    module = Generator(config).to(session.device)
+    if (session.out / START).exists():  # weights of an earlier model, unpacked by sport.training.checkpoint
+        module.load_state_dict(load_checkpoint(session.out / START)["module"])
+    parameters = [p for n, p in module.named_parameters() if not n.startswith("denoiser")]
+    optimizer = torch.optim.AdamW(parameters, lr=1e-3, weight_decay=1e-4)
+    state = StageState(module, optimizer, MovingAverage(module, 0.9995))
+    rows = random_rows(data.weights, batch, 1, data.frames.last, session.batch_generator(4))
+    fresh = random_rows(data.weights, batch, 2, data.frames.last, session.batch_generator(8))
+    lanes = RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh, config.part_swaps)
+
+    def losses(item: object, step: int) -> dict[str, Tensor]:
+        assert isinstance(item, Tensor)
+        mixed = mixed_batch(data, item, lanes, 0.25)
+        y = module.decode_mixture(mixed.x, mixed.z)[0].float()
+        lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
+        result = stage2_loss(data, mixed.target, y, mixed.supervised)
+        return result | {"total": terms.stage2(result["rec"], result["contact"], CONTACT_WEIGHT)}
+
+    train(session, "stage2", state, rows, losses, steps, _warm_restarts(steps, 1e-3), batch, max_minutes)
+    module.load_state_dict(state.average.values)
+    save_checkpoint(
+        session.out / "stage2_final.pt", {"module": module.state_dict(), "config": asdict(config)}
+    )
+    return module
+
+
+def _warm_restarts(steps: int, peak: float, cycles: int = 3) -> Callable[[int], float]:
+    """Cosine annealing whose cycles double in length (factor 2.0), the last one ending at `steps`."""
+    shortest = steps / (2**cycles - 1)
+
+    def rate(step: int) -> float:
+        start, length = 0.0, shortest
+        while step >= start + length and length < steps:
+            start, length = start + length, 2 * length
+        warmup = min(1.0, (step + 1) / 200)
+        return (
+            peak * warmup * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * min(1.0, (step - start) / length))))
+        )
+
+    return rate
+
+
+@torch.no_grad()
+def measure_codes(module: Generator, data: MotionData, session: Session, batches: int = 8) -> None:
+    """Standardisation of what is diffused; fills the module's buffers."""
+    module.eval()
+    module.code_mean.zero_()
+    module.code_deviation.fill_(1.0)
+    rows = random_rows(data.weights, 2048, 0, data.frames.last, session.generator(5))
+    codes = []
+    for _ in range(batches):
+        item = next(rows)
+        patch = data.patch(item)
+        e, alpha = module.embed(data.input(item, patch), data.styles(data.frames.clip[item]))
+        codes.append(module.target_codes(e, alpha, data.output(item, patch)))
+    stacked = torch.cat(codes)
+    module.code_mean.copy_(stacked.mean(0))
+    module.code_deviation.copy_(stacked.std(0).clamp_min(1e-2))
+
+
+def run_stage3(
+    session: Session,
+    config: ModelConfig,
+    data: MotionData,
+    module: Generator,
+    steps: int,
+    batch: int = 1024,
+    max_minutes: float | None = None,
+) -> Generator:
+    """Train the denoiser on `target_codes` (Eq. 14), then also with stage-2 supervision of the blended output."""
+    torch.manual_seed(session.seed + 3)
+    measure_codes(module, data, session)
+    if config.residual_diffusion:  # so it begins as E_d
+        torch.nn.init.zeros_(module.denoiser.head.weight)
+        torch.nn.init.zeros_(module.denoiser.head.bias)
+    module.requires_grad_(False)
+    module.denoiser.requires_grad_(True)
+    optimizer = torch.optim.AdamW(module.denoiser.parameters(), lr=1e-3, weight_decay=1e-4)
+    state = StageState(module, optimizer, MovingAverage(module, 0.9995))
+    schedule = Schedule.linear(config.diffusion_steps)
+    tau = torch.as_tensor(schedule.subsequence(config.inference_steps), device=session.device)
+    rows = random_rows(data.weights, batch, 1, data.frames.last, session.batch_generator(6))
+    fresh = random_rows(data.weights, batch, 2, data.frames.last, session.batch_generator(9))
+    lanes = RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh, config.part_swaps)
+
+    def losses(item: object, step: int) -> dict[str, Tensor]:
+        assert isinstance(item, Tensor)
+        module.eval()  # dropout stays off in the frozen part; the denoiser has none
+        with torch.no_grad():
+            mixed = mixed_batch(data, item, lanes, 0.2)
+            e, alpha = module.embed(mixed.x, mixed.z)
+            codes = module.target_codes(e, alpha, mixed.target)
+            n = tau[torch.randint(len(tau), (batch,), device=item.device)]
+            anywhere = torch.randint(1, config.diffusion_steps + 1, (batch,), device=item.device)
+            n = torch.where(torch.rand(batch, device=item.device) < 0.3, anywhere, n)
+            noisy = add_noise(schedule, codes.float(), n, torch.randn(codes.shape, device=item.device))
+        predicted = module.denoiser(noisy, e, n).float()
+        y = blend_codes(module.clean_codes(predicted, e.float()), alpha.float())
+        lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
+        result = {"codes": terms.codes(codes.float(), predicted, mixed.supervised[:, None])}
+        total = result["codes"]
+        if step > 0.25 * steps:
+            result |= stage2_loss(data, mixed.target, y, mixed.supervised)
+            total = 0.1 * total + terms.stage2(result["rec"], result["contact"], CONTACT_WEIGHT)
+        return result | {"total": total}
+
+    def rate(step: int) -> float:  # Sec. III-G: 4e-4 down to 1e-5
+        return min(1.0, (step + 1) / 200) * (
+            1e-5 + 0.5 * (1e-3 - 1e-5) * (1 + math.cos(math.pi * step / steps))
+        )
+
+    train(session, "stage3", state, rows, losses, steps, rate, batch, max_minutes)
+    module.load_state_dict(state.average.values)
+    return module.eval()
+
+
+@torch.no_grad()
+def estimate_variance(
+    session: Session, config: ModelConfig, data: MotionData, module: Generator, batches: int = 8
+) -> np.ndarray:
+    """sigma_bar^2 `(5,)` per step of tau by Monte Carlo over the training set (Analytic-DPM)."""
+    schedule = Schedule.linear(config.diffusion_steps)
+    tau = schedule.subsequence(config.inference_steps)
+    rows = random_rows(data.weights, 512, 0, data.frames.last, session.generator(7))
+    norms: list[list[Tensor]] = [[] for _ in tau]
+    module.eval()
+    for _ in range(batches):
+        item = next(rows)
+        patch = data.patch(item)
+        e, alpha = module.embed(data.input(item, patch), data.styles(data.frames.clip[item]))
+        codes = module.target_codes(e, alpha, data.output(item, patch))
+        for k, step in enumerate(tau):
+            n = torch.full((len(item),), int(step), device=item.device)
+            noisy = add_noise(schedule, codes, n, torch.randn_like(codes))
+            epsilon = noise_estimate(schedule, noisy, module.denoiser(noisy, e, n), n)
+            norms[k].append(epsilon.square().flatten(1).mean(1))
+    return np.array(
+        [analytic_variance(schedule, int(s), torch.cat(v)) for s, v in zip(tau, norms, strict=True)]
+    )

@@ -1,0 +1,134 @@
+"""Stage 1, afterwards: the text network learns that a longer sentence means what its phrases mean.
+
+python -m sport.training.stages.words --clips DIR --run DIR
+
+The text network alone is trained, on the codes that it gives already: those of all training sentences stay, so the
+motion generator may have been trained before, and those of `sport.training.layering.longer_phrases` follow their phrases.
+"""
+
+from __future__ import annotations
+
+import copy
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from sport.runtime.prompts.sentence_inputs import part_inputs
+from sport.runtime.prompts.text_encoder import TextEncoderLike
+from sport.runtime.skeleton import PART_NAMES
+from sport.training.layering.longer_phrases import LongerSentence, longer_sentences
+from sport.training.networks.content import ContentEncoder, PartTextEncoder
+from sport.training.presets import ModelConfig
+from sport.training.styles import StyleTexts
+from torch import Tensor
+
+log = logging.getLogger("sport.train")
+
+STEPS, BATCH = 2000, 128
+WORD_NOISE = 0.1  # at most, of the length of a sentence's embedding
+
+
+@dataclass
+class Lesson:
+    """Of one part: sentences `(U, D)`, the codes `(U, 128)` they shall have, mean and log-variance, and their spread."""
+
+    words: Tensor
+    codes: Tensor
+    deviation: Tensor  # (128,)
+
+
+def learn_longer_sentences(
+    content: ContentEncoder,
+    config: ModelConfig,
+    texts: StyleTexts,
+    encoder: TextEncoderLike,
+    steps: int = STEPS,
+    seed: int = 0,
+) -> dict[str, float]:
+    """Train `content.text` in place; returns the mean distances (in deviations of the codes) before and after."""
+    torch.manual_seed(seed + 5)
+    network = content.text.cpu().train()
+    known, longer = lessons(copy.deepcopy(network).eval(), config, texts, encoder)
+    before = {"longer_before": _error(network, longer), "known_before": _error(network, known)}
+    optimizer = torch.optim.AdamW(network.parameters(), lr=1e-3)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
+    for _ in range(steps):
+        loss = _distance(network, known, noise=True) + _distance(network, longer, noise=True)
+        optimizer.zero_grad(set_to_none=True)
+        loss.backward()
+        optimizer.step()
+        schedule.step()
+    network.eval()
+    result = before | {"longer": _error(network, longer), "known": _error(network, known)}
+    log.info("longer sentences: %s", "  ".join(f"{k} {v:.3f}" for k, v in result.items()))
+    return result
+
+
+def lessons(
+    teacher: PartTextEncoder, config: ModelConfig, texts: StyleTexts, encoder: TextEncoderLike
+) -> tuple[list[Lesson], list[Lesson]]:
+    """Of every part what is known, and what the longer sentences shall mean. Codes are those of `teacher`."""
+    sentences = longer_sentences()
+    known, longer = [], []
+    for k, part in enumerate(PART_NAMES):
+        words = torch.as_tensor(np.asarray(texts.embeddings[k], np.float32))
+        with torch.no_grad():
+            codes = codes_of(teacher, words, k)
+        spread = codes.std(0)
+        spread = spread.clamp_min(0.2 * float(spread.mean()) + 1e-4)
+        known.append(Lesson(words, codes, spread))
+        own = [s for s in sentences if s.part == part]
+        longer.append(Lesson(*_targets(teacher, config, encoder, own, k, codes.mean(0)), spread))
+    return known, longer
+
+
+def _targets(
+    teacher: PartTextEncoder,
+    config: ModelConfig,
+    encoder: TextEncoderLike,
+    sentences: list[LongerSentence],
+    k: int,
+    middle: Tensor,
+) -> tuple[Tensor, Tensor]:
+    """Sentences of part k and their codes: of several phrases, the sum of what each adds to the `middle` code."""
+
+    def inputs(lines: list[str]) -> Tensor:
+        options = config.direction_words, config.one_sided_words
+        return torch.as_tensor(part_inputs(encoder, [PART_NAMES[k]] * len(lines), lines, *options))
+
+    phrases = sorted({p for s in sentences for p in s.of})
+    with torch.no_grad():
+        codes = dict(zip(phrases, codes_of(teacher, inputs(phrases), k), strict=True))
+    wanted = [torch.stack([codes[p] - middle for p in s.of]).sum(0) + middle for s in sentences]
+    return inputs([s.text for s in sentences]), torch.stack(wanted)
+
+
+def disturbed(words: Tensor, one_sided: bool) -> Tensor:
+    """Sentences `(..., D)` with noise of a random strength, their side kept."""
+    size = words.shape[-1] - one_sided
+    noise = WORD_NOISE * torch.rand_like(words[..., :1]) * torch.randn_like(words) / size**0.5
+    noise[..., size:] = 0.0
+    return words + noise
+
+
+def codes_of(network: PartTextEncoder, words: Tensor, k: int) -> Tensor:
+    """Mean and log-variance `(B, 128)` of sentences `(B, D)` of part k."""
+    code = network(words[:, None].expand(-1, len(PART_NAMES), -1))
+    return torch.cat([code.mean[:, k], code.log_variance[:, k]], dim=1)
+
+
+def _distance(network: PartTextEncoder, lessons: list[Lesson], noise: bool = False) -> Tensor:
+    """Mean square distance, in deviations, of BATCH sentences of every part from what they shall mean."""
+    rows = [torch.randint(len(one.words), (BATCH,)) for one in lessons]
+    words = torch.stack([one.words[r] for one, r in zip(lessons, rows, strict=True)], dim=1)
+    wanted = torch.stack([one.codes[r] for one, r in zip(lessons, rows, strict=True)], dim=1)
+    code = network(disturbed(words, network.one_sided) if noise else words)
+    away = torch.cat([code.mean, code.log_variance], dim=-1) - wanted
+    return (away / torch.stack([one.deviation for one in lessons])).square().mean()
+
+
+@torch.no_grad()
+def _error(network: PartTextEncoder, lessons: list[Lesson]) -> float:
+    """Root mean square distance in deviations."""
+    return float(torch.stack([_distance(network, lessons) for _ in range(20)]).mean().sqrt())

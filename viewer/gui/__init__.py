@@ -1,0 +1,1 @@
+"""Theme, widgets, layout and the panels that belong to no room."""

@@ -1,0 +1,93 @@
+"""The help overlay: every control, for both devices."""
+
+from __future__ import annotations
+
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.gui import theme, widgets
+from sport.viewer.gui.theme import ICON, Fonts
+from sport.viewer.gui.widgets import px
+from sport.viewer.input.bindings import HELP
+from sport.viewer.state import AppState
+
+COLUMNS = (190.0, 190.0, 170.0)  # what, keyboard and mouse, gamepad; pixels at scale 1
+
+
+def draw(state: AppState, fonts: Fonts) -> None:
+    """A window in the middle, above everything; closed by F1, Esc or its button."""
+    size = imgui.get_io().display_size
+    if _dimmed_background(size):
+        state.help_open = False
+    imgui.set_next_window_pos(
+        imgui.ImVec2(size.x / 2, size.y / 2), imgui.Cond_.always, imgui.ImVec2(0.5, 0.5)
+    )
+    imgui.set_next_window_size_constraints(
+        imgui.ImVec2(0, 0), imgui.ImVec2(max(size.x - px(20), 32), max(size.y - px(20), 32))
+    )
+    imgui.set_next_window_focus()
+    flags = (
+        imgui.WindowFlags_.always_auto_resize
+        | imgui.WindowFlags_.no_title_bar
+        | imgui.WindowFlags_.no_move
+        | imgui.WindowFlags_.no_saved_settings
+    )
+    imgui.push_style_color(imgui.Col_.window_bg, imgui.ImVec4(*theme.PANEL[:3], 1.0))
+    imgui.push_style_var(imgui.StyleVar_.cell_padding, imgui.ImVec2(px(6), px(1.5)))
+    imgui.begin("help", None, flags)
+    _title(state, fonts)
+    _table(fonts)
+    imgui.end()
+    imgui.pop_style_var()
+    imgui.pop_style_color()
+
+
+def _dimmed_background(size: imgui.ImVec2) -> bool:
+    """Darken everything behind; answers whether it was clicked."""
+    imgui.set_next_window_pos(imgui.ImVec2(0, 0))
+    imgui.set_next_window_size(size)
+    flags = (
+        imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_move
+    )
+    imgui.push_style_color(imgui.Col_.window_bg, imgui.ImVec4(0.0, 0.0, 0.0, 0.5))
+    imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
+    imgui.push_style_var(imgui.StyleVar_.window_border_size, 0.0)
+    imgui.begin("help background", None, flags)
+    clicked = imgui.is_window_hovered() and imgui.is_mouse_clicked(0)
+    imgui.end()
+    imgui.pop_style_var(2)
+    imgui.pop_style_color()
+    return bool(clicked)
+
+
+def _title(state: AppState, fonts: Fonts) -> None:
+    top = imgui.get_cursor_pos()
+    close_width = imgui.get_frame_height()
+    imgui.set_cursor_pos_x(top.x + px(sum(COLUMNS)) + 6 * px(6) - close_width)
+    if widgets.button(ICON.close, close_width, "Close (F1)"):
+        state.help_open = False
+    imgui.set_cursor_pos(top)
+    widgets.heading(fonts, ICON.help, "Controls")
+    imgui.dummy(imgui.ImVec2(0, px(2)))
+
+
+def _table(fonts: Fonts) -> None:
+    if not imgui.begin_table("controls", 3, imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.row_bg):
+        return
+    for name, width in zip(("", "Keyboard and mouse", "Gamepad"), COLUMNS, strict=True):
+        imgui.table_setup_column(name, imgui.TableColumnFlags_.width_fixed, px(width))
+    imgui.table_next_row()
+    for i, text in enumerate(("", f"{ICON.keyboard} Keyboard and mouse", f"{ICON.gamepad} Gamepad")):
+        imgui.table_set_column_index(i)
+        widgets.muted(text)
+    for title, rows in HELP:
+        imgui.table_next_row()
+        imgui.table_set_column_index(0)
+        imgui.push_font(fonts.bold, theme.FONT_SIZE)
+        with widgets.color(imgui.Col_.text, theme.ACCENT):
+            imgui.text_unformatted(title)
+        imgui.pop_font()
+        for what, keys, pad in rows:
+            imgui.table_next_row()
+            for i, text in enumerate((what, keys, pad)):
+                imgui.table_set_column_index(i)
+                imgui.text_unformatted(text)
+    imgui.end_table()

@@ -1,0 +1,193 @@
+"""Small building blocks of the panels; lengths in pixels at scale 1 go through `px`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.gui import theme
+from sport.viewer.gui.theme import Color
+
+TOOLTIP_WIDTH = 380.0  # pixels at scale 1
+
+
+def px(length: float) -> float:
+    """A length at scale 1 in screen units."""
+    return length * imgui.get_style().font_scale_dpi
+
+
+@contextmanager
+def color(role: int, value: Color) -> Iterator[None]:
+    """Draw with another colour for one role."""
+    imgui.push_style_color(role, imgui.ImVec4(*value))
+    try:
+        yield
+    finally:
+        imgui.pop_style_color()
+
+
+def muted(text: str, wrap: bool = False) -> None:
+    """Secondary text."""
+    with color(imgui.Col_.text, theme.MUTED):
+        imgui.text_wrapped(text) if wrap else imgui.text_unformatted(text)
+
+
+def label(text: str, tint: Color = theme.MUTED) -> None:
+    """A field's label, above it."""
+    imgui.push_font(None, theme.FONT_SIZE * 0.87)
+    with color(imgui.Col_.text, tint):
+        imgui.text_unformatted(text)
+    imgui.pop_font()
+
+
+def heading(fonts: theme.Fonts, icon: str, text: str) -> None:
+    """A panel's title."""
+    imgui.push_font(fonts.bold, theme.FONT_SIZE * 1.1)
+    with color(imgui.Col_.text, theme.ACCENT):
+        imgui.text_unformatted(icon)
+    imgui.same_line(0, px(7))
+    imgui.text_unformatted(text)
+    imgui.pop_font()
+    imgui.dummy(imgui.ImVec2(0, px(1)))
+
+
+def tooltip(text: str) -> None:
+    """Explain the item before, when the mouse rests on it."""
+    if text and imgui.is_item_hovered(
+        imgui.HoveredFlags_.delay_normal | imgui.HoveredFlags_.allow_when_disabled
+    ):
+        imgui.begin_tooltip()
+        imgui.push_text_wrap_pos(px(TOOLTIP_WIDTH))
+        imgui.text_unformatted(text)
+        imgui.pop_text_wrap_pos()
+        imgui.end_tooltip()
+
+
+def icon_button(
+    icon: str, name: str, hint: str, tint: Color = theme.MUTED, enabled: bool = True, size: float = 0.0
+) -> bool:
+    """A button of an icon alone, without a background until the mouse is over it; `size` is its side at scale 1."""
+    side = px(size) if size else imgui.get_frame_height()
+    imgui.begin_disabled(not enabled)
+    # padding as in a frame of this height, or the line would grow to keep the baselines level
+    padding = max((side - imgui.get_text_line_height()) / 2, 0.0)
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, imgui.ImVec2(0, padding))
+    with color(imgui.Col_.button, theme.CLEAR), color(imgui.Col_.text, tint):
+        clicked = bool(imgui.button(f"{icon}##{name}", imgui.ImVec2(side, side)))
+    imgui.pop_style_var()
+    imgui.end_disabled()
+    tooltip(hint)
+    return clicked
+
+
+def tag(text: str, tint: Color = theme.ACCENT) -> None:
+    """A short word on a rounded ground of its own colour."""
+    imgui.push_font(None, theme.FONT_SIZE * 0.87)
+    size, pad = imgui.calc_text_size(text), px(6)
+    corner = imgui.get_cursor_screen_pos()
+    low, high = corner, imgui.ImVec2(corner.x + size.x + 2 * pad, corner.y + size.y + px(2))
+    drawing = imgui.get_window_draw_list()
+    drawing.add_rect_filled(low, high, packed((*tint[:3], 0.2)), px(4))
+    drawing.add_text(imgui.ImVec2(corner.x + pad, corner.y + px(1)), packed(tint), text)
+    imgui.dummy(imgui.ImVec2(high.x - low.x, high.y - low.y))
+    imgui.pop_font()
+
+
+def packed(value: Color) -> int:
+    """A colour as drawing lists take it."""
+    return int(imgui.get_color_u32(imgui.ImVec4(*value)))
+
+
+def button(text: str, width: float = 0.0, hint: str = "", primary: bool = False, height: float = 0.0) -> bool:
+    """A button; `primary` is filled with the accent, width -1 takes the rest of the line."""
+    if not primary:
+        clicked = bool(imgui.button(text, imgui.ImVec2(width, height)))
+    else:
+        with (
+            color(imgui.Col_.button, theme.ACCENT),
+            color(imgui.Col_.button_hovered, theme.ACCENT_HOVER),
+            color(imgui.Col_.button_active, theme.ACCENT),
+            color(imgui.Col_.text, theme.ON_ACCENT),
+        ):
+            clicked = bool(imgui.button(text, imgui.ImVec2(width, height)))
+    tooltip(hint)
+    return clicked
+
+
+def toggle(text: str, on: bool, width: float, hint: str = "") -> bool:
+    """A button that stays lit while `on`; answers the new state."""
+    text_color = theme.ACCENT if on else theme.MUTED
+    with (
+        color(imgui.Col_.button, theme.ACCENT_DIM if on else theme.FIELD),
+        color(imgui.Col_.text, text_color),
+    ):
+        clicked = imgui.button(text, imgui.ImVec2(width, 0))
+    tooltip(hint)
+    return on != bool(clicked)
+
+
+def slider(
+    name: str, value: float, low: float, high: float, text: str, logarithmic: bool = False
+) -> tuple[bool, float]:
+    """A bar that fills with the value and shows `text` (a format); Ctrl+click types a number."""
+    flags = imgui.SliderFlags_.always_clamp
+    share = (value - low) / (high - low)
+    if logarithmic:
+        flags |= imgui.SliderFlags_.logarithmic
+        share = math.log(max(value, low) / low) / math.log(high / low)
+    corner, width = imgui.get_cursor_screen_pos(), imgui.calc_item_width()
+    height, rounding = imgui.get_frame_height(), imgui.get_style().frame_rounding
+    drawing = imgui.get_window_draw_list()
+    right = corner.x + width * min(max(share, 0.0), 1.0)
+    for end, fill in ((corner.x + width, theme.FIELD), (right, theme.ACCENT_FILL)):
+        if end > corner.x + 1:
+            drawing.add_rect_filled(corner, imgui.ImVec2(end, corner.y + height), packed(fill), rounding)
+    hover = (1.0, 1.0, 1.0, 0.05)
+    with (
+        color(imgui.Col_.frame_bg, theme.CLEAR),
+        color(imgui.Col_.frame_bg_hovered, hover),
+        color(imgui.Col_.frame_bg_active, hover),
+        color(imgui.Col_.slider_grab, theme.CLEAR),
+        color(imgui.Col_.slider_grab_active, theme.CLEAR),
+    ):
+        changed, value = imgui.slider_float(name, value, low, high, text, flags)
+    return bool(changed), float(value)
+
+
+def segmented(name: str, options: Sequence[tuple[str, str]], value: str) -> str:
+    """One of a few choices side by side; options are (value, text), answers the chosen value."""
+    spacing = px(4)
+    width = (imgui.get_content_region_avail().x - spacing * (len(options) - 1)) / len(options)
+    imgui.push_id(name)
+    for i, (option, text) in enumerate(options):
+        if i:
+            imgui.same_line(0, spacing)
+        if toggle(f"{text}##{option}", option == value, width) != (option == value):
+            value = option
+    imgui.pop_id()
+    return value
+
+
+def elided(text: str, width: float) -> str:
+    """`text` cut with an ellipsis so that it fits into `width`."""
+    if imgui.calc_text_size(text).x <= width:
+        return text
+    low, high = 0, len(text)
+    while low < high:
+        middle = (low + high + 1) // 2
+        fits = imgui.calc_text_size(text[:middle].rstrip() + "…").x <= width
+        low, high = (middle, high) if fits else (low, middle - 1)
+    return text[:low].rstrip() + "…"
+
+
+def full_width() -> None:
+    """The next item takes the rest of the line."""
+    imgui.set_next_item_width(-1)
+
+
+def clock(seconds: float) -> str:
+    """Seconds as minutes:seconds.tenths."""
+    tenths = max(round(seconds * 10 - 1e-6), 0)  # halves round down, as in the messages
+    return f"{tenths // 600}:{tenths // 10 % 60:02d}.{tenths % 10}"

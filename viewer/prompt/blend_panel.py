@@ -1,0 +1,110 @@
+"""Blending with a second prompt: a share of it for each body part, and one slider for all."""
+
+from __future__ import annotations
+
+from sport.runtime.skeleton import PART_NAMES
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.gui import theme, widgets
+from sport.viewer.gui.theme import ICON
+from sport.viewer.gui.widgets import px
+from sport.viewer.prompt import answer_panel as prompt_answer
+from sport.viewer.prompt import field_panel as prompt_field
+from sport.viewer.prompt.prompting import Prompting
+from sport.viewer.prompt.style_edit import Answer
+from sport.viewer.prompt.suggester import Suggester
+from sport.viewer.state import AppState
+
+NAME_WIDTH = 70.0  # pixels at scale 1
+HINT = "A second prompt to blend with"
+
+
+def draw(state: AppState, prompting: Prompting, suggester: Suggester) -> None:
+    """Prompt B, who answered it, and the sliders."""
+    prompt = state.prompt
+    widgets.label("Prompt B")
+    applied = "" if prompt.edit.b is None else prompt.edit.b.prompt
+    chosen = prompt_field.draw("##prompt b", prompt.other, HINT, suggester, prompting, applied, lines=1)
+    if chosen is not None:
+        prompting.submit_prompt(chosen, "b")
+    if prompt.edit.b is None:
+        if "b" in prompt.asked:
+            prompt_answer.draw(None, True, state, 0)
+        else:
+            widgets.muted("Type a second prompt: each body part then takes its share of it.", wrap=True)
+        return
+    prompt_answer.draw(prompt.edit.b, "b" in prompt.asked, state, rows=0, lines=1)
+    imgui.dummy(imgui.ImVec2(0, px(1)))
+    _ends()
+    _all(state, prompting)
+    imgui.separator()
+    for i, part in enumerate(PART_NAMES):
+        _part(part, prompt.edit.weights[i], state, prompting)
+    imgui.dummy(imgui.ImVec2(0, px(1)))
+    _buttons(state, prompting)
+
+
+def _ends() -> None:
+    """What the two ends of the sliders are."""
+    width = imgui.get_content_region_avail().x
+    left, right = px(NAME_WIDTH), width - imgui.calc_text_size("Prompt B").x * 0.87
+    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + left)
+    widgets.label("Prompt A")
+    imgui.same_line(imgui.get_cursor_start_pos().x + right)
+    widgets.label("Prompt B")
+
+
+def _all(state: AppState, prompting: Prompting) -> None:
+    edit = state.prompt.edit
+    free = len(edit.locked) < len(PART_NAMES)
+    imgui.begin_disabled(not free)
+    moved, share = _slider("All", "all", edit.master_weight, px(NAME_WIDTH))
+    if moved:
+        prompting.set_all_weights(share)
+    if imgui.is_item_deactivated_after_edit():
+        prompting.commit("blend of all parts")
+    imgui.end_disabled()
+    widgets.tooltip("Every part that is not locked")
+
+
+def _part(part: str, share: float, state: AppState, prompting: Prompting) -> None:
+    edit, name = state.prompt.edit, part.replace("_", " ")
+    locked = part in edit.locked
+    moved, value = _slider(name.capitalize(), part, share, px(NAME_WIDTH), imgui.get_frame_height() + px(2))
+    if moved:
+        prompting.set_weight(part, value)
+    if imgui.is_item_deactivated_after_edit():
+        prompting.commit(f"blend of {name}")
+    widgets.tooltip(f"A: {_words(edit.a, part)}\nB: {_words(edit.b, part)}")
+    imgui.same_line(0, px(4))
+    hint = (
+        "Locked: the slider for all leaves this part alone" if locked else "Hold this part's words and share"
+    )
+    icon, tint = (ICON.lock, theme.ACCENT) if locked else (ICON.unlock, theme.MUTED)
+    if widgets.icon_button(icon, f"lock {part}", hint, tint):
+        prompting.toggle_lock(part)
+
+
+def _slider(text: str, name: str, share: float, left: float, spare: float = 0.0) -> tuple[bool, float]:
+    start = imgui.get_cursor_pos_x()
+    imgui.align_text_to_frame_padding()
+    widgets.muted(text)
+    imgui.same_line(start + left)
+    imgui.set_next_item_width(imgui.get_content_region_avail().x - spare)
+    moved, percent = widgets.slider(f"##{name}", 100.0 * share, 0.0, 100.0, "%.0f%% B")
+    return moved, min(max(percent / 100.0, 0.0), 1.0)
+
+
+def _buttons(state: AppState, prompting: Prompting) -> None:
+    half = (imgui.get_content_region_avail().x - px(4)) / 2
+    imgui.begin_disabled(bool(state.prompt.asked))
+    hint = "Prompt B becomes prompt A, whose words can be edited; the character moves on as it does"
+    if widgets.button(f"{ICON.exchange} Swap A, B", half, hint):
+        prompting.swap()
+    imgui.end_disabled()
+    imgui.same_line(0, px(4))
+    if widgets.button(f"{ICON.close} No blend", half, "Back to prompt A alone"):
+        prompting.drop_blend()
+
+
+def _words(answer: Answer | None, part: str) -> str:
+    return "" if answer is None else str(getattr(answer.words, part))

@@ -1,0 +1,92 @@
+"""Who answers prompts: the library, or a language model at any compatible endpoint."""
+
+from __future__ import annotations
+
+from sport.runtime.prompts.gpt.settings import DEFAULT_MODEL, OPENAI_URL, has_credentials
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.gui import theme, widgets
+from sport.viewer.gui.theme import ICON
+from sport.viewer.gui.widgets import px
+from sport.viewer.prompt.expanders import Expanders
+from sport.viewer.state import AppState
+
+POPUP = "who answers"
+WIDTH = 340.0  # pixels at scale 1
+TIMEOUT_RANGE_S = (1.0, 120.0)
+_ENTER = imgui.InputTextFlags_.enter_returns_true
+
+
+def draw(state: AppState, expanders: Expanders, corner: imgui.ImVec2) -> None:
+    """The popup, where it was opened by `imgui.open_popup(POPUP)`; its upper left corner is at `corner`."""
+    space = imgui.get_io().display_size
+    width = min(px(WIDTH), space.x - px(16))
+    left = max(min(corner.x, space.x - width - px(8)), px(8))
+    imgui.set_next_window_pos(imgui.ImVec2(left, corner.y), imgui.Cond_.appearing)
+    imgui.set_next_window_size_constraints(
+        imgui.ImVec2(width, 0), imgui.ImVec2(width, max(space.y - corner.y - px(8), px(60)))
+    )
+    if not imgui.begin_popup(POPUP):
+        return
+    widgets.label("Prompts are answered by")
+    options = (("library", "Library"), ("gpt", "Language model"))
+    kind = widgets.segmented("kind", options, expanders.kind)
+    if kind != expanders.kind:
+        expanders.choose(kind)
+    if kind == "library":
+        widgets.muted("On this machine, without a key or a network.", wrap=True)
+    else:
+        widgets.muted(
+            "Prompts are sent to the endpoint. The library answers at once and whenever it fails.", wrap=True
+        )
+        _fields(state, expanders)
+        _test(state, expanders)
+    imgui.end_popup()
+
+
+def _fields(state: AppState, expanders: Expanders) -> None:
+    settings, expander = state.settings, state.expander
+    changed = False
+    widgets.label("Base URL")
+    done, settings.gpt_base_url = _text("##url", OPENAI_URL, settings.gpt_base_url)
+    changed |= done
+    if has_credentials(settings.gpt_base_url):
+        widgets.label("It may hold a key or a password: it is not kept for the next start.", theme.WARNING)
+    widgets.label("Model")
+    done, settings.gpt_model = _text("##model", DEFAULT_MODEL, settings.gpt_model)
+    changed |= done
+    widgets.label("API key")
+    known = expanders.key_from_environment
+    hint = "from OPENAI_API_KEY" if known else "none (endpoints of your own may need none)"
+    done, expander.key = _text("##key", hint, expander.key, imgui.InputTextFlags_.password)
+    changed |= done
+    widgets.label("The key stays in memory: no file, no log, no take has it.")
+    widgets.full_width()
+    moved, seconds = widgets.slider(
+        "##timeout", settings.gpt_timeout_s, *TIMEOUT_RANGE_S, "Wait up to %.0f s", True
+    )
+    if moved:
+        settings.gpt_timeout_s = float(round(seconds))
+    changed |= imgui.is_item_deactivated_after_edit()
+    if changed:
+        expanders.apply()
+
+
+def _text(name: str, hint: str, value: str, flags: int = 0) -> tuple[bool, str]:
+    widgets.full_width()
+    _, value = imgui.input_text_with_hint(name, hint, value, flags | _ENTER)
+    return bool(imgui.is_item_deactivated_after_edit()), value
+
+
+def _test(state: AppState, expanders: Expanders) -> None:
+    expander = state.expander
+    imgui.begin_disabled(expander.testing)
+    text = f"{ICON.clock} Asking…" if expander.testing else f"{ICON.check} Test"
+    if widgets.button(f"{text}###test", -1, "Ask the language model for one prompt", primary=True):
+        expanders.test()
+    imgui.end_disabled()
+    said, good = expander.report or expander.problem, expander.report_good and bool(expander.report)
+    if not said and expander.language_model:
+        said, good = f"{expander.language_model}, from the next prompt on", True
+    if said:
+        with widgets.color(imgui.Col_.text, theme.ACCENT if good else theme.WARNING):
+            imgui.text_wrapped(f"{ICON.check if good else ICON.warning} {said}".replace("%", "%%"))

@@ -1,0 +1,123 @@
+"""Who answers prompts: the library or a language model, its settings, and whether it can be reached."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass, field
+from typing import Any
+
+from sport.runtime.errors import SportError
+from sport.runtime.prompts.gpt.settings import GptSettings, gpt_configured
+from sport.viewer.jobs import Jobs
+from sport.viewer.prompt.prompting import Prompting
+from sport.viewer.services import Loaded, Services
+from sport.viewer.state import AppState
+
+KINDS = ("library", "gpt")
+
+
+@dataclass
+class Expanders:
+    """Actions of the panel that chooses who answers. The key is read from the state, handed on, and kept nowhere else."""
+
+    state: AppState
+    jobs: Jobs
+    services: Services
+    prompting: Prompting
+    library: Any = None  # the loaded model's library expander
+    _stop: threading.Event = field(default_factory=threading.Event)
+
+    @property
+    def kind(self) -> str:
+        """ "library" or "gpt": as chosen, else as the environment says."""
+        return self.state.settings.expander or ("gpt" if gpt_configured() else "library")
+
+    def choose(self, kind: str) -> None:
+        """Let the library alone answer, or a language model with the library behind it."""
+        self.state.settings.expander = kind
+        self.apply()
+
+    def wanted(self) -> GptSettings | None:
+        """The language model to ask, None for the library alone; what is wrong with its settings goes to the state."""
+        expander = self.state.expander
+        expander.problem = expander.language_model = ""
+        if self.kind != "gpt":
+            return None
+        try:
+            settings = self._settings()
+        except SportError as error:
+            expander.problem = str(error)
+            return None
+        expander.language_model = f"{settings.model} at {settings.host}"
+        return settings
+
+    def apply(self) -> None:
+        """Put the choice and the settings into force, from the next prompt on."""
+        self.state.expander.report = ""
+        settings, library = self.wanted(), self.library
+        if library is None:
+            return  # the model that is being loaded brings its library, and `use` looks at the choice again
+        if settings is None:
+            self.jobs.submit("language model", lambda: library, self.prompting.use_expander)
+        else:
+            self.jobs.submit(
+                "language model",
+                lambda: self.services.open_expander(library, settings),
+                self.prompting.use_expander,
+            )
+
+    def use(self, loaded: Loaded, given: GptSettings | None) -> None:
+        """Let a loaded model's workers answer; they were opened to ask `given`, which may no longer be the choice."""
+        self.library = loaded.library
+        changed = self.wanted() != given
+        if changed:
+            # what waits for the model must not be sent where nobody wants it any more
+            for worker in loaded.prompts:
+                worker.use(loaded.library)
+        self.prompting.use(loaded.prompts)
+        if changed:
+            self.apply()
+
+    def test(self) -> None:
+        """Ask the language model one question and report."""
+        expander = self.state.expander
+        if expander.testing:
+            return
+        expander.report = ""
+        try:
+            settings = self._settings()
+        except SportError as error:
+            expander.report, expander.report_good = str(error), False
+            return
+        expander.testing = True
+        self.jobs.submit("test of the language model", lambda: self._check(settings), self._report)
+
+    def _check(self, settings: GptSettings) -> tuple[str, bool]:
+        try:
+            return self.services.check_endpoint(settings, self._stop), True
+        except SportError as error:
+            return str(error), False
+
+    def _report(self, outcome: tuple[str, bool]) -> None:
+        expander = self.state.expander
+        expander.testing = False
+        expander.report, expander.report_good = outcome
+
+    def _settings(self) -> GptSettings:
+        chosen = self.state.settings
+        return GptSettings.chosen(
+            chosen.gpt_base_url, chosen.gpt_model, chosen.gpt_timeout_s, self.state.expander.key
+        )
+
+    @property
+    def key_from_environment(self) -> bool:
+        """Whether the environment has a key for the address chosen."""
+        chosen = self.state.settings
+        try:
+            return bool(GptSettings.chosen(chosen.gpt_base_url, chosen.gpt_model).api_key)
+        except SportError:
+            return False
+
+    def close(self) -> None:
+        """Do not wait for a test that is under way."""
+        self._stop.set()

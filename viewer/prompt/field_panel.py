@@ -1,0 +1,223 @@
+"""A text field for a prompt: suggestions while typing, the history by arrow keys, and undo of the style."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.gui import theme, widgets
+from sport.viewer.gui.theme import ICON
+from sport.viewer.gui.widgets import px
+from sport.viewer.prompt.prompting import Prompting
+from sport.viewer.prompt.suggester import Suggester
+from sport.viewer.prompt.suggestions import Suggestion
+from sport.viewer.state import FieldState
+
+_SENTENCE = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.ctrl_enter_for_new_line
+WRAPPED = _SENTENCE | imgui.InputTextFlags_.word_wrap
+_LIST = (
+    imgui.WindowFlags_.no_title_bar
+    | imgui.WindowFlags_.no_resize
+    | imgui.WindowFlags_.no_move
+    | imgui.WindowFlags_.no_saved_settings
+    | imgui.WindowFlags_.no_focus_on_appearing
+    | imgui.WindowFlags_.no_nav
+    | imgui.WindowFlags_.no_scrollbar
+)
+_UNDO = int(imgui.Key.mod_ctrl) | int(imgui.Key.z)
+_REDO = (
+    int(imgui.Key.mod_ctrl) | int(imgui.Key.y),
+    int(imgui.Key.mod_ctrl) | int(imgui.Key.mod_shift) | int(imgui.Key.z),
+)
+
+_REPEATED = (imgui.Key.down_arrow, imgui.Key.up_arrow)
+# keys over the list; Enter, at the end, only while a line is chosen
+_TAKEN = (*_REPEATED, imgui.Key.tab, imgui.Key.escape, imgui.Key.enter, imgui.Key.keypad_enter)
+
+
+def draw(
+    name: str,
+    box: FieldState,
+    hint: str,
+    suggester: Suggester,
+    prompting: Prompting,
+    applied: str,
+    lines: int = 2,
+    below: float = 0.0,
+) -> str | None:
+    """Draw the field; the prompt that was entered or chosen, else None.
+
+    `applied` is the prompt in force, `below` what the list leaves free under the field, in screen units.
+    """
+    if box.focus_requested:
+        imgui.set_keyboard_focus_here()
+    width = imgui.get_content_region_avail().x
+    size = imgui.ImVec2(width, imgui.get_text_line_height() * lines + 2 * imgui.get_style().frame_padding.y)
+    field_id = imgui.get_id(name)
+    active = is_active(field_id)
+    found = suggester.suggestions(box) if active and box.suggesting else ()
+    chosen = _keys(box, found, suggester, field_id) if active else None
+    if active and chosen is None:
+        undo_keys(field_id, box.text == applied, prompting)
+    before, corner = box.text, imgui.get_cursor_screen_pos()
+    entered, box.text = imgui.input_text_multiline(name, box.text, size, WRAPPED)
+    _follow(box, before, field_id)
+    if not box.text and not active:
+        _hint_over_item(hint)
+    if found and chosen is None:  # also in the frame whose click on the list took the keyboard away
+        position = imgui.ImVec2(corner.x, corner.y + size.y + below + px(3))
+        chosen = _list(name, found, box, position, width)
+    if chosen is not None:
+        box.text, box.suggesting = chosen, False
+        imgui.internal.clear_active_id()
+        return chosen
+    return box.text if entered and box.text.strip() else None
+
+
+def is_active(field_id: int) -> bool:
+    """Whether a text field has the keyboard."""
+    return bool(imgui.internal.get_active_id() == field_id)
+
+
+def undo_keys(field_id: int, unchanged: bool, prompting: Prompting) -> None:
+    """In a field where nothing was typed, Ctrl+Z takes back changes of the style; else it is the field's own."""
+    if not unchanged:
+        return
+    undo, redo = pressed_undo()
+    if undo or redo:
+        for key in (imgui.Key.z, imgui.Key.y):
+            _lock(key, field_id)
+        imgui.internal.clear_active_id()
+        (prompting.undo if undo else prompting.redo)()
+
+
+def pressed_undo() -> tuple[bool, bool]:
+    """Whether the keys for undo and for redo went down in this frame."""
+    redo = any(imgui.is_key_chord_pressed(chord) for chord in _REDO)
+    return bool(imgui.is_key_chord_pressed(_UNDO)), redo
+
+
+def _keys(box: FieldState, found: Sequence[Suggestion], suggester: Suggester, field_id: int) -> str | None:
+    """Arrow keys, Tab, Enter and Esc over the list of suggestions; the prompt that was chosen, else None."""
+    key = imgui.Key
+    if _recall(box, suggester.state.settings.prompt_history, field_id) or not found:
+        return None
+    pressed = {
+        k: imgui.is_key_pressed(k, k in _REPEATED) for k in _TAKEN
+    }  # a locked key is pressed for nobody
+    if pressed[key.down_arrow]:
+        box.picked = min(box.picked + 1, len(found) - 1)
+    if pressed[key.up_arrow]:
+        box.picked -= 1
+    box.picked = min(max(box.picked, -1), len(found) - 1)
+    for taken in _TAKEN if box.picked >= 0 else _TAKEN[:-2]:
+        _lock(taken, field_id)
+    if pressed[key.tab]:
+        _put(box, found[max(box.picked, 0)].text, field_id)
+    elif pressed[key.escape]:
+        box.suggesting, box.picked = False, -1
+    elif box.picked >= 0 and (pressed[key.enter] or pressed[key.keypad_enter]):
+        return found[box.picked].text
+    return None
+
+
+def _recall(box: FieldState, history: Sequence[str], field_id: int) -> bool:
+    """Up in an empty field puts the last prompt there, further presses go back and forth; whether a key was taken."""
+    up, down = imgui.is_key_pressed(imgui.Key.up_arrow), imgui.is_key_pressed(imgui.Key.down_arrow)
+    begins = not box.text and box.picked < 0
+    if not history or not ((up and (begins or box.recalled >= 0)) or (down and box.recalled >= 0)):
+        return False
+    recalled = min(box.recalled + (1 if up else -1), len(history) - 1)
+    _put(box, history[recalled] if recalled >= 0 else "", field_id)
+    box.recalled = recalled
+    for key in (imgui.Key.up_arrow, imgui.Key.down_arrow):
+        _lock(key, field_id)
+    return True
+
+
+def _put(box: FieldState, text: str, field_id: int) -> None:
+    """Put text into the field that has the keyboard, and the cursor at its end."""
+    box.text, box.suggesting, box.picked, box.recalled = text, False, -1, -1
+    state = imgui.internal.get_input_text_state(field_id)
+    if state is not None:
+        state.reload_user_buf_and_move_to_end()
+
+
+def _lock(key: imgui.Key, field_id: int) -> None:
+    """Keep a key from the text field, and from moving the focus, in this frame."""
+    owner = field_id ^ 1  # anybody but the field
+    imgui.internal.set_key_owner(key, owner, imgui.internal.InputFlagsPrivate_.lock_this_frame)
+
+
+def _follow(box: FieldState, before: str, field_id: int) -> None:
+    """Open and close the list as the field is entered, typed into and left."""
+    if imgui.is_item_activated():
+        box.suggesting, box.picked, box.recalled = not box.text, -1, -1
+        state = imgui.internal.get_input_text_state(field_id)
+        if box.focus_requested and state is not None:
+            state.select_all()
+        box.focus_requested = False
+    elif box.text != before:
+        box.suggesting, box.picked, box.recalled = True, -1, -1
+    if imgui.is_item_deactivated():
+        box.suggesting = False
+
+
+def _list(
+    name: str, found: Sequence[Suggestion], box: FieldState, position: imgui.ImVec2, width: float
+) -> str | None:
+    """The list under the field; the suggestion that was clicked, else None."""
+    pad, row = px(5), imgui.get_text_line_height() + px(8)
+    heading = row if found[0].recent and not box.text else 0.0
+    height = heading + len(found) * row + 2 * pad
+    bottom = imgui.get_io().display_size.y
+    imgui.set_next_window_pos(imgui.ImVec2(position.x, max(min(position.y, bottom - height), 0.0)))
+    imgui.set_next_window_size(imgui.ImVec2(width, height))
+    imgui.push_style_var(imgui.StyleVar_.window_padding, imgui.ImVec2(pad, pad))
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, 0))
+    imgui.push_style_color(imgui.Col_.window_bg, imgui.ImVec4(*theme.POPUP[:3], 1.0))
+    imgui.begin(f"suggestions{name}", None, _LIST)
+    imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
+    chosen = None
+    if heading:
+        imgui.set_cursor_pos(imgui.ImVec2(pad + px(6), pad + px(3)))
+        widgets.label("Your last prompts")
+        imgui.set_cursor_pos(imgui.ImVec2(pad, pad + heading))
+    for i, suggestion in enumerate(found):
+        if _row(suggestion, i, box, width - 2 * pad, row):
+            chosen = suggestion.text
+    imgui.end()
+    imgui.pop_style_color()
+    imgui.pop_style_var(2)
+    return chosen
+
+
+def _row(suggestion: Suggestion, i: int, box: FieldState, width: float, height: float) -> bool:
+    """One suggestion; whether it was clicked. It is taken when the button goes down: the field loses the keyboard then."""
+    corner = imgui.get_cursor_screen_pos()
+    imgui.invisible_button(f"##{i}", imgui.ImVec2(width, height))
+    hovered = imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_blocked_by_active_item)
+    drawing, middle = imgui.get_window_draw_list(), corner.y + px(4)
+    if i == box.picked or hovered:
+        fill = theme.ACCENT_DIM if i == box.picked else theme.FIELD_HOVER
+        high = imgui.ImVec2(corner.x + width, corner.y + height)
+        drawing.add_rect_filled(corner, high, widgets.packed(fill), imgui.get_style().frame_rounding)
+    left = corner.x + px(6)
+    if suggestion.recent:
+        drawing.add_text(imgui.ImVec2(left, middle), widgets.packed(theme.MUTED), ICON.history)
+        left += px(24)
+    right = corner.x + width - px(6)
+    if suggestion.similarity is not None:
+        share = f"{max(suggestion.similarity, 0.0):.0%}"
+        right -= imgui.calc_text_size(share).x
+        drawing.add_text(imgui.ImVec2(right, middle), widgets.packed(theme.MUTED), share)
+        right -= px(8)
+    text = widgets.elided(suggestion.text, right - left)
+    drawing.add_text(imgui.ImVec2(left, middle), widgets.packed(theme.TEXT), text)
+    return bool(hovered and imgui.is_mouse_clicked(0))
+
+
+def _hint_over_item(text: str) -> None:
+    corner, pad = imgui.get_item_rect_min(), imgui.get_style().frame_padding
+    color = widgets.packed((*theme.MUTED[:3], 0.8))
+    imgui.get_window_draw_list().add_text(imgui.ImVec2(corner.x + pad.x, corner.y + pad.y), color, text)

@@ -1,0 +1,20 @@
+"""What the status line says of an answered prompt."""
+
+from __future__ import annotations
+
+from sport.viewer.messages import Level
+from sport.viewer.prompt.style_edit import Answer
+
+
+def answer_message(answer: Answer, prompt: str, model: str, followed: bool) -> tuple[str, Level]:
+    """Text and level for an answer to `prompt`, as it is named; `followed` when the library had answered before."""
+    if not answer.final:
+        return f"The library answered at once; {model} is being asked.", Level.NOTE
+    if answer.source == "gpt":
+        return f"{model} answered: {prompt}.", Level.NOTE
+    if answer.note:
+        return answer.note, Level.WARNING if followed else Level.NOTE
+    if answer.nearest:
+        text, similarity = answer.nearest[0]
+        return f"Library: {prompt} is {similarity:.0%} like “{text}”.", Level.NOTE
+    return f"{prompt} itself says what the parts do.", Level.NOTE

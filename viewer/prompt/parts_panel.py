@@ -1,0 +1,90 @@
+"""The six fields: each can be edited, locked against the next prompt, and set back to what the expander said."""
+
+from __future__ import annotations
+
+from sport.runtime.skeleton import PART_NAMES
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.gui import theme, widgets
+from sport.viewer.gui.theme import ICON
+from sport.viewer.gui.widgets import px
+from sport.viewer.prompt.field_panel import WRAPPED, is_active, undo_keys
+from sport.viewer.prompt.prompting import Prompting
+from sport.viewer.state import PromptState
+
+LABEL_HEIGHT = 17.0  # pixels at scale 1
+MIN_LINES, MAX_LINES = 2, 3
+
+
+def draw(prompt: PromptState, prompting: Prompting) -> None:
+    """The fields share the height that is there; in less than they need, they scroll."""
+    free = imgui.get_content_region_avail().y / len(PART_NAMES) - _row_height(0.0)
+    height = min(max(free, _field_height(MIN_LINES)), _field_height(MAX_LINES))
+    for part in PART_NAMES:
+        imgui.push_id(part)
+        imgui.push_style_var(
+            imgui.StyleVar_.item_spacing, imgui.ImVec2(imgui.get_style().item_spacing.x, px(2))
+        )
+        _heading(part, prompt, prompting)
+        imgui.pop_style_var()
+        _field(part, height, prompt, prompting)
+        imgui.pop_id()
+
+
+def _field_height(lines: int) -> float:
+    return lines * imgui.get_text_line_height() + 2 * imgui.get_style().frame_padding.y
+
+
+def _row_height(field: float) -> float:
+    return px(LABEL_HEIGHT) + px(2) + field + imgui.get_style().item_spacing.y
+
+
+def _heading(part: str, prompt: PromptState, prompting: Prompting) -> None:
+    """The part's name and marks on the left, reset and lock on the right."""
+    top, width = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
+    answer, locked = prompt.edit.a, part in prompt.edit.locked
+    widgets.label(part.replace("_", " ").capitalize(), theme.TEXT if locked else theme.MUTED)
+    edited = answer is not None and part in answer.edited
+    if prompt.parts[part] != prompt.applied(part):
+        imgui.same_line(0, px(6))
+        widgets.label("Enter applies", theme.WARNING)
+    elif edited:
+        imgui.same_line(0, px(6))
+        widgets.label("kept" if locked else "edited", theme.ACCENT)
+    share = prompt.edit.weights[PART_NAMES.index(part)]
+    if prompt.edit.b is not None and share > 0.0:
+        imgui.same_line(0, px(6))
+        widgets.label(f"{share:.0%} of B")
+    side = px(LABEL_HEIGHT + 3)
+    imgui.set_cursor_pos(imgui.ImVec2(top.x + width - 2 * side - px(2), top.y - px(2)))
+    said = "" if answer is None else getattr(answer.said, part)
+    if edited and widgets.icon_button(
+        ICON.original, "reset", f"Back to what was said: “{said}”", size=LABEL_HEIGHT + 3
+    ):
+        prompting.reset_part(part)
+    imgui.set_cursor_pos(imgui.ImVec2(top.x + width - side, top.y - px(2)))
+    hint = (
+        "Locked: the next prompt leaves these words alone"
+        if locked
+        else "Keep these words when the prompt changes"
+    )
+    tint = theme.ACCENT if locked else theme.MUTED
+    if widgets.icon_button(ICON.lock if locked else ICON.unlock, "lock", hint, tint, size=LABEL_HEIGHT + 3):
+        prompting.toggle_lock(part)
+    imgui.set_cursor_pos(imgui.ImVec2(top.x, top.y + px(LABEL_HEIGHT + 2)))
+
+
+def _field(part: str, height: float, prompt: PromptState, prompting: Prompting) -> None:
+    field_id = imgui.get_id("##words")
+    active = is_active(field_id)
+    if active:
+        undo_keys(field_id, prompt.parts[part] == prompt.applied(part), prompting)
+    fill = theme.ACCENT_LOCKED if part in prompt.edit.locked else theme.FIELD
+    with widgets.color(imgui.Col_.frame_bg, fill):
+        _, prompt.parts[part] = imgui.input_text_multiline(
+            "##words", prompt.parts[part], imgui.ImVec2(-1, height), WRAPPED
+        )
+    left = imgui.is_item_deactivated_after_edit()  # by Enter, or for something else
+    if not active:
+        widgets.tooltip(prompt.parts[part])
+    if left and prompt.parts[part] != prompt.applied(part):
+        prompting.submit_part(part)

@@ -1,0 +1,177 @@
+"""What the character moves by, as plain data: an answered prompt or a blend of two, and the way back through its changes."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.prompts.blend import ALL_A, BlendedPrompt, Weights, Words, blend_parts
+from sport.runtime.prompts.expander import Expansion
+from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.skeleton import PART_NAMES
+
+MAX_STEPS = 100  # of undo
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """One answered prompt: `said` by the expander, `words` as they hold now (with edits and kept words), and their code."""
+
+    prompt: str  # "" when only the six fields were written
+    said: PartDescriptions
+    words: PartDescriptions
+    z: NDArray[np.float32]  # (6, 64)
+    source: str = "explicit"  # "library", "gpt" or "explicit"
+    nearest: tuple[tuple[str, float], ...] = ()
+    note: str = ""
+    milliseconds: float = 0.0
+    final: bool = True  # False: a better answer is on its way
+
+    @staticmethod
+    def of(result: Any) -> Answer:
+        """The answer in a worker's result to a prompt."""
+        expansion: Expansion = result.expansion
+        return Answer(
+            result.request,
+            expansion.descriptions,
+            expansion.descriptions,
+            result.z,
+            expansion.source,
+            expansion.nearest,
+            expansion.note,
+            result.milliseconds,
+            result.final,
+        )
+
+    def keeping(self, parts: Collection[str], before: Answer) -> Answer:
+        """The same answer but for `parts`, which go on as in `before`: a part's code comes from its own words alone."""
+        if not parts:
+            return self
+        words = {part: getattr(before.words, part) for part in parts}
+        kept = np.array([part in parts for part in PART_NAMES])[:, None]
+        return dataclasses.replace(
+            self, words=dataclasses.replace(self.words, **words), z=np.where(kept, before.z, self.z)
+        )
+
+    @property
+    def edited(self) -> tuple[str, ...]:
+        """Parts whose words are not the expander's."""
+        return tuple(part for part in PART_NAMES if getattr(self.words, part) != getattr(self.said, part))
+
+    @property
+    def replayable(self) -> Words:
+        """What asks for the same words again: the prompt where the library answered it, else the six descriptions."""
+        by_prompt = self.prompt and self.source != "gpt" and not self.edited
+        return self.prompt if by_prompt else self.words
+
+
+@dataclass(frozen=True, eq=False)
+class StyleEdit:
+    """Prompt A, perhaps prompt B with its share in each part, and the parts whose words are locked."""
+
+    a: Answer | None = None
+    b: Answer | None = None
+    weights: Weights = ALL_A
+    locked: frozenset[str] = frozenset()
+
+    @property
+    def blended(self) -> bool:
+        """Whether prompt B shows anywhere."""
+        return self.a is not None and self.b is not None and any(weight > 0.0 for weight in self.weights)
+
+    def style(self) -> NDArray[np.float32] | None:
+        """Z^t `(6, 64)`; None before the first answer."""
+        if self.a is None or self.b is None:
+            return None if self.a is None else self.a.z
+        return blend_parts(self.a.z, self.b.z, self.weights)
+
+    def replayable(self) -> Words | BlendedPrompt:
+        """What a take keeps of this style."""
+        if self.a is None:
+            return ""
+        if self.b is None or not self.blended:
+            return self.a.replayable
+        return BlendedPrompt(self.a.replayable, self.b.replayable, self.weights)
+
+    def spelled_out(self) -> str:
+        """The six descriptions, or a blend of two times six, as text that needs no library: what a take keeps too."""
+        if self.a is None:
+            return ""
+        if self.b is None or not self.blended:
+            return self.a.words.to_json()
+        return BlendedPrompt(self.a.words, self.b.words, self.weights).to_json()
+
+    def with_weight(self, part: str, weight: float) -> StyleEdit:
+        """Another share of prompt B in one part."""
+        i = PART_NAMES.index(part)
+        return dataclasses.replace(self, weights=(*self.weights[:i], weight, *self.weights[i + 1 :]))
+
+    def with_all_weights(self, weight: float) -> StyleEdit:
+        """Another share of prompt B in every part that is not locked."""
+        pairs = zip(PART_NAMES, self.weights, strict=True)
+        return dataclasses.replace(
+            self, weights=tuple(old if part in self.locked else weight for part, old in pairs)
+        )
+
+    @property
+    def master_weight(self) -> float:
+        """Mean share of prompt B over the parts that are not locked (over all when every part is)."""
+        free = [w for part, w in zip(PART_NAMES, self.weights, strict=True) if part not in self.locked]
+        return float(np.mean(free or self.weights))
+
+
+@dataclass
+class UndoStack:
+    """Committed edits with what each of them did; the present one is between what can be undone and redone."""
+
+    _steps: list[tuple[str, StyleEdit]] = field(default_factory=list)
+    _at: int = -1
+
+    @property
+    def top(self) -> StyleEdit | None:
+        """The committed edit in force."""
+        return self._steps[self._at][1] if self._at >= 0 else None
+
+    @property
+    def undo_label(self) -> str:
+        """What undo would take back; "" when there is nothing."""
+        return self._steps[self._at][0] if self._at > 0 else ""
+
+    @property
+    def redo_label(self) -> str:
+        """What redo would do again; "" when there is nothing."""
+        return self._steps[self._at + 1][0] if self._at + 1 < len(self._steps) else ""
+
+    def push(self, label: str, edit: StyleEdit) -> None:
+        """Commit an edit; what was undone before it is forgotten, and the oldest beyond `MAX_STEPS`."""
+        del self._steps[self._at + 1 :]
+        self._steps.append((label, edit))
+        del self._steps[: -MAX_STEPS - 1]
+        self._at = len(self._steps) - 1
+
+    def revise(self, change: Callable[[StyleEdit], StyleEdit]) -> None:
+        """Put what `change` makes of each edit in its place, as the same step."""
+        self._steps = [(label, change(edit)) for label, edit in self._steps]
+
+    def undo(self) -> StyleEdit | None:
+        """The edit before; None when there is none."""
+        if self._at <= 0:
+            return None
+        self._at -= 1
+        return self.top
+
+    def redo(self) -> StyleEdit | None:
+        """The edit that was undone last; None when there is none."""
+        if self._at + 1 >= len(self._steps):
+            return None
+        self._at += 1
+        return self.top
+
+    def clear(self) -> None:
+        """Forget every step."""
+        self._steps.clear()
+        self._at = -1

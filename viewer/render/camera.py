@@ -1,0 +1,209 @@
+"""Orbit and follow cameras: pure numpy, angles in radians, lengths in metres, smoothing as half-lives in seconds.
+
+Yaw is the heading of the view direction about +Y (0 looks along +Z, positive turns towards +X);
+pitch is how far the view looks down. Cameras are right-handed, OpenGL clip space.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.spring import spring
+from sport.runtime.terrain.height_map import Terrain
+
+Array = NDArray[np.floating]
+
+FOV_Y = math.radians(38.0)
+NEAR_M = 0.1
+FAR_M = 300.0
+ORBIT_RADIANS_PER_PIXEL = 0.006
+ZOOM_PER_STEP = 0.88
+STICK_TURN_SPEED = 2.6  # radians per second at full stick
+STICK_TILT_SPEED = 1.6
+TARGET_HALF_LIFE = 0.09  # seconds, horizontal
+TARGET_HEIGHT_HALF_LIFE = 0.20  # slower, so that stairs do not shake the view
+STICK_HALF_LIFE = 0.05
+STICK_REST = 0.02  # a stick this close to its middle rests
+ALIGN_HALF_LIFE = 1.1
+LIFT_HALF_LIFE = 0.10
+GROUND_CLEARANCE_M = 0.35
+
+
+def look_at(eye: Array, target: Array) -> Array:
+    """View matrix `(4, 4)` of an eye that looks at `target` with +Y up."""
+    back = np.asarray(eye, float) - target
+    back = back / max(float(np.linalg.norm(back)), 1e-9)
+    right = np.cross((0.0, 1.0, 0.0), back)
+    right = right / max(float(np.linalg.norm(right)), 1e-9)
+    view = np.eye(4)
+    view[:3, :3] = right, np.cross(back, right), back
+    view[:3, 3] = -view[:3, :3] @ eye
+    return view.astype(np.float32)
+
+
+def perspective(fov_y: float, aspect: float, near: float, far: float) -> Array:
+    """OpenGL projection matrix `(4, 4)`; `fov_y` in radians, `aspect` is width / height."""
+    f = 1.0 / math.tan(fov_y / 2)
+    m = np.zeros((4, 4), np.float32)
+    m[0, 0], m[1, 1] = f / aspect, f
+    m[2, 2], m[2, 3], m[3, 2] = (far + near) / (near - far), 2 * far * near / (near - far), -1.0
+    return m
+
+
+class Camera:
+    """A view of the world: what the renderer and the controls need to know, whatever moves it."""
+
+    def __init__(
+        self,
+        target: Array | tuple[float, float, float] = (0.0, 0.9, 0.0),
+        yaw: float = math.pi,
+        pitch: float = 0.2,
+        distance: float = 4.5,
+    ) -> None:
+        self.target: Array = np.array(target, float)
+        self.yaw = yaw
+        self.pitch = pitch
+        self.distance = distance
+        self.fov_y = FOV_Y
+        self.shift = 0.0  # where the target shows, -1 (left edge) to 1: panels may cover a side
+
+    @property
+    def forward(self) -> Array:
+        """Unit direction `(3,)` of the boom, from where the camera would be without any lift to the target."""
+        c = math.cos(self.pitch)
+        return np.array([math.sin(self.yaw) * c, -math.sin(self.pitch), math.cos(self.yaw) * c])
+
+    @property
+    def position(self) -> Array:
+        """Eye position `(3,)` in metres."""
+        return self.target - self.distance * self.forward
+
+    @property
+    def heading(self) -> float:
+        """Yaw in radians of the view direction on the ground plane."""
+        return self.yaw
+
+    def view_matrix(self) -> Array:
+        """World to camera, `(4, 4)`."""
+        return look_at(self.position, self.target)
+
+    def projection_matrix(self, aspect: float) -> Array:
+        """Camera to clip space, `(4, 4)`, for width / height `aspect`."""
+        projection = perspective(self.fov_y, aspect, NEAR_M, FAR_M)
+        projection[0, 2] = -self.shift
+        return projection
+
+    def ray(self, x_ndc: float, y_ndc: float, aspect: float) -> tuple[Array, Array]:
+        """Origin `(3,)` and unit direction `(3,)` through a point of the screen, both -1..1, y up."""
+        tangent = math.tan(self.fov_y / 2)
+        local = np.array([(x_ndc - self.shift) * tangent * aspect, y_ndc * tangent, -1.0])
+        direction = self.view_matrix()[:3, :3].T.astype(float) @ local
+        return self.position, direction / np.linalg.norm(direction)
+
+
+class OrbitCamera(Camera):
+    """Turned, shifted and zoomed by the mouse about a target that stays where it is put."""
+
+    MIN_PITCH, MAX_PITCH = math.radians(-20.0), math.radians(88.0)
+    MIN_DISTANCE, MAX_DISTANCE = 0.6, 60.0
+
+    def orbit(self, dx_px: float, dy_px: float) -> None:
+        """Drag the scene by pixels: right turns it to the right, down shows it from above."""
+        self.yaw = math.remainder(self.yaw - dx_px * ORBIT_RADIANS_PER_PIXEL, math.tau)
+        pitch = self.pitch + dy_px * ORBIT_RADIANS_PER_PIXEL
+        self.pitch = min(max(pitch, self.MIN_PITCH), self.MAX_PITCH)
+
+    def pan(self, dx_px: float, dy_px: float, viewport_height_px: float) -> None:
+        """Drag the target in the picture plane; what lies at its depth stays under the pointer."""
+        metres = 2.0 * self.distance * math.tan(self.fov_y / 2) / max(viewport_height_px, 1.0)
+        right, up = self.view_matrix()[:2, :3].astype(float)
+        self.target = self.target + (-dx_px * right + dy_px * up) * metres
+
+    def zoom(self, steps: float) -> None:
+        """Wheel steps; positive comes closer."""
+        distance = self.distance * ZOOM_PER_STEP**steps
+        self.distance = min(max(distance, self.MIN_DISTANCE), self.MAX_DISTANCE)
+
+
+class FollowCamera(OrbitCamera):
+    """Follows a moving target with critically damped springs, turned by the right stick, kept above the terrain."""
+
+    MIN_PITCH, MAX_PITCH = math.radians(-10.0), math.radians(75.0)
+    MIN_DISTANCE, MAX_DISTANCE = 1.5, 15.0
+
+    def __init__(
+        self,
+        target: Array | tuple[float, float, float] = (0.0, 0.9, 0.0),
+        yaw: float = 0.0,
+        pitch: float = 0.22,
+        distance: float = 4.0,
+    ) -> None:
+        super().__init__(target, yaw, pitch, distance)
+        self._target_velocity: Array = np.zeros(3)
+        self._turn: Array = np.zeros(2)  # yaw and pitch speed, radians per second
+        self._turn_velocity: Array = np.zeros(2)
+        self._align_speed = 0.0
+        self._lift_m = 0.0
+        self._lift_velocity = 0.0
+
+    @property
+    def position(self) -> Array:
+        """Eye position `(3,)` in metres, lifted where the ground would hide the target."""
+        return super().position + np.array([0.0, self._lift_m, 0.0])
+
+    def snap(self, target: Array) -> None:
+        """Jump to a target at once, as after a reset of the character."""
+        self.target = np.array(target, float)
+        self._target_velocity = np.zeros(3)
+
+    def update(
+        self,
+        target: Array,
+        dt: float,
+        stick: tuple[float, float] = (0.0, 0.0),
+        terrain: Terrain | None = None,
+        align_yaw: float | None = None,
+    ) -> None:
+        """Advance by `dt` seconds.
+
+        `target` `(3,)` is what to follow, `stick` the right stick (x right, y up, -1..1), `terrain` what to stay
+        above, `align_yaw` a heading to turn towards gently while the stick rests (None: keep the heading).
+        """
+        half_life = np.array([TARGET_HALF_LIFE, TARGET_HEIGHT_HALF_LIFE, TARGET_HALF_LIFE])
+        self.target, self._target_velocity = spring(
+            self.target, self._target_velocity, np.asarray(target, float), half_life, dt
+        )
+        self._turn_by_stick(stick, dt)
+        if align_yaw is not None and math.hypot(*stick) < STICK_REST:
+            self._align(align_yaw, dt)
+        self._keep_above(terrain, dt)
+
+    def _turn_by_stick(self, stick: tuple[float, float], dt: float) -> None:
+        goal = np.array([-stick[0] * STICK_TURN_SPEED, -stick[1] * STICK_TILT_SPEED])
+        self._turn, self._turn_velocity = spring(self._turn, self._turn_velocity, goal, STICK_HALF_LIFE, dt)
+        self.yaw = math.remainder(self.yaw + float(self._turn[0]) * dt, math.tau)
+        self.pitch = min(max(self.pitch + float(self._turn[1]) * dt, self.MIN_PITCH), self.MAX_PITCH)
+
+    def _align(self, yaw: float, dt: float) -> None:
+        difference = math.remainder(yaw - self.yaw, math.tau)
+        share = 1.0 - 0.5 ** (dt / ALIGN_HALF_LIFE)
+        # sin: a character that comes straight at the camera must not spin it round
+        self.yaw = math.remainder(self.yaw + share * math.sin(difference), math.tau)
+
+    def _keep_above(self, terrain: Terrain | None, dt: float) -> None:
+        goal = 0.0
+        if terrain is not None:
+            share = np.linspace(0.25, 1.0, 12)
+            points = self.target - share[:, None] * self.distance * self.forward
+            ground = terrain.height(points[:, 0], points[:, 2]) + GROUND_CLEARANCE_M
+            goal = max(0.0, float(np.max((ground - points[:, 1]) / share)))
+        lift, velocity = spring(
+            np.array(self._lift_m), np.array(self._lift_velocity), np.array(goal), LIFT_HALF_LIFE, dt
+        )
+        self._lift_m, self._lift_velocity = float(lift), float(velocity)
+        if terrain is not None:  # never inside the ground, however fast it rises
+            eye = self.position
+            floor = float(terrain.height(eye[0], eye[2])) + 0.3 * GROUND_CLEARANCE_M
+            self._lift_m += max(0.0, floor - float(eye[1]))

@@ -1,0 +1,167 @@
+"""All panels of one frame, each in its place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+
+from sport.viewer.actions import Actions
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.gui import help, status, theme, widgets
+from sport.viewer.gui.layout import Layout, Rect, arrange, view_centre
+from sport.viewer.gui.theme import ICON, Fonts
+from sport.viewer.gui.widgets import px
+from sport.viewer.prompt import field_panel as prompt_field
+from sport.viewer.prompt import panel as prompt
+from sport.viewer.stage import panel as scene
+from sport.viewer.state import AppState
+from sport.viewer.takes import panel as clips
+from sport.viewer.takes import transport
+
+_FIXED = (
+    imgui.WindowFlags_.no_title_bar
+    | imgui.WindowFlags_.no_resize
+    | imgui.WindowFlags_.no_move
+    | imgui.WindowFlags_.no_collapse
+    | imgui.WindowFlags_.no_saved_settings
+    | imgui.WindowFlags_.no_bring_to_front_on_focus
+)
+_STATUS = _FIXED | imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
+
+
+@dataclass
+class _Contents:
+    """One panel: its name, its icon, what draws it, and buttons beside its title."""
+
+    name: str
+    icon: str
+    draw: Callable[[], None]
+    tools: Callable[[], None] | None = None
+    tools_width: float = 0.0  # pixels at scale 1
+
+
+@dataclass
+class Shell:
+    """Fonts, style and the windows around the panels."""
+
+    state: AppState
+    actions: Actions
+    fonts: Fonts = field(init=False)
+    _scale: float = 0.0
+    _scene_height: float = 0.0
+    _layout: Layout = field(default_factory=lambda: arrange(64.0, 64.0, 1.0))
+
+    def __post_init__(self) -> None:
+        self.fonts = theme.load_fonts()
+
+    def arrange(self, scale: float) -> None:
+        """Fit the panels to the window for a UI scale; call before `draw`, within an ImGui frame."""
+        if scale != self._scale:
+            theme.apply_style(scale)
+            self._scale, self._scene_height = scale, 0.0
+        size, playing = imgui.get_io().display_size, self.state.clips.playback is not None
+        self._layout = arrange(size.x, size.y, scale, self.state.panels_open, playing, self._scene_height)
+
+    @property
+    def view_centre(self) -> float:
+        """Middle of what the panels leave free, from -1 (left edge of the window) to 1."""
+        return view_centre(self._layout)
+
+    def draw(self) -> None:
+        """Draw every panel."""
+        state, actions, layout = self.state, self.actions, self._layout
+        self._undo_keys()
+
+        def draw_scene() -> None:
+            scene.draw(state, actions)
+            # the contents end one spacing above the cursor; the next frame fits the window to them
+            spacing, padding = imgui.get_style().item_spacing.y, imgui.get_style().window_padding.y
+            self._scene_height = imgui.get_cursor_pos_y() + imgui.get_scroll_y() - spacing + padding
+
+        one = _Contents("Prompt", ICON.prompt, lambda: prompt.draw(state, actions))
+        one.tools, one.tools_width = lambda: prompt.tools(state, actions), prompt.TOOLS_WIDTH
+        two = _Contents("Scene", ICON.scene, draw_scene)
+        three = _Contents("Clips", ICON.clips, lambda: clips.draw(state, actions.takes))
+        for panel, rect in ((one, layout.prompt), (two, layout.scene), (three, layout.clips)):
+            _window(panel.name, rect, partial(self._titled, panel))
+        _window("Right", layout.right_tabs, lambda: _tabs((two, three)))
+        _window("Tabs", layout.tabs, lambda: _tabs((one, two, three)))
+        _window("Transport", layout.transport, lambda: transport.draw(state, actions.takes, self.fonts))
+        self._status(layout)
+        _badge(state, layout)
+        if state.help_open:
+            help.draw(state, self.fonts)
+
+    def _undo_keys(self) -> None:
+        """Ctrl+Z and Ctrl+Y wherever nothing is typed; a text field sees to its own."""
+        if imgui.get_io().want_text_input:
+            return
+        undo, redo = prompt_field.pressed_undo()
+        if undo:
+            self.actions.prompting.undo()
+        elif redo:
+            self.actions.prompting.redo()
+
+    def _titled(self, panel: _Contents) -> None:
+        top, start = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
+        widgets.heading(self.fonts, panel.icon, panel.name)
+        _tools(panel, imgui.ImVec2(top.x, top.y - px(3)), start)
+        panel.draw()
+
+    def _status(self, layout: Layout) -> None:
+        imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
+        imgui.push_style_var(imgui.StyleVar_.window_padding, imgui.ImVec2(px(14), px(6)))
+        _window("Status", layout.status, lambda: status.draw(self.state, self.fonts), _STATUS)
+        imgui.pop_style_var(2)
+
+
+def _window(name: str, rect: Rect | None, contents: Callable[[], None], flags: int = _FIXED) -> None:
+    if rect is None or rect.width < 1 or rect.height < 1:
+        return
+    imgui.set_next_window_pos(imgui.ImVec2(rect.x, rect.y))
+    imgui.set_next_window_size(imgui.ImVec2(rect.width, rect.height))
+    imgui.begin(name, None, flags)
+    try:
+        contents()
+    finally:
+        imgui.end()
+
+
+def _tabs(panels: Sequence[_Contents]) -> None:
+    """Several panels in one place."""
+    top, width = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
+    if not imgui.begin_tab_bar("panels"):
+        return
+    for panel in panels:
+        if imgui.begin_tab_item(panel.name)[0]:
+            imgui.dummy(imgui.ImVec2(0, px(2)))
+            _tools(panel, top, width)
+            panel.draw()
+            imgui.end_tab_item()
+    imgui.end_tab_bar()
+
+
+def _tools(panel: _Contents, top: imgui.ImVec2, width: float) -> None:
+    """A panel's own buttons at the right end of its title or tabs."""
+    if panel.tools is None or width < px(panel.tools_width):
+        return
+    after = imgui.get_cursor_pos()
+    imgui.set_cursor_pos(imgui.ImVec2(top.x + width - px(panel.tools_width), top.y))
+    panel.tools()
+    imgui.set_cursor_pos(after)
+
+
+def _badge(state: AppState, layout: Layout) -> None:
+    """A sign over the view while something is recorded, or the crouch toggle is on."""
+    text, tint = f"{ICON.record} REC {widgets.clock(state.clips.recorded_s)}", theme.RECORD
+    if not state.clips.recording:
+        text, tint = f"{ICON.person} Crouching (C stands up)", theme.TEXT
+        if not state.crouching:
+            return
+    drawing, view = imgui.get_foreground_draw_list(), layout.view
+    size, pad = imgui.calc_text_size(text), px(10)
+    x, y = view.x + (view.width - size.x) / 2, view.y + px(16)
+    low, high = imgui.ImVec2(x - pad, y - pad / 2), imgui.ImVec2(x + size.x + pad, y + size.y + pad / 2)
+    drawing.add_rect_filled(low, high, imgui.get_color_u32(imgui.ImVec4(*theme.PANEL)), px(14))
+    drawing.add_text(imgui.ImVec2(x, y), imgui.get_color_u32(imgui.ImVec4(*tint)), text)

@@ -1,0 +1,182 @@
+"""The controller at a fixed 60 Hz under a display of any rate, and what to show when the model fails."""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from sport.runtime import rotations
+from sport.runtime.controls import Controls
+from sport.runtime.pose import Pose
+from sport.runtime.skeleton import SPORT_SKELETON
+from sport.runtime.terrain.height_map import Terrain
+
+STEP_SECONDS = 1.0 / 60.0
+MAX_STEPS = 6  # per displayed frame: a slow machine plays slower instead of falling behind for ever
+_STANDS = "The character stands until you reset it (Home)."
+MAX_FAILURES = 3  # in a row; then the character stands still until it is reset
+MS_HALF_LIFE_STEPS = 20.0
+_LOG = logging.getLogger("sport.viewer")
+
+
+class ControllerLike(Protocol):
+    """What the viewer needs of `sport.runtime.motion.controller.Controller`."""
+
+    @property
+    def trajectory(self) -> Any:
+        """`positions` (12, 3) and `directions` (12, 2) in world space."""
+        ...
+
+    def step(self, controls: Controls) -> Pose:
+        """Advance by 1/60 s."""
+        ...
+
+    def set_style(self, z: Any, transition_seconds: float) -> None:
+        """Blend to the style code `(6, 64)`."""
+        ...
+
+    def set_terrain(self, terrain: Terrain) -> None:
+        """Walk on another ground."""
+        ...
+
+    def reset(self, x: float, z: float, yaw: float) -> Any:
+        """Stand at a place."""
+        ...
+
+
+def rest_pose(terrain: Terrain, x: float = 0.0, z: float = 0.0) -> Pose:
+    """The skeleton standing with lowered arms at x, z: shown until a model is loaded."""
+    from sport.runtime.skeleton import REST_HIPS_HEIGHT
+
+    local = rotations.identity((len(SPORT_SKELETON),))
+    forward = np.array([0.0, 0.0, 1.0])
+    for name, angle in (("LeftArm", -1.25), ("RightArm", 1.25)):
+        local[SPORT_SKELETON.index(name)] = rotations.from_axis_angle(forward, np.array(angle))
+    ground = float(terrain.height(x, z))
+    return make_pose(
+        np.array([x, ground + REST_HIPS_HEIGHT, z], np.float32), local, np.ones(4, np.float32), ground, 0.0
+    )
+
+
+def make_pose(hips: Any, local: Any, contacts: Any, ground: float, yaw: float) -> Pose:
+    """A pose by forward kinematics; `ground` is the height under the hips in metres, `yaw` in radians."""
+    hips, local = np.asarray(hips, np.float32), np.asarray(local, np.float32)
+    positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
+    root = np.array([hips[0], ground, hips[2]], np.float32)
+    return Pose(hips, local, positions, world, np.asarray(contacts, np.float32), root, yaw)
+
+
+def interpolate(a: Pose, b: Pose, t: float) -> Pose:
+    """The pose at t in 0..1 between two poses: rotations along the shorter arc, bones keep their length."""
+    if t <= 0.0 or a is b:
+        return a
+    if t >= 1.0:
+        return b
+    local = rotations.slerp(a.local_rotations, b.local_rotations, t)
+    hips = a.hips_position + (b.hips_position - a.hips_position) * t
+    ground = float(a.root_position[1] + (b.root_position[1] - a.root_position[1]) * t)
+    yaw = a.root_yaw + math.remainder(b.root_yaw - a.root_yaw, math.tau) * t
+    return make_pose(hips, local, a.contacts + (b.contacts - a.contacts) * t, ground, yaw)
+
+
+def is_finite(pose: Pose) -> bool:
+    """Whether a pose can be shown."""
+    return bool(np.isfinite(pose.hips_position).all() and np.isfinite(pose.positions).all())
+
+
+@dataclass
+class Simulation:
+    """Steps a controller and keeps the last two good poses."""
+
+    previous: Pose
+    current: Pose
+    controller: ControllerLike | None = None
+    model_ms: float = 0.0  # smoothed cost of one step
+    problem: str = ""  # the failure of the last advance, "" when it went well
+    _left_s: float = 0.0
+    _failures: int = 0
+
+    @staticmethod
+    def standing(terrain: Terrain) -> Simulation:
+        """A simulation without a controller: the character stands."""
+        pose = rest_pose(terrain)
+        return Simulation(pose, pose)
+
+    @property
+    def halted(self) -> bool:
+        """Whether the model failed so often that it is no longer asked."""
+        return self._failures >= MAX_FAILURES
+
+    def use(self, controller: ControllerLike) -> None:
+        """Take another controller; it starts where the character stands."""
+        self.controller = controller
+        self.reset(
+            float(self.current.root_position[0]), float(self.current.root_position[2]), self.current.root_yaw
+        )
+
+    def reset(self, x: float, z: float, yaw: float) -> None:
+        """Stand at a place and forget failures."""
+        self._failures, self._left_s, self.problem = 0, 0.0, ""
+        if self.controller is not None:
+            self.controller.reset(x, z, yaw)
+            self._step(Controls())
+            self.previous = self.current
+
+    def advance(self, seconds: float, controls: Controls) -> list[Pose]:
+        """The new poses of this much time, at most `MAX_STEPS`; time beyond that is dropped."""
+        self.problem = ""
+        if self.controller is None or self.halted:
+            self.previous = self.current
+            return []
+        self._left_s += seconds
+        steps = int(self._left_s / STEP_SECONDS + 1e-6)
+        self._left_s = min(max(self._left_s - steps * STEP_SECONDS, 0.0), STEP_SECONDS)
+        return [pose for _ in range(min(steps, MAX_STEPS)) if (pose := self._step(controls)) is not None]
+
+    def shown(self) -> Pose:
+        """The pose for the display, between the last two steps."""
+        return interpolate(self.previous, self.current, self._left_s / STEP_SECONDS)
+
+    def _step(self, controls: Controls) -> Pose | None:
+        """One step of the model; a failure leaves the last good pose and sets `problem`."""
+        controller = self.controller
+        if controller is None:
+            return None
+        begin = time.perf_counter()
+        try:
+            pose = controller.step(controls)
+            failure = "" if is_finite(pose) else "it answered with values that are not numbers"
+        except Exception as error:  # a foreign network may fail in any way; the window must live on
+            _LOG.exception("the model failed")
+            failure = str(error) or type(error).__name__
+        if failure:
+            self._fail(failure)
+            return None
+        cost_ms = (time.perf_counter() - begin) * 1e3
+        share = 1.0 - 0.5 ** (1.0 / MS_HALF_LIFE_STEPS)
+        self.model_ms = cost_ms if self.model_ms == 0.0 else self.model_ms + (cost_ms - self.model_ms) * share
+        fault = getattr(
+            controller, "message", ""
+        )  # it set itself back: no defect, unless it does so every time
+        self._failures = self._failures + 1 if fault else 0
+        self.problem = (f"{fault} {_STANDS}" if self.halted else fault) or self.problem
+        self.previous, self.current = self.current, pose
+        return pose
+
+    def _fail(self, failure: str) -> None:
+        self._failures += 1
+        after = _STANDS if self.halted else "It was set back to its last good pose."
+        self.problem = f"The motion model failed: {failure}. {after}"
+        self.previous = self.current
+        if self.controller is None or self.halted:
+            return
+        root = self.current.root_position
+        try:
+            self.controller.reset(float(root[0]), float(root[2]), self.current.root_yaw)
+        except Exception:  # the same foreign network again
+            _LOG.exception("the model cannot be reset")
+            self._failures = MAX_FAILURES

@@ -1,0 +1,1 @@
+"""Takes in the viewer: recording, playback, export and their panels."""

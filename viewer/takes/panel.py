@@ -1,0 +1,162 @@
+"""The clips panel: record, the list, and export."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.gui import theme, widgets
+from sport.viewer.gui.theme import ICON
+from sport.viewer.gui.widgets import px
+from sport.viewer.state import AppState
+from sport.viewer.takes.takes import Takes
+
+
+def draw(state: AppState, takes: Takes) -> None:
+    """Contents of the panel."""
+    _record(state, takes)
+    export_height = _export_height() if state.clips.current is not None else 0.0
+    minimum = imgui.get_frame_height_with_spacing() * 2
+    height = max(imgui.get_content_region_avail().y - export_height, minimum)
+    if imgui.begin_child("clip list", imgui.ImVec2(0, height)):
+        _list(state, takes)
+    imgui.end_child()
+    if state.clips.current is not None:
+        _export(state, takes)
+
+
+def _record(state: AppState, takes: Takes) -> None:
+    clips = state.clips
+    half = (imgui.get_content_region_avail().x - px(4)) / 2
+    text = f"{ICON.stop} {widgets.clock(clips.recorded_s)}" if clips.recording else f"{ICON.record} Record"
+    with (
+        widgets.color(imgui.Col_.button, theme.RECORD if clips.recording else theme.FIELD),
+        widgets.color(imgui.Col_.button_hovered, (*theme.RECORD[:3], 0.8)),
+        widgets.color(imgui.Col_.text, theme.TEXT if clips.recording else theme.RECORD),
+    ):
+        if imgui.button(f"{text}###record", imgui.ImVec2(half, 0)):
+            takes.toggle_recording()
+    widgets.tooltip("Start or stop a take (R)")
+    imgui.same_line(0, px(4))
+    if widgets.button(
+        f"{ICON.history} Last {state.settings.keep_seconds:.0f} s###keep",
+        half,
+        f"The last minutes are always in memory ({widgets.clock(clips.memory_s)} now).\n"
+        "Keep the last seconds as a clip (T). Right-click: how many.",
+    ):
+        takes.save_last()
+    if imgui.begin_popup_context_item("keep seconds"):
+        imgui.set_next_item_width(px(180))
+        changed, value = widgets.slider(
+            "##seconds", state.settings.keep_seconds, 1.0, 300.0, "%.0f seconds", True
+        )
+        if changed:
+            state.settings.keep_seconds = round(min(max(value, 1.0), 300.0))
+        imgui.end_popup()
+
+
+def _list(state: AppState, takes: Takes) -> None:
+    clips = state.clips
+    if not clips.items:
+        widgets.muted(
+            "Nothing recorded yet. Record a take with R, keep the last seconds with T, or drop a BVH file here.",
+            wrap=True,
+        )
+        return
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(2)))
+    for i in range(len(clips.items)):
+        if i < len(clips.items):  # a row before may just have removed one
+            imgui.push_id(i)
+            _row(state, takes, i)
+            imgui.pop_id()
+    imgui.pop_style_var()
+
+
+def _row(state: AppState, takes: Takes, i: int) -> None:
+    """Play, name, length, remove; a click anywhere selects."""
+    clips, item = state.clips, state.clips.items[i]
+    width, height, square = imgui.get_content_region_avail().x, imgui.get_frame_height(), px(28)
+    corner = imgui.get_cursor_screen_pos()
+    start = imgui.get_cursor_pos()
+    imgui.set_next_item_allow_overlap()
+    if imgui.invisible_button("row", imgui.ImVec2(width, height)):
+        takes.select(i)
+    hovered = imgui.is_item_hovered()
+    if hovered:
+        saved = f"Saved as {item.saved}" if item.saved else "Not exported yet"
+        widgets.tooltip("\n".join(filter(None, (saved, item.clip.describe()))))
+    if hovered or clips.selected == i:
+        fill = theme.ACCENT_DIM if clips.selected == i else theme.FIELD
+        low, high = corner, imgui.ImVec2(corner.x + width, corner.y + height)
+        packed = imgui.get_color_u32(imgui.ImVec4(*fill))
+        imgui.get_window_draw_list().add_rect_filled(low, high, packed, imgui.get_style().frame_rounding)
+    imgui.set_cursor_pos(start)
+    playing = clips.playback is not None and clips.playback.index == i and clips.playback.playing
+    if _small(ICON.pause if playing else ICON.play, square, "Pause" if playing else "Play (P)"):
+        takes.play_row(i)
+    seconds = widgets.clock(item.clip.seconds)
+    if item.saved:
+        seconds = f"{ICON.check} {seconds}"
+    time_width = imgui.calc_text_size(seconds).x
+    imgui.same_line(0, px(2))
+    imgui.align_text_to_frame_padding()
+    imgui.text_unformatted(widgets.elided(item.name, width - 2 * square - time_width - px(10)))
+    imgui.same_line(width - square - time_width)
+    imgui.align_text_to_frame_padding()
+    widgets.muted(seconds)
+    imgui.same_line(width - square)
+    if _small(ICON.trash, square, "Remove from the list; exported files stay"):
+        takes.remove(i)
+
+
+def _small(icon: str, width: float, hint: str) -> bool:
+    with widgets.color(imgui.Col_.button, theme.CLEAR), widgets.color(imgui.Col_.text, theme.MUTED):
+        imgui.push_style_var(
+            imgui.StyleVar_.frame_padding, imgui.ImVec2(px(3), imgui.get_style().frame_padding.y)
+        )
+        clicked = imgui.button(icon, imgui.ImVec2(width, 0))
+        imgui.pop_style_var()
+    widgets.tooltip(hint)
+    return bool(clicked)
+
+
+def _export_height() -> float:
+    return imgui.get_frame_height_with_spacing() * 3 + px(8)
+
+
+def _export(state: AppState, takes: Takes) -> None:
+    clips, settings = state.clips, state.settings
+    imgui.separator()
+    widgets.full_width()
+    entered, clips.export_path = imgui.input_text_with_hint(
+        "##export path",
+        "~/sport-clips/walk.bvh",
+        clips.export_path,
+        imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.elide_left,
+    )
+    widgets.tooltip(f"Where to write {Path(clips.export_path).name}: type another path if you like")
+    half = (imgui.get_content_region_avail().x - px(10)) / 2
+    imgui.begin_group()
+    imgui.push_item_width(half)
+    if imgui.begin_child("fps", imgui.ImVec2(half, imgui.get_frame_height())):
+        fps = widgets.segmented("fps", (("60", "60 fps"), ("30", "30 fps")), str(settings.export_fps))
+        settings.export_fps = int(fps)
+    imgui.end_child()
+    imgui.same_line(0, px(10))
+    if imgui.begin_child("unit", imgui.ImVec2(half, imgui.get_frame_height())):
+        settings.export_unit = widgets.segmented("unit", (("cm", "cm"), ("m", "m")), settings.export_unit)
+    imgui.end_child()
+    imgui.pop_item_width()
+    imgui.end_group()
+    busy = takes.jobs.busy(f"export {clips.current.name}") if clips.current else False
+    imgui.begin_disabled(busy)
+    trimmed = clips.playback is not None and clips.playback.trimmed
+    text = "Exporting…" if busy else "Export trimmed BVH" if trimmed else "Export BVH"
+    if (
+        widgets.button(
+            f"{ICON.save} {text}###export", -1, "Write the clip for Blender, Maya, MotionBuilder", True
+        )
+        or entered
+    ):
+        takes.export()
+    imgui.end_disabled()

@@ -1,0 +1,101 @@
+"""Playing a clip back: time, trim and loop, and the pose to show."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from sport.runtime.pose import Pose
+from sport.runtime.terrain.height_map import Terrain
+
+if TYPE_CHECKING:
+    from sport.runtime.takes.clip import Clip
+
+MIN_FRAMES = 2
+
+
+@dataclass
+class Playback:
+    """One clip at a time `time_s`, between the trim marks `first` and `last` (frames, both included)."""
+
+    clip: Clip
+    terrain: Terrain
+    index: int  # in the clip list
+    time_s: float = 0.0
+    playing: bool = True
+    loop: bool = True
+    first: int = 0
+    last: int = -1
+
+    def __post_init__(self) -> None:
+        if self.last < 0:
+            self.last = self.frames - 1
+
+    @property
+    def frames(self) -> int:
+        """Frames of the whole clip."""
+        return len(self.clip)
+
+    @property
+    def frame(self) -> int:
+        """The frame shown."""
+        return min(max(round(self.time_s * self.clip.fps), 0), self.frames - 1)
+
+    @property
+    def start_s(self) -> float:
+        """Time of the first frame kept."""
+        return self.first / self.clip.fps
+
+    @property
+    def end_s(self) -> float:
+        """Time of the last frame kept."""
+        return self.last / self.clip.fps
+
+    @property
+    def trimmed(self) -> bool:
+        """Whether the marks leave something out."""
+        return (self.first, self.last) != (0, self.frames - 1)
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass; at the end begin again, or stop."""
+        if not self.playing:
+            return
+        self.time_s += seconds
+        if self.time_s < self.start_s:
+            self.time_s = self.start_s
+        if self.time_s <= self.end_s:
+            return
+        if self.loop and self.end_s > self.start_s:
+            self.time_s = self.start_s + math.fmod(self.time_s - self.start_s, self.end_s - self.start_s)
+        else:
+            self.time_s, self.playing = self.end_s, False
+
+    def toggle(self) -> None:
+        """Play or pause; playing at the end begins again."""
+        if not self.playing and self.time_s >= self.end_s - 1e-6:
+            self.time_s = self.start_s
+        self.playing = not self.playing
+
+    def seek(self, frame: int) -> None:
+        """Show a frame and pause."""
+        self.playing = False
+        self.time_s = min(max(frame, 0), self.frames - 1) / self.clip.fps
+
+    def trim_in(self) -> None:
+        """Keep the clip from the frame shown."""
+        self.first = min(self.frame, self.last - MIN_FRAMES + 1)
+        self.first = max(self.first, 0)
+
+    def trim_out(self) -> None:
+        """Keep the clip up to the frame shown."""
+        self.last = min(max(self.frame, self.first + MIN_FRAMES - 1), self.frames - 1)
+
+    def pose(self) -> Pose:
+        """The pose at the current time, standing on the terrain shown."""
+        pose = self.clip.sample(self.time_s)
+        x, _, z = (float(v) for v in pose.hips_position)
+        ground = np.array([x, float(self.terrain.height(x, z)), z], np.float32)
+        return dataclasses.replace(pose, root_position=ground)

@@ -1,0 +1,243 @@
+"""Recording, the clip list, playback and export. A clip leaves the list only when the person removes it."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sport.runtime.controls import Controls
+from sport.runtime.errors import SportError, UsageError
+from sport.runtime.pose import Pose
+from sport.runtime.takes.metadata import Origin, gait_of, origin_of
+from sport.viewer.jobs import Jobs
+from sport.viewer.state import AppState, ClipItem
+from sport.viewer.takes.playback import Playback
+
+if TYPE_CHECKING:
+    from sport.runtime.takes.clip import Clip, ClipRecorder
+
+MAX_NAME = 60
+
+
+@dataclass
+class Takes:
+    """Actions of the clips panel."""
+
+    state: AppState
+    jobs: Jobs
+    recorder: ClipRecorder
+    _writers: dict[Path, ClipItem] = field(default_factory=dict)  # whose clip a file of this session holds
+    _proposed: str | None = None  # what was put into the export field, until something else is typed
+
+    def add_poses(self, poses: list[Pose], controls: Controls) -> None:
+        """Remember simulated poses, as they are shown, and what was asked for; call once a frame."""
+        for pose in poses:
+            self.recorder.add(pose, gait_of(controls))
+        clips = self.state.clips
+        clips.memory_s = self.recorder.seconds
+        clips.recorded_s = self.recorder.take_seconds
+
+    def toggle_recording(self) -> None:
+        """Start a take, or stop it and put it into the list."""
+        if not self.recorder.recording:
+            self.close_playback()
+            self.recorder.start()
+        else:
+            self._keep("Take", self.recorder.stop)
+        self.state.clips.recording = self.recorder.recording
+
+    def save_last(self) -> None:
+        """Put the last seconds into the list, recording or not."""
+        seconds = self.state.settings.keep_seconds
+        self._keep("Last seconds", lambda *about: self.recorder.last(seconds, *about))
+
+    def _keep(self, kind: str, cut: Callable[[str, str, Origin], Clip]) -> None:
+        """Add what `cut(name, terrain, origin)` makes of the memory to the list."""
+        clips, ground = self.state.clips, self.state.scene.terrain_spec
+        origin = origin_of(self.state.simulation.controller, ground)
+        try:
+            clip = cut(f"{kind} {clips.counter + 1}", ground, origin)
+        except SportError as error:
+            self.state.messages.warn(str(error))
+            return
+        clips.counter += 1
+        clips.items.append(ClipItem(clip, recorded=True))
+        self.select(len(clips.items) - 1)
+        self.state.messages.note(
+            f"{clip.name}: {clip.seconds:.1f} s in the clip list. Export writes it as BVH."
+        )
+
+    def open(self, path: Path) -> None:
+        """Add a BVH file to the list and play it."""
+        from sport.runtime.takes.clip import load_clip_bvh as load
+
+        self.jobs.submit(f"clip {path}", lambda: load(path), lambda clip: self._take_opened(path, clip))
+
+    def _take_opened(self, path: Path, clip: Clip) -> None:
+        clips = self.state.clips
+        clips.items.append(ClipItem(clip, path))
+        self.play(len(clips.items) - 1)
+        self.state.messages.note(f"{path.name}: {len(clip)} frames at {clip.fps:g} fps.")
+
+    def select(self, index: int) -> None:
+        """Make a clip the current one and propose where to export it."""
+        clips = self.state.clips
+        if not 0 <= index < len(clips.items):
+            return
+        clips.selected = index
+        if clips.playback is not None and clips.playback.index != index:
+            self.play(index)
+        self._propose(clips.items[index])
+
+    def _propose(self, item: ClipItem) -> None:
+        """Fill the export field with the file that holds the clip since this session, or with a name that is free."""
+        if item.saved is not None and self._writers.get(item.saved) is item:
+            proposal = item.saved
+        else:
+            folder = Path(self.state.settings.export_folder)
+            proposal = folder / free_path(folder.expanduser() / f"{file_stem(item.name)}.bvh").name
+        self.state.clips.export_path = self._proposed = str(proposal)
+
+    def remove(self, index: int) -> None:
+        """Take a clip out of the list; files stay."""
+        clips = self.state.clips
+        if not 0 <= index < len(clips.items):
+            return
+        self.close_playback()
+        item = clips.items.pop(index)
+        self._writers = {path: writer for path, writer in self._writers.items() if writer is not item}
+        clips.selected = min(index, len(clips.items) - 1)
+        self.select(clips.selected)
+        self.state.messages.note(f"{item.name} removed from the list.")
+
+    # --- playback
+
+    def play(self, index: int) -> None:
+        """Show a clip instead of the live character."""
+        clips = self.state.clips
+        if 0 <= index < len(clips.items):
+            item, ground = clips.items[index], self.state.scene.terrain_spec
+            if item.recorded and item.clip.terrain != ground:
+                self.state.messages.note(
+                    f"{item.name} was recorded on the ground {item.clip.terrain!r}, not on this one."
+                )
+            clips.playback = Playback(clips.items[index].clip, self.state.terrain, index)
+            self.select(index)
+
+    def play_row(self, index: int) -> None:
+        """Play a clip of the list, or pause it when it is the one that plays."""
+        playback = self.state.clips.playback
+        if playback is not None and playback.index == index:
+            playback.toggle()
+        else:
+            self.play(index)
+
+    def play_or_pause(self) -> None:
+        """Toggle the clip that is shown, or begin with the current one."""
+        clips = self.state.clips
+        if clips.playback is not None:
+            clips.playback.toggle()
+        elif clips.current is not None:
+            self.play(clips.selected)
+
+    def close_playback(self) -> None:
+        """Back to the live character."""
+        self.state.clips.playback = None
+
+    # --- export
+
+    def export(self) -> None:
+        """Write the current clip, trimmed as marked, as BVH to the path in the field.
+
+        A path that was typed may be one that exists; what was proposed is free or holds this clip already.
+        """
+        clips, settings = self.state.clips, self.state.settings
+        item = clips.current
+        if item is None:
+            return
+        if clips.export_path == self._proposed:
+            self._propose(item)  # another program may have taken the name since
+        else:
+            self._proposed = None  # typed: whatever is typed from now on is meant
+        try:
+            path = export_target(clips.export_path)
+        except SportError as error:
+            self.state.messages.error(error)
+            return
+        clip = self._trimmed(item)
+        fps, unit = settings.export_fps, settings.export_unit
+
+        def write() -> Path:
+            return write_clip(clip, path, fps, unit)
+
+        self.jobs.submit(f"export {item.name}", write, lambda done: self._exported(item, done))
+
+    def _trimmed(self, item: ClipItem) -> Clip:
+        playback = self.state.clips.playback
+        if playback is None or playback.clip is not item.clip or not playback.trimmed:
+            return item.clip
+        return item.clip.trim(playback.first, playback.last)
+
+    def _exported(self, item: ClipItem, path: Path) -> None:
+        item.saved = path
+        self._writers[path] = item
+        self.state.settings.export_folder = str(path.parent)
+        self.state.messages.note(f"Saved {path}")
+
+    @property
+    def unsaved(self) -> list[ClipItem]:
+        """Clips that were never exported."""
+        return [item for item in self.state.clips.items if item.saved is None]
+
+    def rescue(self) -> list[Path]:
+        """Write every unsaved clip into the export folder: when the program ends, nothing recorded is lost."""
+        if self.recorder.recording:
+            self.toggle_recording()
+        written = []
+        folder = Path(self.state.settings.export_folder).expanduser()
+        for item in self.unsaved:
+            try:
+                path = free_path(folder / f"{file_stem(item.name)}.bvh")
+                item.saved = write_clip(
+                    item.clip, path, self.state.settings.export_fps, self.state.settings.export_unit
+                )
+                written.append(item.saved)
+            except SportError as error:
+                self.state.messages.error(error)
+        return written
+
+
+def write_clip(clip: Clip, path: Path, fps: int, unit: str) -> Path:
+    """Write a BVH, making its folder; FileError names the path when that fails."""
+    from sport.runtime.takes.clip import save_bvh
+
+    return save_bvh(clip, path, fps, unit)
+
+
+def export_target(text: str) -> Path:
+    """The path in the export field; UsageError when it names no BVH file."""
+    text = text.strip().strip('"')
+    if not text or "\0" in text:
+        raise UsageError("Export: the path is empty.", "Write a path such as ~/sport-clips/walk.bvh.")
+    path = Path(text).expanduser()
+    if path.is_dir():
+        raise UsageError(f"Export: {path} is a folder.", "Add a file name, for example walk.bvh.")
+    return path if path.suffix.lower() == ".bvh" else path.with_name(path.name + ".bvh")
+
+
+def file_stem(name: str) -> str:
+    """A file name for a clip's name: lower case, words joined by dashes."""
+    return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:MAX_NAME] or "clip"
+
+
+def free_path(path: Path) -> Path:
+    """`path`, or the first of path-2, path-3, … that does not exist."""
+    candidate, number = path, 2
+    while os.path.lexists(candidate):  # unlike Path.exists, no error where the folder cannot be read
+        candidate = path.with_stem(f"{path.stem}-{number}")
+        number += 1
+    return candidate

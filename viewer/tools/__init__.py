@@ -1,0 +1,1 @@
+"""Films and contact sheets drawn from files."""

@@ -1,0 +1,175 @@
+"""A moving picture of a clip, drawn by the viewer's own renderer, with the prompts of its take written under it.
+
+python -m sport.viewer.tools.film walk.bvh --out walk.webp        # or walk.gif; ground and prompts from walk.bvh.json
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.atomic import check_target
+from sport.runtime.errors import FileError, UsageError, run_command
+from sport.runtime.motion import features
+from sport.runtime.takes.clip import Clip, PromptEvent
+from sport.runtime.takes.metadata import title
+from sport.runtime.terrain.height_map import Terrain
+
+Picture = NDArray[np.uint8]
+
+FORMATS = {".webp": "WEBP", ".gif": "GIF"}
+FPS = 20.0
+MAX_FRAMES = 1200
+MAX_SIDE = 2048
+SMALLEST = 8  # of the captions' letters, pixels
+TURN = 2.7  # radians from where the character looks: from the front, a little from the side
+
+
+def draw_frames(
+    clip: Clip,
+    terrain: Terrain,
+    size: tuple[int, int],
+    fps: float = FPS,
+    start: float = 0.0,
+    seconds: float | None = None,
+    turn: float = TURN,
+) -> Iterator[Picture]:
+    """Pictures `(H, W, 3)` of a clip from `start` on; the camera follows, at `turn` radians from the facing."""
+    from sport.viewer.render.camera import FollowCamera
+    from sport.viewer.tools.studio import studio
+
+    first = clip.sample(start)
+    yaw = float(features.facing_yaw(first.positions)) + turn
+    camera = FollowCamera(_middle(first.hips_position, terrain), yaw, pitch=0.16, distance=3.9)
+    with studio(size, terrain) as draw:
+        for frame in range(count_frames(clip, fps, start, seconds)):
+            pose = clip.sample(start + frame / fps)
+            yaw = float(features.facing_yaw(pose.positions)) + turn
+            camera.update(_middle(pose.hips_position, terrain), 1.0 / fps, terrain=terrain, align_yaw=yaw)
+            yield draw(camera, pose)
+
+
+def count_frames(clip: Clip, fps: float, start: float, seconds: float | None) -> int:
+    """How many pictures that makes; UsageError when it is none, or more than MAX_FRAMES."""
+    left = clip.seconds - start if seconds is None else min(seconds, clip.seconds - start)
+    if start < 0.0 or left <= 0.0:
+        raise UsageError(
+            f"--start {start:g}: the clip lasts {clip.seconds:.1f} s.", "Choose an earlier moment."
+        )
+    count = max(1, round(left * fps))
+    if count > MAX_FRAMES:
+        raise UsageError(
+            f"{count} pictures: expected {MAX_FRAMES} at most.", "Choose fewer --seconds or a lower --fps."
+        )
+    return count
+
+
+def _middle(hips: NDArray[np.floating], terrain: Terrain) -> NDArray[np.floating]:
+    """What the camera looks at: a point over the ground, so that steps do not shake it."""
+    x, _, z = (float(value) for value in hips)
+    return np.array([x, float(terrain.height(x, z)) + 0.86, z])
+
+
+def caption(prompts: Sequence[PromptEvent], seconds: float) -> str:
+    """The prompt in force at a moment, in quotation marks; "" before the first."""
+    told = [event for event in prompts if event.seconds <= seconds]
+    return f"“{title(told[-1])}”" if told else ""
+
+
+def write_caption(picture: Picture, text: str) -> Picture:
+    """The picture with a line of text over its lower edge, as large as fits, cut where even small letters do not."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    if not text:
+        return picture
+    image = Image.fromarray(picture)
+    draw = ImageDraw.Draw(image, "RGBA")
+
+    def width(size: int) -> float:
+        return draw.textlength(text, ImageFont.load_default(size)) + 2.2 * size
+
+    size = max(SMALLEST, image.height // 18)
+    while size > SMALLEST and width(size) > 0.96 * image.width:
+        size -= 1
+    while len(text) > 1 and width(size) > 0.96 * image.width:
+        text = text[:-2] + "…"
+    font = ImageFont.load_default(size)
+    half, middle = width(size) / 2, image.height - 1.6 * size
+    box = (image.width / 2 - half, middle - size, image.width / 2 + half, middle + size)
+    draw.rounded_rectangle(box, radius=size, fill=(20, 28, 40, 170))
+    draw.text((image.width / 2, middle), text, fill=(240, 244, 250, 255), font=font, anchor="mm")
+    return np.asarray(image)
+
+
+def save_film(path: Path, pictures: Sequence[Picture], fps: float) -> None:
+    """Write an endless animated WebP or GIF, by the suffix; FileError when it cannot be written."""
+    from PIL import Image
+
+    first, *others = [Image.fromarray(picture) for picture in pictures]
+    options: dict[str, Any] = (
+        {"quality": 70, "method": 4} if path.suffix.lower() == ".webp" else {"optimize": True}
+    )
+    try:
+        first.save(
+            path,
+            FORMATS[path.suffix.lower()],
+            save_all=True,
+            append_images=others,
+            duration=round(1000.0 / fps),
+            loop=0,
+            **options,
+        )
+    except OSError as error:
+        raise FileError(f"{path}: the film cannot be written ({error}).", "Choose another folder.") from error
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Draw a film of a BVH file."""
+    from sport.runtime.takes.clip import load_clip_bvh
+    from sport.runtime.terrain.library import load_terrain
+
+    parser = argparse.ArgumentParser(prog="python -m sport.viewer.tools.film", description=__doc__)
+    parser.add_argument("clip", type=Path, metavar="BVH")
+    parser.add_argument("--out", type=Path, required=True, help="a .webp or .gif")
+    parser.add_argument("--terrain", help="default: the one that stands beside the clip, in its JSON")
+    parser.add_argument("--size", type=int, nargs=2, default=(640, 360), metavar=("W", "H"), help="pixels")
+    parser.add_argument("--fps", type=float, default=FPS, help=f"pictures a second (default: {FPS:g})")
+    parser.add_argument("--start", type=float, default=0.0, help="seconds")
+    parser.add_argument("--seconds", type=float, help="default: to the end")
+    parser.add_argument(
+        "--turn", type=float, default=np.degrees(TURN), help="of the camera from the facing, degrees"
+    )
+    parser.add_argument("--no-captions", action="store_true", help="leave the prompts out")
+    args = parser.parse_args(argv)
+    if not 1.0 <= args.fps <= 60.0:
+        raise UsageError(f"--fps {args.fps:g}: expected 1 to 60.", "Choose another number.")
+    if not all(16 <= side <= MAX_SIDE for side in args.size):
+        raise UsageError(f"--size {args.size}: expected 16 to {MAX_SIDE} pixels.", "Choose another size.")
+    if args.out.suffix.lower() not in FORMATS:
+        raise UsageError(
+            f"{args.out}: no moving picture by its name.", f"Let it end in {' or '.join(FORMATS)}."
+        )
+    check_target(args.out)
+    clip = load_clip_bvh(args.clip)
+    frames = draw_frames(
+        clip,
+        load_terrain(args.terrain or clip.terrain),
+        tuple(args.size),
+        args.fps,
+        args.start,
+        args.seconds,
+        float(np.radians(args.turn)),
+    )
+    prompts = () if args.no_captions else clip.prompts
+    pictures = [write_caption(p, caption(prompts, args.start + k / args.fps)) for k, p in enumerate(frames)]
+    save_film(args.out, pictures, args.fps)
+    print(f"{args.out}: {len(pictures)} pictures, {args.out.stat().st_size / 1e6:.1f} MB")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_command("film", main))

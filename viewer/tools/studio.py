@@ -1,0 +1,40 @@
+"""Pictures of the shipped character on a ground without a window: what films and contact sheets are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.assets import asset_path
+from sport.runtime.character.character import load_character
+from sport.runtime.pose import Pose
+from sport.runtime.terrain.height_map import Terrain
+from sport.viewer.render.camera import Camera
+from sport.viewer.render.offscreen import OffscreenTarget
+from sport.viewer.render.overlays import Overlays
+from sport.viewer.render.quality import HIGH
+from sport.viewer.render.renderer import Renderer
+from sport.viewer.services import DEFAULT_CHARACTER
+
+Picture = NDArray[np.uint8]
+
+
+@contextmanager
+def studio(size: tuple[int, int], terrain: Terrain) -> Iterator[Callable[[Camera, Pose], Picture]]:
+    """A function that draws a pose as seen by a camera: `(H, W, 3)`, sRGB; DisplayError without OpenGL."""
+    target = OffscreenTarget(*size)
+    renderer = Renderer(target.ctx, HIGH)
+    try:
+        renderer.set_terrain(terrain)
+        renderer.set_character(load_character(asset_path(DEFAULT_CHARACTER)))
+
+        def draw(camera: Camera, pose: Pose) -> Picture:
+            renderer.render(target.framebuffer, camera, pose, Overlays())
+            return target.read()
+
+        yield draw
+    finally:
+        renderer.release()
+        target.release()

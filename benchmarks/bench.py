@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from sport.runtime.assets import PROJECT_ROOT
 from sport.runtime.atomic import check_target, write_atomic
 from sport.runtime.errors import SportError, UsageError
 
@@ -157,7 +156,7 @@ def _frame_times(frames: int, model: Path | None) -> dict[str, float]:
 
 def _start_times(model: Path | None) -> dict[str, float | None]:
     """Seconds from nothing to the first frame of a new process (second of two starts), and a run's memory."""
-    command = [sys.executable, str(PROJECT_ROOT / "sport.py"), "view", "--offscreen"]
+    command = [sys.executable, "-m", "sport", "view", "--offscreen"]
     command += ["--model", str(model)] if model else []
     seconds = 0.0
     for _ in range(2):

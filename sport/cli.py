@@ -272,7 +272,7 @@ def _training(command: str, arguments: list[str]) -> int:
         entry = importlib.import_module(module)
     except ModuleNotFoundError as error:
         missing = error.name or module
-        if missing.split(".")[0] in ("training", "runtime"):
+        if missing.split(".")[0] == "sport":
             raise UsageError(
                 f"sport {command}: this installation has no module {missing}.", "Update it."
             ) from error

@@ -38,6 +38,13 @@ ARROWS = {
     "training": {"training", "runtime"},
     "benchmarks": {"benchmarks", "viewer", "runtime"},
 }
+# the rooms of a package from the ground up: each may use itself and those before it
+ROOMS = {
+    "runtime": (
+        "errors", "assets", "atomic", "rotations", "skeleton", "spring", "pose", "controls",
+        "terrain", "feet", "character", "motion", "prompts", "prompts.english", "prompts.gpt", "takes", "generate",
+    ),
+}  # fmt: skip
 LIBRARIES = {
     "runtime": {"numpy", "onnxruntime", "tokenizers", "pygltflib", "PIL", "trimesh", "openai"},
     "viewer": {"numpy", "PIL", *WINDOW},
@@ -53,16 +60,26 @@ def sources(package: str) -> list[Path]:
     return sorted((PROJECT_ROOT / package).rglob("*.py"))
 
 
-def imported(path: Path) -> set[str]:
-    """Top-level names of everything a file imports, inside functions too."""
+def modules(path: Path) -> set[str]:
+    """Full names of everything a file imports, inside functions too; names out of modules included."""
     found: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            found |= {alias.name.split(".")[0] for alias in node.names}
+            found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}: relative import"
-            found.add((node.module or "").split(".")[0])
+            found |= {f"{node.module}.{alias.name}" for alias in node.names}
     return found
+
+
+def imported(path: Path) -> set[str]:
+    """Top-level packages that a file imports: of the project (`runtime`, `viewer`, ...) and of others."""
+    return {name.removeprefix("sport.").split(".")[0] for name in modules(path)}
+
+
+def room(name: str, rooms: tuple[str, ...]) -> str:
+    """The room that holds a module, given by its name below its package."""
+    return max((r for r in rooms if f"{name}.".startswith(f"{r}.")), key=len, default="")
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -74,6 +91,24 @@ def test_arrows_point_one_way(package: str) -> None:
         if package in LIBRARIES:
             others = names - own - set(sys.stdlib_module_names) - {"__future__"}
             assert others <= LIBRARIES[package], path
+
+
+@pytest.mark.parametrize("package", ROOMS)
+def test_rooms_use_only_what_lies_below_them(package: str) -> None:
+    rooms = ROOMS[package]
+    for path in sources(package):
+        inside = ".".join(path.relative_to(PROJECT_ROOT / package).with_suffix("").parts).removesuffix(
+            ".__init__"
+        )
+        if inside == "__init__":
+            continue
+        here = room(inside, rooms)
+        assert here, f"{path}: in no room"
+        for name in modules(path):
+            if name.startswith(f"sport.{package}."):
+                other = room(name.removeprefix(f"sport.{package}."), rooms)
+                assert other, f"{path} imports {name}, which is in no room"
+                assert rooms.index(other) <= rooms.index(here), f"{path} ({here}) imports {name} ({other})"
 
 
 WATCHED_IMPORT = """
@@ -98,7 +133,9 @@ print(json.dumps([sorted({m.split(".")[0] for m in set(sys.modules) - before}), 
 @pytest.mark.parametrize(("package", "libraries"), [("runtime", ()), ("viewer", WINDOW)])
 def test_importing_has_no_side_effects(package: str, libraries: tuple[str, ...]) -> None:
     """No module opens a window, file, process or socket, starts a thread, or loads what it may never need."""
-    names = [".".join(p.relative_to(PROJECT_ROOT).with_suffix("").parts) for p in sources(package)]
+    names = [
+        ".".join(("sport", *p.relative_to(PROJECT_ROOT).with_suffix("").parts)) for p in sources(package)
+    ]
     kept = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
     command = [sys.executable, "-c", WATCHED_IMPORT, " ".join(names), *libraries]
     done = subprocess.run(command, cwd=PROJECT_ROOT, env=kept, capture_output=True, text=True, check=False)
@@ -106,18 +143,18 @@ def test_importing_has_no_side_effects(package: str, libraries: tuple[str, ...])
     loaded, touched, threads = json.loads(done.stdout)
     assert touched == []
     assert threads == 1
-    assert not set(loaded) & (set(HEAVY) | {"training"})
+    assert not set(loaded) & set(HEAVY)
 
 
 def test_runtime_and_prompts_need_no_window_library() -> None:
     """A headless server generates clips without the packages that draw."""
-    for path in (*sources("runtime"), PROJECT_ROOT / "sport.py"):
+    for path in (*sources("runtime"), *sources("sport")):
         assert not imported(path) & set(WINDOW), path
 
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_files_and_functions_stay_readable(package: str) -> None:
-    for path in [*sources(package), PROJECT_ROOT / "sport.py"]:
+    for path in [*sources(package), *sources("sport")]:
         text = path.read_text(encoding="utf-8")
         assert text.count("\n") <= MAX_LINES, path
         tree = ast.parse(text)

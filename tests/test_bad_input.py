@@ -245,9 +245,15 @@ def test_the_viewer_ends_with_one_sentence_when_nobody_watches(
 
 def run_sport(arguments: list[str], **environment: str) -> subprocess.CompletedProcess[str]:
     kept = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
-    command = [sys.executable, str(PROJECT_ROOT / "sport.py"), *arguments]
+    command = [sys.executable, "-m", "sport", *arguments]
     return subprocess.run(
-        command, env=kept | environment, capture_output=True, text=True, check=False, timeout=120
+        command,
+        cwd=PROJECT_ROOT,
+        env=kept | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
     )
 
 

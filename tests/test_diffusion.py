@@ -9,7 +9,7 @@ torch = pytest.importorskip("torch")
 
 from sport.runtime.motion.features import INPUT_SIZE  # noqa: E402
 from sport.training.networks.decoder import blend_codes  # noqa: E402
-from sport.training.networks.diffusion import (
+from sport.training.networks.diffusion import (  # noqa: E402
     Schedule,
     add_noise,
     analytic_variance,

@@ -35,8 +35,8 @@ from gpt_endpoint import (
     wait_for,
 )
 from sport.runtime.errors import FileError, PromptError
-from sport.runtime.prompts.expander import Expansion
-from sport.runtime.prompts.gpt.client import PromptCancelledError, retry_after
+from sport.runtime.prompts.expander import Expansion, PromptCancelledError
+from sport.runtime.prompts.gpt.client import retry_after
 from sport.runtime.prompts.gpt.expander import GptExpander
 from sport.runtime.prompts.gpt.fallback import FallbackExpander, open_expander
 from sport.runtime.prompts.gpt.prompt import LISTS, load_structured_prompt

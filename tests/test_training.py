@@ -10,7 +10,7 @@ pytest.importorskip("onnxscript")
 
 from sport.runtime import rotations  # noqa: E402
 from sport.runtime.controls import Controls  # noqa: E402
-from sport.runtime.motion import features
+from sport.runtime.motion import features  # noqa: E402
 from sport.runtime.motion.controller import Controller  # noqa: E402
 from sport.runtime.motion.features import INPUT, OUTPUT  # noqa: E402
 from sport.runtime.motion.model import load_model  # noqa: E402

@@ -9,12 +9,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
+from sport.runtime.errors import PromptError
 from sport.runtime.prompts.parts import PartDescriptions, check_text
 
 MAX_PROMPT_CHARACTERS = 1000
 DEFAULT_PROMPT = (
     "walking in a relaxed, everyday way"  # what the character does until it is told something else
 )
+
+
+class PromptCancelledError(PromptError):
+    """The question was withdrawn before it was answered."""
+
+    def __init__(self) -> None:
+        super().__init__("The prompt was withdrawn before the language model answered.")
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sport.runtime.errors import SportError
 from sport.runtime.prompts.content import PromptEncoder
-from sport.runtime.prompts.expander import Expander, Expansion
-from sport.runtime.prompts.gpt.client import PromptCancelledError
+from sport.runtime.prompts.expander import Expander, Expansion, PromptCancelledError
 from sport.runtime.prompts.parts import PartDescriptions
 
 _log = logging.getLogger(__name__)

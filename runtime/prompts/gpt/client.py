@@ -18,6 +18,7 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from sport.runtime.errors import PromptError
+from sport.runtime.prompts.expander import PromptCancelledError
 from sport.runtime.prompts.gpt.settings import KEY, MODEL, TIMEOUT, URL, GptSettings
 
 if TYPE_CHECKING:
@@ -49,13 +50,6 @@ class EndpointError(PromptError):
         self.status = status
         self.retry = retry
         self.wait_s = wait_s
-
-
-class PromptCancelledError(PromptError):
-    """The question was withdrawn before it was answered."""
-
-    def __init__(self) -> None:
-        super().__init__("The prompt was withdrawn before the language model answered.")
 
 
 class ChatClient:

@@ -8,8 +8,7 @@ import threading
 from collections.abc import Iterator
 
 from sport.runtime.errors import SportError
-from sport.runtime.prompts.expander import Expander, Expansion, check_prompt
-from sport.runtime.prompts.gpt.client import PromptCancelledError
+from sport.runtime.prompts.expander import Expander, Expansion, PromptCancelledError, check_prompt
 from sport.runtime.prompts.gpt.expander import GptExpander
 from sport.runtime.prompts.gpt.settings import GptSettings
 

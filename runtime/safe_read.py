@@ -6,7 +6,7 @@ import json
 import os
 import stat
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from sport.runtime.errors import FileError, SportError
 
@@ -68,3 +68,14 @@ def parse_json(data: str | bytes, max_items: int = MAX_JSON_ITEMS) -> Any:
         return json.loads(text)
     except RecursionError as error:
         raise ValueError("too deeply nested") from error
+
+
+def is_text(value: Any) -> TypeGuard[str]:
+    """Whether a value of JSON is text that can be shown and written: lone surrogates cannot."""
+    if not isinstance(value, str):
+        return False
+    try:
+        value.encode("utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True

@@ -252,7 +252,8 @@ def check_bvh_options(fps: float, unit: str, order: str = "ZYX") -> None:
 
 def check_bvh_length(seconds: float, fps: float) -> None:
     """UsageError when a clip of `seconds` at `fps` is longer than a BVH that `load_clip_bvh` reads."""
-    check_size(J, math.ceil(seconds * fps), f"{seconds:g} s at {fps:g} frames per second")
+    frames = min(seconds * fps, 1e12)  # what is not finite is refused by those who make a clip
+    check_size(J, math.ceil(frames) if frames >= 0.0 else 0, f"{seconds:g} s at {fps:g} frames per second")
 
 
 def save_bvh(clip: Clip, path: str | Path, fps: float = 60.0, unit: str = "cm", order: str = "ZYX") -> Path:

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import io
 import json
+import zlib
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from sport.runtime.errors import FileError
@@ -63,7 +65,17 @@ class Snapshot:
                 arrays = {key: file[key] for key in file.files}
             head = json.loads(arrays.pop("head").tobytes())
             version, seed, tree = head["version"], int(head["seed"]), _unpacked(head["tree"], arrays)
-        except (ValueError, KeyError, TypeError, OSError, EOFError, RecursionError, OverflowError) as error:
+        except (
+            ValueError,
+            KeyError,
+            TypeError,
+            OSError,
+            EOFError,
+            RecursionError,
+            OverflowError,
+            BadZipFile,
+            zlib.error,
+        ) as error:
             raise FileError(f"{name}: not the state of a controller.", REMEDY) from error
         if version != VERSION or not isinstance(tree, dict):
             raise FileError(f"{name}: of version {str(version)[:20]}, expected {VERSION}.", REMEDY)
@@ -81,7 +93,7 @@ def _names(owner: object) -> list[str]:
 
 def _is_ours(value: object) -> bool:
     """An object of the runtime whose attributes change; settings and measures are frozen and do not."""
-    frozen = is_dataclass(value) and type(value).__dataclass_params__.frozen  # type: ignore[attr-defined]
+    frozen = is_dataclass(value) and vars(type(value))["__dataclass_params__"].frozen
     return type(value).__module__.startswith("sport.runtime.") and hasattr(value, "__dict__") and not frozen
 
 
@@ -89,7 +101,7 @@ def _taken(owner: object) -> Tree:
     tree: Tree = {}
     for name in _names(owner):
         value = getattr(owner, name)
-        if isinstance(value, tuple(VALUES.values())):
+        if isinstance(value, Style | Pose):
             tree[name] = value
         elif isinstance(value, tuple) and value and all(_is_ours(item) for item in value):
             tree[name] = {str(k): _taken(item) for k, item in enumerate(value)}
@@ -116,7 +128,7 @@ def _put(owner: object, tree: Tree, path: str) -> None:
         if name not in names:
             raise FileError(f"state of {path}: has no '{name}'.", REMEDY)
         now = getattr(owner, name)
-        if isinstance(now, tuple(VALUES.values())):
+        if isinstance(now, Style | Pose):
             if type(value) is not type(now):
                 raise FileError(f"state of {path}.{name}: expected a {type(now).__name__}.", REMEDY)
             for field in fields(now):

@@ -276,9 +276,9 @@ def format_bvh(
     blocks = ["\n".join(lines)]
     for first in range(0, len(hips_positions), _WRITTEN_FRAMES):
         rows = slice(first, first + _WRITTEN_FRAMES)
-        local = np.asarray(local_rotations[rows], np.float64)[:, joints]
+        local: Array = np.asarray(local_rotations[rows], np.float64)[:, joints]
         local = rotations.continuous(local if rotation is None else np.concatenate([rotation, local]))
-        angles = rotations.to_euler(local, order)
+        angles: Array = rotations.to_euler(local, order)
         if turned is not None:
             angles[0] = turned
         angles = np.unwrap(angles, axis=0)

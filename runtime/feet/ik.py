@@ -16,8 +16,11 @@ LEG_SHINS = np.array([3, 8])
 LEG_FEET = np.array([4, 9])
 LEG_TOES = np.array([5, 10])
 
-MAX_REACH = 0.999  # of the leg's length: a knee never locks, so its bending plane stays defined
-EASE_REACH = 0.02  # of the leg's length: the last stretch is approached with falling speed
+# Of the leg's length: 2.3 degrees of knee flexion, so that a knee never locks and its bending plane stays defined.
+MAX_REACH = 0.9998
+# The last stretch is approached with falling speed. Knees that walk reach 0 to 8 degrees (0.9976 of the length): more
+# easing than this bends what is straight in capture by more than one sees.
+EASE_REACH = 0.001
 MIN_REACH = 0.2  # of the leg's length: about 155 degrees of knee flexion
 POLE_WEIGHT_M = 0.01  # pull of the pole on the bending plane, as metres of knee offset
 _FORWARD = np.array([0.0, 0.0, 1.0])
@@ -26,7 +29,7 @@ _FORWARD = np.array([0.0, 0.0, 1.0])
 def soft_reach(distance: Array, length: Array) -> Array:
     """Distance that a leg of `length` may span when `distance` is asked; once differentiable.
 
-    Equal to the asked distance up to 98 % of the length, then eased quadratically towards 99.9 %. The knee angle grows
+    Equal to the asked distance up to 99.88 % of the length, then eased quadratically towards 99.98 %. The knee angle grows
     with the square root of the missing length, so this easing makes it move at a finite speed as the leg straightens.
     """
     length = np.asarray(length)

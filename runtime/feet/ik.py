@@ -20,7 +20,7 @@ LEG_TOES = np.array([5, 10])
 MAX_REACH = 0.9998
 # The last stretch is approached with falling speed. Knees that walk reach 0 to 8 degrees (0.9976 of the length): more
 # easing than this bends what is straight in capture by more than one sees.
-EASE_REACH = 0.001
+EASE_REACH = 0.0005
 MIN_REACH = 0.2  # of the leg's length: about 155 degrees of knee flexion
 POLE_WEIGHT_M = 0.01  # pull of the pole on the bending plane, as metres of knee offset
 _FORWARD = np.array([0.0, 0.0, 1.0])
@@ -29,7 +29,7 @@ _FORWARD = np.array([0.0, 0.0, 1.0])
 def soft_reach(distance: Array, length: Array) -> Array:
     """Distance that a leg of `length` may span when `distance` is asked; once differentiable.
 
-    Equal to the asked distance up to 99.88 % of the length, then eased quadratically towards 99.98 %. The knee angle grows
+    Equal to the asked distance up to 99.93 % of the length, then eased quadratically towards 99.98 %. The knee angle grows
     with the square root of the missing length, so this easing makes it move at a finite speed as the leg straightens.
     """
     length = np.asarray(length)

@@ -8,8 +8,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from sport.runtime import rotations
-from sport.runtime.feet.ik import solve_legs
+from sport.runtime.feet.ik import MAX_REACH, solve_legs
 from sport.runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
+from sport.training.data.heel import heel_rise, pitched
 
 Array = NDArray[np.floating]
 GroundHeight = Callable[[Array, Array], Array]
@@ -18,9 +19,13 @@ _FOOT = SPORT_SKELETON.offsets[5].astype(np.float64)
 _FOOT_LENGTH = float(np.linalg.norm(_FOOT))
 _REST_ELEVATION = float(np.arcsin(_FOOT[1] / _FOOT_LENGTH))
 _LEG = float(-(SPORT_SKELETON.offsets[3][1] + SPORT_SKELETON.offsets[4][1]))
+_FLOAT = 0.001  # m by which a foot may hang over its place: hips that sink so far bend a straight knee by 5 degrees
+_STRAIGHT = (
+    0.9975  # of the leg's length: 8 degrees, from which a knee is not to become straighter than it was
+)
+_HEEL_OFF = np.deg2rad(6.0)  # of pitch, from which a heel over standing toes counts as raised
 _MAX_TURN = np.deg2rad(40.0)
 _SWING_ANKLE = 0.05  # m: least height of the ankle of a foot in the air
-_REACH = 0.985  # of the leg's length, before the hips give way
 _THIGHS, _ANKLES, _TOES = [2, 7], [4, 9], [5, 10]
 
 
@@ -30,17 +35,27 @@ def clean_feet(
     """Hips `(T, 3)` and local rotations `(T, 31, 4)` with planted, unsliding feet on `ground(x, z)`.
 
     Feet in contact keep one place and rest on the ground, a flat foot follows its slope; the correction fades
-    through the swing. Where a leg would be too short the hips sink.
+    through the swing. Heels over standing toes rise so far that the leg stays as long as it was; where one is still too
+    short the hips sink.
     """
     hips, local = hips.astype(np.float64), local.astype(np.float64)
     positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
     foot, ankles = world[:, _ANKLES], positions[:, _ANKLES]
+    thighs, before = positions[:, _THIGHS], ankles.copy()
+    lengths = np.linalg.norm(ankles - thighs, axis=-1)
+    pairs = contacts.astype(bool).reshape(-1, 2, 2)
     for side in range(2):
-        pair = contacts[:, 2 * side : 2 * side + 2].astype(bool)
+        pairs[:, side] = _carrying(ankles[:, side], positions[:, _TOES[side]], pairs[:, side], ground)
         ankles[:, side], foot[:, side] = _clean_foot(
-            ankles[:, side], positions[:, _TOES[side]], foot[:, side], pair, ground
+            ankles[:, side], positions[:, _TOES[side]], foot[:, side], pairs[:, side], ground
         )
-    hips = _sink_to_reach(hips, positions[:, _THIGHS], ankles)
+    shift = _standing_shift(before, ankles, pairs)
+    hips, thighs = hips + shift, thighs + shift
+    for side in range(2):
+        ankles[:, side], foot[:, side] = _raise_heel(
+            thighs[:, side], ankles[:, side], foot[:, side], lengths[:, side], pairs[:, side]
+        )
+    hips = _sink_to_reach(hips, thighs, ankles, lengths)
     local = solve_legs(hips, local, ankles, foot)
     local = rotations.continuous(rotations.normalize(local))
     return hips.astype(np.float32), local.astype(np.float32)
@@ -80,6 +95,43 @@ def bridge(values: Array, known: NDArray[np.bool_], hold_slope: bool) -> Array:
     return result
 
 
+def _carrying(
+    ankle: Array, toe: Array, contact: NDArray[np.bool_], ground: GroundHeight
+) -> NDArray[np.bool_]:
+    """Contacts `(T, 2)` of heel and toe without heels that have begun to rise: pressed down they would stretch the leg."""
+    rise = _slope(ankle, toe, ground) - _pitch(ankle, toe)
+    lifted = contact[:, 1] & (rise > _HEEL_OFF)
+    return np.stack([contact[:, 0] & ~lifted, contact[:, 1]], axis=1)
+
+
+def _slope(ankle: Array, toe: Array, ground: GroundHeight) -> Array:
+    """Elevation from ankle to toe of a foot that lies flat on the ground, radians."""
+    rise = ground(toe[:, 0], toe[:, 2]) - ground(ankle[:, 0], ankle[:, 2])
+    return np.arcsin(np.clip((rise + _FOOT[1]) / _FOOT_LENGTH, -0.9, 0.9))
+
+
+def _pitch(ankle: Array, toe: Array) -> Array:
+    return np.arcsin(np.clip((toe[:, 1] - ankle[:, 1]) / _FOOT_LENGTH, -1.0, 1.0))
+
+
+def _standing_shift(before: Array, after: Array, contacts: NDArray[np.bool_]) -> Array:
+    """What standing ankles were lifted in the median, as a vector: lifted along, the hips leave the legs their length."""
+    lifts = (after - before)[..., 1][contacts.any(-1)]
+    return np.array([0.0, float(np.median(lifts)) if len(lifts) else 0.0, 0.0])
+
+
+def _raise_heel(
+    hip: Array, ankle: Array, foot: Array, length: Array, contact: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Ankle `(T, 3)` and foot `(T, 4)` of a leg of `length` `(T,)` where the toe alone carries."""
+    from scipy.ndimage import gaussian_filter1d
+
+    alone = gaussian_filter1d((contact[:, 1] & ~contact[:, 0]).astype(np.float64), 2.0)
+    toe = ankle + rotations.rotate(foot, np.broadcast_to(_FOOT, ankle.shape))
+    foot = pitched(foot, alone * heel_rise(hip, toe, foot, length))
+    return toe - rotations.rotate(foot, np.broadcast_to(_FOOT, ankle.shape)), foot
+
+
 def _clean_foot(
     ankle: Array, toe: Array, foot: Array, contact: NDArray[np.bool_], ground: GroundHeight
 ) -> tuple[Array, Array]:
@@ -92,10 +144,8 @@ def _clean_foot(
     under_ankle, under_toe = ground(ankle[:, 0], ankle[:, 2]), ground(toe[:, 0], toe[:, 2])
 
     both = gaussian_filter1d(contact.all(1).astype(np.float64), 2.0)
-    wanted = np.arcsin(np.clip((under_toe - under_ankle + _FOOT[1]) / _FOOT_LENGTH, -0.9, 0.9))
-    current = np.arcsin(np.clip((toe[:, 1] - ankle[:, 1]) / _FOOT_LENGTH, -1.0, 1.0))
-    turn = np.clip(current - wanted, -_MAX_TURN, _MAX_TURN) * both
-    foot = rotations.multiply(foot, rotations.from_axis_angle(np.array([1.0, 0, 0]), turn))
+    turn = np.clip(_pitch(ankle, toe) - _slope(ankle, toe, ground), -_MAX_TURN, _MAX_TURN) * both
+    foot = pitched(foot, turn)
     toe = ankle + rotations.rotate(foot, np.broadcast_to(_FOOT, ankle.shape))
 
     # the joint that carries decides the height; while both do, they agree after the turn
@@ -126,13 +176,14 @@ def _slide_correction(ankle: Array, toe: Array, contact: NDArray[np.bool_]) -> A
     return bridge(correction, planted, hold_slope=True)
 
 
-def _sink_to_reach(hips: Array, thighs: Array, ankles: Array) -> Array:
-    """Hips lowered smoothly where an ankle target lies out of a leg's reach."""
+def _sink_to_reach(hips: Array, thighs: Array, ankles: Array, lengths: Array) -> Array:
+    """Hips lowered smoothly where a leg would have to become longer than it was (`lengths` `(T, 2)`), nearly straight."""
     from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
     gap = ankles - thighs
     across = np.linalg.norm(gap[..., [0, 2]], axis=-1)
-    allowed = np.sqrt(np.maximum((_REACH * _LEG) ** 2 - across**2, 0.01))
-    missing = np.clip((-gap[..., 1] - allowed).max(axis=1), 0.0, 0.25)
+    reach = np.clip(lengths, _STRAIGHT * _LEG, MAX_REACH * _LEG)
+    allowed = np.sqrt(np.maximum(reach**2 - across**2, 0.01))
+    missing = np.clip((-gap[..., 1] - allowed).max(axis=1) - _FLOAT, 0.0, 0.25)
     sink = gaussian_filter1d(maximum_filter1d(missing, 9), 3.0)
     return hips - np.stack([np.zeros_like(sink), sink, np.zeros_like(sink)], axis=1)

@@ -10,17 +10,21 @@ from sport.runtime import rotations
 from sport.runtime.feet.ik import solve_legs
 from sport.runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
 from sport.runtime.takes.bvh import BvhMotion
+from sport.training.data.heel import FOOT_OFFSET, heel_rise, pitched
 from sport.training.data.source_skeletons import SourceJoint, SourceSkeleton
 
 Array = NDArray[np.floating]
 
 FPS = 60.0
 LEG_LENGTH = float(-(SPORT_SKELETON.offsets[3][1] + SPORT_SKELETON.offsets[4][1]))
-FOOT_OFFSET = SPORT_SKELETON.offsets[5].astype(np.float64)  # ankle to toe in the rest pose
 HIP_CENTRE = np.array(
     [0.0, *SPORT_SKELETON.offsets[2][1:]], np.float64
 )  # hips joint to middle of the hip joints
+COLLAR_LENGTH = float(np.linalg.norm(SPORT_SKELETON.offsets[18]))
+TRUNK = SPORT_SKELETON.offsets[12:14].astype(np.float64)  # hips to Spine, Spine to the base of the neck
 STANCE_SPEED = 0.25  # m/s
+TOE_DOWN, TOE_UP = 0.02, 0.06  # m over its lowest place nearby: a toe that still stands, and one that swings
+TOE_REACH_SECONDS = 0.3  # "nearby"
 TOE_FLEX_LIMIT = np.deg2rad(50.0)
 _SIDES = ("Left", "Right")
 # of the tilt that levels the gaze: shared out, the neck shows no kink
@@ -32,15 +36,24 @@ _MIRROR_TURN = np.array([1.0, 1.0, -1.0, -1.0])  # of a quaternion, through the 
 class SourceMotion:
     """World-space motion of a source at 60 Hz, scaled to our leg length, with rest-pose corrections applied.
 
-    `rotations` holds our world rotation `(T, 4)` per driven joint. `hip_centre` `(T, 3)`, `ankles` and `toes` `(T, 2, 3)`
-    are metres in the source's own height over the ground. `head_lift`: radians by which the face is to be tilted up.
+    `rotations` holds our world rotation `(T, 4)` per driven joint. `hip_joints`, `ankles` and `toes` `(T, 2, 3)` are
+    metres in the source's own height over the ground; `trunk` `(T, 3)` goes from its hips joint to the base of its neck.
+    `collar_share`: how much of our collar bone's turn moves the shoulder as far as the source's does. `head_lift`:
+    radians by which the face is to be tilted up.
     """
 
     rotations: dict[str, Array]
-    hip_centre: Array
+    hip_joints: Array
     ankles: Array
     toes: Array
+    trunk: Array
+    collar_share: float = 1.0
     head_lift: float = 0.0
+
+    @property
+    def hip_centre(self) -> Array:
+        """Between the hip joints `(T, 3)`."""
+        return self.hip_joints.mean(1)
 
 
 @dataclass(frozen=True)
@@ -90,11 +103,16 @@ def load_source(motion: BvhMotion, skeleton: SourceSkeleton, first_frame: int = 
             q = rotations.slerp(q, world[:, index(joint.towards)], joint.blend)
         return resample_rotations(rotations.multiply(q, np.broadcast_to(correction, q.shape)), times)
 
+    arms = [index(skeleton.joints[side + "Arm"].name) for side in _SIDES]
+    collar = np.linalg.norm(motion.skeleton.offsets[arms], axis=-1).mean() * scale
+    trunk = positions[:, index(skeleton.neck_base)] - positions[:, index(skeleton.joints["Hips"].name)]
     return SourceMotion(
         {target: driven(joint, corrections[target]) for target, joint in skeleton.joints.items()},
-        resample_positions(positions[:, thighs].mean(1) * scale, times),
+        resample_positions(positions[:, thighs] * scale, times),
         resample_positions(positions[:, feet] * scale, times),
         resample_positions(toes * scale, times),
+        resample_positions(trunk * scale, times),
+        float(min(1.0, collar / COLLAR_LENGTH)),
         float(np.deg2rad(skeleton.head_lift_degrees)),
     )
 
@@ -145,11 +163,6 @@ def _yaw(q: Array) -> Array:
 
 def _turned(q: Array, turn: Array) -> Array:
     return rotations.multiply(q, np.broadcast_to(turn, q.shape))
-
-
-def _pitched(q: Array, angle: Array | float) -> Array:
-    """q turned about its own lateral axis so that its +Z (toes, face) sinks by `angle`."""
-    return rotations.multiply(q, rotations.from_axis_angle(np.array([1.0, 0, 0]), np.asarray(angle)))
 
 
 def calibrate_feet(clips: list[SourceMotion]) -> FootCalibration:
@@ -220,7 +233,9 @@ def retarget(
     """
     world = _world_rotations(source, feet)
     foot = np.stack([world[:, 4], world[:, 9]], axis=1)
-    ankles = _ankle_targets(source, feet, foot)
+    shift = _hip_joint_shift(source, world[:, 0])
+    ankles, foot = _ankle_targets(source, feet, foot)
+    world[:, [4, 9]] = foot
     toes = ankles + rotations.rotate(foot, np.broadcast_to(FOOT_OFFSET, ankles.shape))
     if height_offset is None:
         height_offset = _ground_offset(ankles, toes)
@@ -229,13 +244,13 @@ def retarget(
         source.hip_centre + lift - rotations.rotate(world[:, 0], np.broadcast_to(HIP_CENTRE, (len(world), 3)))
     )
     local = SPORT_SKELETON.local_rotations(world)
-    local = solve_legs(hips, local, ankles + lift, foot)
+    local = solve_legs(hips, local, ankles + lift + shift, foot)
     if flex_toes:
         flex = np.clip(-_elevation(foot), 0.0, TOE_FLEX_LIMIT)
         near = np.clip((0.09 - (toes[..., 1] + height_offset)) / 0.05, 0.0, 1.0)
-        local[:, [5, 10]] = _pitched(np.broadcast_to([1.0, 0, 0, 0], foot.shape), -flex * near)
+        local[:, [5, 10]] = pitched(np.broadcast_to([1.0, 0, 0, 0], foot.shape), -flex * near)
     for joint, share in _HEAD_LIFT_SHARES.items():
-        local[:, joint] = _pitched(local[:, joint], -share * source.head_lift)
+        local[:, joint] = pitched(local[:, joint], -share * source.head_lift)
     local = rotations.continuous(rotations.normalize(local))
     return Retargeted(hips.astype(np.float32), local.astype(np.float32))
 
@@ -247,25 +262,68 @@ def _world_rotations(source: SourceMotion, feet: FootCalibration) -> Array:
     if "LowerBack" not in given:
         given["LowerBack"] = rotations.slerp(given["Hips"], given["Spine"], 0.5)
     for side, name in enumerate(_SIDES):
+        given[name + "Shoulder"] = rotations.slerp(
+            given["Spine1"], given[name + "Shoulder"], source.collar_share
+        )
         given[name + "Foot"] = _turned(given[name + "Foot"], feet.foot_turn[side])
         if name + "ToeBase" in given:
             given[name + "ToeBase"] = _turned(given[name + "ToeBase"], feet.toe_turn[side])
     world = np.empty((len(source.hip_centre), len(names), 4))
     for j, name in enumerate(names):
         world[:, j] = given[name] if name in given else world[:, parents[j]]
+    _align_trunk(world, source.trunk)
     return world
 
 
-def _ankle_targets(source: SourceMotion, feet: FootCalibration, foot: Array) -> Array:
-    """Ankle positions `(T, 2, 3)`: the source's while the toes are up, pivoting over its toes while the heel is up.
+def _hip_joint_shift(source: SourceMotion, pelvis: Array) -> Array:
+    """How far our hip joints lie from the source's `(T, 2, 3)`: legs that move along keep its angles at hip and knee."""
+    ours = np.stack([SPORT_SKELETON.offsets[j].astype(np.float64) - HIP_CENTRE for j in (2, 7)])
+    ours = rotations.rotate(pelvis[:, None], np.broadcast_to(ours, (len(pelvis), 2, 3)))
+    return ours - (source.hip_joints - source.hip_centre[:, None])
 
-    Our feet are shorter than most sources'. Both rules give the same ankle on a flat foot, so the change between
-    them is continuous, heels strike where the source's do and toes stay planted in the push-off.
+
+def _align_trunk(world: Array, trunk: Array) -> None:
+    """Turn LowerBack and Spine so that the base of our neck lies in the direction of the source's, in place.
+
+    Spines of other lengths and rest poses lean otherwise at the same angles: by 3 degrees for a straight back, by 9 for
+    a bent one. The chest above keeps its rotation.
     """
+    lower, upper = SPORT_SKELETON.index("LowerBack"), SPORT_SKELETON.index("Spine")
+    ours = sum(
+        rotations.rotate(world[:, j], np.broadcast_to(o, trunk.shape))
+        for j, o in zip((lower, upper), TRUNK, strict=True)
+    )
+    turn = rotations.between(rotations.normalize(ours), rotations.normalize(trunk))
+    for j in (lower, upper):
+        world[:, j] = rotations.multiply(turn, world[:, j])
+
+
+def _ankle_targets(source: SourceMotion, feet: FootCalibration, foot: Array) -> tuple[Array, Array]:
+    """Ankle positions `(T, 2, 3)` and feet `(T, 2, 4)`: the source's, but pivoting over its toes while these carry.
+
+    Our feet have another length than the sources'. Both rules give the same ankle on a flat foot, so the change between
+    them is continuous, heels strike where the source's do and toes stay planted in the push-off; there the heel rises so
+    far that the leg is as long as the source's. In the swing the ankle is the source's again: the knee bends as far and
+    the foot clears the ground as high.
+    """
+    carries = _toes_carry(source.toes[..., 1])
+    elevation = _elevation(foot)
     pivot = source.toes - rotations.rotate(_yaw(foot), np.broadcast_to(feet.toe_offset, source.toes.shape))
+    length = np.linalg.norm(source.ankles - source.hip_joints, axis=-1)
+    rise = heel_rise(source.hip_joints, pivot, foot, length)
+    weight = carries * np.clip(0.5 - elevation / np.deg2rad(6.0), 0.0, 1.0)
+    foot = pitched(foot, weight * rise)
     by_toe = pivot - rotations.rotate(foot, np.broadcast_to(FOOT_OFFSET, source.toes.shape))
-    weight = np.clip(0.5 - _elevation(foot) / np.deg2rad(6.0), 0.0, 1.0)[..., None]
-    return source.ankles + weight * (by_toe - source.ankles)
+    return source.ankles + weight[..., None] * (by_toe - source.ankles), foot
+
+
+def _toes_carry(height: Array) -> Array:
+    """One where toes `(T, 2)` are as low as they get nearby, zero where they swing."""
+    from scipy.ndimage import gaussian_filter1d, minimum_filter1d
+
+    raised = height - minimum_filter1d(height, 2 * round(TOE_REACH_SECONDS * FPS) + 1, axis=0)
+    carries = np.clip((TOE_UP - raised) / (TOE_UP - TOE_DOWN), 0.0, 1.0)
+    return gaussian_filter1d(carries * carries * (3.0 - 2.0 * carries), 1.5, axis=0)
 
 
 def _ground_offset(ankles: Array, toes: Array) -> float:

@@ -57,6 +57,7 @@ class SourceSkeleton:
     toe_is_end_site: bool = False  # no toe joint: the foot's End Site marks the ball
     fixed_scale: float | None = None  # metres per file unit; None: by the ratio of leg lengths
     head_lift_degrees: float = 0.0  # tilt of neck and head that levels the gaze, see HEAD_LIFT_DEGREES
+    neck_base: str = "Neck"  # the joint at the top of the chest: the trunk leads to it
     notes: str = field(default="")
 
     def corrections(self, motion: BvhMotion) -> dict[str, Array]:
@@ -139,7 +140,12 @@ def _daz() -> SourceSkeleton:
         joints[side + "ForeArm"] = SourceJoint(s + "ForeArm", along=s + "Hand")
         joints[side + "Hand"] = SourceJoint(s + "Hand", along=s + "Mid1")
     return SourceSkeleton(
-        "cmu_daz", frozenset({"abdomen", "lShldr"}), joints, has_toe_rotation=False, toe_is_end_site=True
+        "cmu_daz",
+        frozenset({"abdomen", "lShldr"}),
+        joints,
+        has_toe_rotation=False,
+        toe_is_end_site=True,
+        neck_base="neck",
     )
 
 
@@ -162,7 +168,7 @@ def _cmu_plain() -> SourceSkeleton:
         joints[side + "Arm"] = SourceJoint(side + "Shoulder", along=side + "Elbow")
         joints[side + "ForeArm"] = SourceJoint(side + "Elbow", along=side + "Wrist")
         joints[side + "Hand"] = SourceJoint(side + "Wrist", along=side[0] + "Fingers")
-    return SourceSkeleton("cmu_plain", frozenset({"lowerback", "LHipJoint"}), joints)
+    return SourceSkeleton("cmu_plain", frozenset({"lowerback", "LHipJoint"}), joints, neck_base="lowerneck")
 
 
 def _jlpm() -> SourceSkeleton:

@@ -1,0 +1,207 @@
+"""Gait biomechanics of walking BVH: is the walk alive? The same measures for raw capture and for what is exported.
+
+Lengths are scaled to a leg of 0.82 m (hip, knee, ankle), angles are degrees; each is taken over the steady walking part.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.takes.bvh import BvhMotion, read_bvh
+
+Array = NDArray[np.floating]
+
+LEG_M = 0.82
+MIN_SPEED, MAX_SPEED = 0.55, 2.2  # m/s: slower is standing, faster is running
+LOW, HIGH = 3.0, 97.0  # percentiles of a range
+_UP = np.array([0.0, 1.0, 0.0])
+
+
+def _names() -> dict[str, tuple[str, ...]]:
+    """Our key of a joint to its names in known files, lower case, the first that is there counts."""
+    names = {"hips": ("hips", "hip"), "neck": ("neck", "neck1"), "head": ("head",)}
+    for c, side in (("l", "left"), ("r", "right")):
+        names |= {
+            c + "h": (f"{side}upleg", f"{side}upperleg", f"{side}hip", f"upperleg_{c}", f"{c}thigh"),
+            c + "k": (f"{side}leg", f"{side}lowerleg", f"{side}knee", f"lowerleg_{c}", f"{c}shin"),
+            c + "a": (f"{side}foot", f"{side}ankle", f"foot_{c}", f"{c}foot"),
+            c + "t": (f"{side}toebase", f"{side}toes", f"{side}toe", f"toes_{c}"),
+            c + "s": (f"{side}arm", f"{side}upperarm", f"upperarm_{c}", f"{c}shldr", f"{side}shoulder"),
+            c + "e": (f"{side}forearm", f"{side}lowerarm", f"{side}elbow", f"lowerarm_{c}", f"{c}forearm"),
+            c + "w": (f"{side}hand", f"{side}wrist", f"hand_{c}", f"{c}hand"),
+        }
+    return names
+
+
+@dataclass(frozen=True)
+class GaitJoints:
+    """World positions `(T, 3)` by key (`hips`, `neck`, `lh` left hip, `lk` knee, `la` ankle, `lt` toe, ...)."""
+
+    points: dict[str, Array]
+    fps: float
+
+    @staticmethod
+    def of(motion: BvhMotion, first_frame: int = 0) -> GaitJoints:
+        """From a BVH of any known skeleton, at 60 frames a second or its own rate where that is lower."""
+        positions = motion.world()[0][first_frame:].astype(np.float64)
+        low = [n.lower().split(":")[-1] for n in motion.skeleton.names]
+        found = {}
+        for key, candidates in _names().items():
+            known = [n for n in candidates if n in low]
+            if known:
+                found[key] = positions[:, low.index(known[0])]
+        return GaitJoints.scaled(found, motion.fps)
+
+    @staticmethod
+    def scaled(points: dict[str, Array], fps: float) -> GaitJoints:
+        """Points brought to a leg of LEG_M."""
+        p = points
+        leg = np.median(_norm(p["lh"] - p["lk"]) + _norm(p["lk"] - p["la"]))
+        step = round(fps / 60) if fps > 61 else 1
+        return GaitJoints({k: v[::step] * (LEG_M / leg) for k, v in p.items()}, fps / step)
+
+
+def measure_file(path: Path, first_frame: int = 0) -> dict[str, float] | None:
+    """`measure` of a BVH file."""
+    return measure(GaitJoints.of(read_bvh(path), first_frame))
+
+
+def walking(joints: GaitJoints) -> NDArray[np.bool_]:
+    """Frames `(T,)` that walk at a walking pace, without the first second."""
+    hips, fps = joints.points["hips"], joints.fps
+    n = int(fps * 0.5)
+    if len(hips) <= n:
+        return np.zeros(len(hips), bool)
+    v = _norm((hips[n:] - hips[:-n])[:, [0, 2]]) / (n / fps)
+    v = np.concatenate([v[:1].repeat(n // 2), v, v[-1:].repeat(len(hips) - len(v) - n // 2)])
+    mask = (v > MIN_SPEED) & (v < MAX_SPEED)
+    mask[: int(fps)] = False
+    return mask
+
+
+def measure(joints: GaitJoints, mask: NDArray[np.bool_] | None = None) -> dict[str, float] | None:
+    """Measures over the walking frames; None where there are fewer than two seconds of them."""
+    fps = joints.fps
+    m = walking(joints) if mask is None else mask
+    if m.sum() < 2 * fps:
+        return None
+    p = joints.points
+    forward = np.cross(p["lh"] - p["rh"], _UP)
+    forward[:, 1] = 0.0
+    forward /= _norm(forward)[:, None]
+    heading = np.stack([_second(forward[:, i], fps) for i in range(3)], -1)
+    heading /= _norm(heading)[:, None]
+    side = np.cross(_UP, heading)
+    result = _pace(p, heading, m, fps)
+    result |= _trunk(p, forward, heading, side, m, fps)
+    result |= _limbs(p, heading, side, m)
+    if "lt" in p:
+        result |= _feet(p, m)
+    result["restless"] = _fast_share(p, m, fps)
+    return result
+
+
+def _pace(p: dict[str, Array], heading: Array, m: NDArray[np.bool_], fps: float) -> dict[str, float]:
+    n = int(fps * 0.5)
+    v = _norm((p["hips"][n:] - p["hips"][:-n])[:, [0, 2]]) / (n / fps)
+    v = np.concatenate([v[:1].repeat(n // 2), v, v[-1:].repeat(len(m) - len(v) - n // 2)])
+    ahead = _dot(p["la"] - p["ra"], heading)[m]
+    ahead = ahead - ahead.mean()
+    steps = int((np.diff(np.signbit(ahead).astype(np.int8)) != 0).sum())
+    speed, cadence = float(np.median(v[m])), 60.0 * steps / (m.sum() / fps)
+    return {"speed": speed, "cadence": cadence, "step_m": speed / max(cadence / 60.0, 1e-6)}
+
+
+def _trunk(
+    p: dict[str, Array], forward: Array, heading: Array, side: Array, m: NDArray[np.bool_], fps: float
+) -> dict[str, float]:
+    height = p["hips"][:, 1]
+    yaw = np.degrees(np.arcsin(np.clip(np.cross(heading, forward)[:, 1], -1, 1)))
+    hips, shoulders = p["lh"] - p["rh"], p["ls"] - p["rs"]
+    turn = np.degrees(np.arctan2(_dot(shoulders, heading), _dot(shoulders, side)))
+    up = p["neck"] - p["hips"] if "neck" in p else p["head"] - p["hips"]
+    lowest = np.minimum(p["la"][:, 1], p["ra"][:, 1])
+    return {
+        "bob_cm": 100.0 * _range((height - _second(height, fps))[m]),
+        "pelvis_yaw": _range(yaw[m]),
+        "pelvis_roll": _range(np.degrees(np.arcsin(hips[:, 1] / _norm(hips)))[m]),
+        "shoulder_yaw": _range((turn - _second(turn, fps))[m]),
+        "lean": float(np.median(np.degrees(np.arctan2(_dot(up, heading), up[:, 1]))[m])),
+        "hip_height_cm": 100.0 * float(np.median((height - lowest)[m])),
+    }
+
+
+def _limbs(p: dict[str, Array], heading: Array, side: Array, m: NDArray[np.bool_]) -> dict[str, float]:
+    result, swings, elbows, spread = {}, [], [], []
+    for c, sign in (("l", 1.0), ("r", -1.0)):
+        swings.append(100.0 * _range(_dot(p[c + "w"] - p[c + "s"], heading)[m]))
+        knee = _angle(p[c + "k"] - p[c + "h"], p[c + "a"] - p[c + "k"])[m]
+        result["knee_min_" + c], result["knee_max_" + c] = _percentiles(knee)
+        elbows.append(_angle(p[c + "e"] - p[c + "s"], p[c + "w"] - p[c + "e"])[m])
+        arm = p[c + "e"] - p[c + "s"]
+        spread.append(np.degrees(np.arctan2(sign * _dot(arm, side), -arm[:, 1]))[m])
+    both = {k: 0.5 * (result[f"knee_{k}_l"] + result[f"knee_{k}_r"]) for k in ("min", "max")}
+    clearance = [_range(p[a][:, 1][m]) for a in ("la", "ra")]
+    return result | {
+        "knee_min": both["min"],
+        "knee_max": both["max"],
+        "arm_swing_cm": float(np.mean(swings)),
+        "elbow": float(np.median(np.concatenate(elbows))),
+        "arm_spread": float(np.median(np.concatenate(spread))),
+        "clearance_cm": 100.0 * float(np.mean(clearance)),
+    }
+
+
+def _feet(p: dict[str, Array], m: NDArray[np.bool_]) -> dict[str, float]:
+    pitch = []
+    for c in "lr":
+        foot = p[c + "t"] - p[c + "a"]
+        pitch.append(np.degrees(np.arctan2(foot[:, 1], _norm(foot[:, [0, 2]])))[m])
+    both = np.stack(pitch)
+    both = both - np.median(both)
+    down, up = _percentiles(both)
+    return {"foot_up": up, "foot_down": down}
+
+
+def _fast_share(p: dict[str, Array], m: NDArray[np.bool_], fps: float) -> float:
+    """Percent of the energy of velocities (0.3 to 14 Hz) that lies between 6 and 14 Hz."""
+    shares = []
+    for key in ("lw", "rw", "head", "la", "ra"):
+        q = (p[key] - p["hips"])[m]
+        spectrum = np.abs(np.fft.rfft((q - q.mean(0)) * np.hanning(len(q))[:, None], axis=0)) ** 2
+        rate = np.fft.rfftfreq(len(q), 1 / fps)
+        energy = spectrum * (rate**2)[:, None]
+        whole = energy[(rate > 0.3) & (rate < 14)].sum()
+        shares.append(100.0 * energy[(rate > 6) & (rate < 14)].sum() / max(whole, 1e-12))
+    return float(np.mean(shares))
+
+
+def _second(values: Array, fps: float) -> Array:
+    """Mean over a second around every frame."""
+    k = int(fps) | 1
+    return np.convolve(np.pad(values, k // 2, mode="edge"), np.ones(k) / k, "valid")
+
+
+def _percentiles(values: Array) -> tuple[float, float]:
+    low, high = np.percentile(values, [LOW, HIGH])
+    return float(low), float(high)
+
+
+def _range(values: Array) -> float:
+    low, high = _percentiles(values)
+    return high - low
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.sum(a * b, axis=-1)
+
+
+def _norm(v: Array) -> Array:
+    return np.linalg.norm(v, axis=-1)
+
+
+def _angle(a: Array, b: Array) -> Array:
+    return np.degrees(np.arccos(np.clip(_dot(a, b) / (_norm(a) * _norm(b)), -1.0, 1.0)))

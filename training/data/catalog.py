@@ -9,7 +9,10 @@ from pathlib import Path
 
 from sport.runtime.errors import FileError
 
-SOURCES = ("100style", "bandai_namco", "cmu", "jlpm", "pfnn", "pfnn_rollouts")
+SOURCES = (
+    "o3de", "accad", "100style", "100style_more", "bandai_namco", "cmu", "cmu91", "fair_zombie", "jlpm", "pfnn",
+    "pfnn_rollouts",
+)  # fmt: skip
 
 _STYLE100_CONTENT = {
     "FW": "walk forward", "BW": "walk backward", "SW": "walk sideways", "FR": "run forward", "BR": "run backward",
@@ -57,6 +60,8 @@ class ClipSource:
         """The clips of one skeleton and one capture, which share their calibration: the source or a part of it."""
         if self.source == "bandai_namco":
             return self.name.split("_")[0]
+        if self.source == "accad":
+            return "_".join(self.name.lower().split("_")[:2])
         return "cmu_plain" if self.name.startswith("cmu_131") else self.source
 
 
@@ -102,6 +107,7 @@ def _list_100style(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
         style, _, code = path.stem.partition("_")
         tier = "estimated_root" if "estimated" in path.parent.name else "exact"
         key = re.sub(r"(?<!^)(?=[A-Z])", "_", style).lower()
+        key = "neutral_100style" if key == "neutral" else key
         clips.append(
             ClipSource(
                 path, f"100style_{path.stem}", "100style", key, _STYLE100_CONTENT.get(code, code), tier
@@ -161,7 +167,7 @@ def _list_cmu(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
         if not wanted or any(word in text for word in _CMU_REFUSED):
             refused.append(Refusal(name, "cmu", f"not locomotion: {text or 'no description'}"))
             continue
-        style = next((key for word, key in _CMU_STYLES.items() if word in text), "neutral")
+        style = next((key for word, key in _CMU_STYLES.items() if word in text), "neutral_cmu")
         terrain = "contacts" if "uneven" in text or "steps" in text else "flat"
         clips.append(ClipSource(path, name, "cmu", style, text, terrain=terrain))
     return clips, refused
@@ -169,7 +175,7 @@ def _list_cmu(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
 
 def _list_jlpm(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
     clips = [
-        ClipSource(p, f"jlpm_{p.stem}", "jlpm", "neutral", "mixed walk jog")
+        ClipSource(p, f"jlpm_{p.stem}", "jlpm", "neutral_cmu", "mixed walk jog")
         for p in sorted(folder.glob("*.bvh"))
     ]
     return clips, []
@@ -177,7 +183,7 @@ def _list_jlpm(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
 
 def _list_pfnn(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
     clips = [
-        ClipSource(p, f"pfnn_{p.stem}", "pfnn", "neutral", "mixed locomotion")
+        ClipSource(p, f"pfnn_{p.stem}", "pfnn", "neutral_rough", "mixed locomotion")
         for p in sorted(folder.glob("*.bvh"))
     ]
     return clips, []
@@ -189,7 +195,7 @@ def _list_rollouts(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
             p,
             f"rollout_{p.stem}",
             "pfnn_rollouts",
-            "neutral",
+            "neutral_rough",
             "mixed locomotion on terrain",
             terrain="rollout",
         )
@@ -198,7 +204,76 @@ def _list_rollouts(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
     return clips, []
 
 
+_O3DE_CONTENT = {
+    "Crouching": "crouched walk", "Jumps": "mixed walk jog jump onto a platform", "Run": "run forward",
+    "RunPivotTurn": "run turns", "Jog": "jog forward", "JogPivotTurn": "jog turns", "Walk": "walk forward",
+}  # fmt: skip
+_O3DE_REFUSED = {"Pushes": "pushed by somebody: no movement that one asks for"}
+
+
+def _list_o3de(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
+    clips: list[ClipSource] = []
+    refused: list[Refusal] = []
+    for path in sorted(folder.glob("*.bvh")):
+        take = path.stem.rstrip("0123456789")
+        name = f"o3de_{path.stem}"
+        if take in _O3DE_REFUSED:
+            refused.append(Refusal(name, "o3de", _O3DE_REFUSED[take]))
+            continue
+        content = _O3DE_CONTENT.get(take, f"mixed walk jog: {take}")
+        terrain = "contacts" if take == "Jumps" else "flat"
+        clips.append(ClipSource(path, name, "o3de", "neutral", content, terrain=terrain))
+    return clips, refused
+
+
+# what a take of ACCAD shows, by a part of its name: style and content, or why it is left out
+_ACCAD: dict[str, tuple[str, str] | str] = {
+    "CartWheel": "acrobatics: hands carry",
+    "Crawl": "on hands and knees: contacts are those of feet",
+    "Lie": "lying: contacts are those of feet",
+    "Sway": "standing exercise", "Swing": "standing exercise",
+    "PutDownBox": "bends to the floor with a box",
+    "WithBox": ("carrying_box", "walk"),
+    "SkipToStand": ("skipping", "skip"), "StandToSkip": ("skipping", "skip"), "Skip": ("skipping", "skip walk"),
+    "Look": ("looking_around", "idle"), "A01_Stand": ("neutral", "idle"), "A1_Stand": ("neutral", "idle"),
+    "Hop": ("neutral", "mixed walk jog hop"), "Leap": ("neutral", "walk jump"), "Jump": ("neutral", "mixed walk jog jump"),
+    "WalkToRun": ("neutral", "mixed walk jog"), "RunToWalk": ("neutral", "mixed walk jog"),
+    "Crouch": ("neutral", "crouch"),
+}  # fmt: skip
+
+
+def _list_accad(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
+    clips: list[ClipSource] = []
+    refused: list[Refusal] = []
+    for path in sorted(folder.glob("*.bvh")):
+        name = f"accad_{path.stem}"
+        found = next((v for word, v in _ACCAD.items() if word in path.name), None)
+        if isinstance(found, str):
+            refused.append(Refusal(name, "accad", found))
+            continue
+        words = re.sub(r"(?<=[a-z])(?=[A-Z0-9])", " ", path.stem.split("_")[2]).lower()
+        style, content = found or ("neutral", words.replace("side step", "walk sideways"))
+        clips.append(ClipSource(path, name, "accad", style, content))
+    return clips, refused
+
+
+def _list_cmu91(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
+    paths = sorted(folder.glob("*.bvh"))
+    return [ClipSource(p, f"cmu91_{p.stem}", "cmu91", "neutral", "jump and turn") for p in paths], []
+
+
+def _list_fair(folder: Path) -> tuple[list[ClipSource], list[Refusal]]:
+    shown = {"zombie": ("zombie", "walk forward"), "jumping": ("neutral", "jump on the spot")}
+    paths = [p for p in sorted(folder.glob("*.bvh")) if p.stem in shown]
+    return [ClipSource(p, f"fair_{p.stem}", "fair_zombie", *shown[p.stem]) for p in paths], []
+
+
 _LISTERS = {
+    "o3de": _list_o3de,
+    "accad": _list_accad,
+    "100style_more": _list_100style,
+    "cmu91": _list_cmu91,
+    "fair_zombie": _list_fair,
     "100style": _list_100style,
     "bandai_namco": _list_bandai,
     "cmu": _list_cmu,

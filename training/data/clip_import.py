@@ -22,7 +22,13 @@ from sport.training.data.source_skeletons import SourceSkeleton, of_capture, rec
 
 Array = NDArray[np.floating]
 
-CMU_FIRST_FRAME = 3  # frame 0 is a T-pose, and the resampling to 60 Hz has smeared it over the next two
+# Frame 0 is a T-pose, in CMU smeared over the next two by the resampling to 60 Hz.
+FIRST_FRAMES = {"cmu": 3, "cmu91": 1}
+LONG_TAKES = (
+    "100style",
+    "jlpm",
+    "o3de",
+)  # unique in their style and content: they give their tails to evaluation
 SLIDING_SOURCES = {
     "jlpm": 2.5
 }  # inertial capture: feet slide in stance, so contact is granted at higher speeds
@@ -64,7 +70,8 @@ def load(clip: ClipSource) -> tuple[SourceSkeleton, SourceMotion]:
     """Read a file and bring it to 60 Hz; FileError when it cannot be read or its skeleton is unknown."""
     motion = read_bvh(clip.path)
     skeleton = of_capture(recognise(motion, clip.path.name), clip.capture)
-    return skeleton, load_source(motion, skeleton, first_frame=CMU_FIRST_FRAME if clip.source == "cmu" else 0)
+    reference = read_bvh(clip.path.with_name(skeleton.reference)) if skeleton.reference else None
+    return skeleton, load_source(motion, skeleton, FIRST_FRAMES.get(clip.source, 0), reference)
 
 
 def import_clip(job: ImportJob) -> tuple[list[ClipSummary], list[Refusal]]:
@@ -158,7 +165,7 @@ def _on_terrain(motion: _Motion, generator: np.random.Generator) -> tuple[_Motio
 
 def _split(job: ImportJob, parts: list[tuple[int, int]]) -> list[tuple[int, int, str]]:
     """Give each part its split; a long take that is unique in its style and content gives its tail to evaluation."""
-    if job.clip.source not in ("100style", "jlpm"):
+    if job.clip.source not in LONG_TAKES:
         return [(a, b, "held_out" if job.held_out else "train") for a, b in parts]
     result = []
     for a, b in parts:

@@ -98,8 +98,12 @@ def bridge(values: Array, known: NDArray[np.bool_], hold_slope: bool) -> Array:
 def _carrying(
     ankle: Array, toe: Array, contact: NDArray[np.bool_], ground: GroundHeight
 ) -> NDArray[np.bool_]:
-    """Contacts `(T, 2)` of heel and toe without heels that have begun to rise: pressed down they would stretch the leg."""
-    rise = _slope(ankle, toe, ground) - _pitch(ankle, toe)
+    """Contacts `(T, 2)` of heel and toe without heels that have begun to rise: pressed down they would stretch the leg.
+
+    Raised is a heel over this ground and over level ground: feet captured on a floor do not yet follow a slope.
+    """
+    flat = np.minimum(_slope(ankle, toe, ground), _REST_ELEVATION)
+    rise = flat - _pitch(ankle, toe)
     lifted = contact[:, 1] & (rise > _HEEL_OFF)
     return np.stack([contact[:, 0] & ~lifted, contact[:, 1]], axis=1)
 

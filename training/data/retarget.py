@@ -79,11 +79,19 @@ class Retargeted:
     local: Array
 
 
-def load_source(motion: BvhMotion, skeleton: SourceSkeleton, first_frame: int = 0) -> SourceMotion:
-    """World motion of `motion` from `first_frame` on, resampled to 60 Hz and scaled to our legs."""
+def load_source(
+    motion: BvhMotion,
+    skeleton: SourceSkeleton,
+    first_frame: int = 0,
+    reference: BvhMotion | None = None,
+) -> SourceMotion:
+    """World motion of `motion` from `first_frame` on, resampled to 60 Hz and scaled to our legs.
+
+    `reference` is the take that `skeleton.reference` names.
+    """
     positions, world = motion.world()
     positions, world = positions[first_frame:].astype(np.float64), world[first_frame:].astype(np.float64)
-    corrections = skeleton.corrections(motion)
+    corrections = skeleton.corrections(reference or motion)
     index = motion.skeleton.index
     thighs, shins, feet = (
         [index(skeleton.joints[side + part].name) for side in _SIDES] for part in ("UpLeg", "Leg", "Foot")

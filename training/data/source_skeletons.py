@@ -12,6 +12,7 @@ from sport.runtime import rotations
 from sport.runtime.errors import FileError
 from sport.runtime.skeleton import SPORT_SKELETON
 from sport.runtime.takes.bvh import BvhMotion
+from sport.training.data.reference_pose import standing_rotations
 
 Array = NDArray[np.floating]
 
@@ -26,6 +27,10 @@ _LEG_DIRECTION = np.array([0.0, -1.0, 0.0])
 # (PFNN: -3 to -9). The other captures, at -2 to +3, stay as they are.
 HEAD_LIFT_DEGREES: Mapping[str, float] = MappingProxyType(
     {"100style": 16.0, "bandai2": 7.0, "pfnn": 20.0, "jlpm": 5.0}
+)
+# A take of each capture in which somebody stands upright at the first frame.
+REFERENCES: Mapping[str, str] = MappingProxyType(
+    {"accad_female1": "Female1_A01_Stand.bvh", "accad_male1": "Male1_A1_Stand.bvh"}
 )
 
 
@@ -58,10 +63,17 @@ class SourceSkeleton:
     fixed_scale: float | None = None  # metres per file unit; None: by the ratio of leg lengths
     head_lift_degrees: float = 0.0  # tilt of neck and head that levels the gaze, see HEAD_LIFT_DEGREES
     neck_base: str = "Neck"  # the joint at the top of the chest: the trunk leads to it
+    # a take beside the clip whose first frame stands upright, or "" for the clip's own: corrections are measured there
+    reference: str | None = None
     notes: str = field(default="")
 
     def corrections(self, motion: BvhMotion) -> dict[str, Array]:
-        """Constant rotations C `(4,)` by SPORT joint: our world rotation is the source's times C."""
+        """Constant rotations C `(4,)` by SPORT joint: our world rotation is the source's times C.
+
+        `motion` is the clip, or with `reference` the take that this names.
+        """
+        if self.reference is not None:
+            return self._measured(motion)
         result = {}
         for target, joint in self.joints.items():
             if joint.axes:
@@ -73,6 +85,12 @@ class SourceSkeleton:
             else:
                 result[target] = rotations.identity().astype(np.float64)
         return result
+
+    def _measured(self, motion: BvhMotion) -> dict[str, Array]:
+        positions, world = (values[0].astype(np.float64) for values in motion.world())
+        source = {target: motion.skeleton.index(joint.name) for target, joint in self.joints.items()}
+        ours = standing_rotations({target: positions[j] for target, j in source.items()})
+        return {t: rotations.multiply(rotations.inverse(world[j]), ours[t]) for t, j in source.items()}
 
 
 def _axes_matrix(axes: str) -> Array:
@@ -197,15 +215,66 @@ def _pfnn() -> SourceSkeleton:
     return SourceSkeleton("pfnn", frozenset({"LHipJoint", "LowerBack"}), joints)
 
 
+def _o3de() -> SourceSkeleton:
+    joints = _plain(
+        Hips="Hips", LowerBack="Spine1", Spine="Spine2", Spine1="Spine3", Neck1="Neck", Head="Head"
+    )
+    for side in _SIDES:
+        joints[side + "Shoulder"] = SourceJoint(side + "Shoulder")
+        joints[side + "Arm"] = SourceJoint(side + "Arm", along=side + "ForeArm")
+        joints[side + "ForeArm"] = SourceJoint(side + "ForeArm", along=side + "Hand")
+        joints[side + "Hand"] = SourceJoint(side + "Hand")
+        joints[side + "UpLeg"] = SourceJoint(side + "UpLeg", along=side + "Leg")
+        joints[side + "Leg"] = SourceJoint(side + "Leg", along=side + "Foot")
+        joints[side + "Foot"] = SourceJoint(side + "Foot")
+        joints[side + "ToeBase"] = SourceJoint(side + "ToeBase")
+    return SourceSkeleton(
+        "o3de", frozenset({"Spine3", "Neck1", "LeftToeBase"}), joints, has_toe_rotation=False
+    )
+
+
+_LIMBS = ("Shoulder", "Arm", "ForeArm", "Hand", "UpLeg", "Leg", "Foot", "ToeBase")
+
+
+def _accad() -> SourceSkeleton:
+    joints = _plain(Hips="Hips", Spine="Spine", Spine1="Spine1", Neck1="Neck", Head="Head")
+    joints |= {side + limb: SourceJoint(side + limb) for side in _SIDES for limb in _LIMBS}
+    return SourceSkeleton("accad", frozenset({"ToSpine", "LeftToeBase"}), joints, reference="")
+
+
+def _cmu91() -> SourceSkeleton:
+    joints = _plain(Hips="Hips", Spine="Spine", Spine1="Spine1", Neck1="Neck", Head="Head")
+    joints |= {side + limb: SourceJoint(side + limb) for side in _SIDES for limb in _LIMBS[:-1]}
+    return SourceSkeleton(
+        "cmu91",
+        frozenset({"LeftHipJoint", "Spine1"}),
+        joints,
+        has_toe_rotation=False,
+        toe_is_end_site=True,
+        reference="",
+    )
+
+
+def _fair() -> SourceSkeleton:
+    axes = "+X -Z +Y"  # lies on its back: the file's Z is up, its -Y ahead
+    names = {"Hips": "Hips", "LowerBack": "Spine1", "Spine": "Spine2", "Spine1": "Spine3", "Neck1": "Neck"}
+    joints = {ours: SourceJoint(theirs, axes=axes) for ours, theirs in (names | {"Head": "Head"}).items()}
+    joints |= {side + limb: SourceJoint(side + limb, axes=axes) for side in _SIDES for limb in _LIMBS}
+    return SourceSkeleton("fair", frozenset({"LeftHandThumb1", "Spine3"}), joints, has_toe_rotation=False)
+
+
 def known_skeletons() -> tuple[SourceSkeleton, ...]:
     """Every hierarchy the importer can retarget without a map from the user."""
-    return (_style100(), _bandai(), _daz(), _cmu_plain(), _jlpm(), _pfnn())
+    return (
+        _style100(), _bandai(), _daz(), _cmu_plain(), _jlpm(), _pfnn(), _o3de(), _accad(), _cmu91(), _fair(),
+    )  # fmt: skip
 
 
 def of_capture(skeleton: SourceSkeleton, capture: str) -> SourceSkeleton:
     """`skeleton` with the constants of one capture (`ClipSource.capture`), which a hierarchy alone does not tell."""
     return replace(
         skeleton,
+        reference=REFERENCES.get(capture, skeleton.reference),
         head_lift_degrees=HEAD_LIFT_DEGREES.get(capture, 0.0),
         # the terrain of the rollouts is in centimetres
         fixed_scale=0.01 if capture == "pfnn_rollouts" else skeleton.fixed_scale,

@@ -62,6 +62,8 @@ class ClipSource:
             return self.name.split("_")[0]
         if self.source == "accad":
             return "_".join(self.name.lower().split("_")[:2])
+        if self.source == "100style_more":
+            return "100style"
         return "cmu_plain" if self.name.startswith("cmu_131") else self.source
 
 

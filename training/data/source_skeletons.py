@@ -24,9 +24,9 @@ _LEG_DIRECTION = np.array([0.0, -1.0, 0.0])
 # Degrees by which faces are tilted up, by capture. Measured as the median face pitch (elevation of the head's +Z) over
 # neutral walks after retargeting: -22 in 100STYLE, -12 to -14 in the second Bandai Namco data set, -11 in JLPM, -23 (walking
 # frames) to -29 (all) in the few takes of PFNN, so that everybody looked at the ground. The tilt brings it to about -6
-# (PFNN: -3 to -9). The other captures, at -2 to +3, stay as they are.
+# (PFNN: -3 to -9); -12 to -22 in O3DE and -12 to -17 of ACCAD's man. The other captures, at -2 to +3, stay as they are.
 HEAD_LIFT_DEGREES: Mapping[str, float] = MappingProxyType(
-    {"100style": 16.0, "bandai2": 7.0, "pfnn": 20.0, "jlpm": 5.0}
+    {"100style": 16.0, "bandai2": 7.0, "pfnn": 20.0, "jlpm": 5.0, "o3de": 10.0, "accad_male1": 8.0}
 )
 # A take of each capture in which somebody stands upright at the first frame.
 REFERENCES: Mapping[str, str] = MappingProxyType(

@@ -42,8 +42,9 @@ from sport.training.evaluation.text.part_edits import Case, catalogue_cases, loa
 from sport.training.evaluation.text.prompts import FREE_PROMPTS
 from sport.training.evaluation.text.retrieval import Clips, Codes, first_ranks, held_out_clips, recall
 from sport.training.evaluation.text.walks import Walk, Walker, mean_rotation, rotation_change, summarise
+from sport.training.layering.apply import apply
 from sport.training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
-from sport.training.layering.pose_edits import Motion, apply
+from sport.training.layering.pose_edits import Motion
 from walker import WalkerModel, walk
 
 NEUTRAL = PartDescriptions(**{part: f"{part} as always" for part in PART_NAMES})

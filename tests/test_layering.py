@@ -12,9 +12,10 @@ from sport.runtime.terrain.height_map import Terrain
 from sport.training.data.clip_files import TrainingClip
 from sport.training.data.height_patches import flat_patch
 from sport.training.layering import recipes
+from sport.training.layering.apply import apply
 from sport.training.layering.build import LAYERS, build_layers
 from sport.training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
-from sport.training.layering.pose_edits import Motion, apply, left_landings, step_phase
+from sport.training.layering.pose_edits import Motion, keep_feet, left_landings, step_phase
 from sport.training.layering.recombine import recombine
 from sport.training.text.measure import measure
 
@@ -29,6 +30,13 @@ def walker(frames: int = 300) -> Motion:
         down = rotations.from_axis_angle(np.array([0.0, 0.0, 1.0]), np.full(frames, -1.4 * sign))
         forward = rotations.from_axis_angle(np.array([1.0, 0.0, 0.0]), sign * swing)
         local[:, joint] = rotations.multiply(forward, down)
+    hips = hips.astype(float)
+    step = 2 * np.pi * np.arange(frames) / CYCLE_FRAMES
+    before = Motion(hips, local, contacts.astype(np.uint8), Terrain.flat(size_m=80.0))
+    hips = hips + np.stack([0.02 * np.sin(step), 0.015 * np.cos(2 * step) - 0.03, 0 * step], -1)
+    local[:, 0] = rotations.from_yaw(0.1 * np.cos(step))
+    local[:, SPORT_SKELETON.index("Spine1")] = rotations.from_yaw(-0.15 * np.cos(step))
+    local = keep_feet(Motion(hips, local, before.contacts, before.ground), before)
     return Motion(
         hips.astype(float), local.astype(float), contacts.astype(np.uint8), Terrain.flat(size_m=80.0)
     )

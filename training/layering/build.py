@@ -21,25 +21,33 @@ from sport.runtime.controls import Gait
 from sport.runtime.errors import FileError, run_command
 from sport.runtime.motion import features
 from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.skeleton import PART_NAMES
+from sport.runtime.skeleton import PART_NAMES, SPORT_SKELETON
 from sport.runtime.terrain.height_map import Terrain
+from sport.training.data import relief
 from sport.training.data.clip_files import TrainingClip
 from sport.training.data.height_patches import Patches
+from sport.training.data.labels import FOOT_JOINTS
 from sport.training.frames import PLAIN
 from sport.training.layering import recipes
+from sport.training.layering.apply import apply
 from sport.training.layering.catalog import EDITS
-from sport.training.layering.pose_edits import Motion, apply
+from sport.training.layering.cycle import axes, cycle_frames, cycle_mean
+from sport.training.layering.pose_edits import Motion
 from sport.training.layering.recombine import UPPER_PARTS, cut, recombine
 
 log = logging.getLogger("sport.train")
 
 SECONDS = (4.0, 7.0)
-COUNT = 3300  # layered clips
+COUNT = 4600  # layered clips
 PARAPHRASES = 4
 RECOMBINED = 0.3  # share of clips that first take parts of another style
 NEUTRAL = 0.45  # share of clips that are built on neutral motion, where an edit shows most clearly
 PLAIN_SHARE = 0.7  # of the neutral motion is plain: an edit's words stand beside these sentences most often
 LAYERS = "layers.json"
+LEVEL = 0.015  # m: ground under all contacts of a floor
+WALKED = 0.5  # share of a clip's frames that walk, for edits of steps
+TRIES = 30  # clips drawn for edits that do not suit every one
+FORWARD = 0.8  # share of a path that goes where the body faces
 
 
 @dataclass(frozen=True)
@@ -75,6 +83,7 @@ def load_source(path: Path) -> Source:
         clip["local_rotations"].astype(np.float64),
         clip["contacts"],
         ground,
+        clip["gait"],
     )
     return Source(
         path.stem,
@@ -147,7 +156,6 @@ def build_layer(
         if mixed is None:
             return None
         motion = mixed
-        end = start + len(motion.hips)
         for part in parts:
             texts[part] = _style_texts(styles, donor, part, random)
             keys[part] = donor.key
@@ -156,9 +164,14 @@ def build_layer(
         standing = bool(source.gait[start:end, Gait.STAND].mean() > 0.5)
         edits = recipes.draw(random, standing).edits
         if donor is not None:
-            edits = tuple(e for e in edits if EDITS[e].slot not in parts)
-        if "swing" in {EDITS[e].kind for e in edits} and not source.style.startswith("neutral"):
-            return None  # an arm that does not swing in its style cannot swing more
+            edits = tuple(e for e in edits if not EDITS[e].phrases.keys() & set(parts))
+        if not _suits(source, motion, edits):
+            found = None if donor is not None else _suitable(pool, edits, random)
+            if found is None:
+                return None
+            source, motion = found
+            texts = {part: _style_texts(styles, source, part, random) for part in PART_NAMES}
+            keys = dict.fromkeys(PART_NAMES, source.key)
     if not edits and donor is None:
         return None
     for edit_name in edits:
@@ -172,13 +185,13 @@ def build_layer(
         hips=motion.hips,
         local=motion.local,
         contacts=motion.contacts,
-        gait=source.gait[start:end],
+        gait=np.asarray(motion.gait),
         style=source.style,
         content="layered",
         source=source.source,
         split="train",
         tier="layered",
-        patches=_near(source.patches, motion.hips),
+        patches=_ground(source, motion, edits, random),
         mirrored=source.mirrored,
     )
     count = PARAPHRASES
@@ -211,6 +224,51 @@ def _style_texts(
         descriptions = [d.mirrored() for d in descriptions]
     order = random.permutation(len(descriptions))
     return [getattr(descriptions[int(k)], part) for k in order[:PARAPHRASES]]
+
+
+def _suits(source: Source, motion: Motion, edits: tuple[str, ...]) -> bool:
+    """Whether edits can show: an arm that does not swing in its style cannot swing more, feet move on a floor only."""
+    if any(EDITS[e].scales for e in edits) and not source.style.startswith("neutral"):
+        return False
+    if any(EDITS[e].of_steps for e in edits) and source.gait[:, Gait.WALK].mean() < WALKED:
+        return False
+    return not any(EDITS[e].moves_feet for e in edits) or walks_on_a_floor(motion)
+
+
+def _suitable(
+    pool: Pool, edits: tuple[str, ...], random: np.random.Generator
+) -> tuple[Source, Motion] | None:
+    """Another clip and a piece of it that suit the edits; None after `TRIES` draws."""
+    neutral = 1.0 if any(EDITS[e].scales for e in edits) else NEUTRAL
+    for _ in range(TRIES):
+        source = pool.draw(random, neutral)
+        start, end = _segment(source, random)
+        motion = cut(source.motion, start, end)
+        if _suits(source, motion, edits):
+            return source, motion
+    return None
+
+
+def walks_on_a_floor(motion: Motion) -> bool:
+    """Whether a motion goes forward on level ground, so that its feet may be put elsewhere."""
+    feet = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local)[0][:, FOOT_JOINTS]
+    ground = motion.ground.height(feet[..., 0], feet[..., 2])
+    standing = motion.contacts.astype(bool)
+    if not standing.any() or np.abs(ground[standing]).max() > LEVEL:
+        return False
+    path = cycle_mean(motion.hips.astype(np.float64), cycle_frames(motion.contacts))
+    step = np.diff(path, axis=0)
+    along = np.sum(step * axes(motion).ahead[1:], axis=1)
+    gone = np.linalg.norm(step[:, [0, 2]], axis=1)
+    return bool(gone.sum() > 0.3 * len(gone) / features.FPS and along.sum() > FORWARD * gone.sum())
+
+
+def _ground(source: Source, motion: Motion, edits: tuple[str, ...], random: np.random.Generator) -> Patches:
+    """The source's ground near the path, or new relief around feet that stand elsewhere now."""
+    if any(EDITS[e].moves_feet for e in edits):
+        positions, _ = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local)
+        return relief.fit_around_steps(positions, motion.contacts, random)
+    return _near(source.patches, motion.hips)
 
 
 def _near(patches: Patches, hips: np.ndarray, margin: float = 2.5) -> Patches:

@@ -11,21 +11,39 @@ from dataclasses import dataclass
 
 from sport.training.layering.catalog_arms import ARM, ARM_SWING
 from sport.training.layering.catalog_body import HEAD, LEG, LEGS, TORSO
+from sport.training.layering.catalog_rhythm import ARM_SWINGS, STANCE, STEPS, TORSO_RHYTHM
 
 
 @dataclass(frozen=True)
 class PartEdit:
     """One edit. `phrases` `{part: sentences}` describe every part it changes; `parameters` are those of `kind`.
 
+    Two edits of one clip never describe the same part.
+
     `measure` (part, field of its measures in `sport.training.text.measure`) is the quantity that shows the edit.
     """
 
     name: str
-    slot: str  # of the parts that only one edit may change: left_arm, right_arm, torso, head, left_leg, right_leg, legs
+    slot: str  # left_arm, right_arm, torso, head, left_leg, right_leg or legs
     kind: str
     parameters: dict[str, object]
     phrases: dict[str, tuple[str, ...]]
     measure: tuple[str, str]
+
+    @property
+    def moves_feet(self) -> bool:
+        """Whether it puts feet elsewhere on the ground, or changes the length of the clip: rhythm."""
+        return self.kind in ("steps", "line", "stance", "hesitation", "stagger")
+
+    @property
+    def of_steps(self) -> bool:
+        """Whether it is of rhythm and weight, which show in walking only."""
+        return self.moves_feet or self.kind in ("landing", "bob", "hips", "shoulders", "rock")
+
+    @property
+    def scales(self) -> bool:
+        """Whether it scales what the captured motion does, so that a body which does not do it shows nothing."""
+        return self.kind in ("swing", "bob", "hips", "shoulders")
 
 
 def _sided(phrases: Sequence[str], side: str) -> tuple[str, ...]:
@@ -39,13 +57,17 @@ def _build() -> dict[str, PartEdit]:
         for name, (parameters, phrases, field) in ARM.items():
             texts = {arm: _sided(phrases, side)}
             edits.append(PartEdit(f"{arm}.{name}", arm, "hand", parameters, texts, (arm, field)))
-        for name, (scale, phrases) in ARM_SWING.items():
+        for name, (scale, phrases) in (ARM_SWING | ARM_SWINGS).items():
             texts = {arm: _sided(phrases, side)}
             edits.append(PartEdit(f"{arm}.{name}", arm, "swing", {"scale": scale}, texts, (arm, "swing")))
         for name, (parameters, phrases, field) in LEG.items():
             texts = {leg: _sided(phrases, side)}
             edits.append(PartEdit(f"{leg}.{name}", leg, "leg", parameters, texts, (leg, field)))
-    for name, (kind, parameters, phrases, field) in TORSO.items():
+        other = "right" if side == "left" else "left"
+        for name, (parameters, phrases, others) in STANCE.items():
+            texts = {leg: _sided(phrases, side), f"{other}_leg": _sided(others, other)}
+            edits.append(PartEdit(f"{leg}.{name}", leg, "stance", parameters, texts, (leg, "stance_lead")))
+    for name, (kind, parameters, phrases, field) in (TORSO | TORSO_RHYTHM).items():
         edits.append(
             PartEdit(f"torso.{name}", "torso", kind, parameters, {"torso": phrases}, ("torso", field))
         )
@@ -54,6 +76,10 @@ def _build() -> dict[str, PartEdit]:
     for name, (parameters, phrases, field) in LEGS.items():
         texts = {f"{side}_leg": _sided(phrases, side) for side in ("left", "right")}
         edits.append(PartEdit(f"legs.{name}", "legs", "legs", parameters, texts, ("left_leg", field)))
+    for name, (kind, parameters, phrases, torso, measure) in STEPS.items():
+        texts = {f"{side}_leg": _sided(phrases, side) for side in ("left", "right")}
+        texts |= {"torso": torso} if torso else {}
+        edits.append(PartEdit(f"legs.{name}", "legs", kind, parameters, texts, measure))
     return {edit.name: edit for edit in edits}
 
 
@@ -83,6 +109,26 @@ HELD_OUT = frozenset(
         "left_leg.toes_out",
         "legs.crouch",
         "legs.very_wide",
+        "legs.long_little",
+        "legs.long_slow",
+        "legs.quick_short",
+        "legs.on_line",
+        "legs.apart",
+        "legs.pausing_little",
+        "legs.stomping",
+        "legs.unsteady",
+        "right_leg.limping_little",
+        "left_leg.limping_far",
+        "left_leg.lingering",
+        "torso.bob_little",
+        "torso.hips_sway",
+        "torso.hips_swing",
+        "torso.shoulders_turn",
+        "torso.shoulders_roll",
+        "torso.rock_little",
+        "left_arm.swing_far",
+        "right_arm.swing_more",
+        "right_arm.swing_half",
     }
 )
 # Each alone is trained, never both at once.

@@ -275,15 +275,6 @@ LEG: dict[str, tuple[dict[str, object], tuple[str, ...], str]] = {
         ("{s} foot lifted less than usual", "{s} leg stepping flat, foot low over the ground"),
         "foot_lift",
     ),
-    "limping": (
-        {"limp": 0.055},
-        (
-            "limping on the {s} leg, hip dropping at its step",
-            "{s} leg limping, body sinking on it",
-            "{s} leg hurt and hobbling",
-        ),
-        "knee_bend",
-    ),
 }
 LEGS: dict[str, tuple[dict[str, object], tuple[str, ...], str]] = {
     "crouch_little": (

@@ -31,10 +31,7 @@ _STILL: dict[str, tuple[str, ...]] = {
     ),
     "leg": (
         "steps of normal length",
-        "short steps",
-        "stepping slowly",
-        "stepping carefully",
-        "stepping heavily",
+        "stepping evenly",
         "foot landing flat",
         "walking on",
     ),
@@ -44,7 +41,6 @@ _STILL: dict[str, tuple[str, ...]] = {
         "tense",
         "stiff",
         "hardly turning",
-        "swaying slightly",
         "relaxed",
     ),
     "head": (
@@ -62,13 +58,16 @@ _MOVING: dict[str, tuple[str, ...]] = {
     "arm": ("with every step", "elbow slightly bent", "arm loose", "again and again"),
     "leg": (
         "with every step",
-        "short steps",
-        "stepping slowly",
-        "stepping heavily",
         "steps of normal length",
+        "stepping evenly",
     ),
     "torso": ("with every step", "loosely", "again and again"),
     "head": ("with every step", "again and again"),
+}
+# The same to rhythm, which says itself how long and quick the steps are.
+_IN_RHYTHM: dict[str, tuple[str, ...]] = {
+    "leg": ("walking on", "again and again", "foot rolling from heel to toe"),
+    "torso": ("upright", "relaxed", "back straight"),
 }
 _MOVEMENTS = (
     "swing",
@@ -99,7 +98,7 @@ def longer_sentences() -> list[LongerSentence]:
     found = []
     for edit in trained_edits():
         for part, phrases in edit.phrases.items():
-            for phrase, clause in product(phrases, _clauses(edit)):
+            for phrase, clause in product(phrases, _clauses(edit, part)):
                 found.append(LongerSentence(part, f"{phrase}, {clause}", (phrase,)))
     for slot in _DOUBLE:
         upright = _postures(slot, across=False)
@@ -108,16 +107,35 @@ def longer_sentences() -> list[LongerSentence]:
             for first, second in ((one, other), (other, one)):
                 text = f"{first}, {second.removeprefix(slot + ' ')}"
                 found.append(LongerSentence(slot, text, (one, other)))
+    return found + _with_rhythm()
+
+
+def _with_rhythm() -> list[LongerSentence]:
+    """A posture of legs or torso and what its steps are like, in either order; the first phrase of each."""
+    found = []
+    for part in ("left_leg", "right_leg", "torso"):
+        subject = part.replace("_", " ")
+        own = [e for e in trained_edits() if part in e.phrases]
+        postures = [e.phrases[part][0] for e in own if not e.of_steps]
+        rhythm = [e.phrases[part][0] for e in own if e.of_steps]
+        for one, other in product(postures, rhythm):
+            for first, second in ((one, other), (other, one)):
+                text = f"{first}, {second.removeprefix(subject + ' ')}"
+                found.append(LongerSentence(part, text, (one, other)))
     return found
 
 
-def _clauses(edit: PartEdit) -> tuple[str, ...]:
+def _clauses(edit: PartEdit, part: str) -> tuple[str, ...]:
     slot = _SLOTS.get(edit.slot, edit.slot)
+    if edit.of_steps:
+        return _IN_RHYTHM[_SLOTS.get(part, part)]
     if edit.measure[1] in _MOVEMENTS:
         return _MOVING[slot]
     return _STILL[slot] + (_BENT if edit.measure[1] == "elbow_bend" else ())
 
 
 def _postures(slot: str, across: bool) -> list[str]:
-    edits = [e for e in trained_edits() if e.slot == slot and e.measure[1] not in _MOVEMENTS]
+    edits = [
+        e for e in trained_edits() if e.slot == slot and e.measure[1] not in _MOVEMENTS and not e.of_steps
+    ]
     return [p for e in edits if (e.measure[1] in _ACROSS) == across for p in e.phrases[slot]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,12 +20,13 @@ from sport.training.layering.catalog import PartEdit
 Array = NDArray[np.floating]
 
 FPS = 60.0
+_REACH = 0.998  # of a leg, before the hips give way: seven degrees of the knee
 _AT = SPORT_SKELETON.index
-_SIDES = {"left": (0, 1.0), "right": (1, -1.0)}  # column of contacts pairs and sign of X
+SIDES = {"left": (0, 1.0), "right": (1, -1.0)}  # column of contacts pairs and sign of X
 _FRAME_JOINT = {"hips": "Hips", "chest": "Spine1", "head": "Head"}
 _UPPER = (*PART_JOINTS["left_arm"], *PART_JOINTS["right_arm"], *PART_JOINTS["head"])
-_CHAIN = {0: 0.4, 11: 0.6, 12: 0.8, 13: 1.0}  # share of a lean taken by hips, lower back, spine, chest
-_SPINE_ONLY = {11: 0.25, 12: 0.6, 13: 1.0}
+CHAIN = {0: 0.4, 11: 0.6, 12: 0.8, 13: 1.0}  # share of a lean taken by hips, lower back, spine, chest
+SPINE_ONLY = {11: 0.25, 12: 0.6, 13: 1.0}
 _ROUNDED = {11: -0.35, 12: 0.25, 13: 1.0}
 _NECK = {14: 0.35, 15: 0.7, 16: 1.0}
 ARM_FOLLOWS, HEAD_FOLLOWS = 0.35, 0.3  # arms keep hanging and eyes keep looking ahead when a torso leans
@@ -38,6 +40,7 @@ class Motion:
     local: Array
     contacts: NDArray[np.uint8]
     ground: Terrain
+    gait: Array | None = None  # (T, 6) soft labels, where they are known
 
     @property
     def facing(self) -> Array:
@@ -73,15 +76,10 @@ def left_landings(contacts: NDArray[np.uint8], gap: int = 6) -> NDArray[np.intp]
     return np.flatnonzero(np.diff(down.astype(np.int8)) == 1) + 1
 
 
-def apply(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
-    """The motion with one edit, a little varied by `random` in strength and place."""
-    return _KINDS[edit.kind](motion, edit, random)
-
-
 # --- Torso and head ---------------------------------------------------------------------------------------------------
 
 
-def _turns(motion: Motion, pitch: Array | float, yaw: Array | float, roll: Array | float) -> Array:
+def turns(motion: Motion, pitch: Array | float, yaw: Array | float, roll: Array | float) -> Array:
     """Axis-angle vectors `(T, 3)` in world space of turns in the facing frame, degrees; roll is towards the left."""
     zero = np.zeros(len(motion.hips))
     local = np.radians(np.stack([zero + pitch, zero + yaw, zero - roll], 1))
@@ -94,7 +92,7 @@ def _scaled(vectors: Array, share: float) -> Array:
     return rotations.from_axis_angle(axis, share * angle)
 
 
-def _turn_joints(
+def turn_joints(
     motion: Motion, vectors: Array, shares: dict[int, float], ankles: Array | None = None
 ) -> Motion:
     """Every joint of `shares` turned in world space by its share; joints not named keep their world rotation.
@@ -104,6 +102,8 @@ def _turn_joints(
     _, world = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local.astype(np.float64))
     positions, _ = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local.astype(np.float64))
     turned = world.copy()
+    if 0 in shares:  # the sockets of the thighs turn with the pelvis
+        shares = shares | dict.fromkeys((int(j) for j in ik.LEG_HIP_JOINTS), shares[0])
     for joint, share in shares.items():
         turned[:, joint] = rotations.multiply(_scaled(vectors, share), world[:, joint])
     local = SPORT_SKELETON.local_rotations(turned)
@@ -111,25 +111,26 @@ def _turn_joints(
         return replace(motion, local=local)
     # the hips turned: the legs reach for their old feet
     ankles, feet = positions[:, ik.LEG_FEET] if ankles is None else ankles, world[:, ik.LEG_FEET]
-    hips = _within_reach(motion.hips, turned[:, 0], ankles)
+    hips = within_reach(motion.hips, turned[:, 0], ankles)
     return replace(motion, hips=hips, local=ik.solve_legs(hips, local, ankles, feet))
 
 
-def _within_reach(hips: Array, hips_rotation: Array, ankles: Array) -> Array:
+def within_reach(hips: Array, hips_rotation: Array, ankles: Array) -> Array:
     """Hips `(T, 3)` lowered, smoothly, where a leg would be too short for its ankle `(T, 2, 3)`."""
     offsets = SPORT_SKELETON.offsets[ik.LEG_THIGHS].astype(np.float64)
     thighs = hips[:, None] + rotations.rotate(hips_rotation[:, None], offsets)
     to_ankle = thighs - ankles
-    reach = 0.975 * sum(np.linalg.norm(SPORT_SKELETON.offsets[j[0]]) for j in (ik.LEG_SHINS, ik.LEG_FEET))
+    reach = _REACH * sum(np.linalg.norm(SPORT_SKELETON.offsets[j[0]]) for j in (ik.LEG_SHINS, ik.LEG_FEET))
     across = np.linalg.norm(to_ankle[..., [0, 2]], axis=-1)
     height = np.sqrt(np.maximum(reach**2 - across**2, 0.3**2))
     drop = np.maximum(to_ankle[..., 1] - height, 0.0).max(1)
-    padded = np.pad(drop, 12, mode="edge")
-    highest = np.lib.stride_tricks.sliding_window_view(padded, 25).max(-1)
-    return hips - smooth(highest[:, None], 4.0) * np.array([0.0, 1.0, 0.0])
+    padded = np.pad(drop, 5, mode="edge")
+    highest = np.lib.stride_tricks.sliding_window_view(padded, 11).max(-1)
+    return hips - smooth(highest[:, None], 2.5) * np.array([0.0, 1.0, 0.0])
 
 
-def _lean_shares(chain: dict[int, float], arms: float, head: float) -> dict[int, float]:
+def lean_shares(chain: dict[int, float], arms: float, head: float) -> dict[int, float]:
+    """Shares of a turn for the joints of `chain`, all of both arms, and neck and head."""
     shares = dict(chain)
     shares |= dict.fromkeys((*PART_JOINTS["left_arm"], *PART_JOINTS["right_arm"]), arms)
     return shares | dict.fromkeys(PART_JOINTS["head"], head)
@@ -138,32 +139,32 @@ def _lean_shares(chain: dict[int, float], arms: float, head: float) -> dict[int,
 def _lean(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
     pitch, roll = float(edit.parameters.get("pitch", 0.0)), float(edit.parameters.get("roll", 0.0))  # type: ignore[arg-type]
     amount = random.normal(1.0, 0.06)
-    vectors = _turns(motion, amount * pitch, 0.0, amount * roll)
+    vectors = turns(motion, amount * pitch, 0.0, amount * roll)
     hips = motion.hips.copy()
     back = -0.13 * np.sin(np.radians(amount * pitch))  # the hips balance the upper body
     side = -0.12 * np.sin(np.radians(amount * roll))
     hips += rotations.rotate(rotations.from_yaw(motion.facing), np.array([side, 0.0, back]))
     ankles = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local)[0][:, ik.LEG_FEET]
-    shares = _lean_shares(_CHAIN, ARM_FOLLOWS, HEAD_FOLLOWS)
-    return _turn_joints(replace(motion, hips=hips), vectors, shares, ankles)
+    shares = lean_shares(CHAIN, ARM_FOLLOWS, HEAD_FOLLOWS)
+    return turn_joints(replace(motion, hips=hips), vectors, shares, ankles)
 
 
 def _slump(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
     pitch = float(edit.parameters["pitch"]) * random.normal(1.0, 0.06)  # type: ignore[arg-type]
-    shares = _lean_shares(_ROUNDED, ARM_FOLLOWS, HEAD_FOLLOWS)
-    return _turn_joints(motion, _turns(motion, pitch, 0.0, 0.0), shares)
+    shares = lean_shares(_ROUNDED, ARM_FOLLOWS, HEAD_FOLLOWS)
+    return turn_joints(motion, turns(motion, pitch, 0.0, 0.0), shares)
 
 
 def _sway(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
     roll = float(edit.parameters["roll"]) * random.normal(1.0, 0.08)  # type: ignore[arg-type]
     swing = roll * np.sin(2 * np.pi * (motion.step_phase() + 0.05))
-    return _turn_joints(motion, _turns(motion, 0.0, 0.0, swing), _lean_shares(_CHAIN, 0.6, 0.4))
+    return turn_joints(motion, turns(motion, 0.0, 0.0, swing), lean_shares(CHAIN, 0.6, 0.4))
 
 
 def _twist(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
     yaw = float(edit.parameters["yaw"]) * random.normal(1.0, 0.08)  # type: ignore[arg-type]
     swing = yaw * np.cos(2 * np.pi * motion.step_phase())
-    return _turn_joints(motion, _turns(motion, 0.0, -swing, 0.0), _lean_shares(_SPINE_ONLY, 1.0, 0.15))
+    return turn_joints(motion, turns(motion, 0.0, -swing, 0.0), lean_shares(SPINE_ONLY, 1.0, 0.15))
 
 
 def _bounce(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
@@ -180,7 +181,7 @@ def _head(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion
         wp, wy, wr, rate = p["wave"]
         clock = _beat(motion, rate, random)
         pitch, yaw, roll = pitch + amount * wp * clock, yaw + amount * wy * clock, roll + amount * wr * clock
-    return _turn_joints(motion, _turns(motion, pitch, yaw, roll), _NECK)
+    return turn_joints(motion, turns(motion, pitch, yaw, roll), _NECK)
 
 
 # --- Arms -------------------------------------------------------------------------------------------------------------
@@ -189,7 +190,7 @@ def _head(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion
 def _hand(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
     p: dict[str, Any] = edit.parameters
     side = edit.slot.removesuffix("_arm")
-    sign = _SIDES[side][1]
+    sign = SIDES[side][1]
     mirror = np.array([sign, 1.0, 1.0])
     name = side.capitalize()
     shoulder, elbow, hand = _AT(f"{name}Arm"), _AT(f"{name}ForeArm"), _AT(f"{name}Hand")
@@ -270,7 +271,7 @@ def _drift(length: int, random: np.random.Generator) -> Array:
 # --- Legs -------------------------------------------------------------------------------------------------------------
 
 
-def _reach(moved: Motion, original: Motion) -> Array:
+def keep_feet(moved: Motion, original: Motion) -> Array:
     """Local rotations with the moved hips and the original's feet."""
     positions, world = SPORT_SKELETON.forward_kinematics(original.hips, original.local.astype(np.float64))
     return ik.solve_legs(moved.hips, moved.local, positions[:, ik.LEG_FEET], world[:, ik.LEG_FEET])
@@ -280,24 +281,24 @@ def _lowered(motion: Motion, drop: Array | float) -> Motion:
     hips = motion.hips.astype(np.float64).copy()
     hips[:, 1] -= drop
     moved = replace(motion, hips=hips)
-    return replace(moved, local=_reach(moved, motion))
+    return replace(moved, local=keep_feet(moved, motion))
 
 
-def _swings(down: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def swings(down: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Intervals of at least eight frames in which a foot is in the air."""
     edges = np.flatnonzero(np.diff(np.concatenate([[True], down, [True]]).astype(np.int8)))
     return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= 8]
 
 
-def _held_in_stance(values: Array, down: NDArray[np.bool_]) -> Array:
+def held_in_stance(values: Array, down: NDArray[np.bool_]) -> Array:
     """`values` `(T, n)` made constant while the foot stands, so that a planted foot does not slide with the facing."""
     held = values.copy()
-    swings = _swings(down)
-    bounds = [0, *[t for s in swings for t in s], len(values)]
+    found = swings(down)
+    bounds = [0, *[t for s in found for t in s], len(values)]
     for a, b in zip(bounds[::2], bounds[1::2], strict=True):
         if b > a:
             held[a:b] = values[a:b].mean(0)
-    for a, b in swings:
+    for a, b in found:
         t = np.linspace(0, 1, b - a + 2)[1:-1, None]
         t = t * t * (3 - 2 * t)
         before, after = held[max(a - 1, 0)], held[min(b, len(values) - 1)]
@@ -307,13 +308,13 @@ def _held_in_stance(values: Array, down: NDArray[np.bool_]) -> Array:
 
 def _leg(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
     p: dict[str, Any] = edit.parameters
-    column, sign = _SIDES[edit.slot.removesuffix("_leg")]
+    column, sign = SIDES[edit.slot.removesuffix("_leg")]
     return _legs_edit(motion, {k: v * random.normal(1.0, 0.07) for k, v in p.items()}, ((column, sign),))
 
 
 def _legs(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
     p: dict[str, Any] = edit.parameters
-    both = tuple(_SIDES.values())
+    both = tuple(SIDES.values())
     return _legs_edit(motion, {k: v * random.normal(1.0, 0.07) for k, v in p.items()}, both)
 
 
@@ -331,10 +332,10 @@ def _legs_edit(motion: Motion, p: dict[str, float], sides: tuple[tuple[int, floa
         if "lift" in p:
             ankle[:, 1] += p["lift"] * _bumps(down)
         if "drag" in p:
-            _drag(ankle, foot, toes[:, column], p["drag"] * _swing_share(down), motion.ground)
+            _drag(ankle, foot, toes[:, column], p["drag"] * swing_share(down), motion.ground)
         if "outward" in p:
             offset = rotations.rotate(facing, np.array([sign * p["outward"], 0.0, 0.0]))
-            offset = _held_in_stance(offset, down)
+            offset = held_in_stance(offset, down)
             before = motion.ground.height(ankle[:, 0], ankle[:, 2])
             ankle += offset
             ankle[:, 1] += motion.ground.height(ankle[:, 0], ankle[:, 2]) - before
@@ -346,10 +347,6 @@ def _legs_edit(motion: Motion, p: dict[str, float], sides: tuple[tuple[int, floa
             toe = toes[:, column]
             ankles[:, column] = toe + rotations.rotate(turn, ankle - toe)
             feet[:, column] = rotations.multiply(turn, foot)
-        if "limp" in p:
-            weight = smooth(down.astype(np.float64)[:, None], 5.0)[:, 0]
-            hips[:, 1] -= p["limp"] * weight
-            ankle[:, 1] -= 0.6 * _height_in_swing(ankle[:, 1], down)
     contacts = motion.contacts.copy()
     if "tiptoe" in p:
         hips[:, 1] += 0.055
@@ -361,24 +358,24 @@ def _legs_edit(motion: Motion, p: dict[str, float], sides: tuple[tuple[int, floa
 def _bumps(down: NDArray[np.bool_]) -> Array:
     """One smooth hill of height 1 for every swing of a foot."""
     result = np.zeros(len(down))
-    for a, b in _swings(down):
+    for a, b in swings(down):
         result[a:b] = np.sin(np.pi * (np.arange(a, b) - a + 0.5) / (b - a)) ** 2
     return result
 
 
-def _height_in_swing(height: Array, down: NDArray[np.bool_]) -> Array:
+def height_in_swing(height: Array, down: NDArray[np.bool_]) -> Array:
     """How far a swinging foot is above the line between its lift-off and its landing."""
     result = np.zeros(len(height))
-    for a, b in _swings(down):
+    for a, b in swings(down):
         line = np.linspace(height[max(a - 1, 0)], height[min(b, len(height) - 1)], b - a)
         result[a:b] = np.maximum(height[a:b] - line, 0.0)
     return result
 
 
-def _swing_share(down: NDArray[np.bool_]) -> Array:
+def swing_share(down: NDArray[np.bool_]) -> Array:
     """One while a foot swings, rising to it over the first quarter and falling over the last."""
     result = np.zeros(len(down))
-    for a, b in _swings(down):
+    for a, b in swings(down):
         t = (np.arange(a, b) - a + 0.5) / (b - a)
         ramp = np.clip(np.minimum(t / 0.25, (1.0 - t) / 0.25), 0.0, 1.0)
         result[a:b] = ramp * ramp * (3 - 2 * ramp)
@@ -409,7 +406,7 @@ def _drag(ankle: Array, foot: Array, toe: Array, share: Array, ground: Terrain) 
     ankle[:, 1] -= share * np.maximum(room, 0.0)
 
 
-_KINDS = {
+KINDS: dict[str, Callable[[Motion, PartEdit, np.random.Generator], Motion]] = {
     "lean": _lean,
     "slump": _slump,
     "sway": _sway,

@@ -7,11 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from sport.training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS, PartEdit
 
-_CHANCE = {"left_arm": 0.42, "right_arm": 0.42, "torso": 0.38, "head": 0.38, "legs": 0.6}
+# legs first: some of their edits take the torso along
+_CHANCE = {"legs": 0.62, "torso": 0.5, "left_arm": 0.42, "right_arm": 0.42, "head": 0.38}
 BOTH_ARMS = 0.2  # chance that an edited arm is joined by the same edit of the other
 BOTH_LEGS = 0.35
-_ONE_SIDED = ("limping",)  # what both legs cannot do at once
-_NEEDS_STEPS = ("leg",)
+BOTH = 0.3  # share of the posture edits of legs that are of both at once
+BOTH_RHYTHM = 0.72  # of those of rhythm
+RHYTHM = ("steps", "line", "stance", "hesitation", "stagger", "landing")
+BOTH_SWING = 0.5  # arms that swing more or less mostly do so together
+LEGS_RHYTHM = 0.6  # share of the legs' edits that are of rhythm and weight
 # Edits that change a movement, not a posture, show in a part of every step only: they are drawn more often.
 _OF_MOVEMENT = (
     "swing",
@@ -36,15 +40,16 @@ def draw(random: np.random.Generator, standing: bool) -> Recipe:
     while True:
         chosen: list[str] = []
         for slot, chance in _CHANCE.items():
-            if random.random() >= chance or _taken(chosen, slot):
+            if random.random() >= chance:
                 continue
             edit = _choose(slot, random, standing)
-            if edit is None:
+            if edit is None or _taken(chosen, edit):
                 continue
             chosen.append(edit)
             twin = _twin(edit)
             both = BOTH_ARMS if "arm" in edit else BOTH_LEGS
-            if twin is not None and not _taken(chosen, twin.split(".")[0]) and random.random() < both:
+            both = BOTH_SWING if EDITS[edit].kind == "swing" else both
+            if twin is not None and not _taken(chosen, twin) and random.random() < both:
                 chosen.append(twin)
         if chosen and allowed(tuple(chosen)):
             return Recipe(tuple(sorted(chosen, key=_order)))
@@ -63,11 +68,16 @@ def trained_edits() -> list[PartEdit]:
 
 def _choose(slot: str, random: np.random.Generator, standing: bool) -> str | None:
     slots = {slot}
+    rhythm = False
     if slot == "legs":
-        slots = {"legs"} if standing or random.random() < 0.3 else {"left_leg", "right_leg"}
+        rhythm = not standing and random.random() < LEGS_RHYTHM
+        one = not standing and random.random() >= (BOTH_RHYTHM if rhythm else BOTH)
+        slots = {"left_leg", "right_leg"} if one else {"legs"}
     names = [e.name for e in trained_edits() if e.slot in slots]
+    if slot == "legs":
+        names = [n for n in names if (EDITS[n].kind in RHYTHM) == rhythm]
     if standing:
-        names = [n for n in names if EDITS[n].kind not in _NEEDS_STEPS and n != "torso.bounce"]
+        names = [n for n in names if EDITS[n].kind != "leg" and not EDITS[n].of_steps and n != "torso.bounce"]
     if not names:
         return None
     weight = [_MOVEMENT_WEIGHT if EDITS[n].measure[1] in _OF_MOVEMENT else 1.0 for n in names]
@@ -76,8 +86,8 @@ def _choose(slot: str, random: np.random.Generator, standing: bool) -> str | Non
 
 def _twin(name: str) -> str | None:
     """The same edit of the other side, where both can be done at once."""
-    if name.endswith(_ONE_SIDED):
-        return None
+    if EDITS[name].kind == "stance":
+        return None  # both legs cannot limp at once
     for one, other in (("left_", "right_"), ("right_", "left_")):
         if name.startswith(one):
             twin = other + name.removeprefix(one)
@@ -85,10 +95,12 @@ def _twin(name: str) -> str | None:
     return None
 
 
-def _taken(chosen: list[str], slot: str) -> bool:
-    return any(EDITS[name].slot == slot for name in chosen)
+def _taken(chosen: list[str], name: str) -> bool:
+    """Whether an edit describes a part that another one describes already."""
+    return any(EDITS[name].phrases.keys() & EDITS[other].phrases.keys() for other in chosen)
 
 
 def _order(name: str) -> int:
-    """Legs and torso first: hands are then placed on the body as it is, and the head looks last."""
-    return ("left_leg", "right_leg", "legs", "torso", "head", "left_arm", "right_arm").index(EDITS[name].slot)
+    """Legs and torso first, rhythm before posture: hands are then placed on the body as it is, the head looks last."""
+    slot = ("left_leg", "right_leg", "legs", "torso", "head", "left_arm", "right_arm").index(EDITS[name].slot)
+    return 0 if EDITS[name].moves_feet else 1 + slot

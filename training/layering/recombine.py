@@ -54,7 +54,11 @@ def cut(motion: Motion, start: int, end: int) -> Motion:
     """Frames `start` to `end` of a motion."""
     piece = slice(start, end)
     return replace(
-        motion, hips=motion.hips[piece], local=motion.local[piece], contacts=motion.contacts[piece]
+        motion,
+        hips=motion.hips[piece],
+        local=motion.local[piece],
+        contacts=motion.contacts[piece],
+        gait=None if motion.gait is None else motion.gait[piece],
     )
 
 

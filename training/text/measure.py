@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from sport.runtime import rotations
 from sport.runtime.skeleton import SPORT_SKELETON
+from sport.training.text import measure_rhythm
+from sport.training.text.measure_rhythm import closed, smoothed
 
 Array = NDArray[np.floating]
 FPS = 60
@@ -51,6 +52,10 @@ class LegMeasures:
     toe_out: float  # degrees outward of the foot on the ground
     moving: float  # share of frames with the root faster than 0.2 m/s
     foot_pitch: float  # degrees that the foot on the ground points down: on tiptoe the heel is up
+    walk_ratio: float = 0.0  # metres of a step over steps per second
+    stance_lead: float = 0.0  # by which share this foot carries alone longer than the other
+    landing: float = 0.0  # metres per second at which the ankle comes down
+    halting: float = 0.0  # deviation of the root's speed over its mean
 
 
 @dataclass(frozen=True)
@@ -65,6 +70,11 @@ class TorsoMeasures:
     bounce: float  # metres, range of the hips' height
     sway: float  # metres, range of the hips sideways of their smoothed path
     arch: float  # degrees that the upper spine bends forward of the lower
+    pelvis_yaw_range: float = 0.0  # degrees, this and the following three about the facing of a cycle
+    pelvis_roll_range: float = 0.0
+    shoulder_yaw_range: float = 0.0
+    shoulder_roll_range: float = 0.0
+    wander: float = 0.0  # metres, range of the path of a cycle sideways of its course
 
 
 @dataclass(frozen=True)
@@ -106,9 +116,9 @@ def measure(hips: Array, local: Array, contacts: Array) -> BodyMeasures:
     return BodyMeasures(
         _arm(body, "Left", 1.0),
         _arm(body, "Right", -1.0),
-        _leg(body, positions, turned, ground[:, :2], "Left", 1.0, speed),
-        _leg(body, positions, turned, ground[:, 2:], "Right", -1.0, speed),
-        _torso(body, hips, facing),
+        _leg(body, positions, turned, (ground[:, :2], ground[:, 2:]), "Left", 1.0, speed),
+        _leg(body, positions, turned, (ground[:, 2:], ground[:, :2]), "Right", -1.0, speed),
+        _torso(body, positions, hips, facing),
         _head(body, turned),
     )
 
@@ -134,7 +144,7 @@ def facing_yaw(positions: Array) -> Array:
         positions[:, at("LeftArm")] - positions[:, at("RightArm")]
     )
     forward = np.stack([-across[:, 2], across[:, 0]], axis=1)  # (x, z) of across × up, turned to the front
-    forward = _smoothed(forward, _FACING_SECONDS)
+    forward = smoothed(forward, _FACING_SECONDS)
     return np.arctan2(forward[:, 0], forward[:, 1])
 
 
@@ -161,37 +171,49 @@ def _arm(body: Array, side: str, sign: float) -> ArmMeasures:
 
 
 def _leg(
-    body: Array, positions: Array, turned: Array, ground: Array, side: str, sign: float, speed: Array
+    body: Array,
+    positions: Array,
+    turned: Array,
+    ground: tuple[Array, Array],
+    side: str,
+    sign: float,
+    speed: Array,
 ) -> LegMeasures:
     at = SPORT_SKELETON.index
     hip, knee, ankle = (body[:, at(f"{side}{n}")] for n in ("UpLeg", "Leg", "Foot"))
     bend = 180 - _angle(hip - knee, ankle - knee)
     thigh = knee - hip
     lift = np.degrees(np.arctan2(thigh[:, 2], -thigh[:, 1]))
-    down = ground.any(axis=1)
+    down, other = (contact.any(axis=1) for contact in ground)
     stance = down if down.any() else np.ones(len(down), bool)
-    landings = np.flatnonzero(np.diff(_closed(down).astype(int)) == 1)
+    landings = np.flatnonzero(np.diff(closed(down).astype(int)) == 1)
     foot = positions[landings][:, at(f"{side}Foot")][:, [0, 2]]
     strides = np.linalg.norm(np.diff(foot, axis=0), axis=1) if len(landings) > 1 else np.zeros(1)
     seconds = (landings[-1] - landings[0]) / FPS if len(landings) > 1 else 0.0
     toe = rotations.rotate(turned[:, at(f"{side}Foot")], np.array([0.0, 0.0, 1.0]))
     height = positions[:, at(f"{side}Foot"), 1]
+    cadence = float(2 * (len(landings) - 1) / seconds) if seconds > 0 else 0.0
+    step_length = float(np.median(strides) / 2)
     return LegMeasures(
         knee_bend=float(np.median(bend[stance])),
         knee_bend_top=float(np.percentile(bend, 95)),
         thigh_lift=float(np.percentile(lift, 95)),
         foot_lift=float(np.percentile(height, 95) - np.percentile(height, 5)),
-        step_length=float(np.median(strides) / 2),
-        cadence=float(2 * (len(landings) - 1) / seconds) if seconds > 0 else 0.0,
+        step_length=step_length,
+        cadence=cadence,
         speed=float(np.median(speed)),
         width=float(np.median(ankle[stance, 0] * sign)),
         toe_out=float(np.degrees(np.median(np.arctan2(toe[stance, 0] * sign, toe[stance, 2])))),
         moving=float((speed > 0.2).mean()),
         foot_pitch=float(np.degrees(np.median(np.arcsin(np.clip(-toe[stance, 1], -1, 1))))),
+        walk_ratio=measure_rhythm.walk_ratio(step_length, cadence),
+        stance_lead=measure_rhythm.stance_lead(down, other),
+        landing=measure_rhythm.landing_speed(height, down),
+        halting=measure_rhythm.halting(positions[:, 0]),
     )
 
 
-def _torso(body: Array, hips: Array, facing: Array) -> TorsoMeasures:
+def _torso(body: Array, positions: Array, hips: Array, facing: Array) -> TorsoMeasures:
     at = SPORT_SKELETON.index
     spine = body[:, at("Neck")] - body[:, at("Hips")]
     lower = body[:, at("Spine")] - body[:, at("LowerBack")]
@@ -201,7 +223,7 @@ def _torso(body: Array, hips: Array, facing: Array) -> TorsoMeasures:
     shoulders = body[:, at("LeftArm")] - body[:, at("RightArm")]
     pelvis = body[:, at("LeftUpLeg")] - body[:, at("RightUpLeg")]
     twist = np.degrees(np.arctan2(shoulders[:, 2], shoulders[:, 0]) - np.arctan2(pelvis[:, 2], pelvis[:, 0]))
-    path = hips - _smoothed(hips, 1.2)
+    path = hips - smoothed(hips, 1.2)
     side = path[:, 0] * np.cos(facing) - path[:, 2] * np.sin(facing)
     return TorsoMeasures(
         pitch=float(np.median(pitch)),
@@ -214,6 +236,7 @@ def _torso(body: Array, hips: Array, facing: Array) -> TorsoMeasures:
         arch=float(
             np.median(np.degrees(np.arctan2(upper[:, 2], upper[:, 1]) - np.arctan2(lower[:, 2], lower[:, 1])))
         ),
+        **measure_rhythm.torso_rhythm(positions, hips),
     )
 
 
@@ -254,24 +277,6 @@ def _frequency(x: Array) -> float:
     power = (np.abs(np.fft.rfft((x - x.mean(0)) * window, axis=0)) ** 2).sum(axis=1)
     hertz = np.fft.rfftfreq(len(x), 1 / FPS)
     return float(hertz[np.argmax(np.where(hertz > 0.3, power, 0))])
-
-
-def _smoothed(x: Array, seconds: float) -> Array:
-    """Moving average over `seconds`, the ends padded with their own values."""
-    half = int(seconds * FPS / 2)
-    padded = np.pad(x, [(half, half)] + [(0, 0)] * (x.ndim - 1), mode="edge")
-    total = np.cumsum(np.concatenate([np.zeros_like(padded[:1]), padded], dtype=np.float64), axis=0)
-    return (total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1)
-
-
-def _closed(down: Array, frames: int = 6) -> Array:
-    """Contact flags with gaps of up to `frames` frames filled, so that a flicker is no step."""
-    closed = down.copy()
-    edges = np.flatnonzero(np.diff(down.astype(int)))
-    for a, b in pairwise(edges):
-        if not down[a + 1] and b - a <= frames:
-            closed[a + 1 : b + 1] = True
-    return closed
 
 
 def _weighted_median(values: list[float], weights: Array) -> float:

@@ -11,6 +11,7 @@ from typing import Any
 from sport.runtime.prompts.parts import MAX_CHARACTERS, PartDescriptions
 from sport.training.text.measure import ArmMeasures, BodyMeasures, HeadMeasures, LegMeasures, TorsoMeasures
 
+STRAIGHT = 0.3  # m of wandering under which a course is straight
 STANDING = 0.3  # share of moving frames under which a motion is standing
 
 
@@ -159,6 +160,16 @@ def leg_words(m: LegMeasures, gap: float, side: str, k: int, pace: bool = False)
     steps = _pick(k, *length)
     words = [f"{side} leg {_pick(k, *speed)}", steps] if pace else [f"{side} leg taking {steps}"]
     words.append(bend)
+    if m.cadence > 2.15:
+        words.append(_pick(k, "quick steps", "many steps a minute"))
+    elif 0.0 < m.cadence < 1.4:
+        words.append(_pick(k, "slow steps", "few steps a minute"))
+    if abs(m.stance_lead) > 0.2:
+        words.append("standing longer than the other" if m.stance_lead > 0 else "limping a little")
+    if m.landing > 0.75:
+        words.append(_pick(k, "foot hitting the ground hard", "foot landing heavily"))
+    elif 0.0 < m.landing < 0.15:
+        words.append(_pick(k, "foot set down gently", "foot landing softly"))
     if m.thigh_lift > 40:
         words.append(_pick(k, "knee lifting high", "thigh lifting high"))
     elif m.foot_lift < 0.115:
@@ -193,18 +204,34 @@ def torso_words(m: TorsoMeasures, k: int) -> str:
     elif m.roll_range > 11 or m.pitch_range > 16:
         words.append(_pick(k, "swaying heavily", "swaying widely from side to side"))
     elif m.roll_range > 7.2:
-        words.append(_pick(k, "swaying from side to side", "hips and shoulders swaying"))
+        words.append(_pick(k, "swaying from side to side", "upper body swaying"))
     if m.twist_range > 27:
         words.append(_pick(k, "twisting widely with each step", "shoulders turning strongly with the arms"))
     elif m.twist_range > 17:
         words.append(_pick(k, "turning with each step", "twisting moderately with each step"))
     elif m.twist_range < 9 and m.roll_range < 8:
         words.append(_pick(k, "held still", "hardly turning"))
+    if m.wander < STRAIGHT:  # on a bend hips and shoulders turn with the course
+        words += _in_step(m, k)
     if m.bounce > 0.07:
         words.append(_pick(k, "bouncing up and down", "rising and falling with each step"))
     elif m.bounce > 0.045:
         words.append(_pick(k, "bouncing slightly", "rising and falling slightly"))
     return _sentence(words)
+
+
+def _in_step(m: TorsoMeasures, k: int) -> list[str]:
+    """What hips and shoulders do with the steps, if it is more than usual."""
+    words = []
+    if m.sway > 0.11 or m.pelvis_roll_range > 14:
+        words.append(_pick(k, "hips swaying from side to side", "hips swaying with every step"))
+    if m.pelvis_yaw_range > 22:
+        words.append(_pick(k, "hips swinging round with every step", "hips turning clearly with the steps"))
+    if m.shoulder_yaw_range > 23:
+        words.append(_pick(k, "shoulders swinging round with every step", "shoulders turning with the steps"))
+    if m.shoulder_roll_range > 11:
+        words.append(_pick(k, "shoulders rolling with the steps", "shoulders rising and falling in turn"))
+    return words
 
 
 def head_words(m: HeadMeasures, k: int) -> str:

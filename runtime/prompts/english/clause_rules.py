@@ -184,6 +184,17 @@ IDIOMS: tuple[tuple[str, str, str], ...] = (
     (r"\bvery wide[- ](?:legged|stance)\b|\bfeet (?:very )?far apart\b", "legs", "very wide"),
     (r"\b(?:wide|broad)[- ](?:legged|stance)\b|\bbow-?legged\b|\bfeet (?:wide )?apart\b", "legs", "wide"),
     (r"\bnarrow stance\b|\bfeet (?:close )?together\b", "legs", "narrow"),
+    (
+        r"\b(?:tiny|short|small|little|baby) (?:and )?(?:quick|hurried|fast|rapid|brisk|hasty) steps\b"
+        r"|\b(?:quick|hurried|fast|rapid|hasty) (?:and )?(?:tiny|short|small|little|baby) steps\b|\bmincing(?: steps| gait| walk)?\b",
+        "legs",
+        "tiny hurried",
+    ),
+    (
+        r"\b(?:long|big|large|giant|huge) (?:and )?slow (?:steps|strides)\b|\bslow (?:and )?(?:long|big|large|giant|huge) (?:steps|strides)\b",
+        "legs",
+        "long slow",
+    ),
     (r"\b(?:short|small|tiny|little|baby) steps\b", "legs", "short"),
     (r"\b(?:long|big|large|giant) (?:steps|strides)\b", "legs", "long"),
     (rf"\bdragging {_THE}feet\b|\bfeet dragging\b|\bscuffing {_THE}feet\b", "legs", "drag"),

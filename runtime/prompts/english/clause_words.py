@@ -146,7 +146,11 @@ LEG_ACTIONS: Actions = (
     ),
     (
         r"limp|lame|injur|wound|hurt|sprain|hobbl|twisted|sore|bad\b|broken|aching|painful",
-        "limping on the {s} leg, hip dropping at its step",
+        (
+            "limping slightly on the {s} leg",
+            "limping on the {s} leg, hip dropping at its step",
+            "limping heavily on the {s} leg, hardly standing on it",
+        ),
     ),
     (r"drag|trail|shuffl|slid|scuff", "{s} foot dragging over the ground"),
     (
@@ -180,13 +184,71 @@ LEG_ACTIONS: Actions = (
         ),
     ),
     (
-        r"together|narrow|cross|one line|on a line|close",
+        r"cross|scissor|overlap|catwalk|model",
+        "{s} leg crossing in front of the other at every step",
+    ),
+    (
+        r"one line|on a line|tightrope|in line|in front of (?:the|each) other",
+        "{s} foot placed exactly in front of the other, feet on one line",
+    ),
+    (
+        r"together|narrow|close",
         "{s} foot placed on one line, narrow stance",
     ),
-    (r"stomp|stamp|slam|heav", "{s} leg stomping, foot hitting the ground hard"),
+    (
+        r"stomp|stamp|slam|pound",
+        (
+            "{s} leg stepping heavily, foot hitting the ground hard",
+            "{s} leg stomping, foot slammed down hard at every step",
+            "{s} leg stomping very heavily like a giant",
+        ),
+    ),
+    (
+        r"heav|lead\b|clomp|clump|thud|plod",
+        (
+            "{s} leg treading heavily",
+            "{s} leg stepping heavily, foot hitting the ground hard",
+            "{s} leg stomping, foot slammed down hard at every step",
+        ),
+    ),
+    (r"\bsoft|gentl|\blight|quiet|silent|noiseless|without a sound", "{s} leg stepping lightly and softly"),
+    (r"stagger|reel|stumbl|lurch", "{s} leg staggering, steps going astray to both sides"),
+    (
+        r"hesitat|paus|halt",
+        (
+            "{s} leg stepping hesitantly",
+            "{s} leg pausing after every step",
+            "{s} leg pausing after every step",
+        ),
+    ),
     (r"still|planted|standing|motionless", "{s} leg standing still, knee straight"),
-    (r"short|small|tiny|baby|little steps", "{s} leg taking short quick steps, foot lifted barely"),
-    (r"long|big|giant|large|strid", "{s} leg taking very long strides"),
+    (
+        r"(?:tiny|short|small|little|baby|minc).*(?:quick|fast|hurr|rapid|brisk)|(?:quick|fast|hurr|rapid|brisk).*(?:tiny|short|small|little|baby)|minc|patter|tripping|scurr",
+        "{s} leg taking tiny hurried steps",
+    ),
+    (
+        r"(?:long|big|giant|large|huge|strid).*slow|slow.*(?:long|big|giant|large|huge|strid)",
+        "{s} leg taking very long slow strides",
+    ),
+    (r"giant|huge|enormous", "{s} leg taking giant slow steps"),
+    (
+        r"short|small|tiny|baby|little steps",
+        (
+            "{s} leg taking rather short steps",
+            "{s} leg taking short steps",
+            "{s} leg taking very short and very quick steps",
+        ),
+    ),
+    (
+        r"long|big|large|strid",
+        (
+            "{s} leg taking rather long steps",
+            "{s} leg taking long strides",
+            "{s} leg taking very long slow strides",
+        ),
+    ),
+    (r"quick|fast|hurr|brisk|rapid", "{s} leg stepping quickly, steps of normal length"),
+    (r"slow|leisure|unhurried", "{s} leg stepping slowly, steps of normal length"),
     (r"bounc|spring|hop|skip|jump", "{s} leg stepping lightly with a bounce, foot springing off the toes"),
     (
         r"wobbl|unstead|shak|buckl|weak|trembl",
@@ -220,9 +282,38 @@ TORSO_ACTIONS: Actions = (
         ("torso leaning slightly forward", "torso leaning forward", "torso leaning far forward"),
     ),
     (
-        r"hip.*(?:sway|swing|roll|wiggl)|(?:sway|swing|roll|wiggl)\w* .*hip",
-        "hips swinging widely from side to side, torso upright",
+        r"hip.*(?:swing\w* round|twist|rotat|turn)|(?:twist|rotat|turn)\w* .*hip",
+        (
+            "hips twisting forward at every step",
+            "hips swinging round with every step",
+            "hips swinging far round with every step",
+        ),
     ),
+    (
+        r"hip.*(?:sway|swing|roll|wiggl|sashay)|(?:sway|swing|roll|wiggl|sashay)\w* .*hip",
+        (
+            "hips swaying slightly from side to side",
+            "hips swaying from side to side with every step",
+            "hips swaying widely from side to side",
+        ),
+    ),
+    (
+        r"shoulder.*(?:sway|roll|swagger)|(?:roll|sway)\w* .*shoulder|swagger",
+        (
+            "shoulders rolling with the steps",
+            "shoulders rolling widely with a swagger",
+            "shoulders rolling widely with a swagger",
+        ),
+    ),
+    (
+        r"shoulder.*(?:swing|turn|twist)|(?:swing|turn|twist)\w* .*shoulder",
+        (
+            "shoulders turning a little with the steps",
+            "shoulders swinging round with every step",
+            "shoulders twisting strongly with the steps",
+        ),
+    ),
+    (r"stagger|reel|lurch|off balance", "torso staggering from one side to the other"),
     (
         r"^(?!hip).*(?:\bdrop|\blower|\bdown\b|\brelax|loosen)",
         "torso upright and relaxed, shoulders loose and level",
@@ -240,10 +331,25 @@ TORSO_ACTIONS: Actions = (
         r"twist|rotat|turn|swing",
         "shoulders twisting strongly with the steps",
     ),
-    (r"sway|rock|roll|wobbl|side to side", "torso swaying from side to side with the steps"),
+    (
+        r"rock|waddl|side to side|sway|roll|wobbl",
+        (
+            "torso rocking slightly from side to side",
+            "torso rocking from side to side with every step",
+            "torso rocking heavily from side to side",
+        ),
+    ),
     (r"stiff|rigid|still", "torso upright and stiff, held still"),
     (r"straight|upright|erect|tall", "torso upright, back straight"),
-    (r"bounc|bob", "torso bouncing up and down with every step"),
+    (
+        r"bounc|bob",
+        (
+            "torso bobbing a little with the steps",
+            "torso bouncing up and down with every step",
+            "torso bobbing clearly at every step",
+        ),
+    ),
+    (r"level|glid|float", "torso gliding level, not rising or falling"),
     (r"relax|loose|soft", "torso upright and relaxed, shoulders loose and level"),
 )
 
@@ -303,7 +409,9 @@ LEG_DENIED: Actions = (
     (r"", "{s} leg stepping evenly, knee lifting moderately, foot rolling from heel to toe"),
 )
 TORSO_DENIED: Actions = (
-    (r"bounc|bob", "torso upright, held level"),
+    (r"bounc|bob", "torso gliding level, not rising or falling"),
+    (r"hip", "torso with still hips, hips neither swaying nor turning"),
+    (r"shoulder", "torso with still shoulders, hardly turning"),
     (r"mov|turn|twist|sway|swing|bounc|rock", "torso upright and stiff, held still"),
     (r"", "torso upright, back straight"),
 )

@@ -1,0 +1,15 @@
+"""Every kind of parametric edit under one name."""
+
+from __future__ import annotations
+
+import numpy as np
+from sport.training.layering import cycle_edits, pose_edits, root_edits
+from sport.training.layering.catalog import PartEdit
+from sport.training.layering.pose_edits import Motion
+
+KINDS = pose_edits.KINDS | root_edits.KINDS | cycle_edits.KINDS
+
+
+def apply(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+    """The motion with one edit, a little varied by `random` in strength and place; rhythm may change its length."""
+    return KINDS[edit.kind](motion, edit, random)

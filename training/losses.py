@@ -84,6 +84,16 @@ def motion(target: Tensor, predicted: Tensor, weights: Tensor) -> Tensor:
     return (weights * (predicted - target).square()).mean()
 
 
+def unrest(before: Tensor, after: Tensor, scale: Tensor, kept: Tensor) -> Tensor:
+    """How fast a rollout's error changes: mean square of `after - before` `(B, n)` in units of `scale`, where `kept`.
+
+    A rollout may be out of step with its clip; what it may not be is restless. An error that comes and goes from frame
+    to frame is jitter, and nothing else punishes it: a millimetre is little to Eq. 11 and 6 cm/s to the eye.
+    """
+    changed = kept * ((after - before) / scale).square()
+    return changed.mean()
+
+
 def contact(labels: Tensor, squared_foot_velocity: Tensor) -> Tensor:
     """Eq. 12, 13 with a differentiable step.
 

@@ -45,6 +45,7 @@ class RolloutLanes:
         self.patch = torch.zeros(lanes, dtype=torch.long, device=device)
         self.pose = {name: torch.zeros(lanes, 93, device=device) for name in _POSE}
         self.phase = torch.zeros(lanes, 2 * PRESENT + 1, 2 * features.C, device=device)
+        self.age = torch.zeros(lanes, dtype=torch.long, device=device)  # frames since it began
         self.swaps = Swaps.none(lanes, device)
         self._part_swaps = part_swaps
         self._restart(torch.ones(lanes, dtype=torch.bool, device=device))
@@ -59,6 +60,7 @@ class RolloutLanes:
         if self._part_swaps:
             self.swaps.draw(ended, self.frames.clip[drawn.roll(-count)[: len(rows)]])
         self.rows[ended] = rows
+        self.age[ended] = 0
         self.patch[ended] = (torch.rand(len(rows), device=rows.device) * self.frames.patches[rows]).long()
         x = self.frames.inputs(rows, self.patch[ended])
         foreign = torch.rand(len(rows), device=rows.device) < FOREIGN_POSE
@@ -80,6 +82,11 @@ class RolloutLanes:
         x[:, INPUT["phase"]] = self.phase[:, :: features.SAMPLE_STEP].flatten(1)
         return x
 
+    def error_before(self) -> Tensor:
+        """Joint positions `(lanes, 93)` in metres: what the lane lies off the clip in the frame that it goes on from."""
+        captured = self.frames.inputs(self.rows, self.patch)[:, INPUT["joint_positions"]]
+        return self.pose["joint_positions"] - captured
+
     @torch.no_grad()
     def advance(self, y: Tensor) -> None:
         """Move every lane on by one frame with the network's real-valued y `(lanes, 473)`."""
@@ -89,7 +96,7 @@ class RolloutLanes:
         moved = torch.cat([self.phase[:, 1:], self.phase[:, -1:]], dim=1)
         moved[:, PRESENT:] = _dense(samples)
         self.phase = moved
-        self.rows = self.rows + 1
+        self.rows, self.age = self.rows + 1, self.age + 1
         ended = self.rows >= self.frames.last[self.rows.clamp_max(len(self.frames.last) - 1)]
         chance = torch.rand(len(self.rows), device=self.rows.device) < 1.0 / self.mean_frames
         lost = ~torch.isfinite(y).all(1) | (self.pose["joint_positions"].abs().amax(1) > 4.0)

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 import torch
 from sport.runtime.feet.skating import SOLE_POINTS
-from sport.runtime.motion.features import INPUT, OUTPUT
+from sport.runtime.motion.features import FPS, INPUT, OUTPUT
 from sport.training import losses as terms
 from sport.training.batches import Frames, Normalisation, loss_weights, random_rows
 from sport.training.checkpoint import START
@@ -117,6 +117,9 @@ def stage2_loss(data: MotionData, target: Tensor, predicted: Tensor, supervised:
 
 
 CONTACT_WEIGHT = 0.1
+UNREST_WEIGHT = 1.0
+SETTLED_FRAMES = 20  # a rollout that began in another pose than its clip's has to move towards it first
+NOISE = 0.12  # of captured frames' inputs: more makes the network trust its own pose less, and swings shrink
 LANES = 0.5  # share of a batch that goes on from the network's own output
 LANE_FRAMES = 45.0  # mean length of such a rollout
 
@@ -151,6 +154,17 @@ def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes, noise: floa
     return MixedBatch(rows, patch, z, x, target, supervised)
 
 
+def unrest_loss(
+    data: MotionData, lanes: RolloutLanes, before: Tensor, mixed: MixedBatch, y: Tensor
+) -> Tensor:
+    """`losses.unrest` of the lanes that go on from their own pose; `before` is `lanes.error_before()`, y the prediction."""
+    count, field, normal = len(lanes.rows), OUTPUT["joint_positions"], data.normal
+    after = (y - mixed.target)[-count:, field] * normal.y_deviation[field]
+    scale = normal.y_deviation[OUTPUT["joint_velocities"]] / FPS
+    settled = (lanes.age >= SETTLED_FRAMES).float()[:, None]
+    return terms.unrest(before, after, scale, mixed.supervised[-count:, field] * settled)
+
+
 def run_stage2(
     session: Session,
     config: ModelConfig,
@@ -173,11 +187,13 @@ def run_stage2(
 
     def losses(item: object, step: int) -> dict[str, Tensor]:
         assert isinstance(item, Tensor)
-        mixed = mixed_batch(data, item, lanes, 0.25)
+        mixed, before = mixed_batch(data, item, lanes, NOISE), lanes.error_before()
         y = module.decode_mixture(mixed.x, mixed.z)[0].float()
-        lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
         result = stage2_loss(data, mixed.target, y, mixed.supervised)
-        return result | {"total": terms.stage2(result["rec"], result["contact"], CONTACT_WEIGHT)}
+        result["unrest"] = unrest_loss(data, lanes, before, mixed, y)
+        lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
+        total = terms.stage2(result["rec"], result["contact"], CONTACT_WEIGHT)
+        return result | {"total": total + UNREST_WEIGHT * result["unrest"]}
 
     train(session, "stage2", state, rows, losses, steps, _warm_restarts(steps, 1e-3), batch, max_minutes)
     module.load_state_dict(state.average.values)
@@ -250,7 +266,7 @@ def run_stage3(
         assert isinstance(item, Tensor)
         module.eval()  # dropout stays off in the frozen part; the denoiser has none
         with torch.no_grad():
-            mixed = mixed_batch(data, item, lanes, 0.2)
+            mixed, before = mixed_batch(data, item, lanes, NOISE), lanes.error_before()
             e, alpha = module.embed(mixed.x, mixed.z)
             codes = module.target_codes(e, alpha, mixed.target)
             n = tau[torch.randint(len(tau), (batch,), device=item.device)]
@@ -259,12 +275,15 @@ def run_stage3(
             noisy = add_noise(schedule, codes.float(), n, torch.randn(codes.shape, device=item.device))
         predicted = module.denoiser(noisy, e, n).float()
         y = blend_codes(module.clean_codes(predicted, e.float()), alpha.float())
+        unrest = unrest_loss(data, lanes, before, mixed, y)
         lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
         result = {"codes": terms.codes(codes.float(), predicted, mixed.supervised[:, None])}
         total = result["codes"]
         if step > 0.25 * steps:
             result |= stage2_loss(data, mixed.target, y, mixed.supervised)
+            result["unrest"] = unrest
             total = 0.1 * total + terms.stage2(result["rec"], result["contact"], CONTACT_WEIGHT)
+            total = total + UNREST_WEIGHT * unrest
         return result | {"total": total}
 
     def rate(step: int) -> float:  # Sec. III-G: 4e-4 down to 1e-5
@@ -277,26 +296,40 @@ def run_stage3(
     return module.eval()
 
 
+VARIANCE_BATCHES = 48  # of 1024 frames, each with its noise and the opposite of it
+
+
 @torch.no_grad()
 def estimate_variance(
-    session: Session, config: ModelConfig, data: MotionData, module: Generator, batches: int = 8
+    session: Session,
+    config: ModelConfig,
+    data: MotionData,
+    module: Generator,
+    batches: int = VARIANCE_BATCHES,
 ) -> np.ndarray:
-    """sigma_bar^2 `(5,)` per step of tau by Monte Carlo over the training set (Analytic-DPM)."""
+    """sigma_bar^2 `(5,)` per step of tau by Monte Carlo over the training set (Analytic-DPM).
+
+    Kept within its bounds: what is diffused is standardised, so no less than 0 and no more than its own variance is
+    left of it at any step. The last steps divide by an alpha_bar of nearly zero; there the bound is what is known.
+    """
     schedule = Schedule.linear(config.diffusion_steps)
     tau = schedule.subsequence(config.inference_steps)
-    rows = random_rows(data.weights, 512, 0, data.frames.last, session.generator(7))
+    rows = random_rows(data.weights, 1024, 0, data.frames.last, session.generator(7))
     norms: list[list[Tensor]] = [[] for _ in tau]
+    spread: list[float] = []
     module.eval()
     for _ in range(batches):
         item = next(rows)
         patch = data.patch(item)
         e, alpha = module.embed(data.input(item, patch), data.styles(data.frames.clip[item]))
         codes = module.target_codes(e, alpha, data.output(item, patch))
+        spread.append(float(codes.var(0).mean()))
+        noise = torch.randn_like(codes)
         for k, step in enumerate(tau):
             n = torch.full((len(item),), int(step), device=item.device)
-            noisy = add_noise(schedule, codes, n, torch.randn_like(codes))
-            epsilon = noise_estimate(schedule, noisy, module.denoiser(noisy, e, n), n)
-            norms[k].append(epsilon.square().flatten(1).mean(1))
-    return np.array(
-        [analytic_variance(schedule, int(s), torch.cat(v)) for s, v in zip(tau, norms, strict=True)]
-    )
+            for sign in (1.0, -1.0):
+                noisy = add_noise(schedule, codes, n, sign * noise)
+                epsilon = noise_estimate(schedule, noisy, module.denoiser(noisy, e, n), n)
+                norms[k].append(epsilon.square().flatten(1).mean(1))
+    found = [analytic_variance(schedule, int(s), torch.cat(v)) for s, v in zip(tau, norms, strict=True)]
+    return np.clip(found, 0.0, np.mean(spread))

@@ -124,9 +124,9 @@ def within_reach(hips: Array, hips_rotation: Array, ankles: Array) -> Array:
     across = np.linalg.norm(to_ankle[..., [0, 2]], axis=-1)
     height = np.sqrt(np.maximum(reach**2 - across**2, 0.3**2))
     drop = np.maximum(to_ankle[..., 1] - height, 0.0).max(1)
-    padded = np.pad(drop, 5, mode="edge")
-    highest = np.lib.stride_tricks.sliding_window_view(padded, 11).max(-1)
-    return hips - smooth(highest[:, None], 2.5) * np.array([0.0, 1.0, 0.0])
+    padded = np.pad(drop, 2, mode="edge")
+    highest = np.lib.stride_tricks.sliding_window_view(padded, 5).max(-1)
+    return hips - smooth(highest[:, None], 2.0) * np.array([0.0, 1.0, 0.0])
 
 
 def lean_shares(chain: dict[int, float], arms: float, head: float) -> dict[int, float]:

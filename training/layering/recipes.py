@@ -8,14 +8,14 @@ import numpy as np
 from sport.training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS, PartEdit
 
 # legs first: some of their edits take the torso along
-_CHANCE = {"legs": 0.62, "torso": 0.5, "left_arm": 0.42, "right_arm": 0.42, "head": 0.38}
+_CHANCE = {"legs": 0.74, "torso": 0.5, "left_arm": 0.42, "right_arm": 0.42, "head": 0.38}
 BOTH_ARMS = 0.2  # chance that an edited arm is joined by the same edit of the other
 BOTH_LEGS = 0.35
 BOTH = 0.3  # share of the posture edits of legs that are of both at once
 BOTH_RHYTHM = 0.72  # of those of rhythm
 RHYTHM = ("steps", "line", "stance", "hesitation", "stagger", "landing")
 BOTH_SWING = 0.5  # arms that swing more or less mostly do so together
-LEGS_RHYTHM = 0.6  # share of the legs' edits that are of rhythm and weight
+LEGS_RHYTHM = 0.55  # share of the legs' edits that are of rhythm and weight
 # Edits that change a movement, not a posture, show in a part of every step only: they are drawn more often.
 _OF_MOVEMENT = (
     "swing",

@@ -40,7 +40,7 @@ Array = NDArray[np.floating]
 
 _WINDOW = 75  # frames before and after in which the path passes a foot
 _END = 12  # frames whose mean change goes on beyond an end
-_HEEL = np.radians(np.arange(0.0, 31.0, 5.0))  # by which a heel rises behind to let a stride be longer
+_HEEL = np.radians(np.arange(0.0, 41.0, 5.0))  # by which a heel rises behind to let a stride be longer
 _PAUSE_SIGMA = 2.5  # frames of the capture over which a pause is spread
 _VARIATION_GONE = 0.7  # of the stance width, where one is asked for
 _STEP_SHARE = 0.6  # of an unequal rate that becomes an unequal step length; the rest is an uneven speed
@@ -123,7 +123,7 @@ def _heels_up(
     ahead = axes(motion).ahead
     contacts = motion.contacts.copy()
     sockets = SPORT_SKELETON.offsets[ik.LEG_THIGHS].astype(np.float64)
-    reach = 0.995 * sum(
+    reach = 0.985 * sum(
         float(np.linalg.norm(SPORT_SKELETON.offsets[j[0]])) for j in (ik.LEG_SHINS, ik.LEG_FEET)
     )
     for column in range(2):

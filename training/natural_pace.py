@@ -6,29 +6,89 @@ import numpy as np
 import torch
 from sport.runtime.controls import Gait
 from sport.runtime.motion.features import INPUT, OUTPUT, PHASE_OFFSETS, L
-from sport.training.frames import LAYERED, PLAIN, FrameTable
+from sport.training.frames import LAYERED, PLAIN, FrameTable, smooth
 from sport.training.stages.motion import StyleTable
 
+STRAIGHT = np.deg2rad(20.0)  # of the velocity from the facing direction
+STEADY_TURN = 0.35  # rad/s of the root, smoothed over a second
+MIN_FRAMES = 90  # of a clip that go straight ahead, or it says nothing of its style's pace
+DRAWS = 240  # of words for each captured style, so that styles count alike
+LAYERED_SHARE = 0.5  # of the fit, against all captured styles: edits of steps have a pace of their own
+FALLBACKS = {Gait.WALK: 1.3, Gait.JOG: 2.6}  # m/s
+FORWARD_CONTENTS = {Gait.WALK: ("walk forward",), Gait.JOG: ("run forward", "jog forward")}
 
-def style_speeds(table: FrameTable, style: StyleTable, ridge: float = 0.3, draws: int = 4) -> np.ndarray:
-    """Ridge regression `(385, 2)` from Z^t to the clips' natural walking and jogging speeds in m/s."""
-    present = INPUT["gait"].start + 6 * (L // 2)
-    gait = table.x[:, present : present + 6].astype(np.float32)
-    speed = np.linalg.norm(table.y[:, OUTPUT["root"]][:, :2].astype(np.float32), axis=1)
-    backward = table.y[:, OUTPUT["root"]][:, 1].astype(np.float32) < 0.0
+
+def style_speeds(table: FrameTable, style: StyleTable, ridge: float = 0.02) -> np.ndarray:
+    """Ridge regression `(385, 2)` from Z^t to the speeds in m/s at which a style walks and jogs straight ahead.
+
+    Side steps, turns, starts and stops are slower: fitted on them too, a full stick would be.
+    """
     torch.manual_seed(0)
     columns = []
-    for label, fallback in ((Gait.WALK, 1.3), (Gait.JOG, 2.6)):
-        chosen = (gait[:, label] > 0.9) & (speed > 0.3) & ~backward
-        clips = np.unique(table.clip[chosen])
-        spans = [slice(table.start[c], table.start[c + 1]) for c in clips]
-        enough = np.array([chosen[s].sum() > 120 for s in spans], bool)
-        clips = clips[enough] if len(clips) else clips
-        targets = np.array([np.median(speed[s][chosen[s]]) for s, e in zip(spans, enough, strict=True) if e])
-        index = torch.as_tensor(np.repeat(clips, draws).astype(np.int64), device=style.index.device)
+    for label, fallback in FALLBACKS.items():
+        clips, targets, weights = _paces(table, label)
+        index = torch.as_tensor(clips, device=style.index.device)
         inputs = style.draw(index).cpu().numpy() if len(clips) else np.zeros((0, 384), np.float32)
-        columns.append(_ridge(inputs, np.repeat(targets, draws), ridge, fallback))
+        columns.append(_ridge(inputs, targets, weights, ridge, fallback))
     return np.stack(columns, 1).astype(np.float32)
+
+
+def straight_speeds(table: FrameTable, label: Gait) -> np.ndarray:
+    """Median speed `(clips,)` of each clip while it goes straight ahead in a gait; nan where it hardly does."""
+    gait = table.x[:, INPUT["gait"]].reshape(len(table), L, -1)[:, :, label].min(1).astype(np.float32)
+    root = table.y[:, OUTPUT["root"]].astype(np.float32)
+    speed = np.linalg.norm(root[:, :2], axis=1)
+    result = np.full(len(table.styles), np.nan)
+    for clip, span in enumerate(zip(table.start[:-1], table.start[1:], strict=True)):
+        part = slice(*span)
+        if part.stop - part.start < MIN_FRAMES:
+            continue
+        across, ahead, turn = (smooth(root[part, k : k + 1], 15.0)[:, 0] for k in range(3))
+        straight = (np.abs(np.arctan2(across, ahead)) < STRAIGHT) & (np.abs(turn) < STEADY_TURN)
+        chosen = straight & (gait[part] > 0.9) & (speed[part] > 0.3)
+        if chosen.sum() >= MIN_FRAMES:
+            result[clip] = np.median(ahead[chosen])
+    return result
+
+
+def captured_paces(table: FrameTable, label: Gait) -> dict[str, float]:
+    """Speed of each captured style straight ahead: of its forward takes, where it has some."""
+    speeds = straight_speeds(table, label)
+    plain = [c != LAYERED and " on " not in c for c in table.contents]
+    usable = np.isfinite(speeds) & np.array(plain) & ~table.mirrored
+    forward = np.array([c in FORWARD_CONTENTS[label] for c in table.contents])
+    frames = np.diff(table.start)
+    paces = {}
+    for name in sorted(set(table.styles)):
+        own = usable & (np.array(table.styles) == name)
+        chosen = own & forward if (own & forward).any() else own
+        if chosen.any():
+            order = np.argsort(speeds[chosen])
+            share = np.cumsum(frames[chosen][order]) / frames[chosen].sum()
+            paces[name] = float(speeds[chosen][order][np.searchsorted(share, 0.5)])
+    return paces
+
+
+def _paces(table: FrameTable, label: Gait) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Clips whose words are fitted `(n,)`, the pace of each in m/s and its weight."""
+    paces = captured_paces(table, label)
+    random = np.random.default_rng(0)
+    styles = np.array(table.styles)
+    layered = np.array([c == LAYERED for c in table.contents])
+    clips, targets = [], []
+    for name, pace in paces.items():
+        own = np.flatnonzero((styles == name) & ~layered)
+        clips.append(random.choice(own, DRAWS))
+        targets.append(np.full(DRAWS, pace))
+    captured = sum(map(len, clips))
+    own_pace = straight_speeds(table, label)
+    made = np.flatnonzero(layered & np.isfinite(own_pace))
+    clips.append(made)
+    targets.append(own_pace[made])
+    weights = np.ones(captured + len(made))
+    if captured and len(made):
+        weights[captured:] = LAYERED_SHARE / (1.0 - LAYERED_SHARE) * captured / len(made)
+    return np.concatenate(clips).astype(np.int64), np.concatenate(targets), weights
 
 
 def neutral_style(table: FrameTable, style: StyleTable) -> np.ndarray:
@@ -39,22 +99,25 @@ def neutral_style(table: FrameTable, style: StyleTable) -> np.ndarray:
     return style.of(index.flatten(0, 1)).mean(0).view(6, -1).cpu().numpy()
 
 
-def _ridge(inputs: np.ndarray, values: np.ndarray, ridge: float, fallback: float) -> np.ndarray:
+def _ridge(
+    inputs: np.ndarray, values: np.ndarray, weights: np.ndarray, ridge: float, fallback: float
+) -> np.ndarray:
     if len(values) < 2:
         return np.concatenate([np.zeros(inputs.shape[-1]), [fallback]])
-    mean = values.mean()
-    matrix = inputs.T @ inputs + ridge * len(inputs) / 100 * np.eye(inputs.shape[1])
-    return np.concatenate([np.linalg.solve(matrix, inputs.T @ (values - mean)), [mean]])
+    mean = np.average(values, weights=weights)
+    weighted = inputs * weights[:, None]
+    matrix = inputs.T @ weighted + ridge * weights.sum() / 100 * np.eye(inputs.shape[1])
+    return np.concatenate([np.linalg.solve(matrix, weighted.T @ (values - mean)), [mean]])
 
 
 def start_state(table: FrameTable, phase: np.ndarray) -> dict[str, list[float]]:
-    """The quietest standing frame of a neutral clip: where a character begins."""
+    """The quietest standing frame of a plain clip: where a character begins, upright and with straight knees."""
     styles = np.array(table.styles)[table.clip]
     gait = table.x[:, INPUT["gait"]].reshape(len(table), L, -1)[:, :, Gait.STAND].min(1)
     contacts = table.y[:, OUTPUT["contacts"]].min(1)
     speed = np.abs(table.y[:, OUTPUT["joint_velocities"]].astype(np.float32)).mean(1)
     captured = np.array([c != LAYERED for c in table.contents])[table.clip]
-    neutral = np.char.startswith(styles, "neutral") & ~table.mirrored[table.clip] & captured
+    neutral = (styles == PLAIN) & ~table.mirrored[table.clip] & captured
     penalty = 10.0 * (gait < 0.9) + 5.0 * (contacts < 0.5) + 20.0 * ~neutral
     row = int(np.argmin(speed + penalty))
     first, last = table.start[table.clip[row]], table.start[table.clip[row] + 1] - 1

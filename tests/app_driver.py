@@ -39,7 +39,7 @@ def run_until(app: App, condition: Callable[[], bool], seconds: float = 20.0) ->
 
 
 def controller(app: App) -> FakeController:
-    found = app.state.simulation.controller
+    found = app.state.stage.simulation.controller
     assert isinstance(found, FakeController)
     return found
 
@@ -66,7 +66,7 @@ def press(app: App, *names: str) -> None:
 
 def type_prompt(app: App, text: str) -> None:
     """Go to the prompt's field, where everything is selected, and type."""
-    app.actions._focus_prompt()
+    app.shell.focus_prompt()
     run(app, 3)
     app.window.inject_text(text)
     run(app, 3)

@@ -14,10 +14,10 @@ from app_driver import Start, run
 from sport.runtime.errors import UsageError
 from sport.runtime.terrain.height_map import Terrain
 from sport.viewer.gui.layout import Rect, arrange, view_centre
+from sport.viewer.gui.status import Stats
 from sport.viewer.messages import Messages
 from sport.viewer.settings import Settings, config_directory, load_settings, save_settings
 from sport.viewer.stage.simulation import MAX_STEPS, Simulation, interpolate
-from sport.viewer.state import Stats
 from sport.viewer.takes.playback import Playback
 from sport.viewer.takes.takes import export_target, file_stem, free_path
 from viewer_fakes import FakeController

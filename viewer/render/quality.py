@@ -27,6 +27,7 @@ class Quality:
 
 SOFTWARE = Quality("software", 104, 768, 1, False, False, 0, True, 1.0, 1_100_000)
 HIGH = Quality("high", 256, 2048, 16, True, True, 4, False, 1.0, 0)
+PRESETS = {preset.name: preset for preset in (SOFTWARE, HIGH)}
 
 
 def choose_quality(ctx: moderngl.Context) -> Quality:

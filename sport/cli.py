@@ -210,9 +210,10 @@ def _generate(options: argparse.Namespace) -> int:
     from sport.runtime.generate import DEFAULT_PROMPT, generate_clip, load_parts, parse_prompts
     from sport.runtime.prompts.blend import BlendedPrompt
     from sport.runtime.prompts.expander import check_prompt
-    from sport.runtime.takes.clip import check_bvh_options, save_bvh
+    from sport.runtime.takes.clip import check_bvh_length, check_bvh_options, save_bvh
 
     check_bvh_options(options.fps, options.unit)
+    check_bvh_length(options.seconds, options.fps)
     check_target(options.out)
     if options.seed < 0:
         raise UsageError(f"--seed {options.seed}: expected 0 or more.", "Choose another seed.")

@@ -41,7 +41,7 @@ ARROWS = {
 # the rooms of a package from the ground up: each may use itself and those before it
 ROOMS = {
     "runtime": (
-        "errors", "assets", "atomic", "rotations", "skeleton", "spring", "pose", "controls",
+        "errors", "safe_read", "assets", "atomic", "rotations", "skeleton", "spring", "pose", "controls",
         "terrain", "feet", "character", "motion", "prompts", "prompts.english", "prompts.gpt", "takes", "generate",
     ),
 }  # fmt: skip

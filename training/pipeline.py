@@ -17,6 +17,7 @@ from sport.runtime.prompts.text_encoder import SHIPPED, TextEncoder
 from sport.training import parallel
 from sport.training.batches import Frames, Normalisation
 from sport.training.export.ablation import DECODERS
+from sport.training.export.half_storage import store_model_in_half
 from sport.training.export.model import Trained, export_model
 from sport.training.export.quantize import quantize_model
 from sport.training.frames import FrameTable, load_frames, sampling_weights
@@ -213,6 +214,7 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
         # the runtime, which measures it, loads no other output; an ablation is not played with
         if config.output_size == OUTPUT_SIZE and not args.ablation:
             quantize_model(folder, text_encoder=args.text_encoder)
+        store_model_in_half(folder)
         log.info("exported to %s", folder)
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +12,15 @@ from numpy.typing import NDArray
 from sport.runtime import rotations
 from sport.runtime.character.joints import REQUIRED, Alignment, align, match_joints
 from sport.runtime.character.mesh import MeshData, read_meshes
-from sport.runtime.character.read import REMEDY, STRUCTURE_ERRORS, GltfFile, open_gltf
+from sport.runtime.character.read import MAX_VALUE, REMEDY, STRUCTURE_ERRORS, GltfFile, open_gltf
 from sport.runtime.errors import FileError
 from sport.runtime.pose import Pose
+from sport.runtime.safe_read import is_text, parse_json, read_bounded
 from sport.runtime.skeleton import SPORT_SKELETON
 
 Array = NDArray[Any]
 
-MAX_JOINTS = 1024
+MAX_MAP_BYTES = 1024 * 1024
 
 
 @dataclass(frozen=True)
@@ -101,18 +101,20 @@ def skin_vertices(character: Character, matrices: Array) -> Array:
 def read_joint_map(path: str | Path) -> dict[str, str]:
     """A JSON object that maps SPORT joint names to joint names of the user's character."""
     path = Path(path)
+    form = 'Expected {"LeftArm": "name in the file", ...}.'
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror or error}.", "Check the path.") from error
+        data = parse_json(read_bounded(path, MAX_MAP_BYTES, form))
     except ValueError as error:
+        raise FileError(f"{path}: not JSON ({error}).", form) from error
+    if not isinstance(data, dict):
+        raise FileError(f"{path}: not a JSON object.", form)
+    wrong = sorted(
+        key for key, value in data.items() if key not in SPORT_SKELETON.names or not is_text(value)
+    )
+    if wrong:
         raise FileError(
-            f"{path}: not JSON ({error}).", 'Expected {"LeftArm": "name in the file", ...}.'
-        ) from error
-    unknown = sorted(set(data) - set(SPORT_SKELETON.names)) if isinstance(data, dict) else ["a JSON object"]
-    if unknown or not all(isinstance(value, str) for value in data.values()):
-        raise FileError(
-            f"{path}: expected SPORT joint names mapped to strings, found {', '.join(map(repr, unknown[:4]))}.",
+            f"{path}: expected SPORT joint names mapped to text, found"
+            f" {', '.join(ascii(key[:40]) for key in wrong[:4])}.",
             f"Known joints: {', '.join(SPORT_SKELETON.names)}.",
         )
     return data
@@ -126,20 +128,30 @@ def load_character(path: str | Path, joint_map: Mapping[str, str] | None = None)
     """
     file = open_gltf(Path(path))
     try:
-        data = read_meshes(file)
+        with np.errstate(all="ignore"):  # what comes of it is checked
+            character = _assemble(file, read_meshes(file), joint_map or {})
     except STRUCTURE_ERRORS as error:
         problem = f"{type(error).__name__}: {error}"[:160]
         raise FileError(f"{file.name}: damaged glTF structure ({problem}).", REMEDY) from error
-    if len(data.joint_nodes) > MAX_JOINTS:
-        raise FileError(
-            f"{file.name}: {len(data.joint_nodes)} joints; at most {MAX_JOINTS} are supported.", REMEDY
-        )
-    return _assemble(file, data, joint_map or {})
+    _check_finite(file, character)
+    return character
+
+
+def _check_finite(file: GltfFile, character: Character) -> None:
+    """FileError where scales of zero and the like have made numbers that nothing can be drawn with."""
+    for holder in (character, character.alignment):
+        for field in fields(holder):
+            value = getattr(holder, field.name)
+            real = isinstance(value, float) or (isinstance(value, np.ndarray) and value.dtype.kind == "f")
+            if real and not np.all(np.abs(value) < MAX_VALUE):
+                raise FileError(
+                    f"{file.name}: the {field.name.replace('_', ' ')} of its skeleton are not finite.", REMEDY
+                )
 
 
 def _assemble(file: GltfFile, data: MeshData, joint_map: Mapping[str, str]) -> Character:
     nodes = file.gltf.nodes
-    names = tuple(nodes[n].name or f"node{n}" for n in data.joint_nodes)
+    names = tuple(nodes[n].name if is_text(nodes[n].name) else f"node{n}" for n in data.joint_nodes)
     found = _find_joints(file, data, names, joint_map)
     alignment = align(found, data.joint_parents, data.rest_world, data.rest_positions())
     return Character(

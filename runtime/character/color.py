@@ -3,24 +3,31 @@
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING, Any
-from urllib.parse import unquote
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sport.runtime.character.read import REMEDY, GltfFile, buffer_view_bytes, read_accessor, read_sibling
+from sport.runtime.character.read import (
+    REMEDY,
+    STRUCTURE_ERRORS,
+    Entry,
+    GltfFile,
+    buffer_view_bytes,
+    read_accessor,
+    read_uri,
+)
 from sport.runtime.errors import FileError
-
-if TYPE_CHECKING:
-    from pygltflib import Primitive, TextureInfo
 
 Array = NDArray[Any]
 
-MAX_TEXTURE_PIXELS = 8192 * 8192
+MAX_TEXTURE_PIXELS = 8192 * 8192  # of all images of a file, and
+MAX_TEXTURE_SIDE = 8192
+PIXELS_PER_BYTE = 16  # more for each of their bytes: images of something are hardly ever packed closer
+_EXPORT = "Export textures as PNG or JPEG."
 SAMPLED_PIXELS = 512  # textures are averaged down to this, since only one colour per vertex is taken
 
 
-def primitive_colors(file: GltfFile, primitive: Primitive, what: str, count: int) -> Array:
+def primitive_colors(file: GltfFile, textures: Textures, primitive: Entry, what: str, count: int) -> Array:
     """Linear RGB `(count, 3)` of a primitive's vertices."""
     materials = file.gltf.materials or []
     color = np.ones((count, 3), np.float32)
@@ -31,7 +38,7 @@ def primitive_colors(file: GltfFile, primitive: Primitive, what: str, count: int
         if surface is not None and surface.baseColorFactor is not None:
             color *= np.array(surface.baseColorFactor, np.float32)[:3]
         if surface is not None and surface.baseColorTexture is not None:
-            color *= _texture_colors(file, primitive, surface.baseColorTexture, what, count)
+            color *= _texture_colors(file, textures, primitive, surface.baseColorTexture, what, count)
     if primitive.attributes.COLOR_0 is not None:
         values = read_accessor(file, primitive.attributes.COLOR_0, f"COLOR_0 of {what}")
         if len(values) != count or values.shape[1] not in (3, 4):
@@ -42,7 +49,9 @@ def primitive_colors(file: GltfFile, primitive: Primitive, what: str, count: int
     return np.clip(color, 0.0, 1.0).astype(np.float32)
 
 
-def _texture_colors(file: GltfFile, primitive: Primitive, info: TextureInfo, what: str, count: int) -> Array:
+def _texture_colors(
+    file: GltfFile, textures: Textures, primitive: Entry, info: Entry, what: str, count: int
+) -> Array:
     channel = getattr(primitive.attributes, f"TEXCOORD_{info.texCoord or 0}", None)
     if channel is None:
         return np.ones((count, 3), np.float32)
@@ -51,43 +60,67 @@ def _texture_colors(file: GltfFile, primitive: Primitive, info: TextureInfo, wha
         raise FileError(
             f"{file.name}: the texture coordinates of {what} do not fit its {count} vertices.", REMEDY
         )
-    pixels = _texture_pixels(file, info.index)
+    pixels = textures.pixels(info.index)
     height, width = pixels.shape[:2]
     at = np.floor((uv % 1.0) * (width, height)).astype(np.int64)
     srgb = pixels[np.minimum(at[:, 1], height - 1), np.minimum(at[:, 0], width - 1)] / 255.0
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
-def _texture_pixels(file: GltfFile, index: int) -> NDArray[np.uint8]:
-    """sRGB pixels `(H, W, 3)` of a texture's image."""
-    from PIL import Image, UnidentifiedImageError
+class Textures:
+    """The images of a file, each decoded once: PNG or JPEG, and no more pixels than images of their bytes have."""
 
-    textures, images = file.gltf.textures or [], file.gltf.images or []
-    if not 0 <= index < len(textures):
-        raise FileError(f"{file.name}: texture {index} is missing.", REMEDY)
-    source = textures[index].source
-    if source is None or not 0 <= source < len(images):
-        raise FileError(
-            f"{file.name}: the image of texture {index} is missing.", "Export textures as PNG or JPEG."
-        )
-    image = images[source]
-    if image.bufferView is not None:
-        data = buffer_view_bytes(file, image.bufferView, f"image {source}")
-    elif (image.uri or "").startswith("data:"):
-        data = file.gltf.decode_data_uri(image.uri)
-    else:
-        data = read_sibling(file.path, unquote(image.uri or ""), "image")
-    try:
-        with Image.open(io.BytesIO(data)) as picture:
-            if picture.width * picture.height > MAX_TEXTURE_PIXELS:
-                raise FileError(
-                    f"{file.name}: image {source} is larger than 8192 x 8192.", "Reduce its textures."
-                )
-            picture.draft("RGB", (SAMPLED_PIXELS, SAMPLED_PIXELS))
-            small = picture.convert("RGB")
-            small.thumbnail((SAMPLED_PIXELS, SAMPLED_PIXELS))
-            return np.asarray(small)
-    except (UnidentifiedImageError, Image.DecompressionBombError, OSError, ValueError, SyntaxError) as error:
-        raise FileError(
-            f"{file.name}: image {source} is damaged ({error}).", "Export textures as PNG or JPEG."
-        ) from error
+    def __init__(self, file: GltfFile) -> None:
+        self._file = file
+        self._pixels: dict[int, NDArray[np.uint8]] = {}
+        self._left = MAX_TEXTURE_PIXELS
+
+    def pixels(self, texture: Any) -> NDArray[np.uint8]:
+        """sRGB pixels `(H, W, 3)` of a texture's image."""
+        name = self._file.name
+        textures, images = self._file.gltf.textures or [], self._file.gltf.images or []
+        if not isinstance(texture, int) or not 0 <= texture < len(textures):
+            raise FileError(f"{name}: texture {str(texture)[:40]} is missing.", REMEDY)
+        source = textures[texture].source
+        if not isinstance(source, int) or not 0 <= source < len(images):
+            raise FileError(f"{name}: the image of texture {texture} is missing.", _EXPORT)
+        if source not in self._pixels:
+            self._pixels[source] = self._decode(self._bytes(images[source], source), f"image {source}")
+        return self._pixels[source]
+
+    def _bytes(self, image: Entry, source: int) -> bytes:
+        if image.bufferView is not None:
+            return bytes(buffer_view_bytes(self._file, image.bufferView, f"image {source}"))
+        return read_uri(self._file.path, image.uri, "image")
+
+    def _decode(self, data: bytes, what: str) -> NDArray[np.uint8]:
+        from PIL import Image
+
+        # Pillow guesses the format by asking all of its readers, one of which hands PostScript to Ghostscript
+        if not data.startswith((b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff")):
+            raise FileError(f"{self._file.name}: {what} is neither PNG nor JPEG.", _EXPORT)
+        try:
+            with Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as picture:
+                # each scan of a JPEG is another pass over the whole image
+                passes = 1 + data.count(b"\xff\xda") // 16 if picture.format == "JPEG" else 1
+                self._left += len(data) * PIXELS_PER_BYTE - picture.width * picture.height * passes
+                if self._left < 0 or max(picture.size) > MAX_TEXTURE_SIDE:
+                    raise FileError(
+                        f"{self._file.name}: up to {what} its textures are larger than"
+                        f" {MAX_TEXTURE_PIXELS >> 20} million pixels.",
+                        "Reduce its textures.",
+                    )
+                return _reduced(picture)
+        except (Image.DecompressionBombError, *STRUCTURE_ERRORS, OSError, SyntaxError, EOFError) as error:
+            raise FileError(f"{self._file.name}: {what} is damaged ({str(error)[:160]}).", _EXPORT) from error
+
+
+def _reduced(picture: Any) -> NDArray[np.uint8]:
+    """RGB of at most `SAMPLED_PIXELS` a side: large images are averaged before they are converted."""
+    picture.draft("RGB", (SAMPLED_PIXELS, SAMPLED_PIXELS))
+    if picture.mode in ("L", "RGB", "RGBA"):
+        factor = max(1, max(picture.size) // (2 * SAMPLED_PIXELS))
+        picture = picture.reduce(factor)
+    small = picture.convert("RGB")
+    small.thumbnail((SAMPLED_PIXELS, SAMPLED_PIXELS))
+    return np.asarray(small)

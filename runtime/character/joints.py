@@ -182,7 +182,10 @@ def _drivers(parents: Sequence[int], source: NDArray[np.int64], hips: int) -> ND
 
 def _ancestors_first(joints: list[int], parents: Sequence[int], hips: int) -> tuple[int, ...]:
     def depth(k: int) -> int:
-        return 0 if k < 0 else 1 + depth(parents[k])
+        steps = 0
+        while k >= 0:
+            k, steps = parents[k], steps + 1
+        return steps
 
     return (hips, *sorted((k for k in joints if k != hips), key=depth))
 

@@ -4,22 +4,31 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from sport.runtime import rotations
-from sport.runtime.character.color import primitive_colors
+from sport.runtime.character.color import Textures, primitive_colors
 from sport.runtime.character.joints import CONVENTIONS
-from sport.runtime.character.read import MAX_VALUE, REMEDY, GltfFile, read_accessor
+from sport.runtime.character.nodes import ancestors, nearest_of, node_world_matrices
+from sport.runtime.character.read import (
+    MAX_PRIMITIVES,
+    REMEDY,
+    Entry,
+    GltfFile,
+    accessor_count,
+    read_accessor,
+)
 from sport.runtime.errors import FileError
-
-if TYPE_CHECKING:
-    from pygltflib import Primitive
 
 Array = NDArray[Any]
 
-MAX_VERTICES = 4_000_000
+MAX_VERTICES = 1_000_000  # of all primitives; characters in games have 100,000
+MAX_TRIANGLES = 2_000_000
+MAX_JOINTS = 1024
+MAX_SKIN_JOINTS = 16 * MAX_JOINTS  # of all skins, which mostly share their joints
+_SKINNED_AT_ONCE = 1 << 15  # vertices, whose blended matrices take 400 bytes each
 
 
 @dataclass(frozen=True)
@@ -40,81 +49,110 @@ class MeshData:
 
     def rest_positions(self) -> Array:
         """Vertices `(V, 3)` as the file shows them, skinned by the joints' rest transforms."""
-        matrices = (self.rest_world @ self.inverse_bind)[self.joint_indices, :3]
-        blended = np.einsum("vi,vijk->vjk", self.joint_weights, matrices)
-        return np.einsum("vjk,vk->vj", blended[..., :3], self.positions) + blended[..., 3]
-
-
-def node_parents(file: GltfFile) -> list[int]:
-    """Parent node of each node, -1 at roots; FileError on a cycle or a bad child index."""
-    nodes = file.gltf.nodes or []
-    parents = [-1] * len(nodes)
-    for i, node in enumerate(nodes):
-        for child in node.children or []:
-            if not 0 <= child < len(nodes) or parents[child] >= 0 or child == i:
-                raise FileError(f"{file.name}: the children of node {i} do not form a tree.", REMEDY)
-            parents[child] = i
-    for i in range(len(nodes)):
-        steps, k = 0, i
-        while k >= 0:
-            k, steps = parents[k], steps + 1
-            if steps > len(nodes):
-                raise FileError(f"{file.name}: the node hierarchy has a cycle at node {i}.", REMEDY)
-    return parents
-
-
-def node_world_matrices(file: GltfFile) -> Array:
-    """Rest transforms `(nodes, 4, 4)` in scene space, float64."""
-    parents = node_parents(file)
-    local = [_local_matrix(file, i) for i in range(len(parents))]
-    world: dict[int, Array] = {}
-    for i in range(len(parents)):
-        path = []
-        k = i
-        while k >= 0 and k not in world:
-            path.append(k)
-            k = parents[k]
-        for node in reversed(path):
-            parent = parents[node]
-            world[node] = local[node] if parent < 0 else world[parent] @ local[node]
-    return np.stack([world[i] for i in range(len(parents))]) if parents else np.zeros((0, 4, 4))
-
-
-def _local_matrix(file: GltfFile, i: int) -> Array:
-    def values(name: str, default: tuple[float, ...]) -> Array:
-        given = getattr(node, name)
-        array = np.array(default if given is None else given, np.float64)
-        if array.shape != (len(default),) or not np.all(np.abs(array) < MAX_VALUE):
-            raise FileError(
-                f"{file.name}: the {name} of node {i} is not {len(default)} finite numbers.", REMEDY
-            )
-        return array
-
-    node = file.gltf.nodes[i]
-    if node.matrix is not None:
-        return values("matrix", tuple(np.eye(4).ravel())).reshape(4, 4).T
-    matrix = np.eye(4)
-    turn = rotations.normalize(values("rotation", (0.0, 0.0, 0.0, 1.0))[[3, 0, 1, 2]])
-    matrix[:3, :3] = rotations.to_matrix(turn) * values("scale", (1.0, 1.0, 1.0))
-    matrix[:3, 3] = values("translation", (0.0, 0.0, 0.0))
-    return matrix
+        matrices = (self.rest_world @ self.inverse_bind)[:, :3]
+        result = np.empty((len(self.positions), 3))
+        for first in range(0, len(result), _SKINNED_AT_ONCE):
+            rows = slice(first, first + _SKINNED_AT_ONCE)
+            blended = np.einsum("vi,vijk->vjk", self.joint_weights[rows], matrices[self.joint_indices[rows]])
+            result[rows] = np.einsum("vjk,vk->vj", blended[..., :3], self.positions[rows]) + blended[..., 3]
+        return result
 
 
 class _Palette:
     """The joints of all skins: one entry for each pair of node and inverse bind matrix."""
 
-    def __init__(self) -> None:
+    def __init__(self, file: GltfFile) -> None:
         self.nodes: list[int] = []
         self.inverse_bind: list[Array] = []
+        self.first: dict[int, int] = {}  # entry of a node, the first one where it has several
+        self._file = file
         self._index: dict[tuple[int, bytes], int] = {}
+        self._slots: dict[int, NDArray[np.int64]] = {}
+        self._read = 0
 
-    def add(self, node: int, inverse_bind: Array) -> int:
+    def slots(self, skin: int) -> NDArray[np.int64]:
+        """Entry of each joint of a skin."""
+        if skin not in self._slots:
+            joints, inverse = _skin_joints(self._file, skin)
+            self._read += len(joints)
+            if self._read > MAX_SKIN_JOINTS:
+                raise FileError(
+                    f"{self._file.name}: its skins have more than {MAX_SKIN_JOINTS} joints.", REMEDY
+                )
+            self._slots[skin] = np.array([self._add(j, m) for j, m in zip(joints, inverse, strict=False)])
+        return self._slots[skin]
+
+    def _add(self, node: int, inverse_bind: Array) -> int:
         key = (node, np.round(inverse_bind, 5).astype(np.float32).tobytes())
         if key not in self._index:
+            if len(self.nodes) == MAX_JOINTS:
+                raise FileError(
+                    f"{self._file.name}: more than {MAX_JOINTS} joints are not supported.", REMEDY
+                )
             self._index[key] = len(self.nodes)
+            self.first.setdefault(node, len(self.nodes))
             self.nodes.append(node)
             self.inverse_bind.append(inverse_bind)
         return self._index[key]
+
+
+def _skin_joints(file: GltfFile, index: int) -> tuple[list[int], Array]:
+    """The nodes of skin `index` and their inverse bind matrices `(joints or more, 4, 4)`."""
+    skins, nodes = file.gltf.skins, file.gltf.nodes
+    if not 0 <= index < len(skins):
+        raise FileError(f"{file.name}: skin {index} is missing.", REMEDY)
+    joints = list(skins[index].joints or [])
+    if not joints or not all(isinstance(j, int) and 0 <= j < len(nodes) for j in joints):
+        raise FileError(f"{file.name}: skin {index} names joints that are not there.", REMEDY)
+    matrices = skins[index].inverseBindMatrices
+    if matrices is None:
+        return joints, np.broadcast_to(np.eye(4), (len(joints), 4, 4))
+    if accessor_count(file, matrices) > 2 * MAX_JOINTS:
+        raise FileError(f"{file.name}: skin {index} has more than {2 * MAX_JOINTS} bind matrices.", REMEDY)
+    values = read_accessor(file, matrices, f"inverse bind matrices of skin {index}")
+    if values.shape[1] != 16 or len(values) < len(joints):
+        raise FileError(
+            f"{file.name}: skin {index} has {len(joints)} joints but {len(values)} bind matrices.", REMEDY
+        )
+    return joints, values.reshape(-1, 4, 4).transpose(0, 2, 1)
+
+
+class _Reader:
+    """Reads the primitives of a file, and stops before it reads more of them than one character has."""
+
+    def __init__(self, file: GltfFile) -> None:
+        self._file = file
+        self._textures = Textures(file)
+        self._primitives = self._vertices = self._triangles = 0
+
+    def read(self, mesh: int, slots: NDArray[np.int64], rigid: Array | None) -> list[MeshData]:
+        """The triangles of a mesh whose joints are `slots`; for `rigid` see `_read_primitive`."""
+        meshes = self._file.gltf.meshes or []
+        if not 0 <= mesh < len(meshes):
+            raise FileError(f"{self._file.name}: mesh {mesh} is missing.", REMEDY)
+        parts = []
+        for p, primitive in enumerate(meshes[mesh].primitives):
+            if primitive.mode in (None, 4):
+                what = f"mesh {mesh} primitive {p}"
+                self._count(primitive, what)
+                parts.append(_read_primitive(self._file, primitive, slots, what, rigid, self._textures))
+        return parts
+
+    def _count(self, primitive: Entry, what: str) -> None:
+        vertices = accessor_count(self._file, primitive.attributes.POSITION)
+        self._primitives += 1
+        self._vertices += vertices
+        self._triangles += (accessor_count(self._file, primitive.indices) or vertices) // 3
+        for name, count, most in (
+            ("primitives", self._primitives, MAX_PRIMITIVES),
+            ("vertices", self._vertices, MAX_VERTICES),
+            ("triangles", self._triangles, MAX_TRIANGLES),
+        ):
+            if count > most:
+                raise FileError(
+                    f"{self._file.name}: more than {most} {name} up to the POSITION of {what}.",
+                    "Reduce the mesh.",
+                )
 
 
 def read_meshes(file: GltfFile) -> MeshData:
@@ -124,70 +162,45 @@ def read_meshes(file: GltfFile) -> MeshData:
         raise FileError(
             f"{file.name}: it has no skin.", "Export the character with its skeleton and skin weights."
         )
-    world = node_world_matrices(file)
-    palette = _Palette()
+    order, parents = ancestors(file)
+    world = node_world_matrices(file, order, parents)
+    palette, reader = _Palette(file), _Reader(file)
     parts: list[MeshData] = []
     for node in nodes:
         if node.mesh is not None and node.skin is not None:
-            parts += _read_node(file, node.mesh, _skin_slots(file, node.skin, palette), None)
+            parts += reader.read(node.mesh, palette.slots(node.skin), None)
     if not parts:
         raise FileError(f"{file.name}: no mesh of triangles uses its skin.", REMEDY)
+    carriers = nearest_of(order, parents, palette.first)
     for i, node in enumerate(nodes):
-        if node.mesh is not None and node.skin is None:
-            parts += _read_attachment(file, i, world, palette)
-    merged = _merge(file, parts)
-    parents = _joint_parents(file, palette.nodes)
+        if node.mesh is not None and node.skin is None and carriers[i] >= 0:
+            parts += _read_attachment(reader, i, node.mesh, carriers[i], world, palette)
     return replace(
-        merged,
+        _merge(parts),
         joint_nodes=tuple(palette.nodes),
-        joint_parents=parents,
+        joint_parents=_joint_parents(parents, carriers, palette),
         inverse_bind=np.stack(palette.inverse_bind).astype(np.float32),
         rest_world=world[palette.nodes],
         humanoid=_vrm_humanoid(file, palette.nodes),
     )
 
 
-def _read_node(file: GltfFile, mesh: int, slots: NDArray[np.int64], rigid: Array | None) -> list[MeshData]:
-    return [
-        _read_primitive(file, primitive, slots, f"mesh {mesh} primitive {p}", rigid)
-        for p, primitive in enumerate(file.gltf.meshes[mesh].primitives)
-        if primitive.mode in (None, 4)
-    ]
-
-
-def _read_attachment(file: GltfFile, node: int, world: Array, palette: _Palette) -> list[MeshData]:
+def _read_attachment(
+    reader: _Reader, node: int, mesh: int, joint: int, world: Array, palette: _Palette
+) -> list[MeshData]:
     """A mesh without skin that hangs on a joint (glasses, a sword): it moves rigidly with that joint."""
-    parents = node_parents(file)
-    joint = node
-    while joint >= 0 and joint not in palette.nodes:
-        joint = parents[joint]
-    if joint < 0:
-        return []  # scenery that does not belong to the character
-    slot = palette.nodes.index(joint)
+    slot = palette.first[joint]
     to_bind = np.linalg.inv(world[joint] @ palette.inverse_bind[slot]) @ world[node]
-    return _read_node(file, file.gltf.nodes[node].mesh, np.array([slot]), to_bind)
-
-
-def _skin_slots(file: GltfFile, index: int, palette: _Palette) -> NDArray[np.int64]:
-    """Palette entry of each joint of skin `index`."""
-    skin = file.gltf.skins[index]
-    joints = list(skin.joints or [])
-    if not joints or not all(0 <= j < len(file.gltf.nodes) for j in joints):
-        raise FileError(f"{file.name}: skin {index} names joints that are not there.", REMEDY)
-    if skin.inverseBindMatrices is None:
-        inverse = np.repeat(np.eye(4)[None], len(joints), axis=0)
-    else:
-        values = read_accessor(file, skin.inverseBindMatrices, f"inverse bind matrices of skin {index}")
-        if values.shape[1] != 16 or len(values) < len(joints):
-            raise FileError(
-                f"{file.name}: skin {index} has {len(joints)} joints but {len(values)} bind matrices.", REMEDY
-            )
-        inverse = values.reshape(-1, 4, 4).transpose(0, 2, 1)
-    return np.array([palette.add(j, m) for j, m in zip(joints, inverse, strict=False)])
+    return reader.read(mesh, np.array([slot]), to_bind)
 
 
 def _read_primitive(
-    file: GltfFile, primitive: Primitive, slots: NDArray[np.int64], what: str, rigid: Array | None
+    file: GltfFile,
+    primitive: Entry,
+    slots: NDArray[np.int64],
+    what: str,
+    rigid: Array | None,
+    textures: Textures,
 ) -> MeshData:
     """One primitive; `rigid` `(4, 4)` carries a mesh without weights to the bind space of its only joint."""
     attributes = primitive.attributes
@@ -216,21 +229,21 @@ def _read_primitive(
     return MeshData(
         positions,
         unit,
-        primitive_colors(file, primitive, what, len(positions)),
+        primitive_colors(file, textures, primitive, what, len(positions)),
         joints,
         weights,
         triangles.astype(np.uint32),
     )
 
 
-def _vectors(file: GltfFile, index: int | None, what: str, width: int) -> Array:
+def _vectors(file: GltfFile, index: Any, what: str, width: int) -> Array:
     values = read_accessor(file, index, what)
     if values.shape[1] != width:
         raise FileError(f"{file.name}: {what} has {values.shape[1]} components; expected {width}.", REMEDY)
     return values.astype(np.float32)
 
 
-def _matching(file: GltfFile, index: int | None, what: str, widths: tuple[int, ...], count: int) -> Array:
+def _matching(file: GltfFile, index: Any, what: str, widths: tuple[int, ...], count: int) -> Array:
     values = read_accessor(file, index, what)
     if len(values) != count or values.shape[1] not in widths:
         raise FileError(
@@ -276,9 +289,7 @@ def _influences(
     return slots[index].astype(np.uint16), (kept / kept.sum(axis=1, keepdims=True)).astype(np.float32)
 
 
-def _merge(file: GltfFile, parts: list[MeshData]) -> MeshData:
-    if sum(len(p.positions) for p in parts) > MAX_VERTICES:
-        raise FileError(f"{file.name}: more than {MAX_VERTICES} vertices.", "Reduce the mesh.")
+def _merge(parts: list[MeshData]) -> MeshData:
     base = np.cumsum([0] + [len(p.positions) for p in parts[:-1]])
     triangles = [p.triangles + np.uint32(b) for p, b in zip(parts, base, strict=True)]
 
@@ -291,19 +302,10 @@ def _merge(file: GltfFile, parts: list[MeshData]) -> MeshData:
     )  # fmt: skip
 
 
-def _joint_parents(file: GltfFile, joint_nodes: list[int]) -> tuple[int, ...]:
-    """Nearest ancestor that is itself a joint, as an index into `joint_nodes`."""
-    parents = node_parents(file)
-    first: dict[int, int] = {}
-    for i, node in enumerate(joint_nodes):
-        first.setdefault(node, i)
-    result = []
-    for node in joint_nodes:
-        k = parents[node]
-        while k >= 0 and k not in first:
-            k = parents[k]
-        result.append(first[k] if k >= 0 else -1)
-    return tuple(result)
+def _joint_parents(parents: list[int], carriers: list[int], palette: _Palette) -> tuple[int, ...]:
+    """Nearest ancestor that is itself a joint, as an index into the palette, -1 at roots."""
+    above = [carriers[parents[node]] if parents[node] >= 0 else -1 for node in palette.nodes]
+    return tuple(palette.first[joint] if joint >= 0 else -1 for joint in above)
 
 
 def _vrm_humanoid(file: GltfFile, joint_nodes: list[int]) -> dict[str, int]:

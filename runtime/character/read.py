@@ -1,28 +1,26 @@
-"""glTF container and accessor reading with bounds on everything; turns what pygltflib raises into FileError."""
+"""glTF container and accessor reading with bounds on everything; turns what damage raises into FileError."""
 
 from __future__ import annotations
 
+import base64
 import struct
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
 from sport.runtime.errors import FileError
-
-if TYPE_CHECKING:
-    from pygltflib import GLTF2, Accessor
+from sport.runtime.safe_read import parse_json, read_bounded
 
 Array = NDArray[Any]
 
 MAX_FILE_BYTES = 256 * 1024 * 1024
 MAX_VALUE = 1e9  # of any coordinate or matrix element
-REMEDY = (
-    "Export the character again as glTF binary (.glb) with mesh, skin and skeleton, or choose another file."
-)
+MAX_ENTRIES = 20_000  # of a list of the document
+MAX_PRIMITIVES = 4096
+REMEDY = "Export it again as glTF binary (.glb), or choose another file."
 _COMPONENTS: dict[int, type] = {
     5120: np.int8,
     5121: np.uint8,
@@ -33,7 +31,18 @@ _COMPONENTS: dict[int, type] = {
 }
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _COMPRESSION = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
-# what dataclass decoding and numpy raise on JSON of the wrong shape or values out of range
+_LISTS = (
+    "accessors",
+    "buffers",
+    "bufferViews",
+    "images",
+    "materials",
+    "meshes",
+    "nodes",
+    "skins",
+    "textures",
+)
+# what numpy and attribute access raise on JSON of the wrong shape or values out of range
 STRUCTURE_ERRORS = (
     KeyError,
     TypeError,
@@ -48,13 +57,23 @@ STRUCTURE_ERRORS = (
 )
 
 
+class Entry(dict[str, Any]):
+    """A JSON object of the document; fields that it lacks are None.
+
+    A document of thousands of nodes is read so in milliseconds; decoding it into a class for each kind takes seconds.
+    """
+
+    def __getattr__(self, field: str) -> Any:
+        return self.get(field)
+
+
 @dataclass(frozen=True)
 class GltfFile:
     """A parsed glTF and its buffers."""
 
     path: Path
-    gltf: GLTF2
-    buffers: tuple[bytes, ...]
+    gltf: Entry
+    buffers: tuple[memoryview, ...]
 
     @property
     def name(self) -> str:
@@ -64,98 +83,125 @@ class GltfFile:
 
 def open_gltf(path: Path) -> GltfFile:
     """Read a .glb or .gltf with its buffers; FileError when it is missing, too large, damaged or compressed."""
-    from pygltflib import GLTF2, Buffer
-
-    data = _read_bounded(path)
+    data = _read(path)
+    if data[:4] == b"glTF":
+        text, blob = _chunks(data, path)
+    elif data.lstrip()[:1] == b"{" or data[:3] == b"\xef\xbb\xbf":
+        text, blob = data, memoryview(b"")
+    else:
+        raise FileError(f"{path}: neither a binary nor a JSON glTF file.", REMEDY)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            if data[:4] == b"glTF":
-                _check_header(data, path)
-                gltf = GLTF2.load_from_bytes(data)
-            elif data.lstrip()[:1] == b"{":
-                gltf = GLTF2.gltf_from_json(data.decode("utf-8"))
-            else:
-                raise FileError(f"{path}: neither a binary nor a JSON glTF file.", REMEDY)
-    except (*STRUCTURE_ERRORS, OSError, Warning) as error:
+        gltf = _entries(parse_json(text))
+    except ValueError as error:
         raise FileError(f"{path}: damaged glTF container ({_short(error)}).", REMEDY) from error
-    if gltf is None:
-        raise FileError(f"{path}: the glTF container holds no JSON chunk.", REMEDY)
-    used = _COMPRESSION & set(gltf.extensionsRequired or [])
-    if used:
-        raise FileError(
-            f"{path}: compressed with {', '.join(sorted(used))}.", "Export it without mesh compression."
-        )
-    if any(not isinstance(item, Buffer) for item in gltf.buffers or []):
-        raise FileError(f"{path}: its list of buffers is damaged.", REMEDY)
-    return GltfFile(path, gltf, _load_buffers(path, gltf))
+    if not isinstance(gltf, Entry):
+        raise FileError(f"{path}: the glTF container holds no document.", REMEDY)
+    _check_document(gltf, path)
+    return GltfFile(path, gltf, _load_buffers(path, gltf, blob))
+
+
+def _entries(value: Any) -> Any:
+    if isinstance(value, dict):
+        return Entry((key, _entries(item)) for key, item in value.items())
+    return [_entries(item) for item in value] if isinstance(value, list) else value
 
 
 def _short(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}"[:160]
 
 
-def _read_bounded(path: Path) -> bytes:
-    try:
-        size = path.stat().st_size
-        if size > MAX_FILE_BYTES:
-            raise FileError(
-                f"{path}: {size >> 20} MB; a character may have at most {MAX_FILE_BYTES >> 20} MB.",
-                "Reduce the mesh or its textures.",
-            )
-        return path.read_bytes()
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror or error}.", "Check the path.") from error
+def _read(path: Path) -> bytes:
+    return read_bounded(path, MAX_FILE_BYTES, "Reduce the mesh or its textures.")
 
 
-def _check_header(data: bytes, path: Path) -> None:
-    version, length = struct.unpack("<II", data[4:12])
+def _chunks(data: bytes, path: Path) -> tuple[bytes, memoryview]:
+    """The JSON text and the binary chunk of a .glb."""
+    if len(data) < 20:
+        raise FileError(f"{path}: damaged glTF container (too short).", REMEDY)
+    version, length, size, kind = struct.unpack("<III4s", data[4:20])
     if version != 2:
         raise FileError(f"{path}: glTF version {version}; expected 2.", REMEDY)
     if length > len(data):
         raise FileError(
             f"{path}: cut off, {len(data)} of {length} bytes are there.", "Copy or export the file again."
         )
+    if kind != b"JSON" or 20 + size > length:
+        raise FileError(f"{path}: damaged glTF container (no JSON chunk).", REMEDY)
+    at = 20 + size
+    blob = memoryview(b"")
+    while at + 8 <= length:
+        size, kind = struct.unpack("<I4s", data[at : at + 8])
+        at += 8
+        if kind == b"BIN\0":
+            blob = memoryview(data)[at : min(at + size, length)]
+            break
+        at += size
+    return data[20 : 20 + struct.unpack("<I", data[12:16])[0]], blob
 
 
-def _load_buffers(path: Path, gltf: GLTF2) -> tuple[bytes, ...]:
-    buffers = []
+def _check_document(gltf: Entry, path: Path) -> None:
+    """FileError unless the document is made of lists of objects of a bearable number, and not compressed."""
+    required = gltf.extensionsRequired or []
+    used = _COMPRESSION & {name for name in required if isinstance(name, str)} if required else set()
+    if used:
+        raise FileError(
+            f"{path}: compressed with {', '.join(sorted(used))}.", "Export it without mesh compression."
+        )
+    for field in _LISTS:
+        entries = gltf.get(field) or []
+        if not isinstance(entries, list) or not all(isinstance(entry, Entry) for entry in entries):
+            raise FileError(f"{path}: its list of {field} is damaged.", REMEDY)
+        if len(entries) > MAX_ENTRIES:
+            raise FileError(f"{path}: {len(entries)} {field}; expected at most {MAX_ENTRIES}.", REMEDY)
+
+
+def _load_buffers(path: Path, gltf: Entry, blob: memoryview) -> tuple[memoryview, ...]:
+    buffers, total = [], 0
     for i, buffer in enumerate(gltf.buffers or []):
-        uri = buffer.uri
-        if not uri:
-            data = gltf.binary_blob() or b""
-        elif uri.startswith("data:"):
-            try:
-                data = gltf.decode_data_uri(uri)
-            except STRUCTURE_ERRORS as error:
-                raise FileError(f"{path}: buffer {i} is damaged ({_short(error)}).", REMEDY) from error
-        else:
-            data = read_sibling(path, unquote(uri), "buffer")
-        if len(data) < (buffer.byteLength or 0):
-            raise FileError(
-                f"{path}: buffer {i} has {len(data)} bytes; expected {buffer.byteLength}.", REMEDY
-            )
-        buffers.append(bytes(data))
+        data = blob if not buffer.uri else memoryview(read_uri(path, buffer.uri, "buffer"))
+        wanted = buffer.byteLength
+        if not isinstance(wanted, int) or not 0 <= wanted <= len(data):
+            raise FileError(f"{path}: buffer {i} has {len(data)} bytes; expected {str(wanted)[:40]}.", REMEDY)
+        total += len(data)
+        if total > MAX_FILE_BYTES:
+            raise FileError(f"{path}: its buffers are larger than {MAX_FILE_BYTES >> 20} MB.", REMEDY)
+        buffers.append(data)
     return tuple(buffers)
 
 
-def read_sibling(path: Path, uri: str, what: str) -> bytes:
+def read_uri(path: Path, uri: Any, what: str) -> bytes:
+    """Bytes that `path` refers to: embedded as base64, or a file beside it; FileError otherwise."""
+    if not isinstance(uri, str):
+        raise FileError(f"{path}: the address of a {what} is damaged.", REMEDY)
+    if not uri.startswith("data:"):
+        return _read_sibling(path, unquote(uri), what)
+    try:
+        return base64.b64decode(uri.partition(",")[2])
+    except ValueError as error:
+        raise FileError(f"{path}: an embedded {what} is damaged ({_short(error)}).", REMEDY) from error
+
+
+def _read_sibling(path: Path, uri: str, what: str) -> bytes:
     """Bytes of a file that `path` refers to; FileError when it is missing or outside the folder of `path`."""
-    target = (path.parent / uri).resolve()
-    if not target.is_relative_to(path.parent.resolve()):
+    try:
+        target = (path.parent / uri).resolve()
+        inside, there = target.is_relative_to(path.parent.resolve()), target.is_file()
+    except (OSError, ValueError, RuntimeError):  # too long, a zero byte, links in a ring
+        inside, there = True, False
+    if not inside:
         raise FileError(f"{path}: {what} {uri[:80]!r} lies outside the file's folder.", REMEDY)
-    if not target.is_file():
+    if not there:
         raise FileError(
             f"{path}: its {what} file {uri[:80]!r} is missing.",
             "Put it beside the .gltf file, or export as one .glb file.",
         )
-    return _read_bounded(target)
+    return _read(target)
 
 
-def buffer_view_bytes(file: GltfFile, index: int, what: str) -> bytes:
+def buffer_view_bytes(file: GltfFile, index: Any, what: str) -> memoryview:
     """The bytes of a buffer view; `what` stands in error messages."""
     views = file.gltf.bufferViews or []
-    if index is None or not 0 <= index < len(views):
+    if not isinstance(index, int) or not 0 <= index < len(views):
         raise FileError(f"{file.name}: the buffer view of {what} is missing.", REMEDY)
     view = views[index]
     start, length = view.byteOffset or 0, view.byteLength
@@ -167,18 +213,24 @@ def buffer_view_bytes(file: GltfFile, index: int, what: str) -> bytes:
     return data[start : start + length]
 
 
-def read_accessor(file: GltfFile, index: int | None, what: str) -> Array:
+def accessor_count(file: GltfFile, index: Any) -> int:
+    """How many elements an accessor has by what it says of itself; 0 where it is missing or damaged."""
+    accessors = file.gltf.accessors or []
+    known = isinstance(index, int) and 0 <= index < len(accessors)
+    count = accessors[index].count if known else 0
+    return count if isinstance(count, int) and count > 0 else 0
+
+
+def read_accessor(file: GltfFile, index: Any, what: str) -> Array:
     """Values `(count, width)` of an accessor, normalised integers as float32; `what` stands in error messages."""
     accessors = file.gltf.accessors or []
-    if index is None or not 0 <= index < len(accessors):
+    if not isinstance(index, int) or not 0 <= index < len(accessors):
         raise FileError(f"{file.name}: the accessor for {what} is missing.", REMEDY)
     accessor = accessors[index]
     if accessor.componentType not in _COMPONENTS or accessor.type not in _WIDTHS:
         raise FileError(f"{file.name}: {what} has an unknown component or element type.", REMEDY)
     if accessor.sparse is not None:
-        raise FileError(
-            f"{file.name}: {what} is a sparse accessor.", "Export the character without sparse accessors."
-        )
+        raise FileError(f"{file.name}: {what} is a sparse accessor.", "Export it without sparse accessors.")
     values = _accessor_values(file, accessor, what)
     if accessor.componentType == 5126 and not np.all(np.abs(values) < MAX_VALUE):
         raise FileError(
@@ -189,11 +241,11 @@ def read_accessor(file: GltfFile, index: int | None, what: str) -> Array:
     return values
 
 
-def _accessor_values(file: GltfFile, accessor: Accessor, what: str) -> Array:
+def _accessor_values(file: GltfFile, accessor: Entry, what: str) -> Array:
     dtype = np.dtype(_COMPONENTS[accessor.componentType]).newbyteorder("<")
     width, count = _WIDTHS[accessor.type], accessor.count
     if not isinstance(count, int) or count < 1:
-        raise FileError(f"{file.name}: {what} has {count} elements; expected at least 1.", REMEDY)
+        raise FileError(f"{file.name}: {what} has {str(count)[:40]} elements; expected at least 1.", REMEDY)
     data = buffer_view_bytes(file, accessor.bufferView, what)
     size = dtype.itemsize * width
     stride = file.gltf.bufferViews[accessor.bufferView].byteStride or size

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from sport.runtime import rotations
-from sport.runtime.errors import FileError
+from sport.runtime.errors import FileError, UsageError
+from sport.runtime.safe_read import decode_text, read_bounded
 from sport.runtime.skeleton import Skeleton
 
 Array = NDArray[np.floating]
 
 MAX_FILE_BYTES = 512 * 1024 * 1024
+MAX_HEAD_BYTES = 4 * 1024 * 1024
 MAX_JOINTS = 1024
 MAX_FRAMES = 2_000_000
+MAX_JOINT_FRAMES = 14_000_000  # of 28 bytes each: an hour of 31 joints at 120 Hz
+MAX_VALUE = 1e9  # of a length in the file's unit, or an angle in degrees
+_CHUNK_BYTES = 1 << 20  # of numbers that are read at once
+_WRITTEN_FRAMES = 4096  # that are formatted at once
 _REMEDY = "Export the clip again as BVH, or choose another file."
 
 
@@ -65,24 +72,32 @@ class _Hierarchy:
 
 def read_bvh(path: str | Path) -> BvhMotion:
     """Parse a BVH file; FileError names the file, the line and what was expected."""
-    path = Path(path)
-    try:
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise FileError(f"{path}: larger than {MAX_FILE_BYTES >> 20} MB.", "Split the clip.")
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror or error}.", "Check the path.") from error
-    return parse_bvh(text, str(path))
+    return parse_bvh(read_bounded(path, MAX_FILE_BYTES, "Split the clip."), str(path))
 
 
-def parse_bvh(text: str, name: str = "BVH") -> BvhMotion:
-    """Parse BVH text; `name` stands in error messages."""
-    head, separator, motion = text.partition("MOTION")
-    if not separator or not head.lstrip().startswith("HIERARCHY"):
+def parse_bvh(data: bytes | str, name: str = "BVH") -> BvhMotion:
+    """Parse BVH text, as bytes in UTF-8 or Latin-1; `name` stands in error messages."""
+    data = data.encode("utf-8", "replace") if isinstance(data, str) else data
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        data = decode_text(data).encode("utf-8", "replace")
+    at = data.find(b"MOTION")
+    head = decode_text(data[: max(at, 0)])
+    if at < 0 or not head.lstrip().startswith("HIERARCHY"):
         raise FileError(f"{name}: expected HIERARCHY and MOTION sections.", _REMEDY)
+    if at > MAX_HEAD_BYTES:
+        raise FileError(f"{name}: HIERARCHY is larger than {MAX_HEAD_BYTES >> 20} MB.", _REMEDY)
     hierarchy = _parse_hierarchy(head, name)
-    frames, frame_seconds = _parse_motion(motion, sum(map(len, hierarchy.channels)), name)
-    return _assemble(hierarchy, frames, frame_seconds, name)
+    return _read_motion(hierarchy, data, at + len(b"MOTION"), name)
+
+
+def check_size(joints: int, frames: int, name: str) -> None:
+    """UsageError when a clip of so many joints and frames is more than `read_bvh` reads."""
+    if frames > MAX_FRAMES or joints * frames > MAX_JOINT_FRAMES:
+        most = min(MAX_FRAMES, MAX_JOINT_FRAMES // joints)
+        raise UsageError(
+            f"{name}: {frames} frames of {joints} joints; a BVH may have {most}.",
+            "Choose fewer seconds or fewer frames per second.",
+        )
 
 
 def _numbers(tokens: list[str], count: int, line: int, name: str) -> list[float]:
@@ -90,8 +105,10 @@ def _numbers(tokens: list[str], count: int, line: int, name: str) -> list[float]
         values = [float(t) for t in tokens[:count]]
     except ValueError as error:
         raise FileError(f"{name}, line {line}: expected {count} numbers.", _REMEDY) from error
-    if len(values) != count or not np.all(np.isfinite(values)):
-        raise FileError(f"{name}, line {line}: expected {count} finite numbers.", _REMEDY)
+    if len(values) != count or not all(abs(value) <= MAX_VALUE for value in values):
+        raise FileError(
+            f"{name}, line {line}: expected {count} finite numbers within {MAX_VALUE:.0e}.", _REMEDY
+        )
     return values
 
 
@@ -139,61 +156,105 @@ def _parse_hierarchy(head: str, name: str) -> _Hierarchy:
 
 def _check_channels(channels: list[str], tokens: list[str], line: int, name: str) -> None:
     known = {a + kind for a in "xyz" for kind in ("position", "rotation")}
-    if not tokens[1].isdigit() or int(tokens[1]) != len(channels) or not set(channels) <= known:
+    if tokens[1:2] != [str(len(channels))] or not set(channels) <= known:
         raise FileError(f"{name}, line {line}: CHANNELS count or names are wrong.", _REMEDY)
+    if len(set(channels)) != len(channels):
+        raise FileError(f"{name}, line {line}: a channel stands twice in CHANNELS.", _REMEDY)
 
 
-def _parse_motion(motion: str, width: int, name: str) -> tuple[Array, float]:
-    lines = motion.lstrip().split("\n", 2)
+def _read_motion(h: _Hierarchy, data: bytes, at: int, name: str) -> BvhMotion:
+    """The motion whose section begins at `at`: a block of frames at a time, so that no text of it is held twice."""
+    count, frame_seconds, at = _parse_frames(data, at, name)
+    width = sum(map(len, h.channels))
+    # a value takes at least a digit and the space before the next
+    if width == 0 or count * width > (len(data) - at + 1) // 2:
+        raise FileError(f"{name}: too few MOTION values for {count} frames x {width} channels.", _REMEDY)
+    if count * len(h.names) > MAX_JOINT_FRAMES:
+        raise FileError(
+            f"{name}: {count} frames x {len(h.names)} joints; expected at most {MAX_JOINT_FRAMES}.",
+            "Split the clip.",
+        )
+    offsets = np.array(h.offsets, np.float32)
+    motion = BvhMotion(
+        Skeleton(tuple(h.names), tuple(h.parents), offsets),
+        np.empty((count, len(h.names), 3), np.float32),
+        np.empty((count, len(h.names), 4), np.float32),
+        frame_seconds,
+        h.end_offsets,
+    )
+    found, rest = 0, np.zeros(0)
+    for block in _number_blocks(data, at, name):
+        first, found = found // width, found + len(block)
+        if found > count * width:
+            break
+        values = np.concatenate([rest, block])
+        whole = len(values) // width * width
+        _fill(motion, h.channels, values[:whole].reshape(-1, width), first)
+        rest = values[whole:]
+    if found != count * width:
+        raise FileError(
+            f"{name}: {found} MOTION values; expected {count} frames x {width} channels.", _REMEDY
+        )
+    return motion
+
+
+def _parse_frames(data: bytes, at: int, name: str) -> tuple[int, float, int]:
+    """The number of frames, the seconds of one, and where their values begin."""
+    lines = data[at : at + 1000].lstrip().split(b"\n", 2)
     try:
-        count = int(lines[0].split(":")[1])
-        frame_seconds = float(lines[1].split(":")[1])
+        count = int(lines[0].split(b":")[1])
+        frame_seconds = float(lines[1].split(b":")[1])
     except (IndexError, ValueError) as error:
         raise FileError(f"{name}: expected 'Frames:' and 'Frame Time:'.", _REMEDY) from error
     if not 0 < count <= MAX_FRAMES or not 1e-4 <= frame_seconds <= 10.0:
         raise FileError(
-            f"{name}: {count} frames of {frame_seconds} s; expected 1 to {MAX_FRAMES} frames"
+            f"{name}: {str(count)[:20]} frames of {frame_seconds} s; expected 1 to {MAX_FRAMES} frames"
             " of 0.0001 to 10 s.",
             _REMEDY,
         )
+    at = data.index(lines[0], at) + len(lines[0]) + 1
+    return count, frame_seconds, at + len(lines[1]) + 1
+
+
+def _number_blocks(data: bytes, at: int, name: str) -> Iterator[Array]:
+    """The numbers from `at` on in blocks of some MB; FileError when one is none, not finite or too large."""
+    while at < len(data):
+        end = min(at + _CHUNK_BYTES, len(data))
+        if end < len(data):
+            cuts = [data.rfind(space, at, end) for space in (b" ", b"\n", b"\t", b"\r")]
+            end = max(cuts) if max(cuts) > at else len(data)
+        values = _floats(data[at:end], name)
+        if not np.all(np.abs(values) <= MAX_VALUE):
+            raise FileError(
+                f"{name}: MOTION holds values that are not finite or above {MAX_VALUE:.0e}.", _REMEDY
+            )
+        yield values
+        at = end
+
+
+def _floats(block: bytes, name: str) -> Array:
     try:
-        values = np.array(lines[2].split() if len(lines) > 2 else [], np.float64)
+        return np.array(block.split(), np.float64)
     except ValueError as error:
         raise FileError(f"{name}: a MOTION value is not a number.", _REMEDY) from error
-    if values.size != count * width:
-        raise FileError(
-            f"{name}: {values.size} MOTION values; expected {count} frames x {width} channels.",
-            _REMEDY,
-        )
-    if not np.all(np.isfinite(values)):
-        raise FileError(f"{name}: MOTION holds values that are not finite.", _REMEDY)
-    return values.reshape(count, width), frame_seconds
 
 
-def _assemble(h: _Hierarchy, frames: Array, frame_seconds: float, name: str) -> BvhMotion:
-    offsets = np.array(h.offsets, np.float32)
-    skeleton = Skeleton(tuple(h.names), tuple(h.parents), offsets)
-    positions = np.repeat(offsets[None].astype(np.float64), len(frames), axis=0)
-    local = np.zeros((len(frames), len(h.names), 4))
-    local[..., 0] = 1.0
+def _fill(motion: BvhMotion, channels: list[list[str]], frames: Array, first: int) -> None:
+    """Write the channel values `(F, channels)` of frames `first` on into the motion's arrays."""
+    rows = slice(first, first + len(frames))
+    motion.positions[rows] = motion.skeleton.offsets
+    motion.local_rotations[rows] = (1.0, 0.0, 0.0, 0.0)
     column = 0
-    for j, channels in enumerate(h.channels):
-        values = frames[:, column : column + len(channels)]
-        column += len(channels)
-        order = "".join(c[0].upper() for c in channels if c.endswith("rotation"))
-        for k, channel in enumerate(channels):
+    for j, names in enumerate(channels):
+        values = frames[:, column : column + len(names)]
+        column += len(names)
+        for k, channel in enumerate(names):
             if channel.endswith("position"):
-                positions[:, j, "xyz".index(channel[0])] = values[:, k]
-        if order:
-            angles = values[:, [k for k, c in enumerate(channels) if c.endswith("rotation")]]
-            local[:, j] = rotations.from_euler(np.deg2rad(angles), order)
-    return BvhMotion(
-        skeleton,
-        positions.astype(np.float32),
-        local.astype(np.float32),
-        frame_seconds,
-        h.end_offsets,
-    )
+                motion.positions[rows, j, "xyz".index(channel[0])] = values[:, k]
+        turning = [k for k, c in enumerate(names) if c.endswith("rotation")]
+        if turning:
+            order = "".join(names[k][0] for k in turning)
+            motion.local_rotations[rows, j] = rotations.from_euler(np.deg2rad(values[:, turning]), order)
 
 
 def format_bvh(
@@ -210,14 +271,23 @@ def format_bvh(
     lines = ["HIERARCHY"]
     joints: list[int] = []
     _write_joint(skeleton, 0, 0, lines, joints, units_per_metre, order, end_offsets or {})
-    local = rotations.continuous(np.asarray(local_rotations, np.float64))[:, joints]
-    angles = np.rad2deg(np.unwrap(rotations.to_euler(local, order), axis=0))
-    rows = np.concatenate(
-        [np.asarray(hips_positions) * units_per_metre, angles.reshape(len(angles), -1)], axis=1
-    )
-    lines += ["MOTION", f"Frames: {len(rows)}", f"Frame Time: {1.0 / fps:.10f}"]
-    lines += [" ".join(f"{v:.5f}" for v in row) for row in rows]
-    return "\n".join(lines) + "\n"
+    lines += ["MOTION", f"Frames: {len(hips_positions)}", f"Frame Time: {1.0 / fps:.10f}", ""]
+    rotation, turned = None, None  # of the frame before, from which quaternions and angles go on
+    blocks = ["\n".join(lines)]
+    for first in range(0, len(hips_positions), _WRITTEN_FRAMES):
+        rows = slice(first, first + _WRITTEN_FRAMES)
+        local: Array = np.asarray(local_rotations[rows], np.float64)[:, joints]
+        local = rotations.continuous(local if rotation is None else np.concatenate([rotation, local]))
+        angles: Array = rotations.to_euler(local, order)
+        if turned is not None:
+            angles[0] = turned
+        angles = np.unwrap(angles, axis=0)
+        rotation, turned = local[-1:], angles[-1]
+        angles = np.rad2deg(angles[len(angles) - len(hips_positions[rows]) :])
+        hips = np.asarray(hips_positions[rows]) * units_per_metre
+        values = np.concatenate([hips, angles.reshape(len(angles), -1)], axis=1)
+        blocks.append("".join(" ".join(f"{v:.5f}" for v in row) + "\n" for row in values.tolist()))
+    return "".join(blocks)
 
 
 def _write_joint(

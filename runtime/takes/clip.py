@@ -15,7 +15,7 @@ from sport.runtime.atomic import write_atomic
 from sport.runtime.errors import FileError, UsageError
 from sport.runtime.pose import Pose
 from sport.runtime.skeleton import SPORT_SKELETON, J
-from sport.runtime.takes.bvh import BvhMotion, format_bvh, read_bvh
+from sport.runtime.takes.bvh import BvhMotion, check_size, format_bvh, read_bvh
 from sport.runtime.takes.metadata import (
     UNKNOWN,
     Origin,
@@ -34,6 +34,7 @@ Array = NDArray[np.floating]
 UNITS_PER_METRE = {"cm": 100.0, "m": 1.0}
 ROTATION_ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 MAX_FPS = 1000.0
+MAX_DISTANCE_M = 100_000.0  # of a clip's hips from the origin; float32 is then 8 mm fine
 LIVE_SECONDS = (
     0.1  # transition while a slider is dragged: asked again in each frame, it eases towards the hand
 )
@@ -249,12 +250,19 @@ def check_bvh_options(fps: float, unit: str, order: str = "ZYX") -> None:
         raise UsageError(f"rotation order '{order}': unknown.", f"Choose {', '.join(ROTATION_ORDERS)}.")
 
 
+def check_bvh_length(seconds: float, fps: float) -> None:
+    """UsageError when a clip of `seconds` at `fps` is longer than a BVH that `load_clip_bvh` reads."""
+    frames = min(seconds * fps, 1e12)  # what is not finite is refused by those who make a clip
+    check_size(J, math.ceil(frames) if frames >= 0.0 else 0, f"{seconds:g} s at {fps:g} frames per second")
+
+
 def save_bvh(clip: Clip, path: str | Path, fps: float = 60.0, unit: str = "cm", order: str = "ZYX") -> Path:
     """Write a BVH that appears whole or not at all, and its `sidecar_path`; the BVH's path.
 
     `fps` resamples the clip, `unit` is "cm" or "m", `order` one of `ROTATION_ORDERS`. UsageError or FileError.
     """
     check_bvh_options(fps, unit, order)
+    check_bvh_length(clip.seconds, fps)
     at_rate = clip.resampled(fps)
     scale = UNITS_PER_METRE[unit]
     text = format_bvh(
@@ -296,12 +304,16 @@ def load_clip_bvh(path: str | Path) -> Clip:
     scale = _metres_per_unit(motion, order, path)
     if motion.skeleton.parents[order[0]] >= 0:
         raise FileError(f"{path}: expected the joint Hips as ROOT.", remedy)
+    hips = motion.positions[:, order[0]] * scale
+    if not np.abs(hips).max() <= MAX_DISTANCE_M:
+        raise FileError(f"{path}: the hips are further than {MAX_DISTANCE_M / 1000:.0f} km away.", remedy)
+    plain = order == list(range(len(motion.skeleton)))
     made = read_metadata(path)
     return Clip(
         name=path.stem,
         fps=fps,
-        hips_positions=(motion.positions[:, order[0]] * scale).astype(np.float32),
-        local_rotations=motion.local_rotations[:, order],
+        hips_positions=hips.astype(np.float32),
+        local_rotations=motion.local_rotations if plain else motion.local_rotations[:, order],
         contacts=np.zeros((len(motion.positions), 4), np.float32),
         prompts=made.prompts,
         terrain=made.terrain,

@@ -17,10 +17,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from sport.runtime.controls import Controls, Gait
-from sport.runtime.errors import SportError
+from sport.runtime.errors import FileError, SportError
+from sport.runtime.safe_read import is_text, parse_json, read_bounded
+from sport.runtime.takes.bvh import MAX_FILE_BYTES
 
 MAX_BYTES = 16 * 1024 * 1024
 MAX_EVENTS = 10_000
+MAX_NUMBER = 1e18
 _FORMAT = "sport-take"
 _LOG = logging.getLogger("sport.clip")
 
@@ -135,14 +138,12 @@ def read_metadata(bvh: Path) -> TakeMetadata:
     if not path.is_file():
         return TakeMetadata()
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise ValueError(f"larger than {MAX_BYTES >> 20} MB")
-        value = json.loads(path.read_text("utf-8"))
+        value = parse_json(read_bounded(path, MAX_BYTES))
         if not isinstance(value, dict) or value.get("format") != _FORMAT:
             raise ValueError("not the metadata of a take")
-        if value.get("bvh_sha256") != hashlib.sha256(bvh.read_bytes()).hexdigest():
+        if value.get("bvh_sha256") != hashlib.sha256(read_bounded(bvh, MAX_FILE_BYTES)).hexdigest():
             raise ValueError(f"made for another file than {bvh.name} as it is now")
-    except (OSError, ValueError, RecursionError) as error:
+    except (ValueError, FileError) as error:
         _LOG.warning("%s: not used (%s).", path, error)
         return TakeMetadata()
     gaits = value.get("gait_seconds")
@@ -155,7 +156,11 @@ def read_metadata(bvh: Path) -> TakeMetadata:
         if isinstance(events, list)
         else (),
         origin=_origin(value),
-        gait_seconds=tuple((g, _number(gaits, g, 0.0)) for g in gaits) if isinstance(gaits, dict) else (),
+        gait_seconds=tuple(
+            (gait.name.lower(), _number(gaits, gait.name.lower(), 0.0))
+            for gait in Gait
+            if isinstance(gaits, dict) and gait.name.lower() in gaits
+        ),
     )
 
 
@@ -194,13 +199,21 @@ def _object(words: str) -> Any:
 
 
 def _event(value: dict[str, Any]) -> PromptEvent:
-    words = value.get("words")
     return PromptEvent(
         _number(value, "seconds", 0.0),
         _text(value, "prompt", ""),
         max(_number(value, "transition_seconds", 0.0), 0.0),
-        json.dumps(words, ensure_ascii=False) if isinstance(words, dict) else "",
+        _words(value.get("words")),
     )
+
+
+def _words(value: Any) -> str:
+    """The JSON text of the words of an event; "" where they are none that could be written again."""
+    try:
+        words = json.dumps(value, ensure_ascii=False) if isinstance(value, dict) else ""
+    except RecursionError:
+        return ""
+    return words if is_text(words) else ""
 
 
 def _origin(value: dict[str, Any]) -> Origin:
@@ -219,7 +232,7 @@ def _origin(value: dict[str, Any]) -> Origin:
 
 def _text(value: Mapping[str, Any], field: str, default: str) -> str:
     found = value.get(field, default)
-    return found if isinstance(found, str) else default
+    return found if is_text(found) else default
 
 
 def _number(value: Mapping[str, Any], field: str, default: float) -> float:
@@ -228,4 +241,4 @@ def _number(value: Mapping[str, Any], field: str, default: float) -> float:
         number = float(found) if isinstance(found, int | float) and not isinstance(found, bool) else default
     except OverflowError:
         return default
-    return number if math.isfinite(number) else default
+    return number if abs(number) <= MAX_NUMBER else default

@@ -1,0 +1,75 @@
+"""The node hierarchy of a glTF file: who carries whom, and where everything rests."""
+
+from __future__ import annotations
+
+from collections.abc import Container
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime import rotations
+from sport.runtime.character.read import MAX_VALUE, REMEDY, GltfFile
+from sport.runtime.errors import FileError
+
+Array = NDArray[Any]
+
+
+def ancestors(file: GltfFile) -> tuple[list[int], list[int]]:
+    """All nodes with parents before their children, and the parent of each node, -1 at roots.
+
+    FileError on a cycle or a bad child index.
+    """
+    nodes = file.gltf.nodes or []
+    parents = [-1] * len(nodes)
+    for i, node in enumerate(nodes):
+        for child in node.children or []:
+            known = isinstance(child, int) and 0 <= child < len(nodes)
+            if not known or parents[child] >= 0 or child == i:
+                raise FileError(f"{file.name}: the children of node {i} do not form a tree.", REMEDY)
+            parents[child] = i
+    order = [i for i, parent in enumerate(parents) if parent < 0]
+    for i in order:  # which grows meanwhile
+        order.extend(nodes[i].children or [])
+    if len(order) < len(nodes):
+        lost = next(iter(set(range(len(nodes))) - set(order)))
+        raise FileError(f"{file.name}: the node hierarchy has a cycle at node {lost}.", REMEDY)
+    return order, parents
+
+
+def nearest_of(order: list[int], parents: list[int], wanted: Container[int]) -> list[int]:
+    """For each node the nearest of the `wanted` ones among itself and its ancestors, -1 where there is none."""
+    nearest = [-1] * len(parents)
+    for i in order:
+        nearest[i] = i if i in wanted else nearest[parents[i]] if parents[i] >= 0 else -1
+    return nearest
+
+
+def node_world_matrices(file: GltfFile, order: list[int], parents: list[int]) -> Array:
+    """Rest transforms `(nodes, 4, 4)` in scene space, float64, of nodes as `ancestors` gives them."""
+    world = np.zeros((len(parents), 4, 4))
+    for i in order:
+        local = _local_matrix(file, i)
+        world[i] = local if parents[i] < 0 else world[parents[i]] @ local
+    if not np.all(np.abs(world) < MAX_VALUE):
+        raise FileError(f"{file.name}: its nodes lie further than {MAX_VALUE:.0e} away.", REMEDY)
+    return world
+
+
+def _local_matrix(file: GltfFile, i: int) -> Array:
+    def values(name: str, default: tuple[float, ...]) -> Array:
+        given = getattr(node, name)
+        array = np.array(default if given is None else given, np.float64)
+        if array.shape != (len(default),) or not np.all(np.abs(array) < MAX_VALUE):
+            raise FileError(
+                f"{file.name}: the {name} of node {i} is not {len(default)} finite numbers.", REMEDY
+            )
+        return array
+
+    node = file.gltf.nodes[i]
+    if node.matrix is not None:
+        return values("matrix", tuple(np.eye(4).ravel())).reshape(4, 4).T
+    matrix = np.eye(4)
+    turn = rotations.normalize(values("rotation", (0.0, 0.0, 0.0, 1.0))[[3, 0, 1, 2]])
+    matrix[:3, :3] = rotations.to_matrix(turn) * values("scale", (1.0, 1.0, 1.0))
+    matrix[:3, 3] = values("translation", (0.0, 0.0, 0.0))
+    return matrix

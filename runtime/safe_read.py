@@ -1,0 +1,81 @@
+"""Bytes, text and JSON from files that nobody vouches for: regular files only, with a limit, without surprises."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+from pathlib import Path
+from typing import Any, TypeGuard
+
+from sport.runtime.errors import FileError, SportError
+
+MAX_JSON_ITEMS = 1_000_000  # an empty list of two bytes takes 56 in memory
+
+
+def read_bounded(
+    path: str | Path,
+    limit: int,
+    remedy: str = "Choose another file.",
+    *,
+    missing: str = "Check the path.",
+    error: type[SportError] = FileError,
+) -> bytes:
+    """The bytes of a regular file of at most `limit` bytes, as an `error` where it is missing, larger or no such file.
+
+    Pipes, sockets and devices are refused without waiting for them, and a file that grows is read up to the limit.
+    """
+    try:
+        # without O_NONBLOCK a pipe that nobody writes to would hold up the program for ever
+        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+        try:
+            status = os.fstat(handle)
+            if not stat.S_ISREG(status.st_mode):
+                kind = "a folder" if stat.S_ISDIR(status.st_mode) else "not a regular file"
+                raise error(f"{path}: this is {kind}.", missing)
+            with open(handle, "rb", closefd=False) as file:
+                data = b"" if status.st_size > limit else file.read(limit + 1)
+        finally:
+            os.close(handle)
+    except OSError as problem:
+        raise error(f"{path}: {problem.strerror or problem}.", missing) from problem
+    except ValueError as problem:  # a zero byte in the name
+        raise error(f"{str(path)[:80]!r}: not the name of a file.", missing) from problem
+    if max(status.st_size, len(data)) > limit:
+        raise error(f"{path}: larger than {_size(limit)}.", remedy)
+    return data
+
+
+def _size(limit: int) -> str:
+    return f"{limit >> 20} MB" if limit >= 1 << 20 else f"{limit} bytes"
+
+
+def decode_text(data: bytes) -> str:
+    """Text in UTF-8 or UTF-16 with or without a byte order mark, else Latin-1, which can read every byte."""
+    encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+    try:
+        return data.decode(encoding)
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def parse_json(data: str | bytes, max_items: int = MAX_JSON_ITEMS) -> Any:
+    """The value of a JSON text in UTF-8; ValueError for all that is none, too deep or of more than `max_items` items."""
+    text = data.decode("utf-8-sig") if isinstance(data, bytes) else data
+    if sum(text.count(sign) for sign in "[{,") > max_items:
+        raise ValueError(f"more than {max_items} items")
+    try:
+        return json.loads(text)
+    except RecursionError as error:
+        raise ValueError("too deeply nested") from error
+
+
+def is_text(value: Any) -> TypeGuard[str]:
+    """Whether a value of JSON is text that can be shown and written: lone surrogates cannot."""
+    if not isinstance(value, str):
+        return False
+    try:
+        value.encode("utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True

@@ -109,7 +109,7 @@ class Window:
 
     @property
     def close_requested(self) -> bool:
-        """Whether the person closed the window."""
+        """Whether the user closed the window."""
         return bool(glfw.window_should_close(self.handle))
 
     @property
@@ -274,7 +274,7 @@ class Window:
         io.set_ini_filename(None)  # the layout follows the window, nothing to remember
         # otherwise one exception between begin and end makes every later frame fail
         io.config_error_recovery_enable_assert = False
-        io.config_error_recovery_enable_tooltip = False  # it is logged; a person cannot mend it
+        io.config_error_recovery_enable_tooltip = False  # it is logged; the user cannot repair it
         self._address = int(glfw_address(self.handle))
         imgui.backends.glfw_init_for_opengl(self._address, True)
         imgui.backends.opengl3_init("#version 330")
@@ -332,7 +332,7 @@ def _open(title: str, width: int, height: int, offscreen: bool) -> Any:
         glfw.terminate()
         remedy = "Install OpenGL 3.3 (for example Mesa: libgl1, libegl1) or update the graphics driver."
         raise DisplayError(f"No OpenGL 3.3 context can be made: {_reason(error)}.", remedy) from error
-    # from here on an error of glfw is a refused wish (a cursor, a clipboard, a position): logged, not fatal
+    # from here on an error of glfw is a refused request (a cursor, a clipboard, a position): logged, not fatal
     glfw.ERROR_REPORTING = "log"
     return handle
 

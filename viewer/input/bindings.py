@@ -146,7 +146,7 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
 
 @dataclass(frozen=True)
 class Intent:
-    """What the person asks for in one frame, relative to the camera.
+    """What the user asks for in one frame, relative to the camera.
 
     `move` is (right, forward) and `look` the camera stick (right, up), both with a length of 0..1; `zoom` is in wheel
     steps per second (positive comes nearer); `pressed` are the actions that began in this frame.
@@ -176,7 +176,7 @@ class InputMapper:
         dead_zone: float = 0.15,
         invert: bool = False,
     ) -> Intent:
-        """The wishes of this frame of `dt` seconds."""
+        """The intent of this frame of `dt` seconds."""
         held = _held_actions(keyboard, pad)
         pressed = self._pressed(keyboard, pad)
         move, look = _key_axes(held)

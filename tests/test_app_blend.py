@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from app_driver import Start, click, controller, press, run, style, words
+from app_driver import Start, click_on, controller, place, press, run, style, words
 from sport.runtime.prompts.blend import read_words
 from sport.viewer.prompt.style_edit import Side
 from viewer_fakes import FakeEncoder, FakeLibrary
@@ -76,8 +76,8 @@ def test_a_blend_is_undone_swapped_dropped_and_kept_in_takes(start: Start) -> No
 def test_the_blend_panel_is_used_by_mouse_and_keys(start: Start) -> None:
     app = start(prompt="a proud king")
     run(app, 3)
-    click(app, 135, 255)  # the tab
-    click(app, 160, 308)  # prompt B
+    click_on(app, "Blend")
+    click_on(app, "##prompt B")
     app.window.inject_text("a duck")
     run(app, 3)
     press(app, "enter")
@@ -85,12 +85,14 @@ def test_the_blend_panel_is_used_by_mouse_and_keys(start: Start) -> None:
     assert app.state.prompt.edit.b is not None
     assert app.state.prompt.edit.b.prompt == "a duck"
     steps = app.prompting.history.undo_label
-    app.window.inject_mouse(200, 392, 0, True)  # the slider for all
+    left, y = place(app, "##all")
+    app.window.inject_mouse(left, y, 0, True)
     run(app, 2)
-    for x in (220, 240, 290):
-        app.window.inject_mouse(x, 392)
+    for share in (0.6, 0.7, 0.9):
+        right = place(app, "##all", share=share)[0]
+        app.window.inject_mouse(right, y)
         run(app, 2)
-    app.window.inject_mouse(290, 392, 0, False)
+    app.window.inject_mouse(right, y, 0, False)
     run(app, 2)
     assert app.state.prompt.edit.master_weight > 0.8
     assert (steps, app.prompting.history.undo_label) == ("“a duck”", "blend of all parts")

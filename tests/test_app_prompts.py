@@ -9,6 +9,7 @@ import pytest
 from app_driver import (
     Start,
     click,
+    click_on,
     click_prompt_box,
     controller,
     message,
@@ -146,11 +147,11 @@ def test_a_field_goes_back_to_what_was_said_when_it_is_reset_or_emptied(start: S
 def test_a_field_is_applied_when_it_is_left(start: Start) -> None:
     app = start()
     run(app, 3)
-    click(app, 160, 640)  # the last field
+    click_on(app, "##words", len(PART_NAMES) - 1)
     app.window.inject_text(" slowly")
     run(app, 3)
     assert words(app)["head"] != app.state.prompt.parts["head"]
-    click(app, 640, 400)  # the scene
+    click(app, app.window.size[0] / 2, app.window.size[1] / 2)  # the scene
     run(app)
     assert "slowly" in words(app)["head"]
 

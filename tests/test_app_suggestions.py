@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from app_driver import Start, click, controller, press, prompt, run, run_until, type_prompt, typing
+from app_driver import Start, click_on, controller, press, prompt, run, run_until, type_prompt, typing
 from sport.viewer.prompt.style_edit import Side
 from sport.viewer.settings import load_settings, save_settings
 from viewer_fakes import FakeLibrary
@@ -64,8 +64,7 @@ def test_a_suggestion_is_taken_by_the_mouse(start: Start) -> None:
     app = start()
     run(app, 2)
     type_prompt(app, "prou")
-    top = 134  # of the list, under the field and its button, pixels
-    click(app, 160, top + 5 + 23 + 12)  # the second line
+    click_on(app, "##1")  # the second line
     assert prompt(app) == "a proud king"
     assert not app.state.prompt.boxes[Side.A].suggesting
 
@@ -75,7 +74,7 @@ def test_the_button_stays_in_reach_while_the_list_is_open(start: Start) -> None:
     run(app, 2)
     type_prompt(app, "prou")
     assert app.state.prompt.boxes[Side.A].suggesting
-    click(app, 80, 117)
+    click_on(app, "Apply")
     assert prompt(app) == "prou"
     assert not app.state.prompt.boxes[Side.A].suggesting
 

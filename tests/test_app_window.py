@@ -54,7 +54,7 @@ def test_change_of_scale_does_not_add_up(start: Start) -> None:
     run(app)
     before = imgui.get_style().window_padding.x
     for scale in (2.0, 1.0):
-        app.window._wanted_scale = scale
+        app.window.wanted_scale = scale
         run(app)
     assert imgui.get_style().window_padding.x == before
 

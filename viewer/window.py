@@ -71,7 +71,7 @@ class Window:
     ) -> None:
         self._events = events
         self._offscreen = offscreen
-        self._wanted_scale = ui_scale
+        self.wanted_scale = ui_scale
         self._injected: set[str] = set()  # modifiers held by `inject_key`
         self._windowed: tuple[int, int, int, int] | None = None
         self._texture: Any = None
@@ -115,7 +115,7 @@ class Window:
     @property
     def ui_scale(self) -> float:
         """How much larger than at 96 dpi the interface is drawn, in screen units."""
-        return self._wanted_scale if self._wanted_scale > 0.0 else self._monitor_scale
+        return self.wanted_scale if self.wanted_scale > 0.0 else self._monitor_scale
 
     @property
     def unscaled_size(self) -> tuple[int, int]:

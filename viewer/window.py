@@ -17,31 +17,19 @@ from sport.viewer.gl_bindings import glfw, imgui, moderngl
 _LOG = logging.getLogger("sport.viewer")
 _OFFSCREEN_HINT = "Without a display, `sport view --offscreen --screenshot out.png` renders into a file."
 
+_PLAIN_KEYS = (
+    "SPACE", "ENTER", "ESCAPE", "BACKSPACE", "TAB", "LEFT", "RIGHT", "UP", "DOWN", "HOME", "PAGE_UP", "PAGE_DOWN",
+    "EQUAL", "MINUS",
+)  # fmt: skip
 KEY_NAMES: dict[int, str] = {
     **{glfw.KEY_A + i: chr(ord("a") + i) for i in range(26)},
     **{glfw.KEY_0 + i: str(i) for i in range(10)},
     **{glfw.KEY_F1 + i: f"f{i + 1}" for i in range(12)},
-    glfw.KEY_SPACE: "space",
-    glfw.KEY_ENTER: "enter",
-    glfw.KEY_KP_ENTER: "enter",
-    glfw.KEY_ESCAPE: "escape",
-    glfw.KEY_BACKSPACE: "backspace",
-    glfw.KEY_TAB: "tab",
-    glfw.KEY_LEFT: "left",
-    glfw.KEY_RIGHT: "right",
-    glfw.KEY_UP: "up",
-    glfw.KEY_DOWN: "down",
-    glfw.KEY_HOME: "home",
-    glfw.KEY_PAGE_UP: "page_up",
-    glfw.KEY_PAGE_DOWN: "page_down",
-    glfw.KEY_EQUAL: "equal",
-    glfw.KEY_MINUS: "minus",
-    glfw.KEY_LEFT_SHIFT: "shift",
-    glfw.KEY_RIGHT_SHIFT: "shift",
-    glfw.KEY_LEFT_CONTROL: "ctrl",
-    glfw.KEY_RIGHT_CONTROL: "ctrl",
-    glfw.KEY_LEFT_ALT: "alt",
-}
+    **{getattr(glfw, f"KEY_{name}"): name.lower() for name in _PLAIN_KEYS},
+    glfw.KEY_KP_ENTER: "enter", glfw.KEY_LEFT_ALT: "alt",
+    **{getattr(glfw, f"KEY_{side}_SHIFT"): "shift" for side in ("LEFT", "RIGHT")},
+    **{getattr(glfw, f"KEY_{side}_CONTROL"): "ctrl" for side in ("LEFT", "RIGHT")},
+}  # fmt: skip
 _LETTERS = frozenset(chr(ord("a") + i) for i in range(26))
 _MODIFIERS = {"ctrl": imgui.Key.mod_ctrl, "shift": imgui.Key.mod_shift, "alt": imgui.Key.mod_alt}
 KEY_CODES: dict[str, int] = {name: code for code, name in reversed(KEY_NAMES.items())}

@@ -95,53 +95,38 @@ BINDINGS = (
 
 # What the help overlay prints: heading, then rows of (what, keyboard and mouse, gamepad).
 HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
-    (
-        "Move",
-        (
-            ("Walk", "W  A  S  D", "Left stick"),
-            ("Jog", "Shift (hold)", "Right trigger"),
-            ("Crouch", "C, or Ctrl (hold)", "B"),
-            ("Jump", "Space", "A"),
-            ("Strafe, face the camera", "X or Alt (hold)", "Left shoulder (hold)"),
-            ("Back to the start", "Home", "Left stick press"),
-        ),
-    ),
-    (
-        "Camera",
-        (
-            ("Turn", "Q  E, arrows, right drag", "Right stick"),
-            ("Zoom", "Wheel, Page Up / Down", "D-pad up / down"),
-            ("Follow or orbit", "F", "Right stick press"),
-        ),
-    ),
-    (
-        "Record",
-        (
-            ("Start or stop", "R", "Y"),
-            ("Keep the last seconds", "T", "X"),
-            ("Play or pause the clip", "P", ""),
-            ("Screenshot", "F12", ""),
-        ),
-    ),
-    (
-        "Show",
-        (
-            ("This help", "F1", "Start"),
-            ("Trajectory, skeleton, contacts", "F2, F3, F4", ""),
-            ("Grid, panels", "F5, F10", "Back (panels)"),
-            ("Full screen", "F11", ""),
-        ),
-    ),
-    (
-        "Prompt",
-        (
-            ("Write a prompt, leave the field", "Enter, Esc", ""),
-            ("Choose a suggestion, take it", "Up / Down, Tab or Enter", ""),
-            ("Last prompts, in an empty field", "Up / Down", ""),
-            ("Undo, redo", "Ctrl+Z, Ctrl+Y", ""),
-        ),
-    ),
-)
+    ("Move", (
+        ("Walk", "W  A  S  D", "Left stick"),
+        ("Jog", "Shift (hold)", "Right trigger"),
+        ("Crouch", "C, or Ctrl (hold)", "B"),
+        ("Jump", "Space", "A"),
+        ("Strafe, face the camera", "X or Alt (hold)", "Left shoulder (hold)"),
+        ("Back to the start", "Home", "Left stick press"),
+    )),
+    ("Camera", (
+        ("Turn", "Q  E, arrows, right drag", "Right stick"),
+        ("Zoom", "Wheel, Page Up / Down", "D-pad up / down"),
+        ("Follow or orbit", "F", "Right stick press"),
+    )),
+    ("Record", (
+        ("Start or stop", "R", "Y"),
+        ("Keep the last seconds", "T", "X"),
+        ("Play or pause the clip", "P", ""),
+        ("Screenshot", "F12", ""),
+    )),
+    ("Show", (
+        ("This help", "F1", "Start"),
+        ("Trajectory, skeleton, contacts", "F2, F3, F4", ""),
+        ("Grid, panels", "F5, F10", "Back (panels)"),
+        ("Full screen", "F11", ""),
+    )),
+    ("Prompt", (
+        ("Write a prompt, leave the field", "Enter, Esc", ""),
+        ("Choose a suggestion, take it", "Up / Down, Tab or Enter", ""),
+        ("Last prompts, in an empty field", "Up / Down", ""),
+        ("Undo, redo", "Ctrl+Z, Ctrl+Y", ""),
+    )),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

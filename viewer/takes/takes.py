@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -187,12 +188,9 @@ class Takes:
         except SportError as error:
             self.messages.error(error)
             return
-        clip = self._trimmed(item)
-        fps, unit = settings.export_fps, settings.export_unit
+        from sport.runtime.takes.clip import save_bvh
 
-        def write() -> Path:
-            return write_clip(clip, path, fps, unit)
-
+        write = partial(save_bvh, self._trimmed(item), path, settings.export_fps, settings.export_unit)
         self.jobs.submit(f"export {item.name}", write, lambda done: self._exported(item, done))
 
     def _trimmed(self, item: ClipItem) -> Clip:
@@ -214,6 +212,7 @@ class Takes:
 
     def rescue(self) -> list[Path]:
         """Write every unsaved clip into the export folder: when the program ends, nothing recorded is lost."""
+
         if self.recorder.recording:
             self.toggle_recording()
         written = []
@@ -221,18 +220,11 @@ class Takes:
         for item in self.unsaved:
             try:
                 path = free_path(folder / f"{file_stem(item.name)}.bvh")
-                item.saved = write_clip(item.clip, path, self.settings.export_fps, self.settings.export_unit)
+                item.saved = save_bvh(item.clip, path, self.settings.export_fps, self.settings.export_unit)
                 written.append(item.saved)
             except SportError as error:
                 self.messages.error(error)
         return written
-
-
-def write_clip(clip: Clip, path: Path, fps: int, unit: str) -> Path:
-    """Write a BVH, making its folder; FileError names the path when that fails."""
-    from sport.runtime.takes.clip import save_bvh
-
-    return save_bvh(clip, path, fps, unit)
 
 
 def export_target(text: str) -> Path:

@@ -212,6 +212,7 @@ class Takes:
 
     def rescue(self) -> list[Path]:
         """Write every unsaved clip into the export folder: when the program ends, nothing recorded is lost."""
+        from sport.runtime.takes.clip import save_bvh
 
         if self.recorder.recording:
             self.toggle_recording()

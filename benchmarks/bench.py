@@ -145,7 +145,7 @@ def _frame_times(frames: int, model: Path | None) -> dict[str, float]:
 
     app = App(ViewOptions(offscreen=True, frames=frames, model=model, controls=f"w {WARM_UP + frames}"))
     try:
-        app.scene.renderer.render = lambda *_: None
+        app.stage.renderer.render = lambda *_: None
         app.window.draw_interface = lambda: None  # type: ignore[method-assign]
         app.window.present = lambda: None  # type: ignore[method-assign]
         _timed(app.frame, WARM_UP)

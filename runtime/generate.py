@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from sport.runtime.errors import FileError, PromptError, SportError, UsageError
+from sport.runtime.motion.features import FPS
 from sport.runtime.motion.paths import ControlScript, Place, control_script
 from sport.runtime.pose import Pose
 from sport.runtime.prompts.expander import DEFAULT_PROMPT
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.floating]
 PromptToStyle = Callable[["str | PartDescriptions"], Array]  # a prompt or six descriptions to Z^t (6, 64)
 
-FPS = 60
 MAX_SECONDS = 3600.0
 EXPANDERS = ("library", "gpt")
 MAX_PARTS_BYTES = 100_000

@@ -1,4 +1,5 @@
 #version 330
+// A vertex of the skinned character, with its normal and colour.
 #include "common.glsl"
 #include "skinning.glsl"
 in vec3 in_normal;

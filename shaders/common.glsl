@@ -5,7 +5,7 @@ layout(std140, row_major) uniform Frame {
     mat4 view_projection;
     mat4 shadow_from_world;
     vec4 camera_position;
-    vec4 camera_right;    // half the picture's width at distance 1
+    vec4 camera_right;    // half the view's width at distance 1
     vec4 camera_up;       // half its height
     vec4 camera_forward;
     vec4 sun_direction;   // towards the sun

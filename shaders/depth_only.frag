@@ -1,3 +1,4 @@
 #version 330
+// Nothing but depth, for the shadow map.
 
 void main() {}

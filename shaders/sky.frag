@@ -1,4 +1,5 @@
 #version 330
+// The sky behind everything, by the direction of the view.
 #include "common.glsl"
 in vec2 ndc;
 out vec4 color;

@@ -1,5 +1,5 @@
 #version 330
-// One triangle over the whole picture, at the far plane.
+// One triangle over the whole frame, at the far plane.
 out vec2 ndc;
 
 void main() {

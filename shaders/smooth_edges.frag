@@ -1,5 +1,5 @@
 #version 330
-// Softens stair-stepped edges of a finished picture: blends along the edge that local brightness shows
+// Softens stair-stepped edges of a finished frame: blends along the edge that local brightness shows
 // (after Lottes, FXAA). For presets without multisampling, and only where the characters are.
 uniform sampler2D scene;
 uniform vec2 texel;  // one pixel

@@ -1,5 +1,5 @@
 #version 330
-// The scene, rendered smaller, over the whole picture.
+// The scene, rendered smaller, over the whole frame.
 uniform sampler2D scene;
 in vec2 ndc;
 out vec4 color;

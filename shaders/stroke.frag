@@ -1,4 +1,5 @@
 #version 330
+// Ink within the radius of a stroke, with soft edges.
 in vec2 local;
 flat in float reach;
 flat in vec2 radius;

@@ -1,4 +1,5 @@
 #version 330
+// A vertex of the ground, with its slope.
 #include "common.glsl"
 #include "height_map.glsl"
 in vec2 in_slope;

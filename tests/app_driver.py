@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+import pytest
 from sport.viewer.app import App
 from sport.viewer.gl_bindings import imgui
 from sport.viewer.input.gamepad import GamepadState
 from viewer_fakes import FakeController
 
 Start = Callable[..., App]
+WIDGETS = (
+    "button",
+    "invisible_button",
+    "input_text_multiline",
+    "input_text_with_hint",
+    "slider_float",
+    "drag_float",
+    "selectable",
+    "begin_combo",
+    "begin_tab_item",
+)
 
 
 class InjectedPads:
@@ -39,9 +53,47 @@ def run_until(app: App, condition: Callable[[], bool], seconds: float = 20.0) ->
 
 
 def controller(app: App) -> FakeController:
-    found = app.state.simulation.controller
+    found = app.state.stage.simulation.controller
     assert isinstance(found, FakeController)
     return found
+
+
+def drawn(app: App) -> list[tuple[str, tuple[float, float, float, float]]]:
+    """Every widget of one frame in its order: its label as ImGui gets it, and left, top, right, bottom on the screen."""
+    found = []
+
+    def watched(draw: Callable[..., Any]) -> Callable[..., Any]:
+        def draw_and_note(label: str, *rest: Any) -> Any:
+            result = draw(label, *rest)
+            low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+            found.append((label, (low.x, low.y, high.x, high.y)))
+            return result
+
+        return draw_and_note
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name in WIDGETS:
+            patch.setattr(imgui, name, watched(getattr(imgui, name)))
+        run(app)
+    return found
+
+
+def place(app: App, label: str, index: int = 0, share: float = 0.5) -> tuple[float, float]:
+    """Where to click on a widget, at this share of its width; found by the words or the ##id of its label."""
+
+    def names(full: str) -> tuple[str, ...]:
+        words, _, key = full.partition("##")
+        return words, re.sub(r"[^\x00-\x7f]", "", words).strip(), f"##{key.lstrip('#')}"
+
+    widgets = drawn(app)
+    rects = [rect for full, rect in widgets if label in names(full)]
+    assert rects, f"no widget {label!r} among {sorted({full for full, _ in widgets})}"
+    left, top, right, bottom = rects[index]
+    return left + (right - left) * share, (top + bottom) / 2
+
+
+def click_on(app: App, label: str, index: int = 0) -> None:
+    click(app, *place(app, label, index))
 
 
 def click(app: App, x: float, y: float) -> None:
@@ -51,7 +103,7 @@ def click(app: App, x: float, y: float) -> None:
 
 
 def click_prompt_box(app: App) -> None:
-    click(app, 160, 70)
+    click_on(app, "##prompt A")
 
 
 def press(app: App, *names: str) -> None:
@@ -66,7 +118,7 @@ def press(app: App, *names: str) -> None:
 
 def type_prompt(app: App, text: str) -> None:
     """Go to the prompt's field, where everything is selected, and type."""
-    app.actions._focus_prompt()
+    app.shell.focus_prompt()
     run(app, 3)
     app.window.inject_text(text)
     run(app, 3)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from app_driver import Start, click, controller, press, run, style, words
+from app_driver import Start, click_on, controller, place, press, run, style, words
 from sport.runtime.prompts.blend import read_words
+from sport.viewer.prompt.style_edit import Side
 from viewer_fakes import FakeEncoder, FakeLibrary
 
 
@@ -12,7 +13,7 @@ def test_a_blend_moves_each_part_by_its_share(start: Start) -> None:
     app = start(prompt="a proud king")
     run(app)
     king, duck = style(app), FakeEncoder().encode(FakeLibrary().expand("a duck").descriptions)
-    app.prompting.submit_prompt("a duck", "b")
+    app.prompting.submit_prompt("a duck", Side.B)
     assert np.allclose(style(app), (king + duck) / 2)  # half at first, so that it shows
     app.prompting.set_all_weights(0.0)
     app.prompting.set_weight("torso", 1.0)
@@ -30,7 +31,7 @@ def test_a_blend_moves_each_part_by_its_share(start: Start) -> None:
 def test_the_slider_for_all_leaves_locked_parts(start: Start) -> None:
     app = start(prompt="a proud king")
     run(app)
-    app.prompting.submit_prompt("a duck", "b")
+    app.prompting.submit_prompt("a duck", Side.B)
     app.prompting.toggle_lock("head")
     app.prompting.set_all_weights(1.0)
     assert app.state.prompt.edit.weights == (1.0,) * 5 + (0.5,)
@@ -42,7 +43,7 @@ def test_a_blend_is_undone_swapped_dropped_and_kept_in_takes(start: Start) -> No
     run(app, 2)
     marks: list[str] = []
     app.prompting.mark = lambda text, *_: marks.append(text)
-    app.prompting.submit_prompt("a duck", "b")
+    app.prompting.submit_prompt("a duck", Side.B)
     for weight in (0.1, 0.2, 0.3):  # one drag
         app.prompting.set_weight("torso", weight)
         run(app)
@@ -53,16 +54,19 @@ def test_a_blend_is_undone_swapped_dropped_and_kept_in_takes(start: Start) -> No
     app.prompting.swap()
     run(app)
     assert np.allclose(style(app), blended, atol=1e-4)
-    assert (app.state.prompt.box.text, app.state.prompt.other.text) == ("a duck", "a proud king")
+    assert (app.state.prompt.boxes[Side.A].text, app.state.prompt.boxes[Side.B].text) == (
+        "a duck",
+        "a proud king",
+    )
     assert words(app)["torso"] == app.state.prompt.parts["torso"] == "torso of a duck"
     press(app, "ctrl", "z")
     press(app, "ctrl", "z")
     assert app.state.prompt.edit.weights == (0.5,) * 6
     press(app, "ctrl", "z")
     run(app)
-    assert (app.state.prompt.edit.b, app.state.prompt.other.text) == (None, "")
+    assert (app.state.prompt.edit.b, app.state.prompt.boxes[Side.B].text) == (None, "")
     press(app, "ctrl", "y")
-    assert app.state.prompt.other.text == "a duck"
+    assert app.state.prompt.boxes[Side.B].text == "a duck"
     app.prompting.drop_blend()
     run(app)
     assert marks[-1] == "a proud king"
@@ -72,8 +76,8 @@ def test_a_blend_is_undone_swapped_dropped_and_kept_in_takes(start: Start) -> No
 def test_the_blend_panel_is_used_by_mouse_and_keys(start: Start) -> None:
     app = start(prompt="a proud king")
     run(app, 3)
-    click(app, 135, 255)  # the tab
-    click(app, 160, 308)  # prompt B
+    click_on(app, "Blend")
+    click_on(app, "##prompt B")
     app.window.inject_text("a duck")
     run(app, 3)
     press(app, "enter")
@@ -81,12 +85,14 @@ def test_the_blend_panel_is_used_by_mouse_and_keys(start: Start) -> None:
     assert app.state.prompt.edit.b is not None
     assert app.state.prompt.edit.b.prompt == "a duck"
     steps = app.prompting.history.undo_label
-    app.window.inject_mouse(200, 392, 0, True)  # the slider for all
+    left, y = place(app, "##all")
+    app.window.inject_mouse(left, y, 0, True)
     run(app, 2)
-    for x in (220, 240, 290):
-        app.window.inject_mouse(x, 392)
+    for share in (0.6, 0.7, 0.9):
+        right = place(app, "##all", share=share)[0]
+        app.window.inject_mouse(right, y)
         run(app, 2)
-    app.window.inject_mouse(290, 392, 0, False)
+    app.window.inject_mouse(right, y, 0, False)
     run(app, 2)
     assert app.state.prompt.edit.master_weight > 0.8
     assert (steps, app.prompting.history.undo_label) == ("“a duck”", "blend of all parts")

@@ -18,6 +18,7 @@ from sport.runtime.takes.bvh import read_bvh
 from sport.runtime.takes.clip import load_clip_bvh
 from sport.viewer import app as app_module
 from sport.viewer.app import App
+from sport.viewer.input.bindings import Action
 from sport.viewer.options import ViewOptions
 from sport.viewer.takes.takes import Takes
 from viewer_fakes import fake_services
@@ -39,10 +40,10 @@ def test_record_play_trim_export(start: Start, tmp_path: Path) -> None:
     app = start()
     run(app, 2)
     record(app)
-    clips = app.state.clips
+    clips = app.state.takes
     assert [item.name for item in clips.items] == ["Take 1"]
     take = clips.items[0].clip
-    shown = app.scene.renderer.poses  # what the screen showed is what the take holds
+    shown = app.stage.renderer.poses  # what the screen showed is what the take holds
     starts = [i for i, pose in enumerate(shown) if np.array_equal(pose.hips_position, take.hips_positions[0])]
     assert starts
     for i in range(len(take)):
@@ -80,7 +81,7 @@ def test_an_exported_take_tells_its_styles_with_their_transitions_and_what_was_a
     run(app, 20)
     app.takes.toggle_recording()
     app.window.inject_key("w", False)
-    app.state.clips.export_path = str(tmp_path / "walk.bvh")
+    app.state.takes.export_path = str(tmp_path / "walk.bvh")
     app.takes.export()
     run(app, 2)
     back = load_clip_bvh(tmp_path / "walk.bvh")
@@ -93,7 +94,7 @@ def test_an_exported_take_tells_its_styles_with_their_transitions_and_what_was_a
     assert (back.terrain, back.origin.terrain_seed, back.origin.temperature) == ("hills", 0, TEMPERATURE)
     app.takes.open(tmp_path / "walk.bvh")
     run(app, 2)
-    assert "an old king" in app.state.clips.items[-1].clip.describe()
+    assert "an old king" in app.state.takes.items[-1].clip.describe()
 
 
 def test_a_failing_export_keeps_the_clip(start: Start, tmp_path: Path) -> None:
@@ -102,13 +103,13 @@ def test_a_failing_export_keeps_the_clip(start: Start, tmp_path: Path) -> None:
     record(app)
     blocked = tmp_path / "file"
     blocked.write_text("", encoding="utf-8")
-    app.state.clips.export_path = str(blocked / "walk.bvh")
+    app.state.takes.export_path = str(blocked / "walk.bvh")
     app.takes.export()
     run(app)
     assert str(blocked) in message(app)
-    assert len(app.state.clips.items) == 1
-    assert app.state.clips.items[0].saved is None
-    app.state.clips.export_path = ""
+    assert len(app.state.takes.items) == 1
+    assert app.state.takes.items[0].saved is None
+    app.state.takes.export_path = ""
     app.takes.export()
     assert "path is empty" in message(app)
 
@@ -117,7 +118,7 @@ def test_an_earlier_file_is_overwritten_only_when_its_path_was_typed(start: Star
     earlier = tmp_path / "take-1.bvh"  # of another session
     earlier.write_text("earlier", encoding="utf-8")
     app = start()
-    clips = app.state.clips
+    clips = app.state.takes
     app.state.settings.export_folder = str(tmp_path)
     run(app, 2)
     record(app)
@@ -150,13 +151,13 @@ def test_a_trimmed_file_is_not_written_over_the_one_it_was_opened_from(start: St
     run(app, 2)
     record(app)
     original = tmp_path / "take-1.bvh"
-    app.state.clips.export_path = str(original)
+    app.state.takes.export_path = str(original)
     app.takes.export()
     app.takes.remove(0)
     before = original.read_bytes()
     app.takes.open(original)
     run(app)
-    playback = app.state.clips.playback
+    playback = app.state.takes.playback
     assert playback is not None
     playback.seek(10)
     playback.trim_out()
@@ -172,8 +173,8 @@ def test_the_last_seconds_are_always_in_memory(start: Start) -> None:
     run(app, 40)
     app.window.inject_key("t", True)
     run(app)
-    assert len(app.state.clips.items[0].clip) == 15
-    assert not app.state.clips.recording
+    assert len(app.state.takes.items[0].clip) == 15
+    assert not app.state.takes.recording
 
 
 def test_moving_leaves_the_playback_and_nothing_else_does(start: Start) -> None:
@@ -182,13 +183,13 @@ def test_moving_leaves_the_playback_and_nothing_else_does(start: Start) -> None:
     record(app)
     app.takes.play(0)
     run(app, 3)
-    assert app.state.clips.playback is not None
+    assert app.state.takes.playback is not None
     app.window.inject_key("w", True)
     run(app)
-    assert app.state.clips.playback is None
+    assert app.state.takes.playback is None
     app.takes.play(0)  # with the key still held the clip plays on
     run(app, 3)
-    assert app.state.clips.playback is not None
+    assert app.state.takes.playback is not None
 
 
 def test_unsaved_takes_are_rescued_when_the_program_ends(start: Start, tmp_path: Path) -> None:
@@ -286,13 +287,13 @@ def test_every_clip_panel_state_can_be_drawn(start: Start) -> None:
     run(app, 2)
     record(app)
     app.takes.play(0)
-    app.actions.toggle_help()
+    app.actions[Action.HELP]()
     app.takes.toggle_recording()
     run(app, 2)
     app.takes.remove(0)
     run(app, 2)
-    assert app.state.clips.items == []
-    assert app.state.clips.playback is None
+    assert app.state.takes.items == []
+    assert app.state.takes.playback is None
 
 
 def test_screenshot_and_frames_are_written(start: Start, tmp_path: Path) -> None:

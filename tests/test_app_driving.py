@@ -8,6 +8,7 @@ import math
 import pytest
 from app_driver import Start, click_prompt_box, controller, message, run
 from sport.viewer.input.gamepad import GamepadState
+from sport.viewer.prompt.style_edit import Side
 
 
 def test_key_w_moves_the_character_at_once(start: Start) -> None:
@@ -41,23 +42,23 @@ def test_scripted_controls_last_as_long_whatever_the_display_shows(
     held = []
     for dt in lengths:
         run(app)
-        held += [dt] * ("w" in app.keyboard.held)
+        held += [dt] * ("w" in app.devices.keyboard.held)
     assert sum(held) == pytest.approx(1.0)
 
 
 def test_stick_moves_relative_to_the_camera(start: Start) -> None:
     app = start(camera="orbit")
     run(app)
-    app.camera.orbit.yaw = math.pi / 2  # looks along +X
-    app.pads.state = GamepadState("pad", left=(0.0, 1.0))
+    app.stage.camera.orbit.yaw = math.pi / 2  # looks along +X
+    app.devices.pads.state = GamepadState("pad", left=(0.0, 1.0))
     run(app, 10)
     assert controller(app).x > 0.1
     assert abs(controller(app).z) < 1e-6
-    assert app.state.device == "pad"
+    assert app.state.shell.device == "pad"
     assert "pad connected" in message(app)
-    app.pads.state = None
+    app.devices.pads.state = None
     run(app)
-    assert app.state.device == "keyboard"
+    assert app.state.shell.device == "keyboard"
 
 
 def test_escape_leaves_the_text_field(start: Start) -> None:
@@ -86,9 +87,9 @@ def test_keys_that_follow_enter_at_once_are_words(start: Start) -> None:
         press_down(letter, False)
         run(app)
     run(app, 3)
-    assert not app.state.clips.recording
+    assert not app.state.takes.recording
     assert controller(app).x == 0.0
-    assert app.state.prompt.box.text == "drunk"
+    assert app.state.prompt.boxes[Side.A].text == "drunk"
 
 
 def test_focus_loss_releases_keys(start: Start) -> None:
@@ -110,12 +111,12 @@ def test_function_keys_toggle_what_is_shown(start: Start) -> None:
         app.window.inject_key(key, True)
     run(app, 2)
     assert app.state.settings.show_skeleton
-    assert app.scene.renderer.overlays.show_skeleton
-    assert app.state.help_open
-    assert not app.state.panels_open
+    assert app.stage.renderer.overlays.show_skeleton
+    assert app.state.shell.help_open
+    assert not app.state.shell.panels_open
     app.window.inject_key("escape", True)
     run(app)
-    assert not app.state.help_open
+    assert not app.state.shell.help_open
 
 
 def test_ctrl_z_is_no_crouch(start: Start) -> None:
@@ -125,7 +126,7 @@ def test_ctrl_z_is_no_crouch(start: Start) -> None:
     run(app, 2)
     app.window.inject_key("ctrl", True)
     run(app)
-    assert app.mapper.read(app.keyboard, None, 1 / 60).gait is Gait.CROUCH
+    assert app.devices.mapper.read(app.devices.keyboard, None, 1 / 60).gait is Gait.CROUCH
     app.window.inject_key("z", True)
     run(app)
-    assert app.mapper.read(app.keyboard, None, 1 / 60).gait is Gait.WALK
+    assert app.devices.mapper.read(app.devices.keyboard, None, 1 / 60).gait is Gait.WALK

@@ -9,6 +9,7 @@ import pytest
 from app_driver import (
     Start,
     click,
+    click_on,
     click_prompt_box,
     controller,
     message,
@@ -24,6 +25,7 @@ from app_driver import (
 from sport.runtime.prompts.blend import read_words
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.skeleton import PART_NAMES
+from sport.viewer.prompt.style_edit import Side
 from viewer_fakes import FakeEncoder, FakeLibrary
 
 # typing
@@ -39,7 +41,7 @@ def test_typing_fills_the_prompt_and_never_drives(start: Start) -> None:
     app.window.inject_text("addling duck ")
     run(app, 3)
     assert controller(app).z == 0.0
-    assert "waddling duck" in app.state.prompt.box.text
+    assert "waddling duck" in app.state.prompt.boxes[Side.A].text
     press(app, "enter")
     run(app, 2)
     assert "waddling duck" in prompt(app)
@@ -88,13 +90,13 @@ def test_enter_changes_the_shipped_models_style_at_the_next_frame_after_the_answ
     app.prompting.blocking = app.jobs.blocking = False
     run_until(app, lambda: app.prompting.history.top is not None)
     run(app, 2)
-    walker, worker = app.state.simulation.controller, app.prompting._questions["a"].worker
+    walker, worker = app.state.stage.simulation.controller, app.prompting.workers[Side.A]
     assert isinstance(walker, Controller)
     before = walker.style.z.copy()
     type_prompt(app, "a drunk person stumbling home")
     app.window.inject_key("enter", True)
     run(app)
-    assert app.state.prompt.asked == {"a"}
+    assert app.state.prompt.asked == {Side.A}
     assert np.array_equal(walker.style.z, before)
     while worker.busy:
         time.sleep(0.001)
@@ -145,11 +147,11 @@ def test_a_field_goes_back_to_what_was_said_when_it_is_reset_or_emptied(start: S
 def test_a_field_is_applied_when_it_is_left(start: Start) -> None:
     app = start()
     run(app, 3)
-    click(app, 160, 640)  # the last field
+    click_on(app, "##words", len(PART_NAMES) - 1)
     app.window.inject_text(" slowly")
     run(app, 3)
     assert words(app)["head"] != app.state.prompt.parts["head"]
-    click(app, 640, 400)  # the scene
+    click(app, app.window.size[0] / 2, app.window.size[1] / 2)  # the scene
     run(app)
     assert "slowly" in words(app)["head"]
 
@@ -175,7 +177,7 @@ def test_locks_hold_as_they_are_when_the_answer_comes(start: Start) -> None:
     app = start(prompt="a proud king")
     app.prompting.blocking = False
     run(app, 2)
-    worker = app.prompting._questions["a"].worker
+    worker = app.prompting.workers[Side.A]
     app.prompting.toggle_lock("head")
     worker.held = True
     app.prompting.submit_prompt("a duck")
@@ -204,7 +206,7 @@ def test_a_take_keeps_what_replays_it(start: Start) -> None:
     run(app, 2)
     app.takes.toggle_recording()
     run(app)
-    events = app.state.clips.items[0].clip.prompts
+    events = app.state.takes.items[0].clip.prompts
     king = FakeLibrary().expand("a proud king").descriptions
     kept = [read_words(event.prompt) for event in events]
     assert kept == ["a proud king", king.replace("head", "head shaking"), "a duck"]
@@ -232,7 +234,7 @@ def test_undo_and_redo_of_prompts_edits_and_locks(start: Start) -> None:
         assert words(app) == app.state.prompt.parts == expected
         assert app.state.prompt.edit.locked == locked
         assert np.array_equal(style(app), z)
-        assert app.state.prompt.box.text == ("a proud king" if index == 0 else "a duck")
+        assert app.state.prompt.boxes[Side.A].text == ("a proud king" if index == 0 else "a duck")
 
     check(3)
     for index in (2, 1, 0, 0):
@@ -261,23 +263,23 @@ def test_undo_in_a_field_takes_typing_back_first(start: Start) -> None:
     click_prompt_box(app)
     press(app, "ctrl", "z")  # nothing was typed
     run(app)
-    assert prompt(app) == app.state.prompt.box.text == "a proud king"
+    assert prompt(app) == app.state.prompt.boxes[Side.A].text == "a proud king"
 
 
 def test_undo_withdraws_a_prompt_without_an_answer(start: Start) -> None:
     app = start(prompt="a proud king")
     app.prompting.blocking = False
     run(app, 2)
-    worker = app.prompting._questions["a"].worker
+    worker = app.prompting.workers[Side.A]
     worker.held = True
     app.prompting.submit_prompt("a duck")
     run(app, 2)
-    assert app.state.prompt.asked == {"a"}
+    assert app.state.prompt.asked == {Side.A}
     press(app, "ctrl", "z")
     assert "Withdrawn" in message(app)
     worker.held = False
     run(app, 3)
-    assert prompt(app) == app.state.prompt.box.text == "a proud king"
+    assert prompt(app) == app.state.prompt.boxes[Side.A].text == "a proud king"
     assert not app.state.prompt.asked
 
 
@@ -285,28 +287,9 @@ def test_words_typed_since_survive_an_undo(start: Start) -> None:
     app = start(prompt="a proud king")
     run(app)
     app.prompting.submit_prompt("a duck")
-    app.state.prompt.box.text = "a duck that"
+    app.state.prompt.boxes[Side.A].text = "a duck that"
     app.prompting.undo()
-    assert (prompt(app), app.state.prompt.box.text) == ("a proud king", "a duck that")
-
-
-def test_gone_words_do_not_come_back(start: Start) -> None:
-    """An answer to an older request must not overwrite newer words."""
-    app = start(prompt="a proud king")
-    app.prompting.blocking = False
-    run(app, 2)
-    worker = app.prompting._questions["a"].worker
-    worker.held = True
-    app.prompting.submit_prompt("a duck")
-    late = worker._result
-    app.prompting.submit_prompt("a goose")
-    worker._result, newest = late, worker._result
-    worker.held = False
-    run(app)
-    assert prompt(app) == "a proud king"
-    worker._result = newest
-    run(app)
-    assert prompt(app) == "a goose"
+    assert (prompt(app), app.state.prompt.boxes[Side.A].text) == ("a proud king", "a duck that")
 
 
 def test_the_words_in_force_survive_another_model(start: Start) -> None:
@@ -316,8 +299,9 @@ def test_the_words_in_force_survive_another_model(start: Start) -> None:
     run(app)
     app.state.prompt.parts["head"] = "head shaking"
     app.prompting.submit_part("head")
-    loaded = fake_services().load_model(None, app.state.terrain, 0, None)
-    app.scene._take_model(loaded, None)
+    loaded = fake_services().load_model(None, app.state.stage.terrain, 0, None)
+    app.stage.use_model(loaded)
+    app.prompt.use_model(loaded, None)
     run(app)
     assert words(app)["head"] == "head shaking"
     assert loaded.prompts[0].asked == [PartDescriptions.from_mapping(words(app))]
@@ -339,12 +323,13 @@ def test_a_prompt_that_waits_for_another_model_leaves_locked_words(start: Start)
     run(app)
     before = PartDescriptions.from_mapping(words(app))
     app.prompting.toggle_lock("head")
-    app.prompting._questions["a"].worker.held = True
+    app.prompting.workers[Side.A].held = True
     app.prompting.submit_prompt("a duck")
-    loaded = fake_services().load_model(None, app.state.terrain, 0, None)
+    loaded = fake_services().load_model(None, app.state.stage.terrain, 0, None)
     for worker in loaded.prompts:
         worker.encoder = OtherEncoder()  # type: ignore[attr-defined]
-    app.scene._take_model(loaded, None)
+    app.stage.use_model(loaded)
+    app.prompt.use_model(loaded, None)
     run(app, 2)
     assert loaded.prompts[0].asked == [before, "a duck"]  # type: ignore[attr-defined]
     assert words(app) == {**duck(), "head": "head of a proud king"}

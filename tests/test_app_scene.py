@@ -19,14 +19,14 @@ from viewer_fakes import FakeRenderer, fake_services
 def test_a_missing_terrain_shows_a_message_and_keeps_the_old_one(start: Start) -> None:
     app = start()
     run(app)
-    before = app.state.terrain
+    before = app.state.stage.terrain
     for spec in ("moon", "/nowhere/map.png"):
-        app.scene.load_terrain(spec)
+        app.stage.load_terrain(spec)
         run(app)
         assert Path(spec).name in message(app)
         assert app.state.messages.current.level is Level.ERROR  # type: ignore[union-attr]
-        assert app.state.terrain is before
-        assert app.state.scene.loading == ""
+        assert app.state.stage.terrain is before
+        assert app.state.stage.loading == ""
 
 
 def test_offscreen_a_wrong_option_is_an_error(tmp_path: Path) -> None:
@@ -51,21 +51,21 @@ def test_what_a_model_does_without_is_said_when_it_is_loaded(start: Start) -> No
 def test_terrain_reaches_model_and_renderer(start: Start) -> None:
     app = start()
     run(app)
-    app.scene.load_terrain("stairs")
+    app.stage.load_terrain("stairs")
     run(app)
-    renderer = app.scene.renderer
+    renderer = app.stage.renderer
     assert isinstance(renderer, FakeRenderer)
-    assert controller(app).terrain is app.state.terrain is renderer.terrain
-    assert app.state.terrain.name == "stairs"
+    assert controller(app).terrain is app.state.stage.terrain is renderer.terrain
+    assert app.state.stage.terrain.name == "stairs"
 
 
 def test_strength_reaches_the_model_and_stays_in_the_settings(start: Start) -> None:
     app = start()
     run(app)
-    app.scene.set_strength(1.2)
+    app.state.settings.strength = 1.2
+    run(app)
     assert controller(app).strength == 1.2
-    assert app.state.settings.strength == 1.2
-    app.scene.load_model(None, 0)
+    app.load_model(None, 0)
     run(app)
     assert controller(app).strength == 1.2
 
@@ -74,17 +74,17 @@ def test_dropped_files_go_where_they_belong(start: Start, tmp_path: Path) -> Non
     app = start()
     run(app)
     shutil.copy(asset_path("character/mannequin.glb"), tmp_path / "hero.glb")
-    app.window._events.drop([tmp_path / "hero.glb", tmp_path / "notes.txt"])
+    app.open_files([tmp_path / "hero.glb", tmp_path / "notes.txt"])
     run(app)
-    assert app.scene.renderer.character.path == tmp_path / "hero.glb"
-    assert app.state.scene.terrain_spec == "flat"
+    assert app.stage.renderer.character.path == tmp_path / "hero.glb"
+    assert app.state.stage.terrain_spec == "flat"
     assert ".txt" in message(app)
     damaged = tmp_path / "walk.bvh"
     damaged.write_text("HIERARCHY\n", encoding="utf-8")
-    app.window._events.drop([damaged])
+    app.open_files([damaged])
     run(app)
     assert "walk.bvh" in message(app)
-    assert app.state.clips.items == []
+    assert app.state.takes.items == []
 
 
 @pytest.mark.parametrize("suffix", [".glb", ".gltf", ".off", ".obj"])
@@ -95,12 +95,12 @@ def test_a_dropped_mesh_without_a_skin_is_a_ground(start: Start, tmp_path: Path,
     trimesh.creation.box((6.0, 0.5, 4.0)).export(str(ground))
     app = start()
     run(app)
-    character = app.scene.renderer.character
-    app.window._events.drop([ground])
+    character = app.stage.renderer.character
+    app.open_files([ground])
     run(app)
-    assert app.state.scene.terrain_spec == str(ground)
-    assert app.state.terrain.height(0.0, 0.0) == pytest.approx(0.25)
-    assert app.scene.renderer.character is character
+    assert app.state.stage.terrain_spec == str(ground)
+    assert app.state.stage.terrain.height(0.0, 0.0) == pytest.approx(0.25)
+    assert app.stage.renderer.character is character
 
 
 def test_a_fault_that_the_character_recovers_from_is_told_once_and_halts_if_it_comes_in_every_step(
@@ -115,10 +115,10 @@ def test_a_fault_that_the_character_recovers_from_is_told_once_and_halts_if_it_c
     app.state.messages.note("Something else.")
     run(app, MAX_FAILURES + 2)
     assert "Something else." in message(app)
-    assert not app.state.simulation.halted
+    assert not app.state.stage.simulation.halted
     fake.message = "The network gave rubbish."
     run(app, MAX_FAILURES + 2)
-    assert app.state.simulation.halted
+    assert app.state.stage.simulation.halted
     assert "until you reset it" in message(app)
 
 
@@ -126,18 +126,18 @@ def test_a_fault_that_the_character_recovers_from_is_told_once_and_halts_if_it_c
 def test_a_failing_model_leaves_the_last_good_pose(start: Start, broken: str) -> None:
     app = start()
     run(app, 3)
-    good = app.state.simulation.current
+    good = app.state.stage.simulation.current
     fake = controller(app)
     if broken == "nan":
         fake.answer_nan = True
     else:
         fake.fail_with = RuntimeError("bad weights")
     run(app, MAX_FAILURES + 2)
-    assert app.state.simulation.current is good
-    assert app.state.simulation.halted
+    assert app.state.stage.simulation.current is good
+    assert app.state.stage.simulation.halted
     assert "model failed" in message(app)
     fake.answer_nan, fake.fail_with = False, None
-    app.scene.reset_character()
+    app.stage.reset_character()
     app.window.inject_key("w", True)
     run(app, 3)
     assert fake.z > 0.0

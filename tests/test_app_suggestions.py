@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import threading
 
-from app_driver import Start, click, controller, press, prompt, run, run_until, type_prompt, typing
+from app_driver import Start, click_on, controller, press, prompt, run, run_until, type_prompt, typing
+from sport.viewer.prompt.style_edit import Side
 from sport.viewer.settings import load_settings, save_settings
 from viewer_fakes import FakeLibrary
 
@@ -14,7 +15,7 @@ def test_suggestions_show_while_typing_and_are_taken_by_keys(start: Start) -> No
     run(app, 2)
     styles = len(controller(app).styles)
     type_prompt(app, "prou")
-    box = app.state.prompt.box
+    box = app.state.prompt.boxes[Side.A]
     assert box.suggesting
     found = [s.text for s in app.suggester.suggestions(box)]
     # begins so, has a word that begins so, means the like
@@ -42,7 +43,7 @@ def test_enter_on_a_suggestion_asks_for_it(start: Start) -> None:
     press(app, "enter")
     run(app)
     assert prompt(app) == "an old king"
-    assert app.state.prompt.box.text == "an old king"
+    assert app.state.prompt.boxes[Side.A].text == "an old king"
     assert not typing(app)
 
 
@@ -51,32 +52,31 @@ def test_escape_closes_the_list_and_then_leaves_the_field(start: Start) -> None:
     run(app, 2)
     type_prompt(app, "limp")
     press(app, "escape")
-    assert (app.state.prompt.box.suggesting, app.state.prompt.box.text) == (False, "limp")
+    assert (app.state.prompt.boxes[Side.A].suggesting, app.state.prompt.boxes[Side.A].text) == (False, "limp")
     assert typing(app)
     press(app, "escape")
     run(app)
     assert not typing(app)
-    assert app.state.prompt.box.text == "a proud king"  # as before it was entered
+    assert app.state.prompt.boxes[Side.A].text == "a proud king"  # as before it was entered
 
 
 def test_a_suggestion_is_taken_by_the_mouse(start: Start) -> None:
     app = start()
     run(app, 2)
     type_prompt(app, "prou")
-    top = 134  # of the list, under the field and its button, pixels
-    click(app, 160, top + 5 + 23 + 12)  # the second line
+    click_on(app, "##1")  # the second line
     assert prompt(app) == "a proud king"
-    assert not app.state.prompt.box.suggesting
+    assert not app.state.prompt.boxes[Side.A].suggesting
 
 
 def test_the_button_stays_in_reach_while_the_list_is_open(start: Start) -> None:
     app = start()
     run(app, 2)
     type_prompt(app, "prou")
-    assert app.state.prompt.box.suggesting
-    click(app, 80, 117)
+    assert app.state.prompt.boxes[Side.A].suggesting
+    click_on(app, "Apply")
     assert prompt(app) == "prou"
-    assert not app.state.prompt.box.suggesting
+    assert not app.state.prompt.boxes[Side.A].suggesting
 
 
 def test_meaning_is_looked_up_on_a_worker_only(start: Start) -> None:
@@ -86,10 +86,10 @@ def test_meaning_is_looked_up_on_a_worker_only(start: Start) -> None:
     library = app.expanders.library
     assert isinstance(library, FakeLibrary)
     type_prompt(app, "quack")
-    run_until(app, lambda: app.state.prompt.box.near_to == "quack")
+    run_until(app, lambda: app.state.prompt.boxes[Side.A].near_to == "quack")
     assert {text for text, _ in library.looked_up} <= {"qu", "qua", "quac", "quack"}
     assert threading.main_thread().name not in {thread for _, thread in library.looked_up}
-    similar = [(s.text, s.similarity) for s in app.suggester.suggestions(app.state.prompt.box)]
+    similar = [(s.text, s.similarity) for s in app.suggester.suggestions(app.state.prompt.boxes[Side.A])]
     assert similar == list(FakeLibrary.near)
 
 
@@ -104,7 +104,7 @@ def test_the_history_is_recalled_remembered_and_has_no_doubles(start: Start) -> 
     assert app.state.settings.prompt_history == ["three", "One", "two"]
     type_prompt(app, "x")
     press(app, "backspace")
-    box = app.state.prompt.box
+    box = app.state.prompt.boxes[Side.A]
     assert [s.text for s in app.suggester.suggestions(box)] == ["three", "One", "two"]
     seen = []
     for key in ("up", "up", "up", "up", "down", "down", "down"):
@@ -128,7 +128,8 @@ def test_the_shipped_library_is_what_is_suggested() -> None:
     from sport.runtime.prompts.text_encoder import TextEncoder
     from sport.viewer.services import library_prompts
 
-    prompts = library_prompts()
+    ready, prompts = library_prompts()
+    assert {text.casefold() for text in ready} <= {text.casefold() for text in prompts}
     assert len(prompts) > 200
     assert len({prompt.casefold() for prompt in prompts}) == len(prompts)
     near = LibraryExpander(TextEncoder()).nearest("somebody tipsy")

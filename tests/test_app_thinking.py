@@ -10,6 +10,7 @@ from slow_model import ANSWER, Model, source
 from sport.runtime.prompts.blend import BlendedPrompt
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.viewer.app import App
+from sport.viewer.prompt.style_edit import Side
 from viewer_fakes import FakeEncoder, FakeLibrary
 
 KING, DUCK = (FakeLibrary().expand(prompt).descriptions for prompt in ("a proud king", "a duck"))
@@ -20,7 +21,7 @@ KING, DUCK = (FakeLibrary().expand(prompt).descriptions for prompt in ("a proud 
 def blending(asking: Callable[[], App], model: Model) -> App:
     """The library has answered prompt B and its slider was moved, the language model has been asked."""
     app = asking()
-    app.prompting.submit_prompt("a duck", "b")
+    app.prompting.submit_prompt("a duck", Side.B)
     run_until(app, lambda: app.state.prompt.edit.b is not None and bool(model.asked))
     app.prompting.set_all_weights(0.8)
     return app

@@ -14,10 +14,11 @@ from app_driver import Start, run
 from sport.runtime.errors import UsageError
 from sport.runtime.terrain.height_map import Terrain
 from sport.viewer.gui.layout import Rect, arrange, view_centre
+from sport.viewer.gui.status import Stats
+from sport.viewer.input.bindings import Action
 from sport.viewer.messages import Messages
-from sport.viewer.settings import Settings, config_directory, load_settings, save_settings
+from sport.viewer.settings import Settings, config_directory, load_settings, save_settings, spec_of
 from sport.viewer.stage.simulation import MAX_STEPS, Simulation, interpolate
-from sport.viewer.state import Stats
 from sport.viewer.takes.playback import Playback
 from sport.viewer.takes.takes import export_target, file_stem, free_path
 from viewer_fakes import FakeController
@@ -97,7 +98,8 @@ def test_panels_never_overlap(size: tuple[int, int], scale: float) -> None:
             assert a.x + a.width <= size[0] + 1e-6
             assert a.y + a.height <= size[1] + 1e-6
             for b in rects[i + 1 :]:
-                assert not a.overlaps(b)
+                beside = a.x + a.width <= b.x or b.x + b.width <= a.x
+                assert beside or a.y + a.height <= b.y or b.y + b.height <= a.y
 
 
 def test_the_picture_is_centred_in_what_the_panels_leave() -> None:
@@ -194,3 +196,22 @@ def test_export_names(tmp_path: Path) -> None:
     assert free_path(tmp_path / "a.bvh") == tmp_path / "a-2.bvh"
     too_long = tmp_path / f"{'long' * 100}.bvh"  # to look for it is an error
     assert free_path(too_long) == too_long
+
+
+def test_every_action_that_is_no_held_one_is_done_by_exactly_one_room(start: Start) -> None:
+    app = start()
+    rooms = (app.stage.actions, app.takes.actions, app.shell.actions)
+    assert sum(len(room) for room in rooms) + 2 == len(app.actions)  # and two of the window
+    assert set(Action) - set(app.actions) == {
+        Action.FORWARD, Action.BACK, Action.LEFT, Action.RIGHT, Action.JOG, Action.CROUCH_HOLD, Action.STRAFE,
+        Action.LOOK_LEFT, Action.LOOK_RIGHT, Action.LOOK_UP, Action.LOOK_DOWN, Action.ZOOM_IN, Action.ZOOM_OUT,
+        Action.JUMP, Action.CROUCH,
+    }  # fmt: skip
+
+
+def test_a_setting_carries_its_range_and_what_its_widget_shows() -> None:
+    for name in ("strength", "temperature", "blend_seconds", "keep_seconds", "gpt_timeout_s"):
+        spec = spec_of(Settings, name)
+        assert spec.allows(getattr(Settings(), name))
+        assert spec.label % (spec.low * spec.factor) != spec.label % (spec.high * spec.factor)
+        assert not spec.allows(spec.high * 1.01)

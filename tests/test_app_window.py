@@ -23,7 +23,7 @@ def test_first_frame_shows_scene_and_panels(start: Start) -> None:
     assert picture.shape == (400, 640, 3)
     assert picture[:30].mean() > 90  # the bright sky
     assert picture[-15:, 300:].mean() < 60  # the dark status line
-    assert app.state.model_name == "fake"
+    assert app.state.stage.model_name == "fake"
     assert app.state.prompt.parts["torso"] != ""
 
 
@@ -54,7 +54,7 @@ def test_change_of_scale_does_not_add_up(start: Start) -> None:
     run(app)
     before = imgui.get_style().window_padding.x
     for scale in (2.0, 1.0):
-        app.window._wanted_scale = scale
+        app.window.wanted_scale = scale
         run(app)
     assert imgui.get_style().window_padding.x == before
 
@@ -67,8 +67,10 @@ def test_the_status_line_tells_the_true_rates(start: Start, monkeypatch: pytest.
     for frame in range(400):
         clock.now += 0.01 if frame % 2 else 0.04  # an uneven machine: 40 pictures a second
         run(app)
-    assert app.state.stats.fps == pytest.approx(40.0, rel=0.1)  # not the 60 steps that they simulate
-    assert app.state.stats.steps_per_s == pytest.approx(app.state.stats.fps)  # offscreen: one in each picture
+    assert app.state.shell.stats.fps == pytest.approx(40.0, rel=0.1)  # not the 60 steps that they simulate
+    assert app.state.shell.stats.steps_per_s == pytest.approx(
+        app.state.shell.stats.fps
+    )  # offscreen: one in each picture
 
 
 def test_minimised_window_draws_nothing_and_comes_back(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -125,4 +127,4 @@ def test_random_use_never_breaks_the_interface(start: Start) -> None:
         if random.random() < 0.05:
             app.takes.save_last()
         run(app)
-    assert np.isfinite(app.state.simulation.current.positions).all()
+    assert np.isfinite(app.state.stage.simulation.current.positions).all()

@@ -314,12 +314,10 @@ IN_THE_VIEWER: dict[str, tuple[Callable[[Path], Path], tuple[str, ...]]] = {
 def test_the_viewer_says_it_goes_on_and_loses_nothing(tmp_path: Path) -> None:
     from sport.viewer.app import App
     from sport.viewer.options import ViewOptions
-    from sport.viewer.services import default_services
+    from sport.viewer.services import Services
 
     options = ViewOptions(offscreen=True, width=96, height=64, terrain="flat", panels=False)
-    services = replace(
-        default_services(), make_renderer=lambda ctx, quality: FakeRenderer(ctx)
-    )  # all else is real
+    services = replace(Services(), make_renderer=lambda ctx, quality: FakeRenderer(ctx))  # all else is real
     app = App(options, services, config=tmp_path / "config")
     frames = 0
 
@@ -335,36 +333,36 @@ def test_the_viewer_says_it_goes_on_and_loses_nothing(tmp_path: Path) -> None:
 
     try:
         app.frame()
-        terrain, style = app.state.terrain, app.state.prompt.edit
-        controller = app.state.simulation.controller
+        terrain, style = app.state.stage.terrain, app.state.prompt.edit
+        controller = app.state.stage.simulation.controller
         assert controller is not None
         app.takes.toggle_recording()
         app.window.inject_key("w", True)
         for case, (make, words) in IN_THE_VIEWER.items():
             folder = tmp_path / case
             folder.mkdir()
-            app.actions.open_files([make(folder)])
+            app.open_files([make(folder)])
             play()
             assert all(word in shown() for word in words), (case, shown())
         for case, (make, words) in MODELS.items():
             (tmp_path / case).mkdir()
-            app.scene.load_model(make(tmp_path / case), 0)
+            app.load_model(make(tmp_path / case), 0)
             play(1)
             assert all(word in shown() for word in words), (case, shown())
-            assert app.state.simulation.controller is controller, case
-        app.scene.load_terrain("moon")
+            assert app.state.stage.simulation.controller is controller, case
+        app.stage.load_terrain("moon")
         play()
         assert "'moon'" in shown()
         for prompt, words in ((" ", "prompt is empty"), (LONG_PROMPT, "at most 1000")):
             app.prompting.submit_prompt(prompt)
             play()
             assert words in shown()
-        assert app.state.terrain is terrain
+        assert app.state.stage.terrain is terrain
         assert app.state.prompt.edit is style
         play(30)
         app.takes.toggle_recording()
         app.takes.play(0)
-        app.state.clips.export_path = str(tmp_path / "kept.bvh")
+        app.state.takes.export_path = str(tmp_path / "kept.bvh")
         app.takes.export()
         app.frame()
     finally:

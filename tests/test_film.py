@@ -79,7 +79,7 @@ def test_the_camera_stays_before_the_character(clip: Clip) -> None:
 def test_what_cannot_be_drawn_is_named(clip: Clip, tmp_path: Path) -> None:
     bvh = str(save_bvh(clip, tmp_path / "walk.bvh"))
     for options, message in (
-        (["--out", "walk.mp4"], r"walk\.mp4: no moving picture"),
+        (["--out", "walk.mp4"], r"walk\.mp4: no film"),
         (["--out", "a.gif", "--fps", "0"], "--fps 0: expected"),
         (["--out", "a.gif", "--size", "8", "64"], "expected 16 to"),
         (["--out", str(tmp_path / "a.gif"), "--start", "9"], "lasts 1.5 s"),

@@ -188,8 +188,7 @@ def test_worker_keeps_only_the_newest_request_and_never_blocks(tmp_path: Path) -
         assert time.perf_counter() - started < 0.5
         assert worker.busy
         slow.go.set()
-        while _wait(worker).request != "prompt 99":
-            pass
+        assert _wait(worker).request == "prompt 99"
         assert slow.asked == ["first", "prompt 99"]
         worker.submit("defect")
         failed = _wait(worker)

@@ -21,8 +21,9 @@ from sport.runtime.pose import Pose
 from sport.runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 from sport.runtime.terrain.height_map import Terrain
 from sport.viewer.render.camera import OrbitCamera
+from sport.viewer.render.capture import save_png
 from sport.viewer.render.marks import contact_strokes, feet_of, skeleton_strokes, trajectory_strokes
-from sport.viewer.render.offscreen import OffscreenTarget, create_offscreen_context, save_png
+from sport.viewer.render.offscreen import OffscreenTarget, create_offscreen_context
 from sport.viewer.render.overlays import Overlays, TrajectoryOverlay
 from sport.viewer.render.quality import HIGH, SOFTWARE, Quality, choose_quality
 from sport.viewer.render.renderer import Renderer
@@ -95,14 +96,14 @@ def check_golden(name: str, picture: Picture) -> None:
     path = GOLDEN / f"{name}.png"
     if os.environ.get("SPORT_UPDATE_GOLDEN"):
         GOLDEN.mkdir(exist_ok=True)
-        save_png(path, picture)
+        save_png(picture, path)
     golden = np.asarray(Image.open(path).convert("RGB")).astype(int)
     difference = np.abs(picture.astype(int) - golden)
     far_off = float(np.mean(difference.max(-1) > 32))
     if difference.mean() > 1.5 or far_off > 0.01:  # drivers differ by single pixels on edges
         FAILURES.mkdir(exist_ok=True)
         shown = np.clip(4 * difference, 0, 255).astype(np.uint8)
-        save_png(FAILURES / f"{name}.png", np.hstack([picture, golden.astype(np.uint8), shown]))
+        save_png(np.hstack([picture, golden.astype(np.uint8), shown]), FAILURES / f"{name}.png")
         pytest.fail(f"{name}: mean difference {difference.mean():.2f}, {far_off:.1%} far off; see {FAILURES}")
 
 
@@ -336,8 +337,9 @@ def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch, message: st
 
 
 def test_a_picture_that_cannot_be_saved_names_its_path(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match=r"no_folder.*picture\.png"):
-        save_png(tmp_path / "no_folder" / "picture.png", np.zeros((2, 2, 3), np.uint8))
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(FileError, match=r"file.*picture\.png"):
+        save_png(np.zeros((2, 2, 3), np.uint8), tmp_path / "file" / "picture.png")
 
 
 def test_first_row_of_a_read_picture_is_the_top(render: Render) -> None:

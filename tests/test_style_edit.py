@@ -76,7 +76,7 @@ def test_the_history_has_no_doubles_and_an_end(prompts: list[str]) -> None:
 
 
 def test_the_master_weight_moves_what_is_not_locked() -> None:
-    edit = StyleEdit(answer(), answer("b", 3.0), ALL_A, frozenset({"head"}))
+    edit = StyleEdit((answer(), answer("b", 3.0)), ALL_A, frozenset({"head"}))
     moved = edit.with_all_weights(0.5).with_weight("torso", 1.0)
     assert moved.weights == (0.5, 0.5, 0.5, 0.5, 1.0, 0.0)
     assert moved.master_weight == pytest.approx(0.6)
@@ -92,9 +92,9 @@ def test_what_replays_an_edit() -> None:
     other = SAID.replace("head", "head up")
     a, b = answer(), answer("drunk", 2.0, words=other)
     assert StyleEdit().replayable() == ""
-    assert StyleEdit(a).replayable() == "a proud king"
-    assert StyleEdit(a, b).replayable() == "a proud king"  # B has no share
-    half = StyleEdit(a, b, (0.5,) * 6)
+    assert StyleEdit((a, None)).replayable() == "a proud king"
+    assert StyleEdit((a, b)).replayable() == "a proud king"  # B has no share
+    half = StyleEdit((a, b), (0.5,) * 6)
     assert half.replayable() == BlendedPrompt("a proud king", other, (0.5,) * 6)
     assert answer(source="gpt").replayable == SAID  # another time it may say something else
     assert answer("").replayable == SAID

@@ -15,7 +15,7 @@ from sport.runtime.prompts.expander import Expansion, check_prompt
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.prompts.service import PromptResult
 from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.services import Loaded, Services, default_services
+from sport.viewer.services import Loaded, Services
 from sport.viewer.stage.simulation import make_pose, rest_pose
 
 SPEEDS = {Gait.WALK: 1.4, Gait.JOG: 3.0, Gait.CROUCH: 0.8, Gait.JUMP: 1.4}  # m/s
@@ -170,7 +170,7 @@ class FakeRenderer:
 
 def fake_services(real_renderer: bool = False, notice: str = "") -> Services:
     """Services with a fake model; terrains are real, character and renderer fake unless asked."""
-    real = default_services()
+    real = Services()
 
     def load_model(directory: Any, terrain: Terrain, seed: int, gpt: Any) -> Loaded:
         library = FakeLibrary()
@@ -183,9 +183,10 @@ def fake_services(real_renderer: bool = False, notice: str = "") -> Services:
         load_character=real.load_character if real_renderer else lambda path: SimpleNamespace(path=path),
         make_renderer=real.make_renderer if real_renderer else lambda ctx, quality: FakeRenderer(ctx),
         terrain_names=real.terrain_names,
-        quality_names=real.quality_names,
-        ready_prompts=real.ready_prompts,
-        library_prompts=lambda: ("a proud king", "proud peacock", "someone limping", "an old king"),
+        library_prompts=lambda: (
+            ("a proud king",),
+            ("a proud king", "proud peacock", "someone limping", "an old king"),
+        ),
         open_expander=real.open_expander,
         check_endpoint=real.check_endpoint,
     )

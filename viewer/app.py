@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import signal
 import threading
 import time
@@ -12,27 +13,29 @@ from typing import Any
 
 from sport.runtime.errors import SportError
 from sport.runtime.pose import Pose
+from sport.runtime.prompts.expander import DEFAULT_PROMPT
 from sport.runtime.takes.clip import ClipRecorder
 from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.actions import Actions
 from sport.viewer.gl_bindings import glfw, imgui
-from sport.viewer.input.bindings import InputMapper, Intent, to_controls
+from sport.viewer.input.bindings import Action, Intent, to_controls
+from sport.viewer.input.devices import Devices
 from sport.viewer.input.gamepad import GamepadSource, GlfwGamepads
-from sport.viewer.input.keyboard import Keyboard
 from sport.viewer.input.script import ControlScript
 from sport.viewer.jobs import Jobs
 from sport.viewer.options import ViewOptions
 from sport.viewer.prompt.expanders import Expanders
 from sport.viewer.prompt.prompting import Prompting
+from sport.viewer.prompt.room import PromptRoom
+from sport.viewer.prompt.style_edit import Side
 from sport.viewer.prompt.suggester import Suggester
-from sport.viewer.render.capture import save_png
-from sport.viewer.services import Services, default_services
+from sport.viewer.render.capture import save_png, screenshot_path
+from sport.viewer.services import Services
 from sport.viewer.settings import MAPPINGS_NAME, config_directory, load_settings, save_settings
 from sport.viewer.shell import Shell
-from sport.viewer.stage.camera_control import CameraControl
-from sport.viewer.stage.loading import Scene
 from sport.viewer.stage.overlays import make_overlays
 from sport.viewer.stage.simulation import STEP_SECONDS, Simulation
+from sport.viewer.stage.stage import Stage
+from sport.viewer.stage.state import StageState
 from sport.viewer.state import AppState
 from sport.viewer.takes.takes import Takes
 from sport.viewer.window import KEY_CODES, Window, WindowEvents
@@ -87,7 +90,7 @@ def _signals_call(end: Callable[[], None]) -> Iterator[None]:
 
 
 class App:
-    """Owns the window and the state, and runs frames."""
+    """Owns the window and the state, assembles the rooms, and runs frames."""
 
     def __init__(
         self,
@@ -98,28 +101,29 @@ class App:
     ) -> None:
         options.check()
         self.options = options
-        self.script = ControlScript.parse(options.controls, frozenset(KEY_CODES))
+        script = ControlScript.parse(options.controls, frozenset(KEY_CODES))
         self.config = config or config_directory()
         settings, complaints = load_settings(self.config)
         ground = Terrain.flat()
-        self.state = AppState(settings, ground, Simulation.standing(ground))
-        self.keyboard, self.mapper = Keyboard(), InputMapper()
+        self.state = AppState(settings, StageState(ground, Simulation.standing(ground)))
         self.frames_shown = 0
         self.interrupted = False  # from outside: by a signal or Ctrl+C
+        self._screenshot: Path | None = None  # where the next frame is written
         self._was_moving = False
         self._interval_s = 0.0  # since the frame before, by the clock
         self._steps = 0  # of the simulation in this frame
-        self._scripted: frozenset[str] = frozenset()
         self._script_s = 0.0  # how long the script of controls has been played
         self._last_s = time.perf_counter()
-        self._services = services or default_services()
         self.window = self._open_window()
         try:
-            self._assemble(gamepads)
-            for complaint in complaints:
+            self.devices = Devices(gamepads or GlfwGamepads(glfw), script, self.window.inject_key)
+            self._assemble(services or Services())
+            if isinstance(self.devices.pads, GlfwGamepads):
+                complaints.append(self.devices.pads.add_mappings(self.config / MAPPINGS_NAME))
+            for complaint in filter(None, complaints):
                 self.state.messages.warn(complaint)
             self.state.messages.logged = not options.offscreen
-            self.actions.start(options)
+            self._load()
             failure = self.jobs.first_error or self.prompting.first_error
             if options.offscreen and failure is not None:
                 raise failure  # nobody would read a message
@@ -131,49 +135,79 @@ class App:
     def _open_window(self) -> Window:
         options, settings = self.options, self.state.settings
         default = (1280, 720) if options.offscreen else (settings.width, settings.height)
-        events = WindowEvents(self._on_key, self._on_focus, lambda paths: self.actions.open_files(paths))
+        events = WindowEvents(self._on_key, self._on_focus, self.open_files)
         scale = options.ui_scale or (0.0 if options.offscreen else settings.ui_scale)
         width, height = options.width or default[0], options.height or default[1]
         return Window(TITLE, width, height, events, options.offscreen, settings.vsync, scale)
 
-    def _assemble(self, gamepads: GamepadSource | None) -> None:
-        """Everything that needs the window's context."""
-        state, options = self.state, self.options
-        recorder = ClipRecorder()
-        self.jobs = Jobs(state.messages, blocking=options.offscreen)
-        self.prompting = Prompting(state, recorder.mark_prompt, options.offscreen)
-        renderer = self._services.make_renderer(self.window.ctx, options.quality or state.settings.quality)
-        self.expanders = Expanders(state, self.jobs, self._services, self.prompting)
-        self.suggester = Suggester(state, self.jobs)
-        self.scene = Scene(
-            state,
-            self.jobs,
-            self._services,
-            self.prompting,
-            self.expanders,
-            self.suggester,
-            self.window.ctx,
-            renderer,
+    def _assemble(self, services: Services) -> None:
+        """The rooms, each with its slice of the state; they need the window's context."""
+        state, options, settings, messages = (
+            self.state,
+            self.options,
+            self.state.settings,
+            self.state.messages,
         )
-        self.takes = Takes(state, self.jobs, recorder)
-        self.camera = CameraControl()
-        self.actions = Actions(
-            state,
-            self.jobs,
-            self.scene,
-            self.takes,
-            self.prompting,
-            self.expanders,
-            self.suggester,
-            self.camera,
-            self.window,
+        prompt, stage, recorder = state.prompt, state.stage, ClipRecorder()
+        self.jobs = jobs = Jobs(messages, blocking=options.offscreen)
+        self.prompting = Prompting(prompt, settings, messages, lambda: stage.controller, recorder.mark_prompt)
+        self.prompting.blocking = options.offscreen
+        self.expanders = Expanders(prompt.expander, settings, jobs, services, self.prompting)
+        self.suggester = Suggester(prompt, settings, jobs)
+        self.prompt = PromptRoom(prompt, settings, self.prompting, self.expanders, self.suggester)
+        renderer = services.make_renderer(self.window.ctx, options.quality or settings.quality)
+        self.stage = Stage(stage, settings, messages, jobs, services, self.window.ctx, renderer)
+        self.takes = Takes(state.takes, settings, messages, stage, jobs, recorder)
+        self.shell = Shell(state.shell, messages, self.prompt, self.stage, self.takes, self.open_files)
+        own = {Action.FULLSCREEN: self.window.toggle_full_screen, Action.SCREENSHOT: self._take_screenshot}
+        self.actions = {**self.stage.actions, **self.takes.actions, **self.shell.actions, **own}
+
+    def _load(self) -> None:
+        """Begin to load what the options and the settings ask for."""
+        options, state, stage = self.options, self.state, self.stage
+        state.stage.terrain_names = stage.services.terrain_names()
+        state.stage.quality = stage.renderer.quality.name
+        self.prompt.load_library(self.jobs, stage.services)
+        state.shell.panels_open = options.panels
+        stage.camera.use(options.camera or state.settings.camera)
+        stage.renderer.set_terrain(state.stage.terrain)
+        stage.load_character(options.character)
+        stage.load_terrain(options.terrain or state.settings.terrain)
+        self.load_model(options.model, options.seed)
+        begun = options.prompt is None
+        self.prompting.submit_prompt(
+            DEFAULT_PROMPT if options.prompt is None else options.prompt, remembered=not begun
         )
-        self.shell = Shell(state, self.actions)
-        self.pads = gamepads or GlfwGamepads(glfw)
-        if isinstance(self.pads, GlfwGamepads) and (
-            complaint := self.pads.add_mappings(self.config / MAPPINGS_NAME)
-        ):
-            state.messages.warn(complaint)
+        if options.blend is not None:
+            state.prompt.edit = dataclasses.replace(state.prompt.edit, weights=options.blend_weights)
+            state.prompt.tab_requested = "blend"
+            self.prompting.submit_prompt(options.blend, Side.B)
+        if options.clip is not None:
+            self.takes.open(options.clip)
+
+    def load_model(self, directory: Path | None, seed: int) -> None:
+        """Load an exported model, the shipped one for None; the one in use stays until it is there."""
+        gpt = self.expanders.chosen()
+        self.stage.load_model(
+            directory, seed, gpt, lambda loaded: self.prompt.use_model(loaded, gpt), self.prompt.lose_model
+        )
+
+    def open_files(self, paths: list[Path]) -> None:
+        """Open dropped files by what their names say they are."""
+        table = {**self.stage.files, **self.takes.files}
+        for path in paths:
+            suffix = path.suffix.lower()
+            if suffix in table:
+                table[suffix](path)
+            else:
+                self.state.messages.error(
+                    f"{path.name}: nothing here opens {suffix or 'a file without an ending'}."
+                    " Drop a BVH clip, a GLB character, or a PNG, NPY or mesh ground."
+                )
+
+    def _take_screenshot(self) -> None:
+        """Save the next frame beside the clips."""
+        self._screenshot = screenshot_path(self.state.settings.export_folder)
 
     # --- one frame
 
@@ -187,8 +221,9 @@ class App:
             return
         window.begin_frame(dt if self.options.offscreen else None)
         intent = self._read_devices(dt)
-        self.actions.perform(intent.pressed)
-        state.crouching = self.mapper.crouching
+        for action in intent.pressed:  # held actions and gaits are none of this table
+            self.actions.get(action, lambda: None)()
+        state.shell.crouching = self.devices.mapper.crouching
         self.jobs.deliver()
         self.prompting.poll()
         self._simulate(dt, intent)
@@ -198,7 +233,9 @@ class App:
 
         self.shell.draw()
         imgui.render()
-        self.scene.renderer.render(window.framebuffer, self.camera.current, pose, make_overlays(state))
+        live = None if state.takes.playback is not None else state.stage.controller
+        overlays = make_overlays(state.settings, live)
+        self.stage.renderer.render(window.framebuffer, self.stage.camera.current, pose, overlays)
         window.draw_interface()
         self._capture()
         self._finish_frame()
@@ -210,35 +247,19 @@ class App:
         return STEP_SECONDS if self.options.offscreen else min(self._interval_s, LONGEST_FRAME_S)
 
     def _read_devices(self, dt: float) -> Intent:
-        self._play_script(dt)
-        if self._typing:
-            self.keyboard.release_all()
-        pad = self.pads.poll()
-        device = pad.name if pad is not None else "keyboard"
-        if device != self.state.device:
-            self.state.messages.note(
-                f"{device} connected." if pad is not None else "Gamepad gone: keyboard and mouse drive."
-            )
-            self.state.device = device
-        settings = self.state.settings
-        return self.mapper.read(self.keyboard, pad, dt, settings.dead_zone, settings.invert_look)
-
-    def _play_script(self, dt: float) -> None:
-        if not self.script.steps:
-            return
-        if self.options.offscreen:
-            self._script_s = self.frames_shown * STEP_SECONDS  # exact, where a sum would drift
-        keys = self.script.keys_at(self._script_s)
+        # offscreen by frames: exact, where a sum would drift
+        time_s = self.frames_shown * STEP_SECONDS if self.options.offscreen else self._script_s
+        self.devices.play_script(time_s)
         self._script_s += dt
-        for name in sorted(self._scripted - keys):
-            self.window.inject_key(name, False)
-        for name in sorted(keys - self._scripted):
-            self.window.inject_key(name, True)
-        self._scripted = keys
+        intent, changed = self.devices.read(dt, self._typing, self.state.settings)
+        self.state.shell.device = self.devices.name
+        if changed:
+            self.state.messages.note(changed)
+        return intent
 
     def _simulate(self, dt: float, intent: Intent) -> None:
         self._steps = 0
-        playback = self.state.clips.playback
+        playback = self.state.takes.playback
         begins_to_move = intent.move != (0.0, 0.0) and not self._was_moving
         self._was_moving = intent.move != (0.0, 0.0)
         if playback is not None and begins_to_move:
@@ -246,23 +267,20 @@ class App:
         elif playback is not None:
             playback.advance(dt)
             return
-        simulation = self.state.simulation
-        controls = to_controls(intent, self.camera.current.heading)
-        poses = simulation.advance(dt, controls)
+        controls = to_controls(intent, self.stage.camera.current.yaw)
+        poses = self.stage.advance(dt, controls)
         self._steps = len(poses)
         self.takes.add_poses(poses, controls)
-        if simulation.problem:
-            self.state.messages.error(simulation.problem)
 
     def _shown_pose(self) -> Pose:
-        playback = self.state.clips.playback
+        playback = self.state.takes.playback
         if playback is not None:
             return playback.pose()
-        simulation = self.state.simulation
+        simulation = self.state.stage.simulation
         return simulation.current if self.options.offscreen else simulation.shown()
 
     def _move_camera(self, pose: Pose, intent: Intent, dt: float) -> None:
-        io = imgui.get_io()
+        io, camera = imgui.get_io(), self.stage.camera
         zoom, dragging = intent.zoom * dt, False
         if not io.want_capture_mouse:
             zoom += io.mouse_wheel
@@ -270,34 +288,34 @@ class App:
             dragging = any(buttons)
             if dragging:
                 pan = buttons[2] or (buttons[1] and io.key_shift)
-                self.camera.drag(io.mouse_delta.x, io.mouse_delta.y, pan, io.display_size.y)
+                camera.drag(io.mouse_delta.x, io.mouse_delta.y, pan, io.display_size.y)
         moving = intent.move != (0.0, 0.0) and not intent.strafe and not dragging
-        self.camera.update(pose, dt, intent.look, zoom, self.state.terrain, moving)
-        self.camera.centre_in(self.shell.view_centre, dt)
+        camera.update(pose, dt, intent.look, zoom, self.state.stage.terrain, moving)
+        camera.centre_in(self.shell.view_centre, dt)
 
     def _capture(self) -> None:
-        """Read the finished picture for whoever asked for it."""
+        """Write the finished frame where it was asked for."""
         folder = self.options.frames_directory
         if folder is not None:
             save_png(self.window.read_pixels(), folder / f"frame_{self.frames_shown:05d}.png")
-        if self.actions.screenshot_wanted is not None:
-            path, self.actions.screenshot_wanted = self.actions.screenshot_wanted, None
+        if self._screenshot is not None:
+            path, self._screenshot = self._screenshot, None
             pixels = self.window.read_pixels()
             self.jobs.submit(
                 "screenshot", lambda: save_png(pixels, path), lambda p: self.state.messages.note(f"Saved {p}")
             )
 
     def _finish_frame(self) -> None:
-        """Show the picture, note the times, and sleep where vsync does not hold the loop back."""
+        """Show the frame, note the times, and sleep where vsync does not hold the loop back."""
         before = time.perf_counter()
         self.window.present()
         self.frames_shown += 1
         after = time.perf_counter()
         # a GPU's swap waits for the monitor, which is no work; a software renderer does its work there
-        software = self.scene.renderer.quality.name == "software"
+        software = self.stage.renderer.quality.name == "software"
         if self.frames_shown > 1:  # the first interval is the loading
             work_s = (after if software else before) - self._last_s
-            self.state.stats.add(work_s, self._interval_s, self._steps)
+            self.state.shell.stats.add(work_s, self._interval_s, self._steps)
         if not self.options.offscreen:
             spare = 1.0 / self.state.settings.max_fps - (after - self._last_s)
             if spare > 0.0:
@@ -306,17 +324,19 @@ class App:
     # --- events
 
     def _on_key(self, name: str, down: bool) -> None:
-        self.keyboard.key(name, down, self._typing)
+        self.devices.keyboard.key(name, down, self._typing)
 
     @property
     def _typing(self) -> bool:
         """Whether keys are words: also in the frames until ImGui says so, in which a slow machine gets several keys."""
         entered = imgui.internal.get_input_text_state(imgui.internal.get_active_id()) is not None
-        return bool(imgui.get_io().want_text_input or entered or self.state.prompt.box.focus_requested)
+        return bool(
+            imgui.get_io().want_text_input or entered or self.state.prompt.boxes[Side.A].focus_requested
+        )
 
     def _on_focus(self, focused: bool) -> None:
         if not focused:
-            self.keyboard.release_all()
+            self.devices.keyboard.release_all()
 
     # --- the end
 
@@ -338,7 +358,7 @@ class App:
     def end(self) -> int:
         """After the last frame: keep unsaved takes, remember the settings, write the screenshot; the exit code.
 
-        What the person made comes first: a screenshot that cannot be written must not cost it. A run offscreen that
+        What the user made comes first: a screenshot that cannot be written must not cost it. A run offscreen that
         comes to its end as planned keeps no takes.
         """
         if self.interrupted or not self.options.offscreen:
@@ -355,7 +375,7 @@ class App:
         try:
             save_settings(self.state.settings, self.config)
         except SportError as error:
-            self.state.messages.error(error)  # it is in the log; the person is leaving
+            self.state.messages.error(error)  # it is in the log; the user is leaving
 
     def close(self) -> None:
         """Stop workers and close the window."""
@@ -364,5 +384,5 @@ class App:
         self.prompting.close()
         self.jobs.close()
         if self.window.handle is not None:
-            self.scene.renderer.release()
+            self.stage.renderer.release()
         self.window.destroy()

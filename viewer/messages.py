@@ -38,7 +38,7 @@ class Messages:
     """The current message and the recent ones, newest last."""
 
     clock: Callable[[], float] = time.monotonic
-    logged: bool = True  # False while the caller raises what goes wrong, so that it is not told twice
+    logged: bool = True  # False while the caller raises what goes wrong, so that it is not shown twice
     recent: deque[Message] = field(default_factory=lambda: deque(maxlen=50))
 
     def post(self, text: str, level: Level = Level.NOTE) -> None:
@@ -57,7 +57,7 @@ class Messages:
         self.post(text, Level.NOTE)
 
     def warn(self, text: str) -> None:
-        """Post something the person should look at."""
+        """Post something the user should look at."""
         self.post(text, Level.WARNING)
 
     def error(self, problem: BaseException | str) -> None:

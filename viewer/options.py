@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 from sport.runtime.atomic import check_target
 from sport.runtime.errors import UsageError
 from sport.runtime.prompts.blend import ALL_A, Weights
+from sport.viewer.settings import CAMERAS, QUALITIES, spec_of, specified
 
-MIN_SIDE, MAX_SIDE = 64, 8192  # pixels
-MAX_FRAMES = 1_000_000
+SIDES = (64, 8192)  # pixels
 
 
 @dataclass(frozen=True)
@@ -23,12 +24,12 @@ class ViewOptions:
     """
 
     offscreen: bool = False
-    frames: int | None = None
+    frames: int | None = specified(None, 1, 1_000_000, flag="--frames")
     screenshot: Path | None = None  # PNG of the last frame
     frames_directory: Path | None = None  # offscreen: every frame as frame_00000.png
-    width: int | None = None  # pixels
-    height: int | None = None
-    ui_scale: float | None = None  # 1.0 is 96 dpi
+    width: int | None = specified(None, *SIDES, flag="--width", unit=" pixels")
+    height: int | None = specified(None, *SIDES, flag="--height", unit=" pixels")
+    ui_scale: float | None = specified(None, 0.5, 4.0, flag="--ui-scale")  # 1.0 is 96 dpi
     panels: bool = True
     terrain: str | None = None  # a name of the library or a file
     prompt: str | None = None
@@ -37,29 +38,26 @@ class ViewOptions:
     model: Path | None = None  # directory of an exported model
     character: Path | None = None  # GLB
     clip: Path | None = None  # BVH to open
-    seed: int = 0
-    quality: str | None = None
-    camera: str | None = None  # "follow" or "orbit"
+    seed: int = specified(0, 0, flag="--seed")
+    quality: str | None = specified(None, choices=QUALITIES, flag="--quality")
+    camera: str | None = specified(None, choices=CAMERAS, flag="--camera")
     controls: str = ""
 
     def check(self) -> None:
-        """UsageError naming the option when a value cannot be used, FileError when a picture cannot be written."""
-        for name, value in (("--width", self.width), ("--height", self.height)):
-            if value is not None and not MIN_SIDE <= value <= MAX_SIDE:
-                raise UsageError(
-                    f"{name} {value}: expected {MIN_SIDE} to {MAX_SIDE} pixels.", "Choose another size."
-                )
-        if self.frames is not None and not 1 <= self.frames <= MAX_FRAMES:
-            raise UsageError(f"--frames {self.frames}: expected 1 to {MAX_FRAMES}.", "Choose another number.")
-        if self.seed < 0:
-            raise UsageError(f"--seed {self.seed}: expected 0 or more.", "Choose another seed.")
-        if self.ui_scale is not None and not 0.5 <= self.ui_scale <= 4.0:
-            raise UsageError(f"--ui-scale {self.ui_scale}: expected 0.5 to 4.", "Choose another scale.")
-        if self.camera not in (None, "follow", "orbit"):
-            raise UsageError(f"--camera {self.camera}: expected follow or orbit.", "Choose one of the two.")
-        if self.frames_directory is not None and not self.offscreen:
-            raise UsageError("--save-frames: works with --offscreen only.", "Add --offscreen.")
+        """UsageError naming the option when a value cannot be used, FileError when a file cannot be written."""
+        for name in (entry.name for entry in fields(self)):
+            value, spec = getattr(self, name), spec_of(self, name)
+            if not spec.flag or value is None or spec.allows(value):
+                continue
+            if spec.choices is not None:
+                expected = " or ".join(filter(None, spec.choices))
+            else:
+                upper = "or more" if spec.high == math.inf else f"to {spec.high:.7g}{spec.unit}"
+                expected = f"{spec.low:g} {upper}"
+            raise UsageError(f"{spec.flag} {value}: expected {expected}.", "Choose another value.")
+        if self.frames_directory is not None:
+            if not self.offscreen:
+                raise UsageError("--save-frames: works with --offscreen only.", "Add --offscreen.")
+            check_target(self.frames_directory.expanduser() / "frame_00000.png")
         if self.screenshot is not None:
             check_target(self.screenshot.expanduser())
-        if self.frames_directory is not None:
-            check_target(self.frames_directory.expanduser() / "frame_00000.png")

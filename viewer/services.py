@@ -5,52 +5,66 @@ Tests and other front ends put their own in. Everything heavy is imported when i
 
 from __future__ import annotations
 
-import json
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from sport.runtime.errors import FileError, UsageError
+from sport.runtime.controls import Controls
+from sport.runtime.pose import Pose
 from sport.runtime.prompts.expander import Expander
 from sport.runtime.prompts.gpt.settings import GptSettings
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.stage.simulation import ControllerLike
+from sport.viewer.render.quality import PRESETS
 
 DEFAULT_CHARACTER = "character/mannequin.glb"
-READY_PROMPTS = "prompts/styles.json"
+STYLES = "prompts/styles.json"
 LIBRARY = "prompts/library.json"
+
+
+class ControllerLike(Protocol):
+    """What the viewer needs of `sport.runtime.motion.controller.Controller`."""
+
+    temperature: float
+    strength: float
+    message: str  # what went wrong in the last step, "" when nothing did
+
+    @property
+    def trajectory(self) -> Any:
+        """`positions` (12, 3) and `directions` (12, 2) in world space."""
+
+    def step(self, controls: Controls) -> Pose:
+        """Advance by 1/60 s."""
+
+    def set_style(self, z: Any, transition_seconds: float) -> None:
+        """Blend to the style code `(6, 64)`."""
+
+    def set_terrain(self, terrain: Terrain) -> None:
+        """Walk on another ground."""
+
+    def reset(self, x: float, z: float, yaw: float) -> Any:
+        """Stand at a place."""
 
 
 class PromptWorkerLike(Protocol):
     """What the viewer needs of `sport.runtime.prompts.service.PromptWorker`."""
 
-    @property
-    def busy(self) -> bool:
-        """Whether a request waits or is being worked on."""
-        ...
-
     def submit(self, prompt: str | PartDescriptions) -> None:
-        """Ask for a style."""
-        ...
+        """Ask for a style in place of an older request."""
 
     def withdraw(self) -> None:
         """Forget what was asked."""
-        ...
 
     def use(self, expander: Expander) -> None:
         """Expand by another expander from the next prompt on."""
-        ...
 
     def poll(self) -> Any:
-        """The newest answer, or None."""
-        ...
+        """The newest answer to the newest request, or None."""
 
     def close(self, timeout_s: float = 2.0) -> None:
         """Stop working, waiting at most so long for the text in hand."""
-        ...
 
 
 class LibraryLike(Expander, Protocol):
@@ -58,7 +72,6 @@ class LibraryLike(Expander, Protocol):
 
     def nearest(self, text: str) -> tuple[tuple[str, float], ...]:
         """The library's prompts most like `text` with their similarity, best first."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -74,38 +87,6 @@ class Loaded:
     name: str
     provider: str
     notice: str = ""
-
-
-@dataclass(frozen=True)
-class Services:
-    """Loaders, each called on a worker thread except `make_renderer`, `terrain_names`, `quality_names`, `ready_prompts`."""
-
-    load_model: Callable[[Path | None, Terrain, int, GptSettings | None], Loaded]
-    load_terrain: Callable[[str, float, float], Terrain]
-    load_character: Callable[[Path | None], Any]
-    make_renderer: Callable[[Any, str], Any]  # (context, quality name or "")
-    terrain_names: Callable[[], tuple[str, ...]]
-    quality_names: Callable[[], tuple[str, ...]]
-    ready_prompts: Callable[[], tuple[str, ...]]
-    library_prompts: Callable[[], tuple[str, ...]]
-    open_expander: Callable[[LibraryLike, GptSettings], Expander]
-    check_endpoint: Callable[[GptSettings, threading.Event], str]
-
-
-def default_services() -> Services:
-    """The project's own."""
-    return Services(
-        load_model=load_model,
-        load_terrain=load_terrain,
-        load_character=load_character,
-        make_renderer=make_renderer,
-        terrain_names=terrain_names,
-        quality_names=lambda: ("software", "high"),
-        ready_prompts=ready_prompts,
-        library_prompts=library_prompts,
-        open_expander=open_expander,
-        check_endpoint=check_endpoint,
-    )
 
 
 def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSettings | None = None) -> Loaded:
@@ -126,9 +107,8 @@ def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSett
     expander = library if gpt is None else open_expander(library, gpt)
     encoder = PromptEncoder(text_encoder, model.prompt_path)
     workers = PromptWorker(expander, encoder), PromptWorker(expander, encoder)
-    return Loaded(
-        Controller(model, terrain, seed), workers, library, model.name, model.provider, model.notice
-    )
+    controller = Controller(model, terrain, seed)
+    return Loaded(controller, workers, library, model.name, model.provider, model.notice)
 
 
 def open_expander(library: LibraryLike, gpt: GptSettings) -> Expander:
@@ -168,36 +148,33 @@ def load_character(path: Path | None) -> Any:
 
 
 def make_renderer(ctx: Any, quality: str) -> Any:
-    """The project's renderer; "" lets it choose the quality for this machine."""
-    from sport.viewer.render.quality import HIGH, SOFTWARE
+    """The project's renderer with a preset by name; "" lets it choose for this machine."""
     from sport.viewer.render.renderer import Renderer
 
-    presets = {preset.name: preset for preset in (SOFTWARE, HIGH)}
-    if quality and quality not in presets:
-        raise UsageError(
-            f"quality '{quality[:40]}': there is no such preset.", f"Choose {' or '.join(presets)}."
-        )
-    return Renderer(ctx, presets.get(quality))
+    return Renderer(ctx, PRESETS.get(quality))
 
 
-def ready_prompts() -> tuple[str, ...]:
-    """The prompt of each style of the shipped library, without repetitions."""
-    from sport.runtime.assets import asset_path
-
-    path = asset_path(READY_PROMPTS)
-    try:
-        styles = json.loads(path.read_text(encoding="utf-8"))
-        prompts = [style["prompt"] for style in styles.values()]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise FileError(f"{path}: no library of prompts ({error}).", "Install the program again.") from error
-    return tuple(dict.fromkeys(str(prompt) for prompt in prompts))
-
-
-def library_prompts() -> tuple[str, ...]:
-    """Every prompt of the shipped library, to suggest while one is typed: entries first, then other words for them."""
+def library_prompts() -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Prompts of the shipped library: one for each style, to choose from, and all of them, to suggest."""
     from sport.runtime.assets import asset_path
     from sport.runtime.prompts.english.library_data import load_library, load_styles
 
-    entries = load_library(asset_path(LIBRARY), load_styles(asset_path(READY_PROMPTS)))
+    styles = load_styles(asset_path(STYLES))
+    entries = load_library(asset_path(LIBRARY), styles)
     prompts = [entry.prompt for entry in entries] + [text for entry in entries for text in entry.also]
-    return tuple({" ".join(text.casefold().split()): text for text in reversed(prompts)}.values())[::-1]
+    once = {" ".join(text.casefold().split()): text for text in reversed(prompts)}
+    return tuple(dict.fromkeys(style.prompt for style in styles.values())), tuple(once.values())[::-1]
+
+
+@dataclass(frozen=True)
+class Services:
+    """Loaders, called on worker threads except `make_renderer` (context, quality or "") and `terrain_names`."""
+
+    load_model: Callable[[Path | None, Terrain, int, GptSettings | None], Loaded] = load_model
+    load_terrain: Callable[[str, float, float], Terrain] = load_terrain
+    load_character: Callable[[Path | None], Any] = load_character
+    make_renderer: Callable[[Any, str], Any] = make_renderer
+    terrain_names: Callable[[], tuple[str, ...]] = terrain_names
+    library_prompts: Callable[[], tuple[tuple[str, ...], tuple[str, ...]]] = library_prompts
+    open_expander: Callable[[LibraryLike, GptSettings], Expander] = open_expander
+    check_endpoint: Callable[[GptSettings, threading.Event], str] = check_endpoint

@@ -1,4 +1,4 @@
-"""What the viewer remembers between runs: a small JSON file in the person's configuration directory."""
+"""What the viewer remembers between runs, each choice with its range and its look: a small JSON file of the user."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,61 +21,107 @@ MAX_TEXT = 4096  # characters of a text
 FILE_NAME = "settings.json"
 MAPPINGS_NAME = "gamecontrollerdb.txt"
 
-_CHOICES: dict[str, tuple[Any, ...]] = {
-    "export_fps": (60, 30),
-    "export_unit": ("cm", "m"),
-    "camera": ("follow", "orbit"),
-    "quality": ("", "software", "high"),
-    "expander": ("", "library", "gpt"),
-}
-_RANGES: dict[str, tuple[float, float]] = {
-    "width": (320, 8192),
-    "height": (240, 8192),
-    "ui_scale": (0.0, 4.0),
-    "max_fps": (10.0, 1000.0),
-    "blend_seconds": (0.1, 5.0),
-    "keep_seconds": (1.0, 300.0),
-    "temperature": (0.0, 2.0),
-    "strength": (0.0, 1.5),
-    "dead_zone": (0.0, 0.9),
-    "height_map_cell_m": (0.01, 10.0),
-    "height_map_height_m": (0.0, 100.0),
-    "gpt_timeout_s": (1.0, 120.0),
-}
+
+@dataclass(frozen=True)
+class Spec:
+    """What a value may be, and how it is asked for: by a widget of a panel, or by a `flag` of the command line."""
+
+    low: float = -math.inf
+    high: float = math.inf
+    choices: Mapping[Any, str] | None = None  # allowed value: its name in the panel
+    label: str = ""  # of the widget; a format with the number where there is one
+    hint: str = ""
+    factor: float = 1.0  # the widget shows the value times this
+    whole: bool = False  # the widget rounds what it shows to a whole number
+    logarithmic: bool = False
+    speed: float = 0.01  # of dragging, per pixel
+    flag: str = ""
+    unit: str = ""
+
+    def allows(self, value: Any) -> bool:
+        """Whether a text or a number may be used."""
+        if self.choices is not None:
+            return value in self.choices
+        return isinstance(value, str) or bool(math.isfinite(value) and self.low <= value <= self.high)
+
+
+def specified(default: Any, low: float = -math.inf, high: float = math.inf, **spec: Any) -> Any:
+    """A field of a dataclass with its `Spec`."""
+    return field(default=default, metadata={"spec": Spec(low, high, **spec)})
+
+
+def spec_of(owner: Any, name: str) -> Spec:
+    """The `Spec` of a dataclass' field; one without has no limits."""
+    spec: Spec = owner.__dataclass_fields__[name].metadata.get("spec", Spec())
+    return spec
+
+
+QUALITIES = {"": "Automatic", "software": "Software", "high": "High"}
+CAMERAS = {"follow": "Follow", "orbit": "Orbit"}
 
 
 @dataclass
 class Settings:
     """Remembered choices; every field has a safe default."""
 
-    width: int = 1280  # window, screen units
-    height: int = 720
-    ui_scale: float = 0.0  # 0: as the monitor says
+    width: int = specified(1280, 320, 8192)  # window, screen units
+    height: int = specified(720, 240, 8192)
+    ui_scale: float = specified(0.0, 0.0, 4.0)  # 0: as the monitor says
     vsync: bool = True
-    max_fps: float = 120.0
-    quality: str = ""  # "": chosen by the renderer for this machine
+    max_fps: float = specified(120.0, 10.0, 1000.0)
+    quality: str = specified("", choices=QUALITIES, label="Quality")
     terrain: str = "hills"
-    height_map_cell_m: float = 0.1
-    height_map_height_m: float = 2.0
-    camera: str = "follow"
-    show_grid: bool = True
-    show_trajectory: bool = True
-    show_skeleton: bool = False
-    show_contacts: bool = False
-    temperature: float = TEMPERATURE
-    strength: float = 1.0  # of styles, 1 as the model shows them
-    blend_seconds: float = 0.8
-    keep_seconds: float = 10.0  # what "save the last seconds" takes
+    height_map_cell_m: float = specified(
+        0.1,
+        0.01,
+        10.0,
+        label="Pixel %.2f m",
+        speed=0.005,
+        hint="Distance between neighbouring pixels. Drag, or double-click to type.",
+    )
+    height_map_height_m: float = specified(
+        2.0,
+        0.01,
+        100.0,
+        label="White %.2f m",
+        speed=0.02,
+        hint="Height of a white pixel; black lies at 0. Drag, or double-click to type.",
+    )
+    camera: str = specified("follow", choices=CAMERAS, label="Camera")
+    show_grid: bool = specified(True, label="Grid", hint="A metre grid on the ground (F5)")
+    show_trajectory: bool = specified(
+        True, label="Trajectory", hint="The path the character intends, one second back and ahead (F2)"
+    )
+    show_skeleton: bool = specified(False, label="Skeleton", hint="Bones through the skin (F3)")
+    show_contacts: bool = specified(
+        False, label="Contacts", hint="Which heels and toes stand on the ground (F4)"
+    )
+    temperature: float = specified(
+        TEMPERATURE, 0.0, 2.0, label="%.2f",
+        hint="Temperature of the sampler: 0 always moves alike, 1 as widely as the capture, more is livelier",
+    )  # fmt: skip
+    strength: float = specified(
+        1.0, 0.0, 1.5, label="strength %.0f %%", factor=100.0, whole=True,
+        hint="How far the style goes from plain walking: 0 leaves it out, more than 100 exaggerates it",
+    )  # fmt: skip
+    blend_seconds: float = specified(
+        0.8, 0.1, 5.0, label="change over %.1f s", logarithmic=True,
+        hint="How long the character takes to change from one style to the next",
+    )  # fmt: skip
+    keep_seconds: float = specified(10.0, 1.0, 300.0, label="%.0f seconds", whole=True, logarithmic=True)
     export_folder: str = "~/sport-clips"
-    export_fps: int = 60
-    export_unit: str = "cm"
-    dead_zone: float = 0.15  # of a stick's travel
+    export_fps: int = specified(60, choices={60: "60 fps", 30: "30 fps"})
+    export_unit: str = specified("cm", choices={"cm": "cm", "m": "m"})
+    dead_zone: float = specified(0.15, 0.0, 0.9)  # of a stick's travel
     invert_look: bool = False
     prompt_history: list[str] = field(default_factory=list)  # newest first
-    expander: str = ""  # what answers prompts: "library", "gpt", or "" for what the environment says
+    # what answers prompts; "" is what the environment says
+    expander: str = specified("", choices={"": "", "library": "Library", "gpt": "Language model"})
     gpt_base_url: str = ""  # "": the environment's or OpenAI's; one with credentials is not kept
     gpt_model: str = ""
-    gpt_timeout_s: float = 10.0
+    gpt_timeout_s: float = specified(
+        10.0, 1.0, 120.0, label="Wait up to %.0f s", whole=True, logarithmic=True
+    )
     # no field for the key: it stays in memory or in the environment
 
 
@@ -122,19 +169,13 @@ def load_settings(directory: Path) -> tuple[Settings, list[str]]:
 
 def _checked(name: str, value: Any, default: Any) -> Any:
     """`value` as the type of `default` when it is allowed, else None."""
-    if isinstance(default, bool):
-        return value if isinstance(value, bool) else None
-    if isinstance(default, str):
-        return value if _is_text(value) and value in _CHOICES.get(name, (value,)) else None
     if isinstance(default, list):
         usable = isinstance(value, list) and len(value) <= MAX_LIST and all(map(_is_text, value))
         return list(value) if usable else None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        return None
-    if name in _CHOICES:
-        return value if value in _CHOICES[name] else None
-    low, high = _RANGES[name]
-    return type(default)(value) if low <= value <= high else None
+    if isinstance(default, bool) or isinstance(value, bool):
+        return value if isinstance(value, bool) and isinstance(default, bool) else None
+    fits = _is_text(value) if isinstance(default, str) else isinstance(value, int | float)
+    return type(default)(value) if fits and spec_of(Settings, name).allows(value) else None
 
 
 def _is_text(value: Any) -> bool:

@@ -1,23 +1,29 @@
-"""All panels of one frame, each in its place."""
+"""All panels of one frame, each in its place, with the status line and the help."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 
-from sport.viewer.actions import Actions
 from sport.viewer.gl_bindings import imgui
 from sport.viewer.gui import help, status, theme, widgets
 from sport.viewer.gui.layout import Layout, Rect, arrange, view_centre
 from sport.viewer.gui.theme import ICON, Fonts
 from sport.viewer.gui.widgets import px
-from sport.viewer.prompt import field_panel as prompt_field
-from sport.viewer.prompt import panel as prompt
-from sport.viewer.stage import panel as scene
-from sport.viewer.state import AppState
-from sport.viewer.takes import panel as clips
+from sport.viewer.input.bindings import Action
+from sport.viewer.input.devices import KEYBOARD
+from sport.viewer.messages import Messages
+from sport.viewer.prompt import field_panel
+from sport.viewer.prompt import panel as prompt_panel
+from sport.viewer.prompt.room import PromptRoom
+from sport.viewer.prompt.style_edit import Side
+from sport.viewer.stage import panel as scene_panel
+from sport.viewer.stage.stage import Stage
+from sport.viewer.takes import panel as clips_panel
 from sport.viewer.takes import transport
+from sport.viewer.takes.takes import Takes
 
 _FIXED = (
     imgui.WindowFlags_.no_title_bar
@@ -42,25 +48,64 @@ class _Contents:
 
 
 @dataclass
+class ShellState:
+    """What lies around the panels."""
+
+    stats: status.Stats = field(default_factory=status.Stats)
+    device: str = KEYBOARD  # or the name of the gamepad
+    crouching: bool = False  # the toggle is on
+    help_open: bool = False
+    panels_open: bool = True
+
+
+@dataclass
 class Shell:
     """Fonts, style and the windows around the panels."""
 
-    state: AppState
-    actions: Actions
-    fonts: Fonts = field(init=False)
+    state: ShellState
+    messages: Messages
+    prompt: PromptRoom
+    stage: Stage
+    takes: Takes
+    open_files: Callable[[list[Path]], None]
+    fonts: Fonts = field(default_factory=theme.load_fonts)
     _scale: float = 0.0
     _scene_height: float = 0.0
     _layout: Layout = field(default_factory=lambda: arrange(64.0, 64.0, 1.0))
 
-    def __post_init__(self) -> None:
-        self.fonts = theme.load_fonts()
+    @property
+    def actions(self) -> dict[Action, Callable[[], None]]:
+        """What keys and buttons do here."""
+        return {
+            Action.HELP: self._toggle_help,
+            Action.PANELS: self._toggle_panels,
+            Action.PROMPT: self.focus_prompt,
+            Action.CANCEL: self._cancel,
+        }
+
+    def _toggle_help(self) -> None:
+        self.state.help_open = not self.state.help_open
+
+    def _toggle_panels(self) -> None:
+        self.state.panels_open = not self.state.panels_open
+
+    def focus_prompt(self) -> None:
+        """Begin to type a prompt."""
+        self.state.panels_open = self.prompt.state.boxes[Side.A].focus_requested = True
+
+    def _cancel(self) -> None:
+        """Leave the innermost thing that is open."""
+        if self.state.help_open:
+            self.state.help_open = False
+        else:
+            self.takes.close_playback()
 
     def arrange(self, scale: float) -> None:
         """Fit the panels to the window for a UI scale; call before `draw`, within an ImGui frame."""
         if scale != self._scale:
             theme.apply_style(scale)
             self._scale, self._scene_height = scale, 0.0
-        size, playing = imgui.get_io().display_size, self.state.clips.playback is not None
+        size, playing = imgui.get_io().display_size, self.takes.state.playback is not None
         self._layout = arrange(size.x, size.y, scale, self.state.panels_open, playing, self._scene_height)
 
     @property
@@ -70,38 +115,37 @@ class Shell:
 
     def draw(self) -> None:
         """Draw every panel."""
-        state, actions, layout = self.state, self.actions, self._layout
+        layout = self._layout
         self._undo_keys()
-
-        def draw_scene() -> None:
-            scene.draw(state, actions)
-            # the contents end one spacing above the cursor; the next frame fits the window to them
-            spacing, padding = imgui.get_style().item_spacing.y, imgui.get_style().window_padding.y
-            self._scene_height = imgui.get_cursor_pos_y() + imgui.get_scroll_y() - spacing + padding
-
-        one = _Contents("Prompt", ICON.prompt, lambda: prompt.draw(state, actions))
-        one.tools, one.tools_width = lambda: prompt.tools(state, actions), prompt.TOOLS_WIDTH
-        two = _Contents("Scene", ICON.scene, draw_scene)
-        three = _Contents("Clips", ICON.clips, lambda: clips.draw(state, actions.takes))
+        one = _Contents("Prompt", ICON.prompt, lambda: prompt_panel.draw(self.prompt))
+        one.tools, one.tools_width = lambda: prompt_panel.tools(self.prompt), prompt_panel.TOOLS_WIDTH
+        two = _Contents("Scene", ICON.scene, self._draw_scene)
+        three = _Contents("Clips", ICON.clips, lambda: clips_panel.draw(self.takes))
         for panel, rect in ((one, layout.prompt), (two, layout.scene), (three, layout.clips)):
             _window(panel.name, rect, partial(self._titled, panel))
         _window("Right", layout.right_tabs, lambda: _tabs((two, three)))
         _window("Tabs", layout.tabs, lambda: _tabs((one, two, three)))
-        _window("Transport", layout.transport, lambda: transport.draw(state, actions.takes, self.fonts))
+        _window("Transport", layout.transport, lambda: transport.draw(self.takes))
         self._status(layout)
-        _badge(state, layout)
-        if state.help_open:
-            help.draw(state, self.fonts)
+        self._badge(layout.view)
+        if self.state.help_open and help.draw(self.fonts):
+            self.state.help_open = False
+
+    def _draw_scene(self) -> None:
+        scene_panel.draw(self.stage, self.open_files)
+        # the contents end one spacing above the cursor; the next frame fits the window to them
+        spacing, padding = imgui.get_style().item_spacing.y, imgui.get_style().window_padding.y
+        self._scene_height = imgui.get_cursor_pos_y() + imgui.get_scroll_y() - spacing + padding
 
     def _undo_keys(self) -> None:
         """Ctrl+Z and Ctrl+Y wherever nothing is typed; a text field sees to its own."""
         if imgui.get_io().want_text_input:
             return
-        undo, redo = prompt_field.pressed_undo()
+        undo, redo = field_panel.pressed_undo()
         if undo:
-            self.actions.prompting.undo()
+            self.prompt.prompting.undo()
         elif redo:
-            self.actions.prompting.redo()
+            self.prompt.prompting.redo()
 
     def _titled(self, panel: _Contents) -> None:
         top, start = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
@@ -112,8 +156,39 @@ class Shell:
     def _status(self, layout: Layout) -> None:
         imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
         imgui.push_style_var(imgui.StyleVar_.window_padding, imgui.ImVec2(px(14), px(6)))
-        _window("Status", layout.status, lambda: status.draw(self.state, self.fonts), _STATUS)
+        _window("Status", layout.status, lambda: status.draw(self.messages.current, self._facts()), _STATUS)
         imgui.pop_style_var(2)
+
+    def _facts(self) -> list[tuple[str, str]]:
+        """What is known about model, speed and device with its explanation, the most important last."""
+        stats, stage, device = self.state.stats, self.stage.state, self.state.device
+        icon = ICON.keyboard if device == KEYBOARD else ICON.gamepad
+        model = f"{ICON.chip} {stage.model_name or 'no model'}  {stage.provider}".rstrip()
+        return [
+            (model, "The motion model and what runs it"),
+            (f"model {stage.simulation.model_ms:.1f} ms", "Time of one step of the model, with foot lock"),
+            (f"frame {stats.frame_ms:.0f} ms", "Work of one displayed frame"),
+            (f"{stats.fps:.0f} fps", "Frames shown a second, by the clock"),
+            (
+                f"sim {stats.steps_per_s:.0f} Hz",
+                "Steps of the simulation a second, by the clock; 60 is real time",
+            ),
+            (f"{icon} {device[:24]}", "The device that drives the character"),
+        ]
+
+    def _badge(self, view: Rect) -> None:
+        """A sign over the view while something is recorded, or the crouch toggle is on."""
+        text, tint = f"{ICON.record} REC {widgets.clock(self.takes.state.recorded_s)}", theme.RECORD
+        if not self.takes.state.recording:
+            text, tint = f"{ICON.person} Crouching (C stands up)", theme.TEXT
+            if not self.state.crouching:
+                return
+        drawing = imgui.get_foreground_draw_list()
+        size, pad = imgui.calc_text_size(text), px(10)
+        x, y = view.x + (view.width - size.x) / 2, view.y + px(16)
+        low, high = imgui.ImVec2(x - pad, y - pad / 2), imgui.ImVec2(x + size.x + pad, y + size.y + pad / 2)
+        drawing.add_rect_filled(low, high, widgets.packed(theme.PANEL), px(14))
+        drawing.add_text(imgui.ImVec2(x, y), widgets.packed(tint), text)
 
 
 def _window(name: str, rect: Rect | None, contents: Callable[[], None], flags: int = _FIXED) -> None:
@@ -150,18 +225,3 @@ def _tools(panel: _Contents, top: imgui.ImVec2, width: float) -> None:
     imgui.set_cursor_pos(imgui.ImVec2(top.x + width - px(panel.tools_width), top.y))
     panel.tools()
     imgui.set_cursor_pos(after)
-
-
-def _badge(state: AppState, layout: Layout) -> None:
-    """A sign over the view while something is recorded, or the crouch toggle is on."""
-    text, tint = f"{ICON.record} REC {widgets.clock(state.clips.recorded_s)}", theme.RECORD
-    if not state.clips.recording:
-        text, tint = f"{ICON.person} Crouching (C stands up)", theme.TEXT
-        if not state.crouching:
-            return
-    drawing, view = imgui.get_foreground_draw_list(), layout.view
-    size, pad = imgui.calc_text_size(text), px(10)
-    x, y = view.x + (view.width - size.x) / 2, view.y + px(16)
-    low, high = imgui.ImVec2(x - pad, y - pad / 2), imgui.ImVec2(x + size.x + pad, y + size.y + pad / 2)
-    drawing.add_rect_filled(low, high, imgui.get_color_u32(imgui.ImVec4(*theme.PANEL)), px(14))
-    drawing.add_text(imgui.ImVec2(x, y), imgui.get_color_u32(imgui.ImVec4(*tint)), text)

@@ -17,31 +17,19 @@ from sport.viewer.gl_bindings import glfw, imgui, moderngl
 _LOG = logging.getLogger("sport.viewer")
 _OFFSCREEN_HINT = "Without a display, `sport view --offscreen --screenshot out.png` renders into a file."
 
+_PLAIN_KEYS = (
+    "SPACE", "ENTER", "ESCAPE", "BACKSPACE", "TAB", "LEFT", "RIGHT", "UP", "DOWN", "HOME", "PAGE_UP", "PAGE_DOWN",
+    "EQUAL", "MINUS",
+)  # fmt: skip
 KEY_NAMES: dict[int, str] = {
     **{glfw.KEY_A + i: chr(ord("a") + i) for i in range(26)},
     **{glfw.KEY_0 + i: str(i) for i in range(10)},
     **{glfw.KEY_F1 + i: f"f{i + 1}" for i in range(12)},
-    glfw.KEY_SPACE: "space",
-    glfw.KEY_ENTER: "enter",
-    glfw.KEY_KP_ENTER: "enter",
-    glfw.KEY_ESCAPE: "escape",
-    glfw.KEY_BACKSPACE: "backspace",
-    glfw.KEY_TAB: "tab",
-    glfw.KEY_LEFT: "left",
-    glfw.KEY_RIGHT: "right",
-    glfw.KEY_UP: "up",
-    glfw.KEY_DOWN: "down",
-    glfw.KEY_HOME: "home",
-    glfw.KEY_PAGE_UP: "page_up",
-    glfw.KEY_PAGE_DOWN: "page_down",
-    glfw.KEY_EQUAL: "equal",
-    glfw.KEY_MINUS: "minus",
-    glfw.KEY_LEFT_SHIFT: "shift",
-    glfw.KEY_RIGHT_SHIFT: "shift",
-    glfw.KEY_LEFT_CONTROL: "ctrl",
-    glfw.KEY_RIGHT_CONTROL: "ctrl",
-    glfw.KEY_LEFT_ALT: "alt",
-}
+    **{getattr(glfw, f"KEY_{name}"): name.lower() for name in _PLAIN_KEYS},
+    glfw.KEY_KP_ENTER: "enter", glfw.KEY_LEFT_ALT: "alt",
+    **{getattr(glfw, f"KEY_{side}_SHIFT"): "shift" for side in ("LEFT", "RIGHT")},
+    **{getattr(glfw, f"KEY_{side}_CONTROL"): "ctrl" for side in ("LEFT", "RIGHT")},
+}  # fmt: skip
 _LETTERS = frozenset(chr(ord("a") + i) for i in range(26))
 _MODIFIERS = {"ctrl": imgui.Key.mod_ctrl, "shift": imgui.Key.mod_shift, "alt": imgui.Key.mod_alt}
 KEY_CODES: dict[str, int] = {name: code for code, name in reversed(KEY_NAMES.items())}
@@ -71,7 +59,7 @@ class Window:
     ) -> None:
         self._events = events
         self._offscreen = offscreen
-        self._wanted_scale = ui_scale
+        self.wanted_scale = ui_scale
         self._injected: set[str] = set()  # modifiers held by `inject_key`
         self._windowed: tuple[int, int, int, int] | None = None
         self._texture: Any = None
@@ -109,13 +97,13 @@ class Window:
 
     @property
     def close_requested(self) -> bool:
-        """Whether the person closed the window."""
+        """Whether the user closed the window."""
         return bool(glfw.window_should_close(self.handle))
 
     @property
     def ui_scale(self) -> float:
         """How much larger than at 96 dpi the interface is drawn, in screen units."""
-        return self._wanted_scale if self._wanted_scale > 0.0 else self._monitor_scale
+        return self.wanted_scale if self.wanted_scale > 0.0 else self._monitor_scale
 
     @property
     def unscaled_size(self) -> tuple[int, int]:
@@ -274,7 +262,7 @@ class Window:
         io.set_ini_filename(None)  # the layout follows the window, nothing to remember
         # otherwise one exception between begin and end makes every later frame fail
         io.config_error_recovery_enable_assert = False
-        io.config_error_recovery_enable_tooltip = False  # it is logged; a person cannot mend it
+        io.config_error_recovery_enable_tooltip = False  # it is logged; the user cannot repair it
         self._address = int(glfw_address(self.handle))
         imgui.backends.glfw_init_for_opengl(self._address, True)
         imgui.backends.opengl3_init("#version 330")
@@ -332,7 +320,7 @@ def _open(title: str, width: int, height: int, offscreen: bool) -> Any:
         glfw.terminate()
         remedy = "Install OpenGL 3.3 (for example Mesa: libgl1, libegl1) or update the graphics driver."
         raise DisplayError(f"No OpenGL 3.3 context can be made: {_reason(error)}.", remedy) from error
-    # from here on an error of glfw is a refused wish (a cursor, a clipboard, a position): logged, not fatal
+    # from here on an error of glfw is a refused request (a cursor, a clipboard, a position): logged, not fatal
     glfw.ERROR_REPORTING = "log"
     return handle
 

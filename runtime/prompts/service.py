@@ -6,7 +6,7 @@ import logging
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -44,48 +44,51 @@ class PromptResult:
     final: bool = True
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Job:
+    """One request, until its final answer is polled."""
+
     request: Request
-    stop: threading.Event
+    stop: threading.Event = field(default_factory=threading.Event)
+    begun: bool = False
+    answer: PromptResult | None = None  # the newest, not yet polled
 
 
 class PromptWorker:
-    """One thread with one latest-wins slot each way; `submit` and `poll` never wait for text or network.
+    """One thread for the newest request; `submit` and `poll` never wait for text or network.
 
-    A prompt goes through `expander`, six descriptions go straight to `encoder`. Newer words, and the end, do not wait
-    for a stepped expander's answer to older ones. The worker keeps running after an error.
+    A prompt goes through `expander`, six descriptions go straight to `encoder`. A newer request, and the end, do not
+    wait for a stepped expander's answer to an older one, which is dropped. The worker keeps running after an error.
     """
 
     def __init__(self, expander: Expander, encoder: PromptEncoder) -> None:
         self._expander = expander
         self._encoder = encoder
         self._condition = threading.Condition()
-        self._waiting: _Job | None = None
-        self._in_hand: _Job | None = None
-        self._result: PromptResult | None = None
+        self._job: _Job | None = None
         self._closed = False
         self._thread = threading.Thread(target=self._work, name="prompts", daemon=True)
         self._thread.start()
 
     def submit(self, prompt: Request) -> None:
-        """Ask for a prompt or for six descriptions, in place of whatever waits or is in hand; no effect once closed."""
+        """Ask for a prompt or for six descriptions in place of any older request; no effect once closed."""
         with self._condition:
-            self._stop_job_in_hand()
-            self._waiting = None if self._closed else _Job(prompt, threading.Event())
-            self._condition.notify()
+            self._replace(None if self._closed else _Job(prompt))
 
     def withdraw(self) -> None:
-        """Forget whatever waits or is in hand, and an answer that was not polled yet."""
+        """Forget the request, and an answer that was not polled yet."""
         with self._condition:
-            self._stop_job_in_hand()
-            self._waiting = self._result = None
+            self._replace(None)
 
     def poll(self) -> PromptResult | None:
-        """The newest result not yet polled, or None; what was withdrawn is no result."""
+        """The newest answer to the newest request that was not polled yet, or None."""
         with self._condition:
-            result, self._result = self._result, None
-            return result
+            if self._job is None:
+                return None
+            answer, self._job.answer = self._job.answer, None
+            if answer is not None and answer.final:
+                self._job = None
+            return answer
 
     def use(self, expander: Expander) -> None:
         """Expand by another expander from the next request on."""
@@ -94,39 +97,34 @@ class PromptWorker:
 
     @property
     def busy(self) -> bool:
-        """Whether a request waits or is being worked on."""
+        """Whether the final answer to the request has yet to be found."""
         with self._condition:
-            return self._in_hand is not None or self._waiting is not None
+            return self._job is not None and not (self._job.answer and self._job.answer.final)
 
     def close(self, timeout_s: float = 2.0) -> None:
         """Stop the thread after the text in the encoder; waits at most `timeout_s` seconds."""
         with self._condition:
             self._closed = True
-            self._waiting = self._result = None
-            self._stop_job_in_hand()
-            self._condition.notify()
+            self._replace(None)
         self._thread.join(timeout_s)
 
-    def _stop_job_in_hand(self) -> None:
-        if self._in_hand is not None:
-            self._in_hand.stop.set()
+    def _replace(self, job: _Job | None) -> None:
+        if self._job is not None:
+            self._job.stop.set()
+        self._job = job
+        self._condition.notify()
 
     def _work(self) -> None:
         while True:
             with self._condition:
-                self._in_hand = None
-                self._condition.wait_for(lambda: self._closed or self._waiting is not None)
-                if self._waiting is None:
+                self._condition.wait_for(lambda: self._closed or (self._job and not self._job.begun))
+                job, expander = self._job, self._expander
+                if job is None:
                     return
-                job, self._waiting = self._waiting, None
-                self._in_hand = job
-                expander = self._expander
-            for result in self._answers(job, expander):
+                job.begun = True
+            for answer in self._answers(job, expander):
                 with self._condition:
-                    if isinstance(result.error, PromptCancelledError):
-                        break
-                    # an answer to an outdated request is still news: the newer one will replace it
-                    self._result = None if self._closed else result
+                    job.answer = answer  # nobody polls it when a newer request has taken the job's place
 
     def _answers(self, job: _Job, expander: Expander) -> Iterator[PromptResult]:
         """Every answer to a request, encoded; an error is the last."""
@@ -141,6 +139,8 @@ class PromptWorker:
                 yield PromptResult(job.request, expansion, z, since(), final=final)
                 if job.stop.is_set():
                     return
+        except PromptCancelledError:
+            return
         except SportError as error:
             yield PromptResult(job.request, None, None, since(), error)
         except Exception as unexpected:  # the thread must outlive any defect, and the user must see it

@@ -7,16 +7,14 @@ from sport.viewer.gui import theme, widgets
 from sport.viewer.gui.theme import ICON, Fonts
 from sport.viewer.gui.widgets import px
 from sport.viewer.input.bindings import HELP
-from sport.viewer.state import AppState
 
 COLUMNS = (190.0, 190.0, 170.0)  # what, keyboard and mouse, gamepad; pixels at scale 1
 
 
-def draw(state: AppState, fonts: Fonts) -> None:
-    """A window in the middle, above everything; closed by F1, Esc or its button."""
+def draw(fonts: Fonts) -> bool:
+    """A window in the middle, above everything; whether it was closed by its button or a click beside it."""
     size = imgui.get_io().display_size
-    if _dimmed_background(size):
-        state.help_open = False
+    closed = _dimmed_background(size)
     imgui.set_next_window_pos(
         imgui.ImVec2(size.x / 2, size.y / 2), imgui.Cond_.always, imgui.ImVec2(0.5, 0.5)
     )
@@ -33,11 +31,12 @@ def draw(state: AppState, fonts: Fonts) -> None:
     imgui.push_style_color(imgui.Col_.window_bg, imgui.ImVec4(*theme.PANEL[:3], 1.0))
     imgui.push_style_var(imgui.StyleVar_.cell_padding, imgui.ImVec2(px(6), px(1.5)))
     imgui.begin("help", None, flags)
-    _title(state, fonts)
+    closed |= _title(fonts)
     _table(fonts)
     imgui.end()
     imgui.pop_style_var()
     imgui.pop_style_color()
+    return closed
 
 
 def _dimmed_background(size: imgui.ImVec2) -> bool:
@@ -58,15 +57,15 @@ def _dimmed_background(size: imgui.ImVec2) -> bool:
     return bool(clicked)
 
 
-def _title(state: AppState, fonts: Fonts) -> None:
+def _title(fonts: Fonts) -> bool:
     top = imgui.get_cursor_pos()
     close_width = imgui.get_frame_height()
     imgui.set_cursor_pos_x(top.x + px(sum(COLUMNS)) + 6 * px(6) - close_width)
-    if widgets.button(ICON.close, close_width, "Close (F1)"):
-        state.help_open = False
+    closed = widgets.button(ICON.close, close_width, "Close (F1)")
     imgui.set_cursor_pos(top)
     widgets.heading(fonts, ICON.help, "Controls")
     imgui.dummy(imgui.ImVec2(0, px(2)))
+    return closed
 
 
 def _table(fonts: Fonts) -> None:

@@ -24,15 +24,6 @@ class Rect:
     width: float
     height: float
 
-    def overlaps(self, other: Rect) -> bool:
-        """Whether the two share an area."""
-        return (
-            self.x < other.x + other.width
-            and other.x < self.x + self.width
-            and self.y < other.y + other.height
-            and other.y < self.y + self.height
-        )
-
 
 @dataclass(frozen=True)
 class Layout:

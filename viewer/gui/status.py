@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from sport.viewer.gl_bindings import imgui
 from sport.viewer.gui import theme, widgets
-from sport.viewer.gui.theme import ICON, Fonts
+from sport.viewer.gui.theme import ICON
 from sport.viewer.gui.widgets import px
-from sport.viewer.messages import Level
-from sport.viewer.state import AppState
+from sport.viewer.messages import Level, Message
 
 _LOOKS = {
     Level.NOTE: (ICON.note, theme.ACCENT),
@@ -15,17 +16,35 @@ _LOOKS = {
     Level.ERROR: (ICON.error, theme.ERROR),
 }
 MIN_MESSAGE_WIDTH = 260.0
+FPS_HALF_LIFE_S = 0.5
 
 
-def draw(state: AppState, fonts: Fonts) -> None:
-    """Contents of the line; facts drop off from the left when the window is narrow."""
+@dataclass
+class Stats:
+    """Smoothed times of frames, all by the clock on the wall."""
+
+    frame_ms: float = 0.0  # work of one frame, without waiting
+    fps: float = 0.0  # frames shown a second
+    steps_per_s: float = 0.0  # simulation steps a second; 60 is real time
+
+    def add(self, work_s: float, interval_s: float, steps: int) -> None:
+        """Take one frame: its work, the time since the frame before (both in seconds), and its simulation steps."""
+        if interval_s <= 0.0:
+            return
+        share = 1.0 if self.fps == 0.0 else 1.0 - 0.5 ** (interval_s / FPS_HALF_LIFE_S)
+        self.frame_ms += (work_s * 1e3 - self.frame_ms) * share
+        self.fps += (1.0 / interval_s - self.fps) * share
+        self.steps_per_s += (steps / interval_s - self.steps_per_s) * share
+
+
+def draw(message: Message | None, facts: list[tuple[str, str]]) -> None:
+    """The line: a message, and facts with their hints, which drop off from the left when the window is narrow."""
     width = imgui.get_content_region_avail().x
-    facts = _facts(state)
     gap = px(18)
     while facts and _width(facts, gap) > width - px(MIN_MESSAGE_WIDTH):
         facts.pop(0)
     facts_width = _width(facts, gap)
-    _message(state, width - facts_width - gap)
+    _message(message, width - facts_width - gap)
     imgui.same_line(width - facts_width + imgui.get_style().window_padding.x)
     for i, (text, hint) in enumerate(facts):
         if i:
@@ -38,28 +57,7 @@ def _width(facts: list[tuple[str, str]], gap: float) -> float:
     return sum(imgui.calc_text_size(text).x for text, _ in facts) + gap * max(len(facts) - 1, 0)
 
 
-def _facts(state: AppState) -> list[tuple[str, str]]:
-    """What is known about model, speed and device, the most important last."""
-    stats, simulation = state.stats, state.simulation
-    model = f"{ICON.chip} {state.model_name or 'no model'}"
-    if state.provider:
-        model += f"  {state.provider}"
-    icon = ICON.keyboard if state.device == "keyboard" else ICON.gamepad
-    return [
-        (model, "The motion model and what runs it"),
-        (f"model {simulation.model_ms:.1f} ms", "Time of one step of the model, with foot lock"),
-        (f"frame {stats.frame_ms:.0f} ms", "Work of one displayed frame"),
-        (f"{stats.fps:.0f} fps", "Pictures shown a second, by the clock"),
-        (
-            f"sim {stats.steps_per_s:.0f} Hz",
-            "Steps of the simulation a second, by the clock; 60 is real time",
-        ),
-        (f"{icon} {state.device[:24]}", "The device that drives the character"),
-    ]
-
-
-def _message(state: AppState, width: float) -> None:
-    message = state.messages.current
+def _message(message: Message | None, width: float) -> None:
     if message is None:
         text = "W A S D or the left stick to move,  F1 for all controls"
         widgets.muted(widgets.elided(f"{ICON.help} {text}", width))

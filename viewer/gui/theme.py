@@ -54,7 +54,6 @@ class Icons:
     record: str = "\uf111"
     history: str = "\uf1da"
     save: str = "\uf56e"
-    folder: str = "\uf07c"
     trash: str = "\uf1f8"
     search: str = "\uf002"
     gamepad: str = "\uf11b"
@@ -66,15 +65,10 @@ class Icons:
     check: str = "\uf00c"
     close: str = "\uf00d"
     reset: str = "\uf2f9"
-    camera: str = "\uf03d"
-    eye: str = "\uf06e"
     wand: str = "\uf0d0"
     chip: str = "\uf2db"
     clock: str = "\uf017"
-    scissors: str = "\uf0c4"
-    list: str = "\uf03a"
     person: str = "\uf183"
-    enter: str = "\ue0bb"
     undo: str = "\uf2ea"
     redo: str = "\uf2f9"
     lock: str = "\uf023"
@@ -82,7 +76,6 @@ class Icons:
     gear: str = "\uf013"
     exchange: str = "\uf0ec"
     original: str = "\uf0e2"
-    spinner: str = "\uf110"
 
 
 ICON = Icons()
@@ -90,15 +83,13 @@ ICON = Icons()
 
 @dataclass(frozen=True)
 class Fonts:
-    """Fonts with the icons merged in."""
+    """Fonts besides the regular one, with the icons merged in."""
 
-    regular: Any
     bold: Any
-    mono: Any
 
 
 def load_fonts() -> Fonts:
-    """Roboto and Inconsolata with FontAwesome from imgui-bundle; DisplayError when they are missing."""
+    """Roboto with FontAwesome from imgui-bundle; DisplayError when they are missing."""
     import imgui_bundle
 
     root = Path(imgui_bundle.__file__).parent / "assets" / "fonts"
@@ -117,9 +108,8 @@ def load_fonts() -> Fonts:
         atlas.add_font_from_file_ttf(str(icons), FONT_SIZE * 0.86, merge)
         return font
 
-    return Fonts(
-        load("Roboto/Roboto-Regular.ttf"), load("Roboto/Roboto-Bold.ttf"), load("Inconsolata-Medium.ttf")
-    )
+    load("Roboto/Roboto-Regular.ttf")  # the first one is the default
+    return Fonts(load("Roboto/Roboto-Bold.ttf"))
 
 
 _LENGTHS: dict[str, float | tuple[float, float]] = {  # pixels at scale 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 from sport.viewer.gl_bindings import imgui
 from sport.viewer.gui import theme
@@ -156,7 +157,7 @@ def slider(
     return bool(changed), float(value)
 
 
-def segmented(name: str, options: Sequence[tuple[str, str]], value: str) -> str:
+def segmented(name: str, options: Sequence[tuple[Any, str]], value: Any) -> Any:
     """One of a few choices side by side; options are (value, text), answers the chosen value."""
     spacing = px(4)
     width = (imgui.get_content_region_avail().x - spacing * (len(options) - 1)) / len(options)

@@ -1,1 +1,1 @@
-"""Devices to wishes: keyboard, gamepad and scripts become one `Intent` per frame."""
+"""Devices to requests: keyboard, gamepad and scripts become one `Intent` per frame."""

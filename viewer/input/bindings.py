@@ -95,58 +95,43 @@ BINDINGS = (
 
 # What the help overlay prints: heading, then rows of (what, keyboard and mouse, gamepad).
 HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
-    (
-        "Move",
-        (
-            ("Walk", "W  A  S  D", "Left stick"),
-            ("Jog", "Shift (hold)", "Right trigger"),
-            ("Crouch", "C, or Ctrl (hold)", "B"),
-            ("Jump", "Space", "A"),
-            ("Strafe, face the camera", "X or Alt (hold)", "Left shoulder (hold)"),
-            ("Back to the start", "Home", "Left stick press"),
-        ),
-    ),
-    (
-        "Camera",
-        (
-            ("Turn", "Q  E, arrows, right drag", "Right stick"),
-            ("Zoom", "Wheel, Page Up / Down", "D-pad up / down"),
-            ("Follow or orbit", "F", "Right stick press"),
-        ),
-    ),
-    (
-        "Record",
-        (
-            ("Start or stop", "R", "Y"),
-            ("Keep the last seconds", "T", "X"),
-            ("Play or pause the clip", "P", ""),
-            ("Screenshot", "F12", ""),
-        ),
-    ),
-    (
-        "Show",
-        (
-            ("This help", "F1", "Start"),
-            ("Trajectory, skeleton, contacts", "F2, F3, F4", ""),
-            ("Grid, panels", "F5, F10", "Back (panels)"),
-            ("Full screen", "F11", ""),
-        ),
-    ),
-    (
-        "Prompt",
-        (
-            ("Write a prompt, leave the field", "Enter, Esc", ""),
-            ("Choose a suggestion, take it", "Up / Down, Tab or Enter", ""),
-            ("Last prompts, in an empty field", "Up / Down", ""),
-            ("Undo, redo", "Ctrl+Z, Ctrl+Y", ""),
-        ),
-    ),
-)
+    ("Move", (
+        ("Walk", "W  A  S  D", "Left stick"),
+        ("Jog", "Shift (hold)", "Right trigger"),
+        ("Crouch", "C, or Ctrl (hold)", "B"),
+        ("Jump", "Space", "A"),
+        ("Strafe, face the camera", "X or Alt (hold)", "Left shoulder (hold)"),
+        ("Back to the start", "Home", "Left stick press"),
+    )),
+    ("Camera", (
+        ("Turn", "Q  E, arrows, right drag", "Right stick"),
+        ("Zoom", "Wheel, Page Up / Down", "D-pad up / down"),
+        ("Follow or orbit", "F", "Right stick press"),
+    )),
+    ("Record", (
+        ("Start or stop", "R", "Y"),
+        ("Keep the last seconds", "T", "X"),
+        ("Play or pause the clip", "P", ""),
+        ("Screenshot", "F12", ""),
+    )),
+    ("Show", (
+        ("This help", "F1", "Start"),
+        ("Trajectory, skeleton, contacts", "F2, F3, F4", ""),
+        ("Grid, panels", "F5, F10", "Back (panels)"),
+        ("Full screen", "F11", ""),
+    )),
+    ("Prompt", (
+        ("Write a prompt, leave the field", "Enter, Esc", ""),
+        ("Choose a suggestion, take it", "Up / Down, Tab or Enter", ""),
+        ("Last prompts, in an empty field", "Up / Down", ""),
+        ("Undo, redo", "Ctrl+Z, Ctrl+Y", ""),
+    )),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Intent:
-    """What the person asks for in one frame, relative to the camera.
+    """What the user asks for in one frame, relative to the camera.
 
     `move` is (right, forward) and `look` the camera stick (right, up), both with a length of 0..1; `zoom` is in wheel
     steps per second (positive comes nearer); `pressed` are the actions that began in this frame.
@@ -176,7 +161,7 @@ class InputMapper:
         dead_zone: float = 0.15,
         invert: bool = False,
     ) -> Intent:
-        """The wishes of this frame of `dt` seconds."""
+        """The intent of this frame of `dt` seconds."""
         held = _held_actions(keyboard, pad)
         pressed = self._pressed(keyboard, pad)
         move, look = _key_axes(held)

@@ -41,14 +41,6 @@ class GamepadSource(Protocol):
         """The pad in use, or None without one."""
 
 
-class NoGamepad:
-    """A source without a pad."""
-
-    def poll(self) -> GamepadState | None:
-        """Never a pad."""
-        return None
-
-
 def radial_dead_zone(stick: tuple[float, float], dead: float, full: float = 0.95) -> tuple[float, float]:
     """A stick (x, y) whose length below `dead` is 0 and rises evenly to 1 at `full`; the direction is kept."""
     x, y = stick
@@ -121,7 +113,7 @@ class GlfwGamepads:
         )
 
     def add_mappings(self, path: Path) -> str:
-        """Add a person's SDL mapping file when there is one; the complaint about it, or ""."""
+        """Add the user's SDL mapping file when there is one; the complaint about it, or ""."""
         try:
             with path.open("rb") as file:
                 data = file.read(MAX_MAPPING_BYTES + 1)

@@ -25,11 +25,6 @@ class ControlScript:
                 steps.append(_parse_step(step, known_keys))
         return ControlScript(tuple(steps))
 
-    @property
-    def seconds(self) -> float:
-        """Length of the whole script."""
-        return sum(seconds for _, seconds in self.steps)
-
     def keys_at(self, time_s: float) -> frozenset[str]:
         """Keys held at a time; nothing after the end."""
         for keys, seconds in self.steps:

@@ -6,8 +6,8 @@ from sport.viewer.gl_bindings import imgui
 from sport.viewer.gui import theme, widgets
 from sport.viewer.gui.theme import ICON
 from sport.viewer.gui.widgets import px
+from sport.viewer.prompt.state import PromptState
 from sport.viewer.prompt.style_edit import Answer
-from sport.viewer.state import AppState
 
 GOOD_MATCH = 0.6  # cosine similarity from which a library prompt is near
 _ANSWERED = {"library": "Library", "gpt": "GPT", "explicit": "Explicit"}
@@ -19,16 +19,16 @@ _HINTS = {
 BAR_WIDTH = 46.0  # pixels at scale 1
 
 
-def draw(answer: Answer | None, asked: bool, state: AppState, rows: int, lines: int = 2) -> str | None:
+def draw(answer: Answer | None, asked: bool, prompt: PromptState, rows: int, lines: int = 2) -> str | None:
     """The answer with at most `rows` of the nearest prompts and `lines` of remarks; a prompt that was clicked, else None."""
-    if not state.prompt.available:
+    if not prompt.available:
         widgets.muted(f"{ICON.warning} Prompts need a motion model.")
         return None
     if answer is None:
-        waiting = f"{ICON.clock} {'Loading' if state.prompt.loading else 'Preparing the style'}…"
-        widgets.muted(waiting if asked or state.prompt.loading else f"{ICON.note} Type a prompt.")
+        waiting = f"{ICON.clock} {'Loading' if prompt.loading else 'Preparing the style'}…"
+        widgets.muted(waiting if asked or prompt.loading else f"{ICON.note} Type a prompt.")
         return None
-    _who(answer, asked, state, rows)
+    _who(answer, asked, prompt, rows)
     chosen = None
     if answer.source != "gpt":
         for text, similarity in answer.nearest[: min(rows, 1) if answer.note else rows]:
@@ -40,7 +40,7 @@ def draw(answer: Answer | None, asked: bool, state: AppState, rows: int, lines: 
     return chosen
 
 
-def _who(answer: Answer, asked: bool, state: AppState, rows: int) -> None:
+def _who(answer: Answer, asked: bool, prompt: PromptState, rows: int) -> None:
     widgets.tag(_ANSWERED.get(answer.source, answer.source))
     widgets.tooltip(f"{_HINTS.get(answer.source, '')}, in {answer.milliseconds:.0f} ms")
     if answer.edited:
@@ -49,18 +49,18 @@ def _who(answer: Answer, asked: bool, state: AppState, rows: int) -> None:
         widgets.tooltip(
             "Words of " + ", ".join(part.replace("_", " ") for part in answer.edited) + " are yours"
         )
-    text = _summary(answer, asked, state, rows)
+    text = _summary(answer, asked, prompt, rows)
     imgui.same_line(0, px(7))
     with widgets.color(imgui.Col_.text, theme.MUTED):
         imgui.text_unformatted(widgets.elided(text, imgui.get_content_region_avail().x))
     widgets.tooltip(text)
 
 
-def _summary(answer: Answer, asked: bool, state: AppState, rows: int) -> str:
+def _summary(answer: Answer, asked: bool, prompt: PromptState, rows: int) -> str:
     if asked:
-        return f"{ICON.clock} asking {state.expander.language_model or 'for the next'}…"
+        return f"{ICON.clock} asking {prompt.expander.language_model or 'for the next'}…"
     if answer.source == "gpt":
-        return state.expander.language_model or "language model"
+        return prompt.expander.language_model or "language model"
     if answer.source == "explicit":
         return "your own words"
     if answer.nearest and not rows:

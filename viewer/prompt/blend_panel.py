@@ -7,40 +7,35 @@ from sport.viewer.gl_bindings import imgui
 from sport.viewer.gui import theme, widgets
 from sport.viewer.gui.theme import ICON
 from sport.viewer.gui.widgets import px
-from sport.viewer.prompt import answer_panel as prompt_answer
-from sport.viewer.prompt import field_panel as prompt_field
+from sport.viewer.prompt import answer_panel, field_panel
 from sport.viewer.prompt.prompting import Prompting
-from sport.viewer.prompt.style_edit import Answer
-from sport.viewer.prompt.suggester import Suggester
-from sport.viewer.state import AppState
+from sport.viewer.prompt.room import PromptRoom
+from sport.viewer.prompt.style_edit import Answer, Side, StyleEdit
 
 NAME_WIDTH = 70.0  # pixels at scale 1
 HINT = "A second prompt to blend with"
 
 
-def draw(state: AppState, prompting: Prompting, suggester: Suggester) -> None:
+def draw(room: PromptRoom) -> None:
     """Prompt B, who answered it, and the sliders."""
-    prompt = state.prompt
+    prompt, prompting = room.state, room.prompting
     widgets.label("Prompt B")
-    applied = "" if prompt.edit.b is None else prompt.edit.b.prompt
-    chosen = prompt_field.draw("##prompt b", prompt.other, HINT, suggester, prompting, applied, lines=1)
-    if chosen is not None:
-        prompting.submit_prompt(chosen, "b")
+    field_panel.draw(room, Side.B, HINT, lines=1)
     if prompt.edit.b is None:
-        if "b" in prompt.asked:
-            prompt_answer.draw(None, True, state, 0)
+        if Side.B in prompt.asked:
+            answer_panel.draw(None, True, prompt, 0)
         else:
             widgets.muted("Type a second prompt: each body part then takes its share of it.", wrap=True)
         return
-    prompt_answer.draw(prompt.edit.b, "b" in prompt.asked, state, rows=0, lines=1)
+    answer_panel.draw(prompt.edit.b, Side.B in prompt.asked, prompt, rows=0, lines=1)
     imgui.dummy(imgui.ImVec2(0, px(1)))
     _ends()
-    _all(state, prompting)
+    _all(prompt.edit, prompting)
     imgui.separator()
     for i, part in enumerate(PART_NAMES):
-        _part(part, prompt.edit.weights[i], state, prompting)
+        _part(part, prompt.edit.weights[i], prompt.edit, prompting)
     imgui.dummy(imgui.ImVec2(0, px(1)))
-    _buttons(state, prompting)
+    _buttons(bool(prompt.asked), prompting)
 
 
 def _ends() -> None:
@@ -53,8 +48,7 @@ def _ends() -> None:
     widgets.label("Prompt B")
 
 
-def _all(state: AppState, prompting: Prompting) -> None:
-    edit = state.prompt.edit
+def _all(edit: StyleEdit, prompting: Prompting) -> None:
     free = len(edit.locked) < len(PART_NAMES)
     imgui.begin_disabled(not free)
     moved, share = _slider("All", "all", edit.master_weight, px(NAME_WIDTH))
@@ -66,9 +60,8 @@ def _all(state: AppState, prompting: Prompting) -> None:
     widgets.tooltip("Every part that is not locked")
 
 
-def _part(part: str, share: float, state: AppState, prompting: Prompting) -> None:
-    edit, name = state.prompt.edit, part.replace("_", " ")
-    locked = part in edit.locked
+def _part(part: str, share: float, edit: StyleEdit, prompting: Prompting) -> None:
+    name, locked = part.replace("_", " "), part in edit.locked
     moved, value = _slider(name.capitalize(), part, share, px(NAME_WIDTH), imgui.get_frame_height() + px(2))
     if moved:
         prompting.set_weight(part, value)
@@ -94,9 +87,9 @@ def _slider(text: str, name: str, share: float, left: float, spare: float = 0.0)
     return moved, min(max(percent / 100.0, 0.0), 1.0)
 
 
-def _buttons(state: AppState, prompting: Prompting) -> None:
+def _buttons(waits: bool, prompting: Prompting) -> None:
     half = (imgui.get_content_region_avail().x - px(4)) / 2
-    imgui.begin_disabled(bool(state.prompt.asked))
+    imgui.begin_disabled(waits)
     hint = "Prompt B becomes prompt A, whose words can be edited; the character moves on as it does"
     if widgets.button(f"{ICON.exchange} Swap A, B", half, hint):
         prompting.swap()

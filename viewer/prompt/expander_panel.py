@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from sport.runtime.prompts.gpt.settings import DEFAULT_MODEL, OPENAI_URL, has_credentials
 from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import theme, widgets
+from sport.viewer.gui import setting_widgets, theme, widgets
 from sport.viewer.gui.theme import ICON
 from sport.viewer.gui.widgets import px
 from sport.viewer.prompt.expanders import Expanders
-from sport.viewer.state import AppState
 
 POPUP = "who answers"
 WIDTH = 340.0  # pixels at scale 1
-TIMEOUT_RANGE_S = (1.0, 120.0)
 _ENTER = imgui.InputTextFlags_.enter_returns_true
 
 
-def draw(state: AppState, expanders: Expanders, corner: imgui.ImVec2) -> None:
+def draw(expanders: Expanders, corner: imgui.ImVec2) -> None:
     """The popup, where it was opened by `imgui.open_popup(POPUP)`; its upper left corner is at `corner`."""
     space = imgui.get_io().display_size
     width = min(px(WIDTH), space.x - px(16))
@@ -38,13 +36,13 @@ def draw(state: AppState, expanders: Expanders, corner: imgui.ImVec2) -> None:
         widgets.muted(
             "Prompts are sent to the endpoint. The library answers at once and whenever it fails.", wrap=True
         )
-        _fields(state, expanders)
-        _test(state, expanders)
+        _fields(expanders)
+        _test(expanders)
     imgui.end_popup()
 
 
-def _fields(state: AppState, expanders: Expanders) -> None:
-    settings, expander = state.settings, state.expander
+def _fields(expanders: Expanders) -> None:
+    settings, expander = expanders.settings, expanders.state
     changed = False
     widgets.label("Base URL")
     done, settings.gpt_base_url = _text("##url", OPENAI_URL, settings.gpt_base_url)
@@ -61,11 +59,7 @@ def _fields(state: AppState, expanders: Expanders) -> None:
     changed |= done
     widgets.label("The key stays in memory: no file, no log, no take has it.")
     widgets.full_width()
-    moved, seconds = widgets.slider(
-        "##timeout", settings.gpt_timeout_s, *TIMEOUT_RANGE_S, "Wait up to %.0f s", True
-    )
-    if moved:
-        settings.gpt_timeout_s = float(round(seconds))
+    setting_widgets.slider(settings, "gpt_timeout_s")
     changed |= imgui.is_item_deactivated_after_edit()
     if changed:
         expanders.apply()
@@ -77,8 +71,8 @@ def _text(name: str, hint: str, value: str, flags: int = 0) -> tuple[bool, str]:
     return bool(imgui.is_item_deactivated_after_edit()), value
 
 
-def _test(state: AppState, expanders: Expanders) -> None:
-    expander = state.expander
+def _test(expanders: Expanders) -> None:
+    expander = expanders.state
     imgui.begin_disabled(expander.testing)
     text = f"{ICON.clock} Asking…" if expander.testing else f"{ICON.check} Test"
     if widgets.button(f"{text}###test", -1, "Ask the language model for one prompt", primary=True):

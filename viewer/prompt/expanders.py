@@ -4,42 +4,42 @@ from __future__ import annotations
 
 import threading
 from dataclasses import dataclass, field
-from typing import Any
 
 from sport.runtime.errors import SportError
+from sport.runtime.prompts.expander import Expander
 from sport.runtime.prompts.gpt.settings import GptSettings, gpt_configured
 from sport.viewer.jobs import Jobs
 from sport.viewer.prompt.prompting import Prompting
-from sport.viewer.services import Loaded, Services
-from sport.viewer.state import AppState
-
-KINDS = ("library", "gpt")
+from sport.viewer.prompt.state import ExpanderState
+from sport.viewer.services import LibraryLike, Loaded, Services
+from sport.viewer.settings import Settings
 
 
 @dataclass
 class Expanders:
     """Actions of the panel that chooses who answers. The key is read from the state, handed on, and kept nowhere else."""
 
-    state: AppState
+    state: ExpanderState
+    settings: Settings
     jobs: Jobs
     services: Services
     prompting: Prompting
-    library: Any = None  # the loaded model's library expander
+    library: LibraryLike | None = None  # the loaded model's library expander
     _stop: threading.Event = field(default_factory=threading.Event)
 
     @property
     def kind(self) -> str:
         """ "library" or "gpt": as chosen, else as the environment says."""
-        return self.state.settings.expander or ("gpt" if gpt_configured() else "library")
+        return self.settings.expander or ("gpt" if gpt_configured() else "library")
 
     def choose(self, kind: str) -> None:
         """Let the library alone answer, or a language model with the library behind it."""
-        self.state.settings.expander = kind
+        self.settings.expander = kind
         self.apply()
 
-    def wanted(self) -> GptSettings | None:
+    def chosen(self) -> GptSettings | None:
         """The language model to ask, None for the library alone; what is wrong with its settings goes to the state."""
-        expander = self.state.expander
+        expander = self.state
         expander.problem = expander.language_model = ""
         if self.kind != "gpt":
             return None
@@ -53,25 +53,22 @@ class Expanders:
 
     def apply(self) -> None:
         """Put the choice and the settings into force, from the next prompt on."""
-        self.state.expander.report = ""
-        settings, library = self.wanted(), self.library
+        self.state.report = ""
+        settings, library = self.chosen(), self.library
         if library is None:
             return  # the model that is being loaded brings its library, and `use` looks at the choice again
-        if settings is None:
-            self.jobs.submit("language model", lambda: library, self.prompting.use_expander)
-        else:
-            self.jobs.submit(
-                "language model",
-                lambda: self.services.open_expander(library, settings),
-                self.prompting.use_expander,
-            )
+
+        def work() -> Expander:
+            return library if settings is None else self.services.open_expander(library, settings)
+
+        self.jobs.submit("language model", work, self.prompting.use_expander)
 
     def use(self, loaded: Loaded, given: GptSettings | None) -> None:
         """Let a loaded model's workers answer; they were opened to ask `given`, which may no longer be the choice."""
         self.library = loaded.library
-        changed = self.wanted() != given
+        changed = self.chosen() != given
         if changed:
-            # what waits for the model must not be sent where nobody wants it any more
+            # what waits for the model must not be sent where it was chosen not to go
             for worker in loaded.prompts:
                 worker.use(loaded.library)
         self.prompting.use(loaded.prompts)
@@ -80,7 +77,7 @@ class Expanders:
 
     def test(self) -> None:
         """Ask the language model one question and report."""
-        expander = self.state.expander
+        expander = self.state
         if expander.testing:
             return
         expander.report = ""
@@ -99,20 +96,18 @@ class Expanders:
             return str(error), False
 
     def _report(self, outcome: tuple[str, bool]) -> None:
-        expander = self.state.expander
+        expander = self.state
         expander.testing = False
         expander.report, expander.report_good = outcome
 
     def _settings(self) -> GptSettings:
-        chosen = self.state.settings
-        return GptSettings.chosen(
-            chosen.gpt_base_url, chosen.gpt_model, chosen.gpt_timeout_s, self.state.expander.key
-        )
+        chosen = self.settings
+        return GptSettings.chosen(chosen.gpt_base_url, chosen.gpt_model, chosen.gpt_timeout_s, self.state.key)
 
     @property
     def key_from_environment(self) -> bool:
         """Whether the environment has a key for the address chosen."""
-        chosen = self.state.settings
+        chosen = self.settings
         try:
             return bool(GptSettings.chosen(chosen.gpt_base_url, chosen.gpt_model).api_key)
         except SportError:

@@ -9,9 +9,11 @@ from sport.viewer.gui import theme, widgets
 from sport.viewer.gui.theme import ICON
 from sport.viewer.gui.widgets import px
 from sport.viewer.prompt.prompting import Prompting
+from sport.viewer.prompt.room import PromptRoom
+from sport.viewer.prompt.state import FieldState
+from sport.viewer.prompt.style_edit import Side
 from sport.viewer.prompt.suggester import Suggester
 from sport.viewer.prompt.suggestions import Suggestion
-from sport.viewer.state import FieldState
 
 _SENTENCE = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.ctrl_enter_for_new_line
 WRAPPED = _SENTENCE | imgui.InputTextFlags_.word_wrap
@@ -35,20 +37,18 @@ _REPEATED = (imgui.Key.down_arrow, imgui.Key.up_arrow)
 _TAKEN = (*_REPEATED, imgui.Key.tab, imgui.Key.escape, imgui.Key.enter, imgui.Key.keypad_enter)
 
 
-def draw(
-    name: str,
-    box: FieldState,
-    hint: str,
-    suggester: Suggester,
-    prompting: Prompting,
-    applied: str,
-    lines: int = 2,
-    below: float = 0.0,
-) -> str | None:
-    """Draw the field; the prompt that was entered or chosen, else None.
+def draw(room: PromptRoom, side: Side, hint: str, lines: int = 2, below: float = 0.0) -> None:
+    """A side's field; a prompt that is entered or chosen is asked.
 
-    `applied` is the prompt in force, `below` what the list leaves free under the field, in screen units.
+    `below` is what the list leaves free under the field, in screen units.
     """
+    chosen = _draw(room, side, hint, lines, below)
+    if chosen is not None:
+        room.prompting.submit_prompt(chosen, side)
+
+
+def _draw(room: PromptRoom, side: Side, hint: str, lines: int, below: float) -> str | None:
+    box, suggester, name = room.state.boxes[side], room.suggester, f"##prompt {side.name}"
     if box.focus_requested:
         imgui.set_keyboard_focus_here()
     width = imgui.get_content_region_avail().x
@@ -58,7 +58,7 @@ def draw(
     found = suggester.suggestions(box) if active and box.suggesting else ()
     chosen = _keys(box, found, suggester, field_id) if active else None
     if active and chosen is None:
-        undo_keys(field_id, box.text == applied, prompting)
+        undo_keys(field_id, box.text == room.state.edit.prompt(side), room.prompting)
     before, corner = box.text, imgui.get_cursor_screen_pos()
     entered, box.text = imgui.input_text_multiline(name, box.text, size, WRAPPED)
     _follow(box, before, field_id)
@@ -100,7 +100,7 @@ def pressed_undo() -> tuple[bool, bool]:
 def _keys(box: FieldState, found: Sequence[Suggestion], suggester: Suggester, field_id: int) -> str | None:
     """Arrow keys, Tab, Enter and Esc over the list of suggestions; the prompt that was chosen, else None."""
     key = imgui.Key
-    if _recall(box, suggester.state.settings.prompt_history, field_id) or not found:
+    if _recall(box, suggester.settings.prompt_history, field_id) or not found:
         return None
     pressed = {
         k: imgui.is_key_pressed(k, k in _REPEATED) for k in _TAKEN

@@ -9,7 +9,7 @@ from sport.viewer.gui.theme import ICON
 from sport.viewer.gui.widgets import px
 from sport.viewer.prompt.field_panel import WRAPPED, is_active, undo_keys
 from sport.viewer.prompt.prompting import Prompting
-from sport.viewer.state import PromptState
+from sport.viewer.prompt.state import PromptState
 
 LABEL_HEIGHT = 17.0  # pixels at scale 1
 MIN_LINES, MAX_LINES = 2, 3

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -17,22 +18,30 @@ from sport.runtime.skeleton import PART_NAMES
 MAX_STEPS = 100  # of undo
 
 
-@dataclass(frozen=True, eq=False)
+class Side(IntEnum):
+    """The prompt, and the one it is blended with."""
+
+    A = 0
+    B = 1
+
+
+@dataclass(frozen=True)
 class Answer:
     """One answered prompt: `said` by the expander, `words` as they hold now (with edits and kept words), and their code."""
 
     prompt: str  # "" when only the six fields were written
     said: PartDescriptions
     words: PartDescriptions
-    z: NDArray[np.float32]  # (6, 64)
+    z: NDArray[np.float32] = field(compare=False)  # (6, 64), of `words`
     source: str = "explicit"  # "library", "gpt" or "explicit"
     nearest: tuple[tuple[str, float], ...] = ()
     note: str = ""
     milliseconds: float = 0.0
     final: bool = True  # False: a better answer is on its way
+    question: int = 0  # number of the question that it answers
 
     @staticmethod
-    def of(result: Any) -> Answer:
+    def of(result: Any, question: int) -> Answer:
         """The answer in a worker's result to a prompt."""
         expansion: Expansion = result.expansion
         return Answer(
@@ -45,6 +54,7 @@ class Answer:
             expansion.note,
             result.milliseconds,
             result.final,
+            question,
         )
 
     def keeping(self, parts: Collection[str], before: Answer) -> Answer:
@@ -69,19 +79,41 @@ class Answer:
         return self.prompt if by_prompt else self.words
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class StyleEdit:
     """Prompt A, perhaps prompt B with its share in each part, and the parts whose words are locked."""
 
-    a: Answer | None = None
-    b: Answer | None = None
+    answers: tuple[Answer | None, Answer | None] = (None, None)
     weights: Weights = ALL_A
     locked: frozenset[str] = frozenset()
 
     @property
+    def a(self) -> Answer | None:
+        """The prompt's answer."""
+        return self.answers[Side.A]
+
+    @property
+    def b(self) -> Answer | None:
+        """The answer of the prompt that is blended in."""
+        return self.answers[Side.B]
+
+    def prompt(self, side: Side) -> str:
+        """The prompt in force on a side; "" before its first answer."""
+        answer = self.answers[side]
+        return "" if answer is None else answer.prompt
+
+    def with_answer(self, side: Side, answer: Answer | None) -> StyleEdit:
+        """Another answer on one side."""
+        return dataclasses.replace(self, answers=(answer, self.b) if side is Side.A else (self.a, answer))
+
+    def locked_on(self, side: Side) -> frozenset[str]:
+        """Parts whose words the answers on a side leave alone."""
+        return self.locked if side is Side.A else frozenset()
+
+    @property
     def blended(self) -> bool:
         """Whether prompt B shows anywhere."""
-        return self.a is not None and self.b is not None and any(weight > 0.0 for weight in self.weights)
+        return None not in self.answers and any(weight > 0.0 for weight in self.weights)
 
     def style(self) -> NDArray[np.float32] | None:
         """Z^t `(6, 64)`; None before the first answer."""
@@ -91,18 +123,14 @@ class StyleEdit:
 
     def replayable(self) -> Words | BlendedPrompt:
         """What a take keeps of this style."""
-        if self.a is None:
-            return ""
-        if self.b is None or not self.blended:
-            return self.a.replayable
+        if self.a is None or self.b is None or not self.blended:
+            return "" if self.a is None else self.a.replayable
         return BlendedPrompt(self.a.replayable, self.b.replayable, self.weights)
 
     def spelled_out(self) -> str:
         """The six descriptions, or a blend of two times six, as text that needs no library: what a take keeps too."""
-        if self.a is None:
-            return ""
-        if self.b is None or not self.blended:
-            return self.a.words.to_json()
+        if self.a is None or self.b is None or not self.blended:
+            return "" if self.a is None else self.a.words.to_json()
         return BlendedPrompt(self.a.words, self.b.words, self.weights).to_json()
 
     def with_weight(self, part: str, weight: float) -> StyleEdit:

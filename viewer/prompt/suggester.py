@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 from sport.runtime.errors import SportError
 from sport.viewer.jobs import Jobs
+from sport.viewer.prompt.state import FieldState, PromptState
 from sport.viewer.prompt.suggestions import Suggestion, suggest
-from sport.viewer.state import AppState, FieldState
+from sport.viewer.settings import Settings
 
 MIN_CHARACTERS = 3  # typed before the meaning is looked up
 _SLOT = "suggestions"
@@ -20,7 +21,8 @@ Nearest = Callable[[str], tuple[tuple[str, float], ...]]
 class Suggester:
     """Answers at once with what is known; what the worker finds is there some frames later."""
 
-    state: AppState
+    state: PromptState
+    settings: Settings
     jobs: Jobs
     nearest: Nearest | None = None  # of the loaded library; takes milliseconds
     _key: object = None
@@ -28,13 +30,13 @@ class Suggester:
 
     def suggestions(self, box: FieldState) -> tuple[Suggestion, ...]:
         """The list for what stands in a field now."""
-        typed, history = box.text, self.state.settings.prompt_history
+        typed, history = box.text, self.settings.prompt_history
         self._look_up(box, typed)
         near = box.near if box.near_to and _continues(typed, box.near_to) else ()
         key = (typed, near, tuple(history))
         if key != self._key:
             self._key = key
-            self._found = suggest(typed, self.state.prompt.library, history, near)
+            self._found = suggest(typed, self.state.library, history, near)
         return self._found
 
     def _look_up(self, box: FieldState, typed: str) -> None:

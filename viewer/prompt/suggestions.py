@@ -1,4 +1,4 @@
-"""What to suggest while a prompt is typed: pure functions over the library's prompts and the person's own."""
+"""What to suggest while a prompt is typed: pure functions over the library's prompts and the user's own."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 MAX_HISTORY = 50
 MAX_SUGGESTIONS = 7
-MAX_RECENT = 2  # of the person's own among the suggestions for typed words
+MAX_RECENT = 2  # of the user's own among the suggestions for typed words
 MIN_NEAR = 2  # lines kept for prompts that mean the like, where there are any
 MIN_SIMILARITY = 0.3  # cosine; less alike is no suggestion
 

@@ -80,11 +80,6 @@ class Camera:
         """Eye position `(3,)` in metres."""
         return self.target - self.distance * self.forward
 
-    @property
-    def heading(self) -> float:
-        """Yaw in radians of the view direction on the ground plane."""
-        return self.yaw
-
     def view_matrix(self) -> Array:
         """World to camera, `(4, 4)`."""
         return look_at(self.position, self.target)
@@ -94,13 +89,6 @@ class Camera:
         projection = perspective(self.fov_y, aspect, NEAR_M, FAR_M)
         projection[0, 2] = -self.shift
         return projection
-
-    def ray(self, x_ndc: float, y_ndc: float, aspect: float) -> tuple[Array, Array]:
-        """Origin `(3,)` and unit direction `(3,)` through a point of the screen, both -1..1, y up."""
-        tangent = math.tan(self.fov_y / 2)
-        local = np.array([(x_ndc - self.shift) * tangent * aspect, y_ndc * tangent, -1.0])
-        direction = self.view_matrix()[:3, :3].T.astype(float) @ local
-        return self.position, direction / np.linalg.norm(direction)
 
 
 class OrbitCamera(Camera):
@@ -116,7 +104,7 @@ class OrbitCamera(Camera):
         self.pitch = min(max(pitch, self.MIN_PITCH), self.MAX_PITCH)
 
     def pan(self, dx_px: float, dy_px: float, viewport_height_px: float) -> None:
-        """Drag the target in the picture plane; what lies at its depth stays under the pointer."""
+        """Drag the target in the plane of the view; what lies at its depth stays under the pointer."""
         metres = 2.0 * self.distance * math.tan(self.fov_y / 2) / max(viewport_height_px, 1.0)
         right, up = self.view_matrix()[:2, :3].astype(float)
         self.target = self.target + (-dx_px * right + dy_px * up) * metres
@@ -128,7 +116,7 @@ class OrbitCamera(Camera):
 
 
 class FollowCamera(OrbitCamera):
-    """Follows a moving target with critically damped springs, turned by the right stick, kept above the terrain."""
+    """Follows a moving target with critically damped springs, rotated by the right stick, kept above the terrain."""
 
     MIN_PITCH, MAX_PITCH = math.radians(-10.0), math.radians(75.0)
     MIN_DISTANCE, MAX_DISTANCE = 1.5, 15.0
@@ -144,7 +132,6 @@ class FollowCamera(OrbitCamera):
         self._target_velocity: Array = np.zeros(3)
         self._turn: Array = np.zeros(2)  # yaw and pitch speed, radians per second
         self._turn_velocity: Array = np.zeros(2)
-        self._align_speed = 0.0
         self._lift_m = 0.0
         self._lift_velocity = 0.0
 

@@ -1,4 +1,4 @@
-"""Screenshots: pixels to a PNG, written atomically."""
+"""Pixels to a PNG, written atomically."""
 
 from __future__ import annotations
 

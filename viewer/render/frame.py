@@ -1,4 +1,4 @@
-"""The constants of one picture: camera, sun, shadow and fog, and their uniform block."""
+"""The constants of one frame: camera, sun, shadow and fog, and their uniform block."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SHADOW_REACH_M = 9.0  # of terrain shadows around the character
 
 @dataclass(frozen=True)
 class Frame:
-    """What every pass may ask about the picture that is being drawn."""
+    """What every pass may ask about the frame that is being drawn."""
 
     size: tuple[int, int]  # pixels
     eye: Array  # (3,) metres

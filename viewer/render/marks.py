@@ -16,7 +16,7 @@ STROKE = np.dtype(
     [("start", "<f4", 3), ("end", "<f4", 3), ("normal", "<f4", 3), ("radius", "<f4", 2), ("color", "<f4", 4)]
 )
 
-# Radii in metres on the ground, in pixels of a picture 720 high on top; colours sRGB.
+# Radii in metres on the ground, in pixels of a frame 720 high on top; colours sRGB.
 FOOT_RADIUS_M = 0.145
 FOOT_STRENGTH = 0.60
 BODY_RADIUS_M = 0.60

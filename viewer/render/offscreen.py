@@ -1,14 +1,13 @@
-"""Rendering without a window: a standalone EGL context, a framebuffer to draw into, and PNG files."""
+"""Rendering without a window: a standalone EGL context, and a framebuffer to draw into."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
-from sport.runtime.errors import DisplayError, FileError
+from sport.runtime.errors import DisplayError
 
 REMEDY = "Install the OpenGL libraries: apt-get install libegl1 libgl1 (or your system's Mesa packages)."
 
@@ -30,7 +29,7 @@ def _missing_library(message: str) -> str:
 
 
 class OffscreenTarget:
-    """A picture in memory: `ctx` to make a `Renderer` with, `framebuffer` to render into, `read()` to look at."""
+    """An image in memory: `ctx` to make a `Renderer` with, `framebuffer` to render into, `read()` to look at."""
 
     def __init__(self, width: int, height: int) -> None:
         self.ctx = create_offscreen_context()
@@ -39,7 +38,7 @@ class OffscreenTarget:
         self.framebuffer = self.ctx.framebuffer([self._color])
 
     def read(self) -> NDArray[np.uint8]:
-        """The picture `(H, W, 3)`, sRGB, first row on top."""
+        """The image `(H, W, 3)`, sRGB, first row on top."""
         width, height = self.size
         data = self.framebuffer.read(components=3, alignment=1)
         return np.frombuffer(data, np.uint8).reshape(height, width, 3)[::-1].copy()
@@ -49,15 +48,3 @@ class OffscreenTarget:
         self.framebuffer.release()
         self._color.release()
         self.ctx.release()
-
-
-def save_png(path: Path | str, image: NDArray[np.uint8]) -> None:
-    """Write a picture `(H, W, 3)` as PNG; FileError when the file cannot be written."""
-    from PIL import Image
-
-    try:
-        Image.fromarray(image).save(path, "PNG")
-    except OSError as error:
-        raise FileError(
-            f"{path}: the picture cannot be written ({error}).", "Choose another folder."
-        ) from error

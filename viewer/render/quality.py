@@ -22,11 +22,12 @@ class Quality:
     msaa: int  # samples per pixel; 0: none
     smooth_edges: bool  # soften the characters' outlines afterwards, where there is no multisampling
     render_scale: float  # rendered pixels per shown pixel, along one side
-    max_pixels: int  # a larger picture is rendered at this many and stretched; 0: no limit
+    max_pixels: int  # a larger frame is rendered at this many and stretched; 0: no limit
 
 
 SOFTWARE = Quality("software", 104, 768, 1, False, False, 0, True, 1.0, 1_100_000)
 HIGH = Quality("high", 256, 2048, 16, True, True, 4, False, 1.0, 0)
+PRESETS = {preset.name: preset for preset in (SOFTWARE, HIGH)}
 
 
 def choose_quality(ctx: moderngl.Context) -> Quality:

@@ -58,7 +58,7 @@ class Renderer:
     def render(
         self, target: moderngl.Framebuffer, camera: Camera, pose: Pose | None, overlays: Overlays
     ) -> None:
-        """Draw one picture into `target`; without a pose only the ground."""
+        """Draw one frame into `target`; without a pose only the ground."""
         solid = [*([] if pose is None else [pose]), *overlays.extra_poses]
         scene = self._scene.begin(target.size)
         reach = SHADOW_REACH_M if self.quality.terrain_casts_shadow else 0.0

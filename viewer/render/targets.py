@@ -1,4 +1,4 @@
-"""The pictures that passes draw into: the scene (scaled, multisampled) and the shadow map."""
+"""The images that passes draw into: the scene (scaled, multisampled) and the shadow map."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class ShadowMap:
 
 
 class SceneTarget:
-    """The scene's own picture with depth, and its way into the framebuffer that is shown."""
+    """The scene's own image with depth, and its way into the framebuffer that is shown."""
 
     def __init__(self, ctx: moderngl.Context, quality: Quality) -> None:
         self._ctx = ctx
@@ -44,7 +44,7 @@ class SceneTarget:
         self._stretch, self._soften = (ctx.vertex_array(program, []) for program in self._programs)
 
     def begin(self, shown_size: tuple[int, int]) -> moderngl.Framebuffer:
-        """The scene's framebuffer for a picture of `shown_size` pixels, made anew when the size has changed."""
+        """The scene's framebuffer for a frame of `shown_size` pixels, made anew when the size has changed."""
         if self._scene is None or shown_size != self._shown_size:
             self._free()
             self._shown_size = shown_size
@@ -94,7 +94,7 @@ class SceneTarget:
 
 
 def scene_size(shown_size: tuple[int, int], quality: Quality) -> tuple[int, int]:
-    """Pixels to render for a picture of `shown_size` pixels."""
+    """Pixels to render for a frame of `shown_size` pixels."""
     width, height = (side * quality.render_scale for side in shown_size)
     if quality.max_pixels and width * height > quality.max_pixels:
         shrink = math.sqrt(quality.max_pixels / (width * height))

@@ -1,4 +1,4 @@
-"""The camera in the person's hands: follow or orbit, turned by stick, keys and mouse."""
+"""The camera in the user's hands: follow or orbit, rotated by stick, keys and mouse."""
 
 from __future__ import annotations
 

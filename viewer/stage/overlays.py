@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 from sport.viewer.render.overlays import Overlays, TrajectoryOverlay
-from sport.viewer.state import AppState
+from sport.viewer.services import ControllerLike
+from sport.viewer.settings import Settings
 
 PAST_SAMPLES = 6  # of the 12 of the trajectory: one second back, then the present and one second ahead
 
 
-def make_overlays(state: AppState) -> Overlays:
-    """Overlays of the live character; a clip that plays has no trajectory."""
-    settings, controller = state.settings, state.simulation.controller
+def make_overlays(settings: Settings, controller: ControllerLike | None) -> Overlays:
+    """Overlays of the live character; without a controller there is no trajectory."""
     trajectory = None
-    if settings.show_trajectory and state.clips.playback is None and controller is not None:
+    if settings.show_trajectory and controller is not None:
         view = controller.trajectory
         past = np.arange(len(view.positions)) < PAST_SAMPLES
         trajectory = TrajectoryOverlay(view.positions, view.directions, past)

@@ -6,16 +6,18 @@ import logging
 import math
 import time
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from sport.runtime import rotations
 from sport.runtime.controls import Controls
+from sport.runtime.motion.features import FPS
 from sport.runtime.pose import Pose
-from sport.runtime.skeleton import SPORT_SKELETON
+from sport.runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 from sport.runtime.terrain.height_map import Terrain
+from sport.viewer.services import ControllerLike
 
-STEP_SECONDS = 1.0 / 60.0
+STEP_SECONDS = 1.0 / FPS
 MAX_STEPS = 6  # per displayed frame: a slow machine plays slower instead of falling behind for ever
 _STANDS = "The character stands until you reset it (Home)."
 MAX_FAILURES = 3  # in a row; then the character stands still until it is reset
@@ -23,35 +25,8 @@ MS_HALF_LIFE_STEPS = 20.0
 _LOG = logging.getLogger("sport.viewer")
 
 
-class ControllerLike(Protocol):
-    """What the viewer needs of `sport.runtime.motion.controller.Controller`."""
-
-    @property
-    def trajectory(self) -> Any:
-        """`positions` (12, 3) and `directions` (12, 2) in world space."""
-        ...
-
-    def step(self, controls: Controls) -> Pose:
-        """Advance by 1/60 s."""
-        ...
-
-    def set_style(self, z: Any, transition_seconds: float) -> None:
-        """Blend to the style code `(6, 64)`."""
-        ...
-
-    def set_terrain(self, terrain: Terrain) -> None:
-        """Walk on another ground."""
-        ...
-
-    def reset(self, x: float, z: float, yaw: float) -> Any:
-        """Stand at a place."""
-        ...
-
-
 def rest_pose(terrain: Terrain, x: float = 0.0, z: float = 0.0) -> Pose:
     """The skeleton standing with lowered arms at x, z: shown until a model is loaded."""
-    from sport.runtime.skeleton import REST_HIPS_HEIGHT
-
     local = rotations.identity((len(SPORT_SKELETON),))
     forward = np.array([0.0, 0.0, 1.0])
     for name, angle in (("LeftArm", -1.25), ("RightArm", 1.25)):
@@ -159,9 +134,7 @@ class Simulation:
         cost_ms = (time.perf_counter() - begin) * 1e3
         share = 1.0 - 0.5 ** (1.0 / MS_HALF_LIFE_STEPS)
         self.model_ms = cost_ms if self.model_ms == 0.0 else self.model_ms + (cost_ms - self.model_ms) * share
-        fault = getattr(
-            controller, "message", ""
-        )  # it set itself back: no defect, unless it does so every time
+        fault = controller.message  # it set itself back: no defect, unless it does so every time
         self._failures = self._failures + 1 if fault else 0
         self.problem = (f"{fault} {_STANDS}" if self.halted else fault) or self.problem
         self.previous, self.current = self.current, pose

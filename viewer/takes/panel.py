@@ -5,28 +5,27 @@ from __future__ import annotations
 from pathlib import Path
 
 from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import theme, widgets
+from sport.viewer.gui import setting_widgets, theme, widgets
 from sport.viewer.gui.theme import ICON
 from sport.viewer.gui.widgets import px
-from sport.viewer.state import AppState
 from sport.viewer.takes.takes import Takes
 
 
-def draw(state: AppState, takes: Takes) -> None:
+def draw(takes: Takes) -> None:
     """Contents of the panel."""
-    _record(state, takes)
-    export_height = _export_height() if state.clips.current is not None else 0.0
+    _record(takes)
+    export_height = _export_height() if takes.state.current is not None else 0.0
     minimum = imgui.get_frame_height_with_spacing() * 2
     height = max(imgui.get_content_region_avail().y - export_height, minimum)
     if imgui.begin_child("clip list", imgui.ImVec2(0, height)):
-        _list(state, takes)
+        _list(takes)
     imgui.end_child()
-    if state.clips.current is not None:
-        _export(state, takes)
+    if takes.state.current is not None:
+        _export(takes)
 
 
-def _record(state: AppState, takes: Takes) -> None:
-    clips = state.clips
+def _record(takes: Takes) -> None:
+    clips = takes.state
     half = (imgui.get_content_region_avail().x - px(4)) / 2
     text = f"{ICON.stop} {widgets.clock(clips.recorded_s)}" if clips.recording else f"{ICON.record} Record"
     with (
@@ -39,7 +38,7 @@ def _record(state: AppState, takes: Takes) -> None:
     widgets.tooltip("Start or stop a take (R)")
     imgui.same_line(0, px(4))
     if widgets.button(
-        f"{ICON.history} Last {state.settings.keep_seconds:.0f} s###keep",
+        f"{ICON.history} Last {takes.settings.keep_seconds:.0f} s###keep",
         half,
         f"The last minutes are always in memory ({widgets.clock(clips.memory_s)} now).\n"
         "Keep the last seconds as a clip (T). Right-click: how many.",
@@ -47,16 +46,12 @@ def _record(state: AppState, takes: Takes) -> None:
         takes.save_last()
     if imgui.begin_popup_context_item("keep seconds"):
         imgui.set_next_item_width(px(180))
-        changed, value = widgets.slider(
-            "##seconds", state.settings.keep_seconds, 1.0, 300.0, "%.0f seconds", True
-        )
-        if changed:
-            state.settings.keep_seconds = round(min(max(value, 1.0), 300.0))
+        setting_widgets.slider(takes.settings, "keep_seconds")
         imgui.end_popup()
 
 
-def _list(state: AppState, takes: Takes) -> None:
-    clips = state.clips
+def _list(takes: Takes) -> None:
+    clips = takes.state
     if not clips.items:
         widgets.muted(
             "Nothing recorded yet. Record a take with R, keep the last seconds with T, or drop a BVH file here.",
@@ -67,14 +62,14 @@ def _list(state: AppState, takes: Takes) -> None:
     for i in range(len(clips.items)):
         if i < len(clips.items):  # a row before may just have removed one
             imgui.push_id(i)
-            _row(state, takes, i)
+            _row(takes, i)
             imgui.pop_id()
     imgui.pop_style_var()
 
 
-def _row(state: AppState, takes: Takes, i: int) -> None:
+def _row(takes: Takes, i: int) -> None:
     """Play, name, length, remove; a click anywhere selects."""
-    clips, item = state.clips, state.clips.items[i]
+    clips, item = takes.state, takes.state.items[i]
     width, height, square = imgui.get_content_region_avail().x, imgui.get_frame_height(), px(28)
     corner = imgui.get_cursor_screen_pos()
     start = imgui.get_cursor_pos()
@@ -124,8 +119,8 @@ def _export_height() -> float:
     return imgui.get_frame_height_with_spacing() * 3 + px(8)
 
 
-def _export(state: AppState, takes: Takes) -> None:
-    clips, settings = state.clips, state.settings
+def _export(takes: Takes) -> None:
+    clips, settings = takes.state, takes.settings
     imgui.separator()
     widgets.full_width()
     entered, clips.export_path = imgui.input_text_with_hint(
@@ -139,12 +134,11 @@ def _export(state: AppState, takes: Takes) -> None:
     imgui.begin_group()
     imgui.push_item_width(half)
     if imgui.begin_child("fps", imgui.ImVec2(half, imgui.get_frame_height())):
-        fps = widgets.segmented("fps", (("60", "60 fps"), ("30", "30 fps")), str(settings.export_fps))
-        settings.export_fps = int(fps)
+        setting_widgets.choice(settings, "export_fps")
     imgui.end_child()
     imgui.same_line(0, px(10))
     if imgui.begin_child("unit", imgui.ImVec2(half, imgui.get_frame_height())):
-        settings.export_unit = widgets.segmented("unit", (("cm", "cm"), ("m", "m")), settings.export_unit)
+        setting_widgets.choice(settings, "export_unit")
     imgui.end_child()
     imgui.pop_item_width()
     imgui.end_group()

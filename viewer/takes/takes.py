@@ -1,4 +1,4 @@
-"""Recording, the clip list, playback and export. A clip leaves the list only when the person removes it."""
+"""Recording, the clip list, playback and export. A clip leaves the list only when the user removes it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,9 +14,13 @@ from sport.runtime.controls import Controls
 from sport.runtime.errors import SportError, UsageError
 from sport.runtime.pose import Pose
 from sport.runtime.takes.metadata import Origin, gait_of, origin_of
+from sport.viewer.input.bindings import Action
 from sport.viewer.jobs import Jobs
-from sport.viewer.state import AppState, ClipItem
+from sport.viewer.messages import Messages
+from sport.viewer.settings import Settings
+from sport.viewer.stage.state import StageState
 from sport.viewer.takes.playback import Playback
+from sport.viewer.takes.state import ClipItem, TakesState
 
 if TYPE_CHECKING:
     from sport.runtime.takes.clip import Clip, ClipRecorder
@@ -27,17 +32,34 @@ MAX_NAME = 60
 class Takes:
     """Actions of the clips panel."""
 
-    state: AppState
+    state: TakesState
+    settings: Settings
+    messages: Messages
+    stage: StageState  # what is recorded, and where it is shown again
     jobs: Jobs
     recorder: ClipRecorder
     _writers: dict[Path, ClipItem] = field(default_factory=dict)  # whose clip a file of this session holds
     _proposed: str | None = None  # what was put into the export field, until something else is typed
 
+    @property
+    def actions(self) -> dict[Action, Callable[[], None]]:
+        """What keys and buttons do here."""
+        return {
+            Action.RECORD: self.toggle_recording,
+            Action.SAVE_LAST: self.save_last,
+            Action.PLAY: self.play_or_pause,
+        }
+
+    @property
+    def files(self) -> dict[str, Callable[[Path], None]]:
+        """What opens a file, by its suffix."""
+        return {".bvh": self.open}
+
     def add_poses(self, poses: list[Pose], controls: Controls) -> None:
         """Remember simulated poses, as they are shown, and what was asked for; call once a frame."""
         for pose in poses:
             self.recorder.add(pose, gait_of(controls))
-        clips = self.state.clips
+        clips = self.state
         clips.memory_s = self.recorder.seconds
         clips.recorded_s = self.recorder.take_seconds
 
@@ -48,28 +70,26 @@ class Takes:
             self.recorder.start()
         else:
             self._keep("Take", self.recorder.stop)
-        self.state.clips.recording = self.recorder.recording
+        self.state.recording = self.recorder.recording
 
     def save_last(self) -> None:
         """Put the last seconds into the list, recording or not."""
-        seconds = self.state.settings.keep_seconds
+        seconds = self.settings.keep_seconds
         self._keep("Last seconds", lambda *about: self.recorder.last(seconds, *about))
 
     def _keep(self, kind: str, cut: Callable[[str, str, Origin], Clip]) -> None:
         """Add what `cut(name, terrain, origin)` makes of the memory to the list."""
-        clips, ground = self.state.clips, self.state.scene.terrain_spec
-        origin = origin_of(self.state.simulation.controller, ground)
+        clips, ground = self.state, self.stage.terrain_spec
+        origin = origin_of(self.stage.controller, ground)
         try:
             clip = cut(f"{kind} {clips.counter + 1}", ground, origin)
         except SportError as error:
-            self.state.messages.warn(str(error))
+            self.messages.warn(str(error))
             return
         clips.counter += 1
         clips.items.append(ClipItem(clip, recorded=True))
         self.select(len(clips.items) - 1)
-        self.state.messages.note(
-            f"{clip.name}: {clip.seconds:.1f} s in the clip list. Export writes it as BVH."
-        )
+        self.messages.note(f"{clip.name}: {clip.seconds:.1f} s in the clip list. Export writes it as BVH.")
 
     def open(self, path: Path) -> None:
         """Add a BVH file to the list and play it."""
@@ -78,14 +98,14 @@ class Takes:
         self.jobs.submit(f"clip {path}", lambda: load(path), lambda clip: self._take_opened(path, clip))
 
     def _take_opened(self, path: Path, clip: Clip) -> None:
-        clips = self.state.clips
+        clips = self.state
         clips.items.append(ClipItem(clip, path))
         self.play(len(clips.items) - 1)
-        self.state.messages.note(f"{path.name}: {len(clip)} frames at {clip.fps:g} fps.")
+        self.messages.note(f"{path.name}: {len(clip)} frames at {clip.fps:g} fps.")
 
     def select(self, index: int) -> None:
         """Make a clip the current one and propose where to export it."""
-        clips = self.state.clips
+        clips = self.state
         if not 0 <= index < len(clips.items):
             return
         clips.selected = index
@@ -98,13 +118,13 @@ class Takes:
         if item.saved is not None and self._writers.get(item.saved) is item:
             proposal = item.saved
         else:
-            folder = Path(self.state.settings.export_folder)
+            folder = Path(self.settings.export_folder)
             proposal = folder / free_path(folder.expanduser() / f"{file_stem(item.name)}.bvh").name
-        self.state.clips.export_path = self._proposed = str(proposal)
+        self.state.export_path = self._proposed = str(proposal)
 
     def remove(self, index: int) -> None:
         """Take a clip out of the list; files stay."""
-        clips = self.state.clips
+        clips = self.state
         if not 0 <= index < len(clips.items):
             return
         self.close_playback()
@@ -112,25 +132,25 @@ class Takes:
         self._writers = {path: writer for path, writer in self._writers.items() if writer is not item}
         clips.selected = min(index, len(clips.items) - 1)
         self.select(clips.selected)
-        self.state.messages.note(f"{item.name} removed from the list.")
+        self.messages.note(f"{item.name} removed from the list.")
 
     # --- playback
 
     def play(self, index: int) -> None:
         """Show a clip instead of the live character."""
-        clips = self.state.clips
+        clips = self.state
         if 0 <= index < len(clips.items):
-            item, ground = clips.items[index], self.state.scene.terrain_spec
+            item, ground = clips.items[index], self.stage.terrain_spec
             if item.recorded and item.clip.terrain != ground:
-                self.state.messages.note(
+                self.messages.note(
                     f"{item.name} was recorded on the ground {item.clip.terrain!r}, not on this one."
                 )
-            clips.playback = Playback(clips.items[index].clip, self.state.terrain, index)
+            clips.playback = Playback(clips.items[index].clip, self.stage.terrain, index)
             self.select(index)
 
     def play_row(self, index: int) -> None:
         """Play a clip of the list, or pause it when it is the one that plays."""
-        playback = self.state.clips.playback
+        playback = self.state.playback
         if playback is not None and playback.index == index:
             playback.toggle()
         else:
@@ -138,7 +158,7 @@ class Takes:
 
     def play_or_pause(self) -> None:
         """Toggle the clip that is shown, or begin with the current one."""
-        clips = self.state.clips
+        clips = self.state
         if clips.playback is not None:
             clips.playback.toggle()
         elif clips.current is not None:
@@ -146,7 +166,7 @@ class Takes:
 
     def close_playback(self) -> None:
         """Back to the live character."""
-        self.state.clips.playback = None
+        self.state.playback = None
 
     # --- export
 
@@ -155,7 +175,7 @@ class Takes:
 
         A path that was typed may be one that exists; what was proposed is free or holds this clip already.
         """
-        clips, settings = self.state.clips, self.state.settings
+        clips, settings = self.state, self.settings
         item = clips.current
         if item is None:
             return
@@ -166,18 +186,15 @@ class Takes:
         try:
             path = export_target(clips.export_path)
         except SportError as error:
-            self.state.messages.error(error)
+            self.messages.error(error)
             return
-        clip = self._trimmed(item)
-        fps, unit = settings.export_fps, settings.export_unit
+        from sport.runtime.takes.clip import save_bvh
 
-        def write() -> Path:
-            return write_clip(clip, path, fps, unit)
-
+        write = partial(save_bvh, self._trimmed(item), path, settings.export_fps, settings.export_unit)
         self.jobs.submit(f"export {item.name}", write, lambda done: self._exported(item, done))
 
     def _trimmed(self, item: ClipItem) -> Clip:
-        playback = self.state.clips.playback
+        playback = self.state.playback
         if playback is None or playback.clip is not item.clip or not playback.trimmed:
             return item.clip
         return item.clip.trim(playback.first, playback.last)
@@ -185,37 +202,30 @@ class Takes:
     def _exported(self, item: ClipItem, path: Path) -> None:
         item.saved = path
         self._writers[path] = item
-        self.state.settings.export_folder = str(path.parent)
-        self.state.messages.note(f"Saved {path}")
+        self.settings.export_folder = str(path.parent)
+        self.messages.note(f"Saved {path}")
 
     @property
     def unsaved(self) -> list[ClipItem]:
         """Clips that were never exported."""
-        return [item for item in self.state.clips.items if item.saved is None]
+        return [item for item in self.state.items if item.saved is None]
 
     def rescue(self) -> list[Path]:
         """Write every unsaved clip into the export folder: when the program ends, nothing recorded is lost."""
+        from sport.runtime.takes.clip import save_bvh
+
         if self.recorder.recording:
             self.toggle_recording()
         written = []
-        folder = Path(self.state.settings.export_folder).expanduser()
+        folder = Path(self.settings.export_folder).expanduser()
         for item in self.unsaved:
             try:
                 path = free_path(folder / f"{file_stem(item.name)}.bvh")
-                item.saved = write_clip(
-                    item.clip, path, self.state.settings.export_fps, self.state.settings.export_unit
-                )
+                item.saved = save_bvh(item.clip, path, self.settings.export_fps, self.settings.export_unit)
                 written.append(item.saved)
             except SportError as error:
-                self.state.messages.error(error)
+                self.messages.error(error)
         return written
-
-
-def write_clip(clip: Clip, path: Path, fps: int, unit: str) -> Path:
-    """Write a BVH, making its folder; FileError names the path when that fails."""
-    from sport.runtime.takes.clip import save_bvh
-
-    return save_bvh(clip, path, fps, unit)
 
 
 def export_target(text: str) -> Path:

@@ -4,23 +4,22 @@ from __future__ import annotations
 
 from sport.viewer.gl_bindings import imgui
 from sport.viewer.gui import theme, widgets
-from sport.viewer.gui.theme import ICON, Fonts
+from sport.viewer.gui.theme import ICON
 from sport.viewer.gui.widgets import px
-from sport.viewer.state import AppState
 from sport.viewer.takes.playback import Playback
 from sport.viewer.takes.takes import Takes
 
 
-def draw(state: AppState, takes: Takes, fonts: Fonts) -> None:
+def draw(takes: Takes) -> None:
     """Contents of the bar."""
-    playback = state.clips.playback
+    playback = takes.state.playback
     if playback is None:
         return
-    _buttons(state, playback, takes)
+    _buttons(playback, takes)
     _timeline(playback)
 
 
-def _buttons(state: AppState, playback: Playback, takes: Takes) -> None:
+def _buttons(playback: Playback, takes: Takes) -> None:
     square = px(32)
     narrow = imgui.get_content_region_avail().x < px(400)
     if widgets.button(ICON.start, square, "To the first frame kept"):
@@ -43,7 +42,8 @@ def _buttons(state: AppState, playback: Playback, takes: Takes) -> None:
     right = imgui.get_window_width() - imgui.get_style().window_padding.x - live_width
     imgui.same_line(0, px(14))
     imgui.align_text_to_frame_padding()
-    item = state.clips.items[playback.index].name if playback.index < len(state.clips.items) else ""
+    items = takes.state.items
+    item = items[playback.index].name if playback.index < len(items) else ""
     time = f"{widgets.clock(playback.time_s)} / {widgets.clock((playback.frames - 1) / playback.clip.fps)}"
     space = right - imgui.get_cursor_pos_x() - px(8)
     full = f"{time}   {item}"

@@ -1,4 +1,4 @@
-"""Contact sheets: one row of pictures per clip, drawn by the viewer's own renderer.
+"""Contact sheets: one row of frames per clip, drawn by the viewer's own renderer.
 
 python -m sport.viewer.tools.contact_sheet angry.bvh drunk.bvh --terrain flat --out sheet.png
 """
@@ -29,7 +29,7 @@ def draw_sheet(
     cell: tuple[int, int] = (200, 250),
     turn: float = FRONT_TURN,
 ) -> NDArray[np.uint8]:
-    """Pictures `(H, W, 3)`: row r is clip r at `columns` moments from `start_seconds` on."""
+    """Frames `(H, W, 3)`: row r is clip r at `columns` moments from `start_seconds` on."""
     from sport.viewer.render.camera import Camera
     from sport.viewer.tools.studio import studio
 
@@ -54,19 +54,19 @@ def label_rows(sheet: NDArray[np.uint8], labels: Sequence[str]) -> NDArray[np.ui
     """Write each row's label into its upper left corner."""
     from PIL import Image, ImageDraw, ImageFont
 
-    picture = Image.fromarray(sheet)
-    draw = ImageDraw.Draw(picture)
+    image = Image.fromarray(sheet)
+    draw = ImageDraw.Draw(image)
     height = sheet.shape[0] // len(labels)
     for r, label in enumerate(labels):
         draw.text((10, r * height + 8), label, fill=(30, 40, 55), font=ImageFont.load_default(18))
-    return np.asarray(picture)
+    return np.asarray(image)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Draw a sheet of BVH files."""
     from sport.runtime.takes.clip import load_clip_bvh
     from sport.runtime.terrain.library import load_terrain
-    from sport.viewer.render.offscreen import save_png
+    from sport.viewer.render.capture import save_png
 
     parser = argparse.ArgumentParser(prog="python -m sport.viewer.tools.contact_sheet", description=__doc__)
     parser.add_argument("clips", nargs="+", type=Path, metavar="BVH")
@@ -75,13 +75,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--labels", nargs="*", help="default: the file names")
     parser.add_argument("--behind", action="store_true", help="look from behind (for stairs and hills)")
     parser.add_argument("--columns", type=int, default=8)
-    parser.add_argument("--interval", type=float, default=0.15, help="seconds between two pictures")
+    parser.add_argument("--interval", type=float, default=0.15, help="seconds between two frames")
     parser.add_argument("--start", type=float, default=3.0, help="seconds")
     args = parser.parse_args(argv)
     clips = [load_clip_bvh(path) for path in args.clips]
     turn = BACK_TURN if args.behind else FRONT_TURN
     sheet = draw_sheet(clips, load_terrain(args.terrain), args.columns, args.interval, args.start, turn=turn)
-    save_png(args.out, label_rows(sheet, args.labels or [p.stem for p in args.clips]))
+    save_png(label_rows(sheet, args.labels or [p.stem for p in args.clips]), args.out)
     return 0
 
 

@@ -1,4 +1,4 @@
-"""A moving picture of a clip, drawn by the viewer's own renderer, with the prompts of its take written under it.
+"""A film of a clip, drawn by the viewer's own renderer, with the prompts of its take written under it.
 
 python -m sport.viewer.tools.film walk.bvh --out walk.webp        # or walk.gif; ground and prompts from walk.bvh.json
 """
@@ -19,10 +19,10 @@ from sport.runtime.takes.clip import Clip, PromptEvent
 from sport.runtime.takes.metadata import title
 from sport.runtime.terrain.height_map import Terrain
 
-Picture = NDArray[np.uint8]
+Image = NDArray[np.uint8]
 
 FORMATS = {".webp": "WEBP", ".gif": "GIF"}
-FPS = 20.0
+DEFAULT_FPS = 20.0
 MAX_FRAMES = 1200
 MAX_SIDE = 2048
 SMALLEST = 8  # of the captions' letters, pixels
@@ -33,12 +33,12 @@ def draw_frames(
     clip: Clip,
     terrain: Terrain,
     size: tuple[int, int],
-    fps: float = FPS,
+    fps: float = DEFAULT_FPS,
     start: float = 0.0,
     seconds: float | None = None,
     turn: float = TURN,
-) -> Iterator[Picture]:
-    """Pictures `(H, W, 3)` of a clip from `start` on; the camera follows, at `turn` radians from the facing."""
+) -> Iterator[Image]:
+    """Frames `(H, W, 3)` of a clip from `start` on; the camera follows, at `turn` radians from the facing."""
     from sport.viewer.render.camera import FollowCamera
     from sport.viewer.tools.studio import studio
 
@@ -54,7 +54,7 @@ def draw_frames(
 
 
 def count_frames(clip: Clip, fps: float, start: float, seconds: float | None) -> int:
-    """How many pictures that makes; UsageError when it is none, or more than MAX_FRAMES."""
+    """How many frames that makes; UsageError when it is none, or more than MAX_FRAMES."""
     left = clip.seconds - start if seconds is None else min(seconds, clip.seconds - start)
     if start < 0.0 or left <= 0.0:
         raise UsageError(
@@ -63,7 +63,7 @@ def count_frames(clip: Clip, fps: float, start: float, seconds: float | None) ->
     count = max(1, round(left * fps))
     if count > MAX_FRAMES:
         raise UsageError(
-            f"{count} pictures: expected {MAX_FRAMES} at most.", "Choose fewer --seconds or a lower --fps."
+            f"{count} frames: expected {MAX_FRAMES} at most.", "Choose fewer --seconds or a lower --fps."
         )
     return count
 
@@ -76,17 +76,18 @@ def _middle(hips: NDArray[np.floating], terrain: Terrain) -> NDArray[np.floating
 
 def caption(prompts: Sequence[PromptEvent], seconds: float) -> str:
     """The prompt in force at a moment, in quotation marks; "" before the first."""
-    told = [event for event in prompts if event.seconds <= seconds]
-    return f"“{title(told[-1])}”" if told else ""
+    begun = [event for event in prompts if event.seconds <= seconds]
+    return f"“{title(begun[-1])}”" if begun else ""
 
 
-def write_caption(picture: Picture, text: str) -> Picture:
-    """The picture with a line of text over its lower edge, as large as fits, cut where even small letters do not."""
-    from PIL import Image, ImageDraw, ImageFont
+def write_caption(frame: Image, text: str) -> Image:
+    """The frame with a line of text over its lower edge, as large as fits, cut where even small letters do not."""
+    from PIL import Image as Images
+    from PIL import ImageDraw, ImageFont
 
     if not text:
-        return picture
-    image = Image.fromarray(picture)
+        return frame
+    image = Images.fromarray(frame)
     draw = ImageDraw.Draw(image, "RGBA")
 
     def width(size: int) -> float:
@@ -105,11 +106,11 @@ def write_caption(picture: Picture, text: str) -> Picture:
     return np.asarray(image)
 
 
-def save_film(path: Path, pictures: Sequence[Picture], fps: float) -> None:
+def save_film(path: Path, frames: Sequence[Image], fps: float) -> None:
     """Write an endless animated WebP or GIF, by the suffix; FileError when it cannot be written."""
-    from PIL import Image
+    from PIL import Image as Images
 
-    first, *others = [Image.fromarray(picture) for picture in pictures]
+    first, *others = [Images.fromarray(frame) for frame in frames]
     options: dict[str, Any] = (
         {"quality": 70, "method": 4} if path.suffix.lower() == ".webp" else {"optimize": True}
     )
@@ -127,17 +128,16 @@ def save_film(path: Path, pictures: Sequence[Picture], fps: float) -> None:
         raise FileError(f"{path}: the film cannot be written ({error}).", "Choose another folder.") from error
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Draw a film of a BVH file."""
-    from sport.runtime.takes.clip import load_clip_bvh
-    from sport.runtime.terrain.library import load_terrain
-
+def _options(argv: Sequence[str] | None) -> argparse.Namespace:
+    """The command line, checked; UsageError names what cannot be used."""
     parser = argparse.ArgumentParser(prog="python -m sport.viewer.tools.film", description=__doc__)
     parser.add_argument("clip", type=Path, metavar="BVH")
     parser.add_argument("--out", type=Path, required=True, help="a .webp or .gif")
     parser.add_argument("--terrain", help="default: the one that stands beside the clip, in its JSON")
     parser.add_argument("--size", type=int, nargs=2, default=(640, 360), metavar=("W", "H"), help="pixels")
-    parser.add_argument("--fps", type=float, default=FPS, help=f"pictures a second (default: {FPS:g})")
+    parser.add_argument(
+        "--fps", type=float, default=DEFAULT_FPS, help=f"frames a second (default: {DEFAULT_FPS:g})"
+    )
     parser.add_argument("--start", type=float, default=0.0, help="seconds")
     parser.add_argument("--seconds", type=float, help="default: to the end")
     parser.add_argument(
@@ -150,10 +150,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not all(16 <= side <= MAX_SIDE for side in args.size):
         raise UsageError(f"--size {args.size}: expected 16 to {MAX_SIDE} pixels.", "Choose another size.")
     if args.out.suffix.lower() not in FORMATS:
-        raise UsageError(
-            f"{args.out}: no moving picture by its name.", f"Let it end in {' or '.join(FORMATS)}."
-        )
+        raise UsageError(f"{args.out}: no film by its name.", f"Let it end in {' or '.join(FORMATS)}.")
     check_target(args.out)
+    return args
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Draw a film of a BVH file."""
+    from sport.runtime.takes.clip import load_clip_bvh
+    from sport.runtime.terrain.library import load_terrain
+
+    args = _options(argv)
     clip = load_clip_bvh(args.clip)
     frames = draw_frames(
         clip,
@@ -165,9 +172,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         float(np.radians(args.turn)),
     )
     prompts = () if args.no_captions else clip.prompts
-    pictures = [write_caption(p, caption(prompts, args.start + k / args.fps)) for k, p in enumerate(frames)]
-    save_film(args.out, pictures, args.fps)
-    print(f"{args.out}: {len(pictures)} pictures, {args.out.stat().st_size / 1e6:.1f} MB")
+    captioned = [write_caption(p, caption(prompts, args.start + k / args.fps)) for k, p in enumerate(frames)]
+    save_film(args.out, captioned, args.fps)
+    print(f"{args.out}: {len(captioned)} frames, {args.out.stat().st_size / 1e6:.1f} MB")
     return 0
 
 

@@ -1,4 +1,4 @@
-"""Pictures of the shipped character on a ground without a window: what films and contact sheets are made of."""
+"""Frames of the shipped character on a ground without a window: what films and contact sheets are made of."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from sport.viewer.render.quality import HIGH
 from sport.viewer.render.renderer import Renderer
 from sport.viewer.services import DEFAULT_CHARACTER
 
-Picture = NDArray[np.uint8]
+Image = NDArray[np.uint8]
 
 
 @contextmanager
-def studio(size: tuple[int, int], terrain: Terrain) -> Iterator[Callable[[Camera, Pose], Picture]]:
+def studio(size: tuple[int, int], terrain: Terrain) -> Iterator[Callable[[Camera, Pose], Image]]:
     """A function that draws a pose as seen by a camera: `(H, W, 3)`, sRGB; DisplayError without OpenGL."""
     target = OffscreenTarget(*size)
     renderer = Renderer(target.ctx, HIGH)
@@ -30,7 +30,7 @@ def studio(size: tuple[int, int], terrain: Terrain) -> Iterator[Callable[[Camera
         renderer.set_terrain(terrain)
         renderer.set_character(load_character(asset_path(DEFAULT_CHARACTER)))
 
-        def draw(camera: Camera, pose: Pose) -> Picture:
+        def draw(camera: Camera, pose: Pose) -> Image:
             renderer.render(target.framebuffer, camera, pose, Overlays())
             return target.read()
 

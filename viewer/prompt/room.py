@@ -1,0 +1,42 @@
+"""The prompt room as one: its slice of the state, its actions, and the way to a model that is loaded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sport.runtime.prompts.gpt.settings import GptSettings
+from sport.viewer.jobs import Jobs
+from sport.viewer.prompt.expanders import Expanders
+from sport.viewer.prompt.prompting import Prompting
+from sport.viewer.prompt.state import PromptState
+from sport.viewer.prompt.suggester import Suggester
+from sport.viewer.services import Loaded, Services
+from sport.viewer.settings import Settings
+
+
+@dataclass
+class PromptRoom:
+    """What the prompt panels are drawn from."""
+
+    state: PromptState
+    settings: Settings
+    prompting: Prompting
+    expanders: Expanders
+    suggester: Suggester
+
+    def load_library(self, jobs: Jobs, services: Services) -> None:
+        """Fetch the prompts to choose from and to suggest."""
+        jobs.submit("library", services.library_prompts, self._take_library)
+
+    def _take_library(self, prompts: tuple[tuple[str, ...], tuple[str, ...]]) -> None:
+        self.state.ready, self.state.library = prompts
+
+    def use_model(self, loaded: Loaded, given: GptSettings | None) -> None:
+        """Let a loaded model answer, whose workers were opened to ask `given`."""
+        self.state.available = True
+        self.suggester.nearest = loaded.library.nearest
+        self.expanders.use(loaded, given)
+
+    def lose_model(self) -> None:
+        """There is no model to answer."""
+        self.state.available = self.state.loading = False

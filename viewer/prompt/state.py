@@ -1,0 +1,74 @@
+"""The prompt room's slice of the state: what was typed and asked, what the character moves by, and who answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.skeleton import PART_NAMES
+from sport.viewer.prompt.style_edit import Side, StyleEdit
+
+Request = str | PartDescriptions
+
+
+@dataclass
+class FieldState:
+    """One text field for a prompt, with its suggestions."""
+
+    text: str = ""
+    focus_requested: bool = False
+    suggesting: bool = False  # the list is open
+    picked: int = -1  # line of the list that the arrow keys chose
+    recalled: int = -1  # which prompt of the history stands in the field
+    near: tuple[tuple[str, float], ...] = ()  # the library's prompts nearest to `near_to`
+    near_to: str = ""
+
+
+@dataclass
+class Question:
+    """What was asked on one side, until its final answer."""
+
+    request: Request
+    label: str  # of the undo step
+    remembered: bool = False  # into the history
+    then: Question | None = None  # what to ask next
+    number: int = 0
+    answered: bool = False  # a better answer is on its way
+
+
+@dataclass
+class ExpanderState:
+    """Who answers prompts, and the language model's settings that are not remembered."""
+
+    language_model: str = ""  # "model at host" while one is asked, "" when the library answers alone
+    key: str = field(default="", repr=False)  # typed here: in memory only, never written
+    problem: str = ""  # why no language model can be asked though one was chosen
+    testing: bool = False
+    report: str = ""  # what the last test said
+    report_good: bool = False
+
+
+@dataclass
+class PromptState:
+    """The prompt panel. Pairs are indexed by `Side`."""
+
+    boxes: tuple[FieldState, FieldState] = field(default_factory=lambda: (FieldState(), FieldState()))
+    parts: dict[str, str] = field(default_factory=lambda: dict.fromkeys(PART_NAMES, ""))  # the six fields
+    edit: StyleEdit = field(default_factory=StyleEdit)  # what holds now
+    questions: list[Question | None] = field(default_factory=lambda: [None, None])
+    expander: ExpanderState = field(default_factory=ExpanderState)
+    available: bool = True  # False when the model could not be loaded
+    loading: bool = True
+    tab_requested: str = ""  # "blend": shown from the next frame on
+    search: str = ""
+    ready: tuple[str, ...] = ()  # prompts to choose from
+    library: tuple[str, ...] = ()  # prompts to suggest
+
+    @property
+    def asked(self) -> set[Side]:
+        """Sides whose answer is on its way."""
+        return {side for side in Side if self.questions[side] is not None}
+
+    def applied(self, part: str) -> str:
+        """The words that a part moves by; "" before the first answer."""
+        return "" if self.edit.a is None else str(getattr(self.edit.a.words, part))

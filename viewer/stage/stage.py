@@ -1,0 +1,182 @@
+"""Ground, character, model, camera and quality: loading them without losing the ones in use, and moving the character."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from sport.runtime.controls import Controls
+from sport.runtime.pose import Pose
+from sport.runtime.prompts.gpt.settings import GptSettings
+from sport.runtime.terrain.files import SUFFIXES as GROUNDS
+from sport.runtime.terrain.height_map import Terrain
+from sport.viewer.input.bindings import Action
+from sport.viewer.jobs import Jobs
+from sport.viewer.messages import Messages
+from sport.viewer.services import Loaded, Services
+from sport.viewer.settings import Settings
+from sport.viewer.stage.camera_control import CameraControl
+from sport.viewer.stage.simulation import Simulation
+from sport.viewer.stage.state import StageState
+
+
+@dataclass
+class Stage:
+    """Actions of the scene panel."""
+
+    state: StageState
+    settings: Settings
+    messages: Messages
+    jobs: Jobs
+    services: Services
+    ctx: Any  # OpenGL context
+    renderer: Any
+    camera: CameraControl = field(default_factory=CameraControl)
+    character_path: Path | None = None
+    _character: Any = None
+
+    @property
+    def actions(self) -> dict[Action, Callable[[], None]]:
+        """What keys and buttons do here."""
+        return {
+            Action.RESET: self.reset_character,
+            Action.CAMERA: lambda: self.use_camera("orbit" if self.camera.mode == "follow" else "follow"),
+            Action.TRAJECTORY: partial(self._toggle, "show_trajectory"),
+            Action.SKELETON: partial(self._toggle, "show_skeleton"),
+            Action.CONTACTS: partial(self._toggle, "show_contacts"),
+            Action.GRID: partial(self._toggle, "show_grid"),
+        }
+
+    @property
+    def files(self) -> dict[str, Callable[[Path], None]]:
+        """What opens a file, by its suffix."""
+        grounds = {suffix: self._load_ground for suffix in GROUNDS}
+        return {**grounds, ".glb": self._open_gltf, ".gltf": self._open_gltf}
+
+    def _toggle(self, name: str) -> None:
+        setattr(self.settings, name, not getattr(self.settings, name))
+
+    def use_camera(self, mode: str) -> None:
+        """Follow or orbit, now and at the next start."""
+        self.camera.use(mode)
+        self.settings.camera = mode
+
+    def advance(self, seconds: float, controls: Controls) -> list[Pose]:
+        """Let time pass for the character; the new poses."""
+        simulation = self.state.simulation
+        if simulation.controller is not None:
+            simulation.controller.temperature = self.settings.temperature
+            simulation.controller.strength = self.settings.strength
+        poses = simulation.advance(seconds, controls)
+        if simulation.problem:
+            self.messages.error(simulation.problem)
+        return poses
+
+    def reset_character(self) -> None:
+        """Put the character back to the start, facing +Z."""
+        if self.state.controller is not None:
+            self.state.simulation.reset(0.0, 0.0, 0.0)
+        else:
+            self.state.simulation = Simulation.standing(self.state.terrain)
+
+    # --- loading
+
+    def load_terrain(self, spec: str) -> None:
+        """Show and walk on a terrain, by name or file; the old one stays until the new one is there."""
+        spec = str(Path(spec).expanduser()) if spec.startswith("~") else spec
+        self.state.loading = spec
+        cell, height = self.settings.height_map_cell_m, self.settings.height_map_height_m
+        self.jobs.submit(
+            "terrain",
+            lambda: self.services.load_terrain(spec, cell, height),
+            lambda terrain: self._take_terrain(spec, terrain),
+            lambda _: self._stop_loading(),
+        )
+
+    def _load_ground(self, path: Path) -> None:
+        self.load_terrain(str(path))
+
+    def _take_terrain(self, spec: str, terrain: Terrain) -> None:
+        self._stop_loading()
+        self.renderer.set_terrain(terrain)
+        self.state.terrain, self.state.terrain_spec = terrain, spec
+        if spec in self.state.terrain_names:
+            self.settings.terrain = spec
+        if self.state.controller is not None:
+            self.state.controller.set_terrain(terrain)
+        self.reset_character()
+
+    def _stop_loading(self) -> None:
+        self.state.loading = ""
+
+    def _open_gltf(self, path: Path) -> None:
+        """A mesh with a skin is a character, one without is a ground."""
+
+        def load(skinned: bool) -> None:
+            (self.load_character if skinned else self._load_ground)(path)
+
+        self.jobs.submit(f"open {path}", lambda: has_skin(path), load)
+
+    def load_character(self, path: Path | None) -> None:
+        """Show another skinned character; None is the shipped one."""
+        self.jobs.submit(
+            "character",
+            lambda: self.services.load_character(path),
+            lambda character: self._take_character(path, character),
+        )
+
+    def _take_character(self, path: Path | None, character: Any) -> None:
+        self.renderer.set_character(character)
+        self._character, self.character_path = character, path
+        if path is not None:
+            self.messages.note(f"Character {path.name} loaded.")
+
+    def load_model(
+        self,
+        directory: Path | None,
+        seed: int,
+        gpt: GptSettings | None,
+        done: Callable[[Loaded], None],
+        failed: Callable[[], None],
+    ) -> None:
+        """Load the networks, whose prompts `gpt` answers; the character stands until they are there."""
+
+        def take(loaded: Loaded) -> None:
+            self.use_model(loaded)
+            done(loaded)
+
+        terrain = self.state.terrain
+        self.jobs.submit(
+            "model",
+            lambda: self.services.load_model(directory, terrain, seed, gpt),
+            take,
+            lambda _: failed(),
+        )
+
+    def use_model(self, loaded: Loaded) -> None:
+        """Let another model move the character."""
+        loaded.controller.set_terrain(self.state.terrain)  # it may have changed while the model was loading
+        self.state.simulation.use(loaded.controller)
+        self.state.model_name, self.state.provider = loaded.name, loaded.provider
+        if loaded.notice:
+            self.messages.note(loaded.notice)
+
+    def set_quality(self, name: str) -> None:
+        """Render with another preset, "" for the one that fits this machine."""
+        renderer = self.services.make_renderer(self.ctx, name)
+        renderer.set_terrain(self.state.terrain)
+        if self._character is not None:
+            renderer.set_character(self._character)
+        self.renderer.release()
+        self.renderer = renderer
+        self.settings.quality, self.state.quality = name, renderer.quality.name
+
+
+def has_skin(path: Path) -> bool:
+    """Whether a glTF file holds a skin; FileError when it cannot be read."""
+    from sport.runtime.character.read import open_gltf
+
+    return bool(open_gltf(path).gltf.skins)

@@ -1,0 +1,29 @@
+"""The stage room's slice of the state: the ground, the character that moves on it, and how it is shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sport.runtime.terrain.height_map import Terrain
+from sport.viewer.services import ControllerLike
+from sport.viewer.stage.simulation import Simulation
+
+
+@dataclass
+class StageState:
+    """What is on the stage."""
+
+    terrain: Terrain
+    simulation: Simulation
+    terrain_names: tuple[str, ...] = ()
+    terrain_spec: str = ""  # name or path of the shown terrain
+    file_path: str = ""  # the path field
+    loading: str = ""  # the ground that is being loaded
+    quality: str = ""  # name of the renderer's preset
+    model_name: str = ""  # "" while loading
+    provider: str = ""
+
+    @property
+    def controller(self) -> ControllerLike | None:
+        """What moves the character; None until a model is loaded."""
+        return self.simulation.controller

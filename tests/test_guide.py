@@ -8,8 +8,11 @@ from pathlib import Path
 
 import pytest
 from documents import DOCUMENTS, GUIDE, ROOT, blocks, check_command, commands, run_python, text_of
+from sport.runtime.motion.controller import TEMPERATURE
+from sport.runtime.motion.noise import PERIODS_S
 from sport.runtime.motion.paths import GAITS, PATH_NAMES
 from sport.runtime.terrain.library import TERRAIN_NAMES
+from sport.training.presets import ABLATIONS, preset
 from sport.viewer.input.bindings import HELP
 
 PAGES = [path for path in DOCUMENTS if path.name != "README.md"]
@@ -56,3 +59,37 @@ def test_the_guide_names_every_choice() -> None:
         assert f"`{name}`" in grounds, name
     for name in (*PATH_NAMES, *GAITS):
         assert f"`{name}`" in lines, name
+
+
+def test_the_page_on_the_model_has_todays_numbers() -> None:
+    """Noise, temperature, sizes and the names of all ablations are those of the code."""
+    page = text_of(ROOT / "docs" / "model.md")
+    *first, last = (f"{period:g}" for period in PERIODS_S)
+    assert f"periods of {', '.join(first)} and {last} s" in page
+    assert f"scaled by {TEMPERATURE:g} " in page
+    for name in set(ABLATIONS) - {"full"}:
+        assert f"`{name}`" in page, name
+    rows = {
+        row[0]: row[1:]
+        for line in page.splitlines()
+        if len(row := [cell.strip() for cell in line.strip("|").split("|")]) == 4
+    }
+    for title, values in (
+        ("W, E", [str(preset(name).embedding) for name in ("paper", "compact")]),
+        ("hidden width of the motion experts", [str(preset(name).hidden) for name in ("paper", "compact")]),
+        ("dropout of the motion experts", [str(preset(name).dropout) for name in ("paper", "compact")]),
+    ):
+        assert rows[title][1:] == values, title
+
+
+def test_every_table_of_results_has_its_command() -> None:
+    for page in (ROOT / "docs" / "results").glob("*.md"):
+        assert "```sh\n" in text_of(page) or "Written by `python -m" in text_of(page), page
+
+
+def test_documents_say_what_is() -> None:
+    """History is in the commits: no earlier models, no plans, no notes of a day."""
+    diary = re.compile(r"models? (?:ago|before)|scratch script|disturbed|try next|was tried|today we", re.I)
+    for page in DOCUMENTS:
+        found = diary.search(text_of(page))
+        assert found is None or page.name == "CHANGELOG.md", f"{page}: {found and found.group()}"

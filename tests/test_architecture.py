@@ -186,7 +186,7 @@ def test_modules_hold_no_state(package: str) -> None:
 
 
 def shipped() -> list[Path]:
-    folders = ("assets", "shaders", "docs", *PACKAGES)
+    folders = ("assets", "shaders", "docs", "examples", *PACKAGES)
     files = [p for folder in folders for p in sorted((PROJECT_ROOT / folder).rglob("*")) if p.is_file()]
     files += [
         p for p in PROJECT_ROOT.iterdir() if p.is_file() and p.suffix in TEXT_SUFFIXES and p.name != ".git"

@@ -1,72 +1,93 @@
-"""What the README shows runs as it stands there: the library example, every command line, every picture and link."""
+"""What the README shows runs as it stands there, and every document leads to files and headings that exist."""
 
 from __future__ import annotations
 
-import importlib.util
 import re
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from sport.runtime.assets import PROJECT_ROOT
+from documents import (
+    DOCUMENTS,
+    ROOT,
+    Command,
+    anchors,
+    blocks,
+    check_command,
+    commands,
+    links,
+    run_python,
+    text_of,
+)
 from sport.runtime.takes.clip import load_clip_bvh
-from sport.viewer.input.bindings import HELP
 
-from sport import cli
-
-README = (PROJECT_ROOT / "README.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, re.S)
+README = ROOT / "README.md"
+MAX_README_LINES = 120
+MAX_WORDS = 12_000  # of docs/ without the generated tables of docs/results/
 
 
-def sport_lines() -> list[str]:
-    """Command lines of `sport` in the README and in the pictures' script, without shell variables."""
-    script = (PROJECT_ROOT / "docs" / "make_pictures.sh").read_text(encoding="utf-8")
-    shell = "\n".join(text for language, text in BLOCKS if language == "sh")
-    lines = [line.strip() for line in (shell + script.replace("\\\n", " ")).splitlines()]
-    return [line for line in lines if line.startswith("sport ") and "$" not in line]
+def image_script() -> list[Command]:
+    """Command lines of `sport` in the script that makes the README's images, without shell variables."""
+    script = text_of(ROOT / "docs" / "make_pictures.sh").replace("\\\n", " ")
+    lines = [line.strip() for line in script.splitlines()]
+    return [Command("docs/make_pictures.sh", x) for x in lines if x.startswith("sport ") and "$" not in x]
+
+
+def test_the_readme_fits_on_a_few_screens() -> None:
+    assert len(text_of(README).splitlines()) <= MAX_README_LINES
+
+
+def test_the_documents_stay_short() -> None:
+    results = ROOT / "docs" / "results"
+    written = [p for p in (ROOT / "docs").rglob("*.md") if results not in p.parents]
+    assert sum(len(text_of(path).split()) for path in written) < MAX_WORDS
 
 
 def test_the_library_example_writes_its_clip(tmp_path: Path) -> None:
-    (example,) = (text for language, text in BLOCKS if language == "python")
-    command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(PROJECT_ROOT)!r})\n{example}"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    (example,) = blocks(README, "python")
+    done = run_python(example, tmp_path)
     assert done.returncode == 0, done.stderr
     assert len(load_clip_bvh(tmp_path / "soldier.bvh")) == 120
-    steps = [line for line in example.splitlines() if line and not line.startswith(("from", "import"))]
-    assert len(steps) <= 10
+    assert len([x for x in example.splitlines() if x and not x.startswith(("from", "import"))]) <= 10
 
 
-@pytest.mark.parametrize("line", sport_lines())
-def test_commands_exist_with_these_options(line: str) -> None:
-    arguments = shlex.split(line, comments=True)[1:]
-    if arguments[0] in ("train", "evaluate"):
-        assert arguments[0] in cli._TRAINING
-    else:
-        cli.build_parser().parse_args(arguments)
+def test_starting_takes_two_commands() -> None:
+    install, start = blocks(README, "sh")[0].splitlines()
+    assert install.startswith("pip install")
+    assert shlex.split(start)[0] == "sport"
 
 
-def test_modules_that_are_run_exist() -> None:
-    modules = re.findall(r"python -m ([\w.]+)", README)
-    assert len(modules) > 3
-    for module in modules:
-        assert importlib.util.find_spec(module) is not None, module
+@pytest.mark.parametrize(("where", "line"), [*commands(README), *image_script()])
+def test_commands_exist_with_these_options(
+    where: str, line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    check_command(line, monkeypatch, capsys)
 
 
-def test_links_and_pictures_lead_somewhere() -> None:
-    targets = re.findall(r"\]\(([^)#]+?)\)", README)
-    assert "docs/images/viewer.png" in targets
-    for target in targets:
-        assert (PROJECT_ROOT / target).exists(), target
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_links_and_images_lead_somewhere(document: Path) -> None:
+    for link in links(document):
+        name, _, anchor = link.partition("#")
+        target = (document.parent / name).resolve() if name else document
+        assert target.exists(), f"{document}: {link}"
+        assert target.is_relative_to(ROOT), f"{document}: {link}"
+        if anchor:
+            assert anchor in anchors(target), f"{document}: {link}"
 
 
-def test_the_table_of_controls_says_what_the_help_overlay_says() -> None:
-    def words(text: str) -> set[str]:
-        return set(re.findall(r"[\w-]+", text.lower()))
+def test_every_page_of_the_guide_is_linked_from_the_readme() -> None:
+    shown = {link.partition("#")[0] for link in links(README)}
+    for page in (ROOT / "docs" / "guide").glob("*.md"):
+        assert page.relative_to(ROOT).as_posix() in shown, page
 
-    rows = [line for line in README.splitlines() if line.startswith("| ") and line.count("|") == 4]
-    for _, entries in HELP:
-        for what, keys, pad in entries:
-            wanted = words(keys) | words(pad)
-            assert any(wanted <= words(row) for row in rows), what
+
+def test_files_and_modules_that_are_named_exist() -> None:
+    """Paths in backticks that begin with a folder of the repository, and modules after `python -m`."""
+    folders = ("runtime", "viewer", "training", "benchmarks", "assets", "tests", "docs", "examples")
+    for document in DOCUMENTS:
+        text = text_of(document)
+        for name in re.findall(rf"`((?:{'|'.join(folders)})/[\w./-]+?)(?:::\w+)?`", text):
+            assert (ROOT / name).exists(), f"{document}: {name}"
+        for module in re.findall(r"python -m sport\.([\w.]+)", text):
+            path = ROOT / module.replace(".", "/")
+            assert path.with_suffix(".py").exists() or path.is_dir(), f"{document}: sport.{module}"

@@ -28,7 +28,7 @@ log = logging.getLogger("sport.controller")
 
 DT = 1.0 / FPS
 TEMPERATURE = (
-    0.7  # of the sampler: livelier than its mean, and nearer to the capture than at 1 (docs/evaluation.md)
+    0.7  # of the sampler: livelier than its mean, and nearer to the capture than at 1 (docs/model.md)
 )
 STAND_SPEED = 0.12  # m/s; slower wishes mean standing
 MIN_GAIT_SPEED = 0.3  # m/s; slower, feet may well rest for a while

@@ -113,8 +113,8 @@ class Report:
 
 _PREFACE = """# Training data
 
-Written by `python -m sport.training.data.importer --data DIR --out DIR --report FILE`. Contact sheets of every source lie in
-`contact_sheets/`: left limbs orange, right limbs blue, contacts green, the ground as a grid.
+Written by `python -m sport.training.data.importer --data DIR --out DIR --report docs/results/data.md`. Contact sheets of every source lie in
+[../contact_sheets](../contact_sheets): left limbs orange, right limbs blue, contacts green, the ground as a grid.
 
 Clips are retargeted by calibrated rest poses, brought to 60 Hz, cut (lead-ins, T-poses, spikes) and their feet locked
 to the ground by two-bone IK. "Skating" is the horizontal travel of joints in contact, cm per frame. Names that end in

@@ -313,7 +313,7 @@ def report(entries: dict[str, dict], captured: int) -> str:
     lines = [
         "# Layered styles",
         "",
-        "Written by `python -m sport.training.layering.build --clips DIR --report FILE`. Layered clips are made of imported"
+        "Written by `python -m sport.training.layering.build --clips DIR --report docs/results/layering.md`. Layered clips are made of imported"
         " ones: parts of another style at matching step phase (*recombined*), and edits with exact descriptions"
         " (*parametric*), the feet kept by inverse kinematics. Every clip has six descriptions of its own. The edits"
         " are defined in `training/layering/catalog*.py`; those marked there as held out never enter training.",

@@ -286,7 +286,7 @@ def run_stage3(
             total = total + UNREST_WEIGHT * unrest
         return result | {"total": total}
 
-    def rate(step: int) -> float:  # Sec. III-G: 4e-4 down to 1e-5
+    def rate(step: int) -> float:  # 1e-3 down to 1e-5 along a cosine; Sec. III-G begins at 4e-4
         return min(1.0, (step + 1) / 200) * (
             1e-5 + 0.5 * (1e-3 - 1e-5) * (1 + math.cos(math.pi * step / steps))
         )

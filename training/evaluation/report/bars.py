@@ -15,9 +15,9 @@ ROUGH_SHARE = 1.5
 HALVES_SHARE = 2.0
 RECOGNITION_SHARE = 0.8
 MEASURES = {
-    "toes": "the paper's formula",
-    "toe_soles": "under the toes",
     "soles": "under toes and heels",
+    "toe_soles": "under the toes",
+    "toes": "the paper's formula",
 }
 
 
@@ -66,8 +66,8 @@ def _distance_bars(following: dict[str, Any]) -> list[Bar]:
     for name, overall in following["fmd"].items():
         moving = {k: v["fmd"][name] for k, v in following["styles"].items() if _walks(k)}
         for words, of in (
-            ("whole takes", lambda found: found["takes"]),
             ("the same takes, cut in two", lambda found: found),
+            ("whole takes", lambda found: found["takes"]),
         ):
             bar = f"{name} distance: at most twice that of two halves of the capture, {words}"
             bars.append(_bar(f"{bar}: all styles together", [_case("all", of(overall))]))

@@ -1,0 +1,40 @@
+"""A prompt, a ground and a path become a BVH file, and the file beside it says how it was made."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from sport.runtime.generate import generate_clip
+from sport.runtime.takes.clip import load_clip_bvh, save_bvh
+
+OUT = Path("soldier.bvh")
+
+
+def main() -> None:
+    """Write `soldier.bvh` and read it back."""
+    clip = generate_clip(
+        "an exhausted soldier, left arm hanging",
+        terrain="hills",
+        path="circle",
+        gait="walk",
+        seconds=3.0,
+        seed=1,  # the same arguments and seed give the same file
+        report=print,  # how near the library came
+    )
+    save_bvh(clip, OUT, fps=30, unit="cm")
+
+    about = json.loads(OUT.with_name(OUT.name + ".json").read_text(encoding="utf-8"))
+    print(f"{OUT}: model {about['model']}, seed {about['seed']}, ground {about['terrain']}")
+    for part, sentence in about["prompts"][0]["words"].items():
+        print(f"  {part}: {sentence}")
+
+    again = load_clip_bvh(OUT)  # metres and quaternions, whatever the unit of the file
+    positions, _ = again.world()
+    print(
+        f"{len(again)} frames at {again.fps:g} fps; the head is {positions[0, 16, 1]:.2f} m up in the first"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,39 @@
+"""Between two styles: six even steps of Z^t, and a blend in which each part of the body has its own share."""
+
+from __future__ import annotations
+
+import numpy as np
+from sport.runtime.controls import Controls
+from sport.runtime.generate import generate_clip, open_prompter
+from sport.runtime.motion.controller import Controller
+from sport.runtime.motion.model import load_model
+from sport.runtime.prompts.blend import BlendedPrompt, blend_parts, parse_weights
+from sport.runtime.skeleton import SPORT_SKELETON
+from sport.runtime.takes.clip import save_bvh
+from sport.runtime.terrain.height_map import Terrain
+
+A, B = "a person walking normally", "a child pretending to be an aeroplane"
+STEPS = 6
+HANDS = [SPORT_SKELETON.index(name) for name in ("LeftHand", "RightHand")]
+HIPS = SPORT_SKELETON.index("Hips")
+
+
+def main() -> None:
+    """Print the height of the hands at each step, and write `blend.bvh`."""
+    model = load_model()
+    to_style = open_prompter(model)
+    z_a, z_b = to_style(A), to_style(B)  # (6, 64): a row for each part of the body
+    for share in np.linspace(0.0, 1.0, STEPS + 1):
+        controller = Controller(model, Terrain.flat(), seed=0)
+        controller.set_style(blend_parts(z_a, z_b, (float(share),) * 6), transition_seconds=0.0)
+        poses = [controller.step(Controls(move=(0.0, 1.0))) for _ in range(70)]
+        hands = np.stack([pose.positions[HANDS, 1] - pose.positions[HIPS, 1] for pose in poses[30:]])
+        print(f"{share:.2f} of B: hands {100 * hands.mean():+5.1f} cm over the hips")
+
+    weights = parse_weights("torso=1,head=0.5")  # parts that are not named stay with A
+    clip = generate_clip(BlendedPrompt("a proud queen", "a drunk person", weights), seconds=2.0)
+    print(f"{save_bvh(clip, 'blend.bvh')}: {clip.seconds:.1f} s")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,113 @@
+"""What the documents hold: fenced blocks, commands, links; and whether a command would be accepted as it stands."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from sport.runtime.assets import PROJECT_ROOT
+
+from sport import cli
+
+ROOT = PROJECT_ROOT
+GUIDE = sorted((ROOT / "docs" / "guide").glob("*.md"))
+DOCUMENTS = [
+    *sorted(ROOT.glob("*.md")),
+    *sorted((ROOT / "docs").rglob("*.md")),
+    *sorted((ROOT / "examples").glob("*.md")),
+    ROOT / "assets" / "NOTICE.md",
+]
+SETTING = re.compile(r"[A-Z_]+=\S*")  # a variable in front of a command
+
+
+class Command(NamedTuple):
+    """One command line of a document."""
+
+    where: str
+    line: str
+
+
+def text_of(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+def blocks(path: Path, language: str) -> list[str]:
+    """The fenced blocks of one language."""
+    return re.findall(rf"^```{language}\n(.*?)^```", text_of(path), re.S | re.M)
+
+
+def commands(path: Path) -> list[Command]:
+    """Every line of the sh blocks, continued lines joined, without comments."""
+    lines = "".join(blocks(path, "sh")).replace("\\\n", " ").splitlines()
+    stripped = (shlex.join(shlex.split(line, comments=True)) for line in lines)
+    return [Command(path.relative_to(ROOT).as_posix(), line) for line in stripped if line]
+
+
+def check_command(line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """That program and options exist: `sport` by its parser, modules by the options in their help."""
+    words = shlex.split(line)
+    while words and SETTING.fullmatch(words[0]):
+        words = words[1:]
+    if words[0] == "torchrun":
+        words = ["python", *words[words.index("-m") :]]
+    if words[:3] == ["python", "-m", "sport"]:
+        words = words[2:]
+    if words[0] == "sport" and words[1:2] and words[1] in cli._TRAINING:
+        pytest.importorskip("torch")
+        module, flags = cli._TRAINING[words[1]][0], words[2:]
+        flags = ["--text", *(f for f in flags if f != "--text")] if "--text" in flags else flags
+        check_help(module, flags, monkeypatch, capsys)
+    elif words[0] == "sport":
+        cli.build_parser().parse_args(words[1:] or ["view"])
+    elif words[:2] == ["python", "-m"]:
+        check_help(words[2], words[3:], monkeypatch, capsys)
+    else:
+        assert words[0] in ("pip", "sudo", "git", ".ci/run", "pytest", "ruff", "mypy", "python"), line
+
+
+def check_help(
+    module: str, arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`python -m module` exists, and its help names every option of `arguments`."""
+    assert importlib.util.find_spec(module) is not None, module
+    options = [word.split("=")[0] for word in arguments if word.startswith("--")]
+    if not options or importlib.util.find_spec(module.split(".")[0]) is None:
+        return
+    try:
+        main = importlib.import_module(module).main
+    except ModuleNotFoundError as error:
+        pytest.skip(f"{error.name} is not installed")
+    subcommand = ["--text"] if options[0] == "--text" else []
+    monkeypatch.setattr(sys, "argv", [module, *subcommand, "--help"])
+    with pytest.raises(SystemExit):
+        main()
+    shown = set(re.findall(r"--[\w-]+", capsys.readouterr().out))
+    assert set(options) <= shown | {"--text"}, f"{module}: {set(options) - shown}"
+
+
+def run_python(source: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run a block or a file's text by itself in `folder`."""
+    program = f"import sys; sys.path.insert(0, {str(ROOT)!r})\n{source}"
+    return subprocess.run(
+        [sys.executable, "-c", program], cwd=folder, capture_output=True, text=True, check=False
+    )
+
+
+def links(path: Path) -> list[str]:
+    """Targets of links and images that lead to files of the repository, with their anchors."""
+    text = re.sub(r"^```.*?^```", "", text_of(path), flags=re.S | re.M)
+    targets = re.findall(r"\]\(([^)\s]+)\)", text)
+    return [target for target in targets if "://" not in target]
+
+
+def anchors(path: Path) -> set[str]:
+    """The anchors of a document's headings, as GitHub makes them."""
+    headings = re.findall(r"^#+ (.*)$", text_of(path), re.M)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}

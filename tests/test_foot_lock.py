@@ -151,6 +151,44 @@ def test_nothing_pops(name):
         assert jerk.max() < usual.max() + room
 
 
+def knee_flexion(positions):
+    """Degrees `(T, 2)`."""
+    thighs = rotations.normalize(positions[:, KNEES] - positions[:, [2, 7]])
+    shins = rotations.normalize(positions[:, ANKLES] - positions[:, KNEES])
+    return np.degrees(np.arccos(np.clip((thighs * shins).sum(-1), -1.0, 1.0)))
+
+
+def tilted(hips, local, rise):
+    """The same walk on a slope of `rise` along Z: all of it is tilted, so that legs and feet fit the ground."""
+    turn = rotations.from_axis_angle(np.array([1.0, 0.0, 0.0]), np.array(-np.arctan(rise)))
+    local = local.copy()
+    local[:, 0] = rotations.multiply(np.broadcast_to(turn, local[:, 0].shape), local[:, 0])
+    return rotations.rotate(np.broadcast_to(turn, (len(hips), 4)), hips), local
+
+
+@pytest.mark.parametrize("rise", [0.0, 0.1, -0.1])
+@pytest.mark.parametrize("drift", [0.0, 0.08, -0.08])
+def test_straight_knees_stay_straight(rise, drift):
+    hips, local, contacts = walk(8 * CYCLE_FRAMES, (0.0, drift), straight=True)
+    ground = Terrain(
+        "slope", np.repeat(rise * np.linspace(-20, 20, 81)[None], 81, axis=0), 0.5, (-20.0, -20.0)
+    )
+    hips, local = tilted(hips, local, rise)
+    before, (after, _) = forward(hips, local), planted(hips, local, contacts, ground)
+    incoming, outgoing = (knee_flexion(p)[20:] for p in (before, after))
+    straight = incoming < 8.0
+    assert straight.mean() > 0.15
+    bent = (outgoing - incoming)[straight]
+    assert abs(np.mean(bent)) < 2.0
+    assert np.percentile(bent, 95) < 8.0
+    assert abs(np.percentile(outgoing, 3) - np.percentile(incoming, 3)) < 1.0
+    usual, jolt = (np.abs(np.diff(k, n=2, axis=0)).max() for k in (incoming, outgoing))
+    assert jolt < usual  # degrees in a frame, squared
+    carried = after[20:, 0, 1] - before[20:, 0, 1]
+    assert np.abs(carried).max() < 0.02
+    assert np.median(carried) > -0.002
+
+
 def standing(frames, lift=0.0):
     """Upright, both feet flat."""
     local = rotations.identity((frames, J))
@@ -174,7 +212,7 @@ def test_hips_sink_smoothly_where_the_ground_falls_away():
     positions, _ = planted(hips, local, contacts, ground)
     sunk = hips[:, 1] - positions[:, 0, 1]
     assert sunk[-1] > 0.08
-    assert np.all(np.diff(sunk) > -1e-4)
+    assert sunk.max() - sunk[-1] < 0.008
     assert np.diff(sunk).max() < 0.015
     assert toe_heights(positions, ground)[-1] == pytest.approx([TOE_HEIGHT] * 2, abs=0.01)
 

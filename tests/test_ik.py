@@ -47,6 +47,24 @@ def test_the_pose_is_kept_when_the_targets_are_its_own_ankles(seed, shape):
     assert rotations.angle_between(world_after, world).max() < 1e-3
 
 
+@given(seeds, st.floats(0.0, 0.1))
+def test_a_straight_leg_whose_target_is_its_own_ankle_stays_as_straight(seed, bend):
+    hips, local = poses(seed, (), bend=(bend, bend))  # radians: less than any easing leaves
+    positions, _ = forward(hips, local)
+    after, _ = forward(hips, ik.solve_legs(hips, local, positions[ANKLES]))
+    spans = [np.linalg.norm(p[ANKLES] - p[HIPS], axis=-1) for p in (positions, after)]
+    np.testing.assert_allclose(spans[1], spans[0], atol=1e-6)
+
+
+def test_legs_without_length_divide_nothing():
+    leg = leg_scalar.leg_forward(leg_scalar.leg_bones(0), (1e17, 1e17, 1e17), [(1.0, 0.0, 0.0, 0.0)] * J)
+    assert leg.hip == leg.knee  # a float is too coarse out there
+    solved = leg_scalar.leg_inverse(leg, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    assert np.isfinite(solved).all()
+    point = np.full(3, 1e17)
+    assert np.isfinite(ik.two_bone(point, point, point, np.zeros(3), np.array([0.0, 0, 1]))).all()
+
+
 @given(seeds)
 def test_reachable_targets_are_reached_and_nothing_else_moves(seed):
     hips, local = poses(seed)
@@ -79,7 +97,7 @@ def test_out_of_reach_targets_stretch_no_bone(seed, far):
     targets = positions[:, HIPS] + direction * far * LEG
     after, _ = forward(hips, ik.solve_legs(hips, local, targets))
     leg = after[:, ANKLES] - after[:, HIPS]
-    assert np.linalg.norm(leg, axis=-1).max() <= LEG * ik.MAX_REACH + 1e-6
+    assert np.linalg.norm(leg, axis=-1).max() <= LEG * ik.MAX_REACH + 1e-6  # these poses are not straighter
     assert np.sum(rotations.normalize(leg) * direction, -1).min() > 1 - 1e-6
     thigh = np.linalg.norm(after[:, KNEES] - after[:, HIPS], axis=-1)
     np.testing.assert_allclose(thigh, 0.4118, atol=1e-6)
@@ -106,7 +124,7 @@ def test_the_knee_does_not_pop_when_the_leg_straightens():
     lower = after[:, ANKLES] - after[:, KNEES]
     angle = np.arccos(np.clip(np.sum(rotations.normalize(upper) * rotations.normalize(lower), -1), -1, 1))
     degrees_per_millimetre = np.abs(np.diff(np.degrees(angle), axis=0)) / (np.diff(distances)[:, None] * 1e3)
-    assert degrees_per_millimetre.max() < 7.0  # without easing the rate is unbounded
+    assert degrees_per_millimetre.max() < 3.0  # without easing the rate is unbounded
 
 
 @given(st.floats(0.0, 3.0), st.floats(0.0, 0.01))

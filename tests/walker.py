@@ -16,11 +16,12 @@ STRIDE_M = 1.2  # of a whole cycle
 WALK_SPEED = STRIDE_M * 60 / CYCLE_FRAMES
 
 
-def walk(frames, drift=(0.0, 0.0), terrain=None, speed_share=1.0):
+def walk(frames, drift=(0.0, 0.0), terrain=None, speed_share=1.0, straight=False):
     """Hips `(T, 3)`, local rotations `(T, 31, 4)`, contacts `(T, 4)` of a walk along +Z.
 
     `drift` (m/s in x and z) is added to the root, so that feet skate; `speed_share` scales stride and speed. With a
-    terrain the hips follow its height smoothed over a metre; the feet know nothing of it.
+    terrain the hips follow its height smoothed over a metre; the feet know nothing of it. `straight`: the hips vault
+    over the standing leg, which is as straight as in capture (3 degrees) from heel strike to mid-stance.
     """
     t = np.arange(frames) / CYCLE_FRAMES
     z = STRIDE_M * speed_share * t
@@ -40,6 +41,8 @@ def walk(frames, drift=(0.0, 0.0), terrain=None, speed_share=1.0):
         pitch.append(0.25 * np.sin(np.pi * swing))
         contacts += [stance.astype(float)] * 2
     hips = np.stack([x, np.full(frames, REST_HIPS_HEIGHT - 0.06), z + 0.0], -1)
+    if straight:
+        hips[:, 1] = _vault(z, np.stack(ankles, 1))
     axis = np.broadcast_to([1.0, 0.0, 0.0], (frames, 2, 3))
     feet = rotations.from_axis_angle(axis, np.stack(pitch, -1))
     local[:, [3, 8]] = rotations.from_axis_angle(axis, np.full((frames, 2), 0.2))
@@ -50,6 +53,16 @@ def walk(frames, drift=(0.0, 0.0), terrain=None, speed_share=1.0):
         around = np.linspace(-0.5, 0.5, 11)
         hips[:, 1] += terrain.height(hips[:, :1] + 0 * around, hips[:, 2:] + around).mean(-1)
     return hips.astype(np.float32), local.astype(np.float32), np.stack(contacts, -1).astype(np.float32)
+
+
+def _vault(z, ankles):
+    """Heights of hips `(T,)` that walk at `z` over ankles `(T, 2, 3)`: as high as both legs let them, rounded off."""
+    _, down, ahead = SPORT_SKELETON.offsets[2]
+    thigh, shin = (float(np.linalg.norm(SPORT_SKELETON.offsets[j])) for j in (3, 4))
+    across = ankles[:, :, 2] - z[:, None] - ahead
+    reach = ankles[..., 1] + np.sqrt((0.9996 * (thigh + shin)) ** 2 - across**2)
+    highest = np.pad(reach.min(axis=1) - down, 3, "edge")
+    return np.lib.stride_tricks.sliding_window_view(highest, 7).mean(axis=1)
 
 
 @dataclass

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from sport.runtime.feet.leg_scalar import LegPose, damp, leg_bones, leg_forward, leg_inverse
-from sport.runtime.feet.planted_foot import PlantedFoot, drop_for, straightness
+from sport.runtime.feet.carried_hips import CarriedHips
+from sport.runtime.feet.leg_scalar import leg_bones, leg_forward, leg_inverse
+from sport.runtime.feet.planted_foot import PlantedFoot
 from sport.runtime.feet.settings import FootLockSettings
 from sport.runtime.skeleton import SPORT_SKELETON, Skeleton
 from sport.runtime.terrain.height_map import Terrain
@@ -44,7 +45,7 @@ class FootLock:
     def reset(self) -> None:
         """Forget all holds and offsets."""
         self._feet = tuple(PlantedFoot(bones, self._settings) for bones in self._bones)
-        self._drop, self._drop_velocity = 0.0, 0.0
+        self._hips = CarriedHips(self._settings)
 
     @property
     def held(self) -> tuple[str, str]:
@@ -67,29 +68,20 @@ class FootLock:
         x, y, z = (float(v) for v in hips_position)
         local = np.asarray(local_rotations, np.float64).tolist()
         chances = np.asarray(contacts, np.float64).tolist()
-        ground = PointHeights(terrain)
+        s = self._settings
+        ground = PointHeights(terrain, y - s.ground_under_hips, y + s.ground_over_hips)
+        drop = -self._hips.offset
         legs = [leg_forward(foot.bones, (x, y, z), local) for foot in self._feet]
         for side, (foot, leg) in enumerate(zip(self._feet, legs, strict=True)):
             foot.observe(leg, chances[2 * side], chances[2 * side + 1], ground, dt)
-            foot.choose_anchor(leg, self._drop, self._feet[1 - side].refractory > 0.0)
-            foot.plant(leg, self._drop, ground, dt)
-        self._lower_hips(legs, dt)
+            foot.choose_anchor(leg, drop, self._feet[1 - side].refractory > 0.0)
+            foot.plant(leg, drop, ground, dt)
+        self._hips.carry(legs, self._feet, dt)
+        drop = -self._hips.offset
         result = np.array(local_rotations, copy=True)
         for foot, leg in zip(self._feet, legs, strict=True):
             first = foot.bones.joints[1]
-            target = foot.within_reach(leg, self._drop, ground)
-            result[first : first + 3] = leg_inverse(leg, target, foot.rotation, self._drop)
-        hips = np.array([x, y - self._drop, z], np.asarray(hips_position).dtype)
+            target = foot.within_reach(leg, drop, ground)
+            result[first : first + 3] = leg_inverse(leg, target, foot.rotation, drop)
+        hips = np.array([x, y - drop, z], np.asarray(hips_position).dtype)
         return FootLockResult(hips, result)
-
-    def _lower_hips(self, legs: list[LegPose], dt: float) -> None:
-        """Let the hips sink until every held foot is in reach, as an incoming straight leg is."""
-        needed = 0.0
-        for foot, leg in zip(self._feet, legs, strict=True):
-            if foot.anchor:
-                reach = foot.bones.length * straightness(leg, foot.bones)
-                needed = max(needed, drop_for(leg.hip, foot.ankle, reach))
-        goal = min(needed, self._settings.max_drop)
-        self._drop, self._drop_velocity = damp(
-            self._drop, self._drop_velocity, goal, self._settings.hips_halflife, dt
-        )

@@ -16,25 +16,27 @@ LEG_SHINS = np.array([3, 8])
 LEG_FEET = np.array([4, 9])
 LEG_TOES = np.array([5, 10])
 
-# Of the leg's length: 2.3 degrees of knee flexion, so that a knee never locks and its bending plane stays defined.
-MAX_REACH = 0.9998
-# The last stretch is approached with falling speed. Knees that walk reach 0 to 8 degrees (0.9976 of the length): more
-# easing than this bends what is straight in capture by more than one sees.
-EASE_REACH = 0.0005
+MAX_REACH = (
+    0.9998  # of the leg's length (2.3 degrees): a knee never locks, so its bending plane stays defined
+)
+EASE_REACH = (
+    0.001  # of the leg's length: what a leg straightens beyond its own pose is approached with falling speed
+)
 MIN_REACH = 0.2  # of the leg's length: about 155 degrees of knee flexion
 POLE_WEIGHT_M = 0.01  # pull of the pole on the bending plane, as metres of knee offset
 _FORWARD = np.array([0.0, 0.0, 1.0])
 
 
-def soft_reach(distance: Array, length: Array) -> Array:
-    """Distance that a leg of `length` may span when `distance` is asked; once differentiable.
+def soft_reach(distance: Array, length: Array, span: Array | float = 0.0) -> Array:
+    """Distance that a leg of `length` may span when `distance` is asked and the incoming pose spans `span`.
 
-    Equal to the asked distance up to 99.93 % of the length, then eased quadratically towards 99.98 %. The knee angle grows
-    with the square root of the missing length, so this easing makes it move at a finite speed as the leg straightens.
+    Equal to the asked distance up to `MAX_REACH - EASE_REACH` of the length, and always up to `span`: a leg that the pose
+    itself shows so straight needs no easing. Beyond, eased quadratically towards `MAX_REACH` of the length. The knee
+    angle grows with the square root of the missing length, so that without easing it moves at any speed.
     """
     length = np.asarray(length)
-    room = EASE_REACH * length
-    start = MAX_REACH * length - room
+    start = np.maximum((MAX_REACH - EASE_REACH) * length, np.minimum(span, length))
+    room = np.maximum(MAX_REACH * length - start, 1e-9 * length)
     over = np.clip(np.asarray(distance) - start, 0.0, 2.0 * room)
     eased = np.minimum(distance, start) + over - over * over / (4.0 * room)
     return np.maximum(eased, MIN_REACH * length)
@@ -51,12 +53,12 @@ def two_bone(
     reach is approached along its line (see `soft_reach`).
     """
     hip, knee, ankle, target = (np.asarray(a, np.float64) for a in (hip, knee, ankle, target))
-    upper, lower = _length(knee - hip), _length(ankle - knee)
+    upper, lower = np.maximum(_length(knee - hip), 1e-6), np.maximum(_length(ankle - knee), 1e-6)
     to_target = target - hip
     asked = _length(to_target)
     axis = rotations.normalize(ankle - hip)
     aim = rotations.normalize(np.where(asked[..., None] > 1e-6, to_target, axis))
-    distance = soft_reach(asked, upper + lower)
+    distance = soft_reach(asked, upper + lower, _length(ankle - hip))
     distance = np.maximum(distance, np.abs(upper - lower) + 1e-4)
 
     bend = _bend_direction(axis, knee - hip, pole)

@@ -72,12 +72,13 @@ def leg_inverse(
     upper = subtract(leg.knee, leg.hip)
     lower = subtract(leg.ankle, leg.knee)
     hip = (leg.hip[0], leg.hip[1] - drop, leg.hip[2])
-    a, b = length(upper), length(lower)
+    # far from the origin a float no longer tells hip from knee: a bone without length must not divide
+    a, b = max(length(upper), 1e-6), max(length(lower), 1e-6)
     axis = unit(subtract(leg.ankle, leg.hip))
     to_target = subtract(target, hip)
     asked = length(to_target)
     aim = unit(to_target) if asked > 1e-6 else axis
-    d = max(soft_reach(asked, a + b), abs(a - b) + 1e-4)
+    d = max(soft_reach(asked, a + b, length(subtract(leg.ankle, leg.hip))), abs(a - b) + 1e-4)
     swing = between(axis, aim)
     bend = rotate(swing, _bend(axis, upper, rotate(leg.thigh, (0.0, 0.0, 1.0))))
     c = min(1.0, max(-1.0, (a * a + d * d - b * b) / (2.0 * a * d)))
@@ -90,10 +91,10 @@ def leg_inverse(
     return relative(leg.base, thigh), relative(thigh, shin), relative(shin, foot)
 
 
-def soft_reach(distance: float, leg_length: float) -> float:
+def soft_reach(distance: float, leg_length: float, span: float = 0.0) -> float:
     """Scalar twin of `sport.runtime.feet.ik.soft_reach`."""
-    room = EASE_REACH * leg_length
-    start = MAX_REACH * leg_length - room
+    start = max((MAX_REACH - EASE_REACH) * leg_length, min(span, leg_length))
+    room = max(MAX_REACH * leg_length - start, 1e-9 * leg_length)
     over = min(max(distance - start, 0.0), 2.0 * room)
     return max(min(distance, start) + over - over * over / (4.0 * room), MIN_REACH * leg_length)
 

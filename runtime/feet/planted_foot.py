@@ -122,13 +122,13 @@ class PlantedFoot:
         turned = self.rotation
         sole = rotate(self.rotation, self.bones.offsets[4])
         if self.anchor == "toe":
-            rest = self._support(ground) + TOE_HEIGHT
+            rest = self._rest(self._support(ground) + TOE_HEIGHT, leg.toe[1] - drop)
             y = self._settle(self.toe[1], self.rise[0], rest, dt)
             self.toe = (self.point[0], y, self.point[1])
             self.ankle = subtract(self.toe, sole)
-            self._raise_heel(leg, drop)
+            self._roll(leg)
         elif self.anchor == "heel":
-            rest = ground.height(*self.point) + ANKLE_HEIGHT
+            rest = self._rest(ground.height(*self.point) + ANKLE_HEIGHT, leg.ankle[1] - drop)
             y = self._settle(self.ankle[1], self.rise[1], rest, dt)
             self.ankle = (self.point[0], y, self.point[1])
             self.toe = add(self.ankle, sole)
@@ -149,25 +149,28 @@ class PlantedFoot:
             self.offset_velocity = scale(subtract(offset, self.offset), 1.0 / dt)
         self.offset = offset
 
-    def _raise_heel(self, leg: LegPose, drop: float) -> None:
-        """Roll a trailing foot over its held toe as far as the leg is too short, as a walker does."""
-        hip = (leg.hip[0], leg.hip[1] - drop, leg.hip[2])
-        reach = self.bones.length * straightness(leg, self.bones)
-        to_hip, to_ankle = subtract(hip, self.toe), subtract(self.ankle, self.toe)
+    def _roll(self, leg: LegPose) -> None:
+        """Roll a trailing foot over its held toe until the leg spans what the incoming one does, as a walker does."""
+        to_hip, to_ankle = subtract(leg.hip, self.toe), subtract(self.ankle, self.toe)
         distance, foot = length(to_hip), self.bones.foot_length
-        lack = length(subtract(self.ankle, hip)) - reach
-        behind = (to_hip[0] * -to_ankle[0] + to_hip[2] * -to_ankle[2]) / foot - foot
-        share = min(max(behind / self.settings.trailing, 0.0), 1.0)
-        if lack <= 0.0 or share == 0.0:
+        lack = length(subtract(self.ankle, leg.hip)) - span(leg)
+        ahead = (to_hip[0] * -to_ankle[0] + to_hip[2] * -to_ankle[2]) / foot + foot
+        share = min(max((ahead - self.settings.trailing) / self.settings.trailing, 0.0), 1.0)
+        if lack == 0.0 or share == 0.0:
             return
-        wanted = reach + (1.0 - share) * lack
+        wanted = span(leg) + (1.0 - share) * lack
         cosine = (distance * distance + foot * foot - wanted * wanted) / (2.0 * distance * foot)
         up, along = scale(to_hip, 1.0 / distance), unit(to_ankle)
         side = unit(subtract(along, scale(up, dot(along, up))))
-        cosine = min(cosine, 1.0)
+        cosine = min(max(cosine, -1.0), 1.0)
         turned = add(scale(up, cosine), scale(side, sqrt(1.0 - cosine * cosine)))
         self.rotation = multiply(between(along, turned), self.rotation)
         self.ankle = add(self.toe, scale(turned, foot))
+
+    def _rest(self, ground: float, incoming: float) -> float:
+        """Height that a held point settles at: the ground's, or within what nobody sees of it the incoming one."""
+        unseen = self.settings.unseen
+        return min(max(incoming, ground - unseen), ground + unseen)
 
     def _settle(self, y: float, velocity: float, rest: float, dt: float) -> float:
         s = self.settings
@@ -230,6 +233,7 @@ class PlantedFoot:
         speed = sqrt(vx * vx + vz * vz)
         moving = min(1.0, speed / s.swing_speed)
         incoming = (leg.toe[1] - TOE_HEIGHT, leg.ankle[1] - ANKLE_HEIGHT)
+        heel_strikes = leg.toe[1] - leg.ankle[1] > TOE_HEIGHT - ANKLE_HEIGHT
         for joint, rest, chance in zip((self.toe, self.ankle), incoming, self.chances, strict=True):
             below = ahead = ground.height(joint[0], joint[2])
             for share in (1.0, 0.75, 0.5, 0.25):
@@ -240,6 +244,8 @@ class PlantedFoot:
             # a foot in swing slows down before it lands, and does not drag over the ground
             free = 1.0 - chance
             soon = max(0.0, ahead - below - 0.25 * s.look_ahead * vy) + moving * moving * s.swing_clearance
+            if joint is self.ankle and heel_strikes:
+                soon = 0.3 * soon
             depth = below - s.sink - rest + free * soon
             lift = max(lift, _soft_positive(depth, free * s.soft_floor))
         return lift
@@ -290,7 +296,7 @@ class PlantedFoot:
             asked = length(to_target)
             if asked <= (MAX_REACH - EASE_REACH) * self.bones.length:
                 break
-            reached = add(hip, scale(to_target, soft_reach(asked, self.bones.length) / asked))
+            reached = add(hip, scale(to_target, soft_reach(asked, self.bones.length, span(leg)) / asked))
             toe = add(reached, rotate(self.rotation, self.bones.offsets[4]))
             missing = self._depth(toe, reached, ground)
             if missing <= 0.0:
@@ -301,7 +307,12 @@ class PlantedFoot:
 
 def straightness(leg: LegPose, bones: LegBones) -> float:
     """Share of its length that a leg may span: that of the incoming pose, and at least what needs no easing."""
-    return max(MAX_REACH - EASE_REACH, min(length(subtract(leg.ankle, leg.hip)) / bones.length, MAX_REACH))
+    return max(MAX_REACH - EASE_REACH, span(leg) / bones.length)
+
+
+def span(leg: LegPose) -> float:
+    """Metres from hip to ankle of the incoming pose."""
+    return length(subtract(leg.ankle, leg.hip))
 
 
 def _soft_positive(x: float, width: float) -> float:
@@ -313,10 +324,3 @@ def _soft_positive(x: float, width: float) -> float:
 
 def _from_yaw(yaw: float) -> Quaternion:
     return cos(0.5 * yaw), 0.0, sin(0.5 * yaw), 0.0
-
-
-def drop_for(hip: Vector, ankle: Vector, reach: float) -> float:
-    """Metres that `hip` must sink for `ankle` to be within `reach`; as far as useful when it never is."""
-    across = (ankle[0] - hip[0]) ** 2 + (ankle[2] - hip[2]) ** 2
-    height = sqrt(max(reach * reach - across, 0.0))
-    return max(hip[1] - ankle[1] - height, 0.0)

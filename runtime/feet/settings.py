@@ -20,7 +20,7 @@ class FootLockSettings:
     release_offset: float = 0.2  # m between the held and the incoming point
     release_stretch: float = 0.04  # m that the leg would have to grow
     trailing: float = (
-        0.15  # m behind the hips from which a foot rolls over its toe instead of pulling the hips down
+        0.08  # m behind the hips from which a foot begins to roll over its toe, wholly at twice that
     )
     refractory: float = 0.15  # s without a new hold after a forced release
     refractory_lift: float = 0.04  # m: a forced release becomes a small step
@@ -28,12 +28,23 @@ class FootLockSettings:
     rise_halflife: float = 0.045  # of a free foot's height over the incoming one, upwards
     fall_halflife: float = 0.03  # the same downwards
     settle_halflife: float = 0.02  # of a held point's height
+    unseen: float = (
+        0.0015  # m over or under the ground that a standing foot may keep: a straight knee shows them
+    )
     settle_slower: float = 0.5  # s/m: added to it for every metre that is missing
     flat_halflife: float = 0.06  # of the sole's alignment to the ground
     yaw_halflife: float = 0.10
     hips_halflife: float = 0.08
     max_yaw: float = 0.6
     max_drop: float = 0.35  # m that the hips may sink
+    max_rise: float = 0.02  # m that they may be carried up
+    carry_halflife: float = 0.02  # in which the hips follow
+    max_free_rise: float = 0.01  # m that a foot in the air may carry them, up or down
+    straight_span: float = (
+        0.99  # share of its length that a straight leg spans (16 degrees): it carries the hips
+    )
+    bent_span: float = 0.94  # and a bent one (40 degrees), which does not
+    free_weight: float = 0.02  # of no leg at all: the hips stay where they are
     sink: float = 0.002  # m that a sole may press into the ground; more, and a moving toe counts as skating
     look_ahead: float = 0.12  # s of swing in which edges are seen
     soft_floor: float = 0.015  # m over the ground in which a landing foot slows down
@@ -41,3 +52,5 @@ class FootLockSettings:
     swing_speed: float = 2.0  # m/s
     clearance: float = 0.02  # m between the sole and an edge
     edge_slope: float = 0.7  # rise over run from which the ground is an edge, not a slope
+    ground_under_hips: float = 3.0  # m: no foot is put on ground that is farther below the hips
+    ground_over_hips: float = 0.3  # m: nor over them; higher ground is a wall

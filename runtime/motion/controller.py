@@ -22,6 +22,7 @@ from sport.runtime.motion.trajectory import PRESENT, Trajectory, decay
 from sport.runtime.pose import Pose
 from sport.runtime.skeleton import SPORT_SKELETON
 from sport.runtime.terrain.height_map import Terrain
+from sport.runtime.terrain.obstacles import blocked_message, step_ahead, within_steps
 
 Array = NDArray[np.floating]
 log = logging.getLogger("sport.controller")
@@ -36,6 +37,10 @@ CROUCH_SPEED = 0.8  # m/s at full stick
 JUMP_SECONDS = 0.7
 # what the regulator leaves of a difference in speed is taken up by longer or shorter strides, this much at most
 STRIDE_WARP = (0.8, 1.25)
+STOP_M = 0.5  # from ground that nobody can walk on the root stops,
+FASTEST_LIFT = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
+HALF_BODY_M = 0.25  # no root comes nearer
+STOP_SECONDS = 0.45  # and as much farther as it covers in this time
 SPEED_HALF_LIFE = 0.25  # seconds, smoothing of the measured speed (a stride speeds up and slows down)
 
 
@@ -73,6 +78,7 @@ class Controller:
         self.temperature = temperature
         self.seed = seed
         self.foot_lock_enabled = True
+        self.blocked: str | None = None  # why the character does not go on, for the status line
         self.message = ""  # the network's fault in this frame, for the status line
         self._foot_lock = FootLock(SPORT_SKELETON)
         self._stall = Stall()
@@ -135,6 +141,8 @@ class Controller:
     def set_terrain(self, terrain: Terrain) -> None:
         """Stand on another ground; the character stays where it is in X and Z."""
         self.terrain = terrain
+        root = self._trajectory.xz[PRESENT]
+        self._ground = float(terrain.height(root[0], root[1]))
         self._foot_lock.reset()
 
     @property
@@ -188,12 +196,13 @@ class Controller:
         self._style = self.model.fold_style((1 - t) * self._from_z + t * self._to_z, self._strength)
 
     def _steer(self, controls: Controls) -> None:
-        move = np.array(controls.move, np.float64)
+        move: Array = np.array(controls.move, np.float64)
         amount = float(np.linalg.norm(move))
         if amount > 1.0:
             move, amount = move / amount, 1.0
         speed = self.full_speed(controls.gait)
-        velocity = move * speed
+        velocity: Array = move * speed
+        velocity, amount = self._stopped(velocity, amount)
         self.asked_speed = amount * speed
         moving = self.asked_speed > STAND_SPEED
         if moving:
@@ -218,12 +227,27 @@ class Controller:
             facing = float(np.arctan2(*velocity))
         self._trajectory.steer(velocity, facing, one_hot)
 
+    def _stopped(self, velocity: Array, amount: float) -> tuple[Array, float]:
+        """Velocity (m/s) and share of the stick, both zero before ground that nobody can walk on."""
+        self.blocked = None
+        speed = float(np.linalg.norm(velocity))
+        if speed <= STAND_SPEED:
+            return velocity, amount
+        x, z = self._trajectory.xz[PRESENT]
+        reach = STOP_M + STOP_SECONDS * self._measured_speed
+        distance, rise = step_ahead(self.terrain, float(x), float(z), velocity / speed, reach)
+        if distance > reach:
+            return velocity, amount
+        self.blocked = blocked_message(rise)
+        return np.zeros(2), 0.0
+
     def _input(self) -> tuple[Array, float]:
         t = self._trajectory
         index = t.samples
         positions, directions = t.xz[index], t.directions[index]
         points = features.height_points(positions, directions)
-        heights = self.terrain.height(points[..., 0], points[..., 1]).astype(np.float64)
+        ground = self.terrain.height(points[..., 0], points[..., 1]).astype(np.float64)
+        heights = within_steps(ground, features.L // 2)
         parts = InputParts(
             root_position=t.xz[PRESENT],
             root_yaw=t.yaw[PRESENT],
@@ -235,7 +259,12 @@ class Controller:
             joint_positions=self._body.joints,
             joint_velocities=self._body.velocities,
         )
-        return features.build_input(parts), float(features.ground_height(heights))
+        return features.build_input(parts), self._lifted(float(features.ground_height(heights)))
+
+    def _lifted(self, ground: float) -> float:
+        """Reference ground (m) of this frame: on ground that can be walked on `ground`, and never far from the last."""
+        most = FASTEST_LIFT * DT
+        return min(max(ground, self._ground - most), self._ground + most)
 
     def _next_noise(self) -> Array:
         noise = self._noise.step(DT)
@@ -285,7 +314,7 @@ class Controller:
         velocity = self._calmed(velocity)
         self._root_speed = float(np.linalg.norm(velocity))
         self._measured_speed += (self._root_speed - self._measured_speed) * (1 - decay(SPEED_HALF_LIFE))
-        velocity = velocity * self._stride_warp()
+        velocity = self._held_back(velocity * self._stride_warp())
         next_yaw = yaw + y.root[2] * DT
         t.advance(
             velocity * DT,
@@ -303,6 +332,16 @@ class Controller:
         """Scale of the root's displacement towards the asked speed; the foot lock keeps the feet planted."""
         walks = self._measured_speed > 0.5 * self.asked_speed > 0.5 * STAND_SPEED
         return float(np.clip(self.asked_speed / self._measured_speed, *STRIDE_WARP)) if walks else 1.0
+
+    def _held_back(self, velocity: Array) -> Array:
+        """The root's velocity (m/s), zero where the next of it would be a step that nobody can take."""
+        speed = float(np.linalg.norm(velocity))
+        if speed < 1e-6:
+            return velocity
+        x, z = self._trajectory.xz[PRESENT]
+        reach = speed * DT + HALF_BODY_M
+        distance, _ = step_ahead(self.terrain, float(x), float(z), velocity / speed, reach)
+        return velocity if distance > reach else np.zeros(2)
 
     def _calmed(self, velocity: Array) -> Array:
         """The network's root velocity; standing still, it is damped so that idle characters do not creep."""

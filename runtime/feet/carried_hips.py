@@ -1,0 +1,59 @@
+"""How far the hips go up or down with the feet that stand, so that straight legs stay straight."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import sqrt
+
+from sport.runtime.feet.leg_scalar import LegPose, Vector, damp
+from sport.runtime.feet.planted_foot import PlantedFoot, span, straightness
+from sport.runtime.feet.settings import FootLockSettings
+
+
+class CarriedHips:
+    """The height of the hips over the incoming pose's, from frame to frame.
+
+    A foot that stands is some millimetres higher, lower, behind or ahead of the incoming one. A bent knee takes that
+    up unseen; a straight one would have to bend by ten degrees for three millimetres. So the hips keep the straight
+    standing leg's span, each leg with a weight that grows smoothly as it takes over. A leg that
+    is too short for its held foot draws them down further.
+    """
+
+    def __init__(self, settings: FootLockSettings) -> None:
+        self._settings = settings
+        self.offset = 0.0  # m, upwards
+        self._carried = self._speed = 0.0
+        self._short = self._short_velocity = 0.0  # m that a leg is too short
+
+    def carry(self, legs: Sequence[LegPose], feet: Sequence[PlantedFoot], dt: float) -> None:
+        """Set `offset` for this frame, from the incoming legs and the outgoing feet."""
+        s = self._settings
+        total, carried, least = s.free_weight, 0.0, s.max_rise
+        for leg, foot in zip(legs, feet, strict=True):
+            spans = span(leg)
+            weight = _straight(spans / foot.bones.length, s)
+            up, down = (s.max_rise, s.max_drop) if foot.anchor else (s.max_free_rise, s.max_free_rise)
+            carried += weight * min(max(rise_for(leg.hip, foot.ankle, spans), -down), up)
+            total += weight
+            if foot.anchor:
+                reach = foot.bones.length * straightness(leg, foot.bones)
+                least = min(least, rise_for(leg.hip, foot.ankle, reach))
+        self._carried, self._speed = damp(self._carried, self._speed, carried / total, s.carry_halflife, dt)
+        carried = self._carried
+        short = max(0.0, carried - max(least, -s.max_drop))
+        self._short, self._short_velocity = damp(
+            self._short, self._short_velocity, short, s.hips_halflife, dt
+        )
+        self.offset = carried - self._short
+
+
+def rise_for(hip: Vector, ankle: Vector, spans: float) -> float:
+    """Metres that `hip` must rise to be `spans` away from `ankle`, over it; as near as possible when it never is."""
+    across = (ankle[0] - hip[0]) ** 2 + (ankle[2] - hip[2]) ** 2
+    return ankle[1] + sqrt(max(spans * spans - across, 0.0)) - hip[1]
+
+
+def _straight(share: float, s: FootLockSettings) -> float:
+    """0 for a bent to 1 for a straight leg that spans `share` of its length."""
+    t = min(max((share - s.bent_span) / (s.straight_span - s.bent_span), 0.0), 1.0)
+    return t * t * (3.0 - 2.0 * t)

@@ -1,0 +1,50 @@
+"""Ground that nobody can walk on: where a walker has to stop."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.terrain.height_map import Terrain
+
+Array = NDArray[np.floating]
+
+HIGHEST_STEP_M = 1.5  # up or down; a wall of 1.1 m can be climbed
+STEP_RUN_M = 0.5  # within which such a rise is a step and not a slope
+SPACING_M = 0.1
+HALF_WIDTH_M = 0.15  # of a walker's way
+
+
+def step_ahead(terrain: Terrain, x: float, z: float, direction: Array, reach_m: float) -> tuple[float, float]:
+    """Distance (m) to the first step over `HIGHEST_STEP_M` on the way from x, z, and its rise (m, negative is down).
+
+    `direction` `(2,)` is a unit vector in XZ. Infinity and 0 where there is none within `reach_m`.
+    """
+    along = np.arange(0.0, reach_m + STEP_RUN_M + SPACING_M, SPACING_M)
+    across = np.array([-HALF_WIDTH_M, 0.0, HALF_WIDTH_M])[:, None]
+    heights = terrain.height(
+        x + along * direction[0] - across * direction[1], z + along * direction[1] + across * direction[0]
+    ).astype(np.float64)
+    run = round(STEP_RUN_M / SPACING_M)
+    ahead = np.lib.stride_tricks.sliding_window_view(heights, run + 1, axis=1)
+    rises = ahead - ahead[..., :1]  # (3, N, run + 1)
+    too_high = np.abs(rises) > HIGHEST_STEP_M
+    if not too_high.any():
+        return float("inf"), 0.0
+    begin = int(np.argmax(too_high.any(axis=(0, 2))))
+    distance = float(along[begin + int(np.argmax(too_high[:, begin].any(axis=0)))])
+    if distance > reach_m:
+        return float("inf"), 0.0
+    rise = rises[:, begin].ravel()
+    return distance, float(rise[np.argmax(np.abs(rise))])
+
+
+def within_steps(heights: Array, present: int) -> Array:
+    """Heights `(12, 3)` of trajectory samples, no farther from that under sample `present` than a walker can step."""
+    here = heights[present, 1]
+    return np.clip(heights, here - HIGHEST_STEP_M, here + HIGHEST_STEP_M)
+
+
+def blocked_message(rise_m: float) -> str:
+    """What the status line says where a walker has stopped."""
+    kind = "step up" if rise_m > 0.0 else "drop"
+    return f"The way ahead is blocked: a {kind} of {abs(rise_m):.1f} m."

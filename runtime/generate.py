@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sport.runtime.errors import FileError, PromptError, SportError, UsageError
 from sport.runtime.motion.features import FPS
-from sport.runtime.motion.paths import ControlScript, Place, control_script
+from sport.runtime.motion.paths import GAITS, ControlScript, Place, control_script
 from sport.runtime.pose import Pose
 from sport.runtime.prompts.expander import DEFAULT_PROMPT
 from sport.runtime.takes.clip import Clip, PromptEvent
@@ -135,6 +135,8 @@ def generate_clip(
 ) -> Clip:
     """Generate a clip of `seconds` at 60 frames a second; equal arguments give equal bytes.
 
+    It begins at rest at the origin, in its first style and in the gait.
+
     `prompt` is one prompt, six descriptions, a blend of two, or several prompts with times (also those of a take),
     `terrain` a name, file or terrain, `path` and `gait` are those of `sport.runtime.motion.paths`. `model` is a model folder, by default the shipped one; `expander`, `report` and
     `text_encoder` are those of `open_prompter`, `strength` is that of `Controller`. SportError names what cannot be used.
@@ -160,6 +162,8 @@ def generate_clip(
     to_style = open_prompter(motion_model, expander, report, text_encoder, meant.__setitem__)
     styles = [(event.seconds, _style(words, to_style)) for event, words in zip(events, asked, strict=True)]
     controller = Controller(motion_model, ground, seed, strength=strength)
+    controller.set_style(styles[0][1], 0.0)
+    controller.settle(GAITS[gait])
     gaits: list[int] = []
 
     def watched(time: float, place: Place) -> Controls:

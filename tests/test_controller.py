@@ -139,3 +139,24 @@ def test_strength_changes_the_style_that_holds_and_those_that_come():
     assert strengths == [1.3, 1.3, 0.5, 0.5]
     assert controller.strength == 0.5
     assert Controller(model, Terrain.flat()).strength == 1.0
+
+
+def test_settled_it_stands_in_its_style_and_sets_off_without_flying_hands(model):
+    hands = [SPORT_SKELETON.index(side + "Hand") for side in ("Left", "Right")]
+    z = model.neutral + 1.5 * np.random.default_rng(3).normal(size=(6, 64)).astype(np.float32)
+
+    def fastest(settled):
+        controller = Controller(model, Terrain.flat(size_m=200.0))
+        controller.reset(1.0, 2.0, 0.5)
+        controller.set_style(z, 0.0)
+        if settled:
+            pose = controller.settle()
+            assert np.allclose(pose.root_position[[0, 2]], [1.0, 2.0])
+        poses = drive(controller, FORWARD, 240)
+        moved = np.linalg.norm(np.diff([p.positions[hands] for p in poses], axis=0), axis=-1) * 60
+        assert np.allclose(poses[0].root_position[[0, 2]], [1.0, 2.0], atol=0.05)
+        return moved[:10].max(), moved[120:].max()
+
+    begins, own = fastest(settled=True)
+    assert begins < own
+    assert begins < 0.7 * fastest(settled=False)[0]

@@ -37,6 +37,7 @@ CROUCH_SPEED = 0.8  # m/s at full stick
 JUMP_SECONDS = 0.7
 # what the regulator leaves of a difference in speed is taken up by longer or shorter strides, this much at most
 STRIDE_WARP = (0.8, 1.25)
+SETTLE_SECONDS = 2.0
 STOP_M = 0.5  # from ground that nobody can walk on the root stops,
 FASTEST_LIFT = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
 HALF_BODY_M = 0.25  # no root comes nearer
@@ -137,6 +138,22 @@ class Controller:
     def strength(self, value: float) -> None:
         self._strength = value
         self._style = self.model.fold_style(self._style.z, value)
+
+    def settle(self, gait: Gait = Gait.WALK, seconds: float = SETTLE_SECONDS) -> Pose:
+        """Come to rest in the present style, in place, in frames that nobody sees; returns the pose to begin from.
+
+        A character begins in neutral standing, and the network is in a style some frames later, with hands that fly
+        there. In `Gait.CROUCH` it comes to rest crouched.
+        """
+        root, yaw = self.pose.root_position, self.pose.root_yaw
+        rest = Controls(facing=(float(np.sin(yaw)), float(np.cos(yaw))), gait=gait)
+        for _ in range(round(seconds * FPS)):
+            self.step(rest)
+        labels = self._trajectory.gait
+        self._trajectory = Trajectory(float(root[0]), float(root[2]), yaw)
+        self._trajectory.gait[:] = labels
+        self._foot_lock.reset()
+        return self.pose
 
     def set_terrain(self, terrain: Terrain) -> None:
         """Stand on another ground; the character stays where it is in X and Z."""

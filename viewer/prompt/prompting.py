@@ -23,6 +23,7 @@ from sport.viewer.services import ControllerLike, PromptWorkerLike
 from sport.viewer.settings import Settings
 
 CLOSE_SECONDS = 30.0
+FIRST_STYLE_SECONDS = 1.0  # of the blend from neutral to the first prompt, at most
 BLOCKING_SECONDS = 60.0  # how long an offscreen run waits for an answer
 FIRST_BLEND: Weights = (0.5,) * len(ALL_A)  # of a new prompt B: half, so that it shows
 MAX_LABEL = 40  # characters of a prompt in the name of its step
@@ -245,8 +246,9 @@ class Prompting:
         if side is Side.A and in_force is not None:
             self.state.parts = dict(in_force.words.to_mapping())
         if before is None or in_force is None or not followed or in_force.words != before.words:
-            # the first style is there at once
-            self._due_seconds = self.settings.blend_seconds if self._styled else 0.0
+            # the first style comes soon, but no hand flies there
+            first = min(self.settings.blend_seconds, FIRST_STYLE_SECONDS)
+            self._due_seconds = self.settings.blend_seconds if self._styled else first
         if question.remembered and isinstance(question.request, str):
             self.settings.prompt_history = remember(self.settings.prompt_history, question.request)
         if prompted and (self._styled or answer.note):  # the first answers without a word

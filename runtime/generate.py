@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from sport.runtime.prompts.expander import Expander
     from sport.runtime.prompts.parts import PartDescriptions
     from sport.runtime.prompts.text_encoder import TextEncoder
+    from sport.runtime.style_mix import StyleMix
 
 Array = NDArray[np.floating]
 PromptToStyle = Callable[["str | PartDescriptions"], Array]  # a prompt or six descriptions to Z^t (6, 64)
@@ -209,11 +210,12 @@ def _events(
     return events, [check_prompt(words) if isinstance(words, str) else words for words in asked]
 
 
-def _style(words: Words | BlendedPrompt, to_style: PromptToStyle) -> Array:
-    from sport.runtime.prompts.blend import BlendedPrompt, blend_parts
+def _style(words: Words | BlendedPrompt, to_style: PromptToStyle) -> Array | StyleMix:
+    from sport.runtime.prompts.blend import BlendedPrompt
+    from sport.runtime.style_mix import mix_of_parts
 
     if isinstance(words, BlendedPrompt):
-        return blend_parts(to_style(words.a), to_style(words.b), words.weights)
+        return mix_of_parts(to_style(words.a), to_style(words.b), words.weights)
     return to_style(words)
 
 
@@ -234,7 +236,7 @@ def _spelled_out(words: Words | BlendedPrompt, meant: dict[str, PartDescriptions
 def simulate(
     controller: Controller,
     script: ControlScript,
-    styles: Sequence[tuple[float, Array]],
+    styles: Sequence[tuple[float, Array | StyleMix]],
     frames: int,
     transition_seconds: float = 1.0,
 ) -> list[Pose]:

@@ -9,11 +9,11 @@ import sport.runtime.motion.model
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sport.runtime.errors import PromptError
+from sport.runtime.motion.model import Style
 from sport.runtime.prompts.blend import (
     ALL_A,
     ALL_B,
     BlendedPrompt,
-    blend_parts,
     check_weights,
     parse_weights,
     read_words,
@@ -21,6 +21,7 @@ from sport.runtime.prompts.blend import (
 )
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.skeleton import PART_NAMES
+from sport.runtime.style_mix import StyleFolder, mix_of_parts
 from sport.runtime.takes.clip import PromptEvent
 from walker import WalkerModel
 
@@ -36,36 +37,64 @@ weights = st.tuples(*[shares] * 6)
 PARTS = PartDescriptions(*(f"{part} moves" for part in PART_NAMES))
 
 
+def code_of(mix):
+    """Mean code of a mix: what it stands for, part by part."""
+    return sum(np.float32(share) * z for share, z in zip(mix.shares, mix.codes, strict=True))
+
+
 @given(codes, codes)
 def test_the_ends_are_the_prompts_themselves(a, b):
-    assert blend_parts(a, b, ALL_A).tobytes() == a.tobytes()
-    assert blend_parts(a, b, ALL_B).tobytes() == b.tobytes()
-
-
-@given(codes, codes, weights, st.integers(0, 5), shares)
-def test_a_weight_moves_its_own_part_only(a, b, before, part, share):
-    after = (*before[:part], share, *before[part + 1 :])
-    old, new = blend_parts(a, b, before), blend_parts(a, b, after)
-    others = np.arange(6) != part
-    assert np.array_equal(old[others], new[others])
-    assert np.allclose(new[part], a[part] + share * (b[part] - a[part]), atol=1e-4)
+    for weights, z in ((ALL_A, a), (ALL_B, b)):
+        mix = mix_of_parts(a, b, weights)
+        assert mix.shares == (1.0,)
+        assert mix.codes[0].tobytes() == z.tobytes()
 
 
 @given(codes, codes, weights)
-def test_a_mix_lies_between_and_its_mirror_is_the_mix_of_the_swapped(a, b, share):
-    mixed = blend_parts(a, b, share)
-    assert mixed.shape == (6, 64)
-    assert mixed.dtype == np.float32
-    assert np.all(mixed >= np.minimum(a, b) - 1e-4)
-    assert np.all(mixed <= np.maximum(a, b) + 1e-4)
-    assert np.allclose(mixed, blend_parts(b, a, tuple(1 - w for w in share)), atol=1e-4)
+def test_each_part_has_its_own_share_of_b(a, b, share):
+    mix = mix_of_parts(a, b, share)
+    assert sum(mix.shares) == pytest.approx(1.0)
+    assert min(mix.shares) > 0.0
+    assert len(mix.shares) <= 7
+    w = np.array(share, np.float32)[:, None]
+    assert np.allclose(code_of(mix), (1 - w) * a + w * b, atol=1e-4)
+    for z in mix.codes:  # whole parts only
+        assert np.all(np.all(z == a, axis=1) | np.all(z == b, axis=1))
+
+
+def test_equal_weights_are_the_straight_line_between_the_folded_styles():
+    a, b = np.zeros((6, 64), np.float32), np.ones((6, 64), np.float32)
+
+    def fold(z, strength):  # a switch, as the network's own gating is
+        weight = np.full((2, 2), float(z.mean() > 0.5), np.float32)
+        return Style(z, weight, weight, weight, 1.0 + z.mean(), 3.0)
+
+    folder = StyleFolder(fold, 1.0)
+    for share in (0.0, 0.25, 0.5, 0.75, 1.0):
+        style = folder.fold(mix_of_parts(a, b, (share,) * 6))
+        assert np.allclose(style.content_weight, share)
+        assert style.walk_speed == pytest.approx(1.0 + share)
+
+
+def test_a_folder_folds_each_code_once():
+    folded = []
+
+    def fold(z, strength):
+        folded.append(strength)
+        return Style(z, z, z, z, 1.0, 3.0)
+
+    folder = StyleFolder(fold, 1.25)
+    a, b = np.zeros((6, 64), np.float32), np.ones((6, 64), np.float32)
+    for share in (0.1, 0.2, 0.9):
+        folder.fold(mix_of_parts(a, b, (share,) * 6))
+    assert folded == [1.25, 1.25]
 
 
 def test_codes_of_different_models_are_refused():
     with pytest.raises(PromptError, match="shape"):
-        blend_parts(np.zeros((6, 64)), np.zeros((6, 32)), ALL_A)
+        mix_of_parts(np.zeros((6, 64)), np.zeros((6, 32)), ALL_A)
     with pytest.raises(PromptError, match="shape"):
-        blend_parts(np.zeros((5, 64)), np.zeros((5, 64)), ALL_A)
+        mix_of_parts(np.zeros((5, 64)), np.zeros((5, 64)), ALL_A)
 
 
 def test_weights_are_read_by_part_or_for_all():
@@ -142,10 +171,12 @@ def test_the_events_of_a_take_make_its_style_again(walker):
     """What the viewer kept of a prompt, of edited words and of a blend is what `generate` is given."""
     blended = BlendedPrompt("proud", PARTS, (0.0, 0.0, 0.0, 0.0, 1.0, 0.25))
     kept = (PromptEvent(0.0, write_words(blended)),)
-    z = blend_parts(style_of("proud"), style_of(PARTS), blended.weights)
+    mix = mix_of_parts(style_of("proud"), style_of(PARTS), blended.weights)
     events, asked = generate_module._events(kept)
     assert events == kept
-    assert np.array_equal(generate_module._style(asked[0], style_of), z)
+    made = generate_module._style(asked[0], style_of)
+    assert made.shares == mix.shares
+    assert np.array_equal(made.codes, mix.codes)
     clip = generate_module.generate_clip(blended, seconds=0.1)
     assert clip.prompts == kept
 
@@ -172,14 +203,15 @@ def test_a_style_that_changes_each_frame_is_folded_once_a_frame():
     from sport.runtime.terrain.height_map import Terrain
 
     model = WalkerModel()
-    controller = Controller(model, Terrain.flat())
     folded, fold = [], model.fold_style
     model.fold_style = lambda z, strength: folded.append(z) or fold(z, strength)
+    controller = Controller(model, Terrain.flat())
+    folded.clear()  # the neutral style
     for i in range(30):
-        controller.set_style(np.full((6, 64), i / 30.0), 0.1)
+        controller.set_style(np.full((6, 64), 1.0 + i / 30.0), 0.1)
         controller.step(Controls())
         assert len(folded) == i + 1
     for _ in range(10):
         controller.step(Controls())
-    assert controller.style.z[0, 0] == pytest.approx(29 / 30)
-    assert len(folded) == 36  # the last tenth of a second, then no more
+    assert controller.style.z[0, 0] == pytest.approx(1.0 + 29 / 30)
+    assert len(folded) == 30  # a transition folds nothing more

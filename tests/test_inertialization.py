@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sport.runtime import rotations
 from sport.runtime.motion.features import FPS
-from sport.runtime.motion.inertialization import AFTERWARDS, ARMS, FASTEST, FASTEST_EVER, Inertialization
+from sport.runtime.motion.inertialization import ARMS, FASTEST, FASTEST_EVER, Inertialization
 from sport.runtime.skeleton import SPORT_SKELETON
 
 ARM = SPORT_SKELETON.index("LeftArm")

@@ -21,6 +21,7 @@ from sport.runtime.motion.stall import TURNS_PER_SECOND, Stall, turned
 from sport.runtime.motion.trajectory import PRESENT, Trajectory, decay
 from sport.runtime.pose import Pose
 from sport.runtime.skeleton import SPORT_SKELETON
+from sport.runtime.style_mix import StyleFolder, StyleMix, mixed
 from sport.runtime.terrain.height_map import Terrain
 from sport.runtime.terrain.obstacles import blocked_message, step_ahead, within_steps
 
@@ -74,7 +75,7 @@ class Controller:
         strength: float = 1.0,
     ) -> None:
         self.model = model
-        self._strength = strength
+        self._folder = StyleFolder(model.fold_style, strength)
         self.terrain = terrain
         self.temperature = temperature
         self.seed = seed
@@ -85,8 +86,8 @@ class Controller:
         self._stall = Stall()
         self._regulator = SpeedRegulator()
         self._arms = Inertialization()
-        self._style = model.fold_style(model.neutral, self._strength)
-        self._from_z = self._to_z = self._style.z
+        self._to: Array | StyleMix = model.neutral
+        self._style = self._from_style = self._to_style = self._folder.fold(self._to)
         self._blend, self._blend_seconds = 1.0, 0.0
         self.asked_speed = 0.0
         self.reset()
@@ -116,28 +117,29 @@ class Controller:
         self.pose = self._pose(y, np.zeros(4))
         return self.pose
 
-    def set_style(self, z: Array, transition_seconds: float = 1.0) -> None:
-        """Blend to Z^t `(6, 64)` over the given time, starting with the next frame."""
-        z = np.ascontiguousarray(z, np.float32)
-        fits = z.shape == self._style.z.shape and bool(np.all(np.isfinite(z)))
-        if (
-            transition_seconds <= 0 or not fits
-        ):  # `fold_style` says what is wrong with a code that does not fit
-            self._style, self._blend = self.model.fold_style(z, self._strength), 1.0
-            self._from_z = self._to_z = self._style.z
-            return
-        self._from_z, self._to_z = self._style.z, z  # folded once a frame while it blends
+    def set_style(self, style: Array | StyleMix, transition_seconds: float = 1.0) -> None:
+        """Blend to Z^t `(6, 64)` or a mix of codes over the given time, starting with the next frame.
+
+        ModelError where a code does not fit the model; the style stays as it was.
+        """
+        folded = self._folder.fold(style)
+        self._to, self._from_style, self._to_style = style, self._style, folded
         self._blend, self._blend_seconds = 0.0, float(transition_seconds)
+        if transition_seconds <= 0:
+            self._style, self._blend = folded, 1.0
 
     @property
     def strength(self) -> float:
         """How far styles go from neutral walking: 0 is neutral, 1 as the model shows them, more exaggerates."""
-        return self._strength
+        return self._folder.strength
 
     @strength.setter
     def strength(self, value: float) -> None:
-        self._strength = value
-        self._style = self.model.fold_style(self._style.z, value)
+        self._folder = StyleFolder(self.model.fold_style, value)
+        self._to_style = self._folder.fold(self._to)
+        if self._blend < 1.0:
+            self._from_style = self._folder.fold(self._from_style.z)
+        self._mix_styles()
 
     def settle(self, gait: Gait = Gait.WALK, seconds: float = SETTLE_SECONDS) -> Pose:
         """Come to rest in the present style, in place, in frames that nobody sees; returns the pose to begin from.
@@ -209,8 +211,12 @@ class Controller:
         if self._blend >= 1.0:
             return
         self._blend = min(1.0, self._blend + DT / self._blend_seconds)
+        self._mix_styles()
+
+    def _mix_styles(self) -> None:
         t = self._blend * self._blend * (3 - 2 * self._blend)
-        self._style = self.model.fold_style((1 - t) * self._from_z + t * self._to_z, self._strength)
+        ends = (self._from_style, self._to_style)
+        self._style = self._to_style if t >= 1.0 else mixed(ends, (1.0 - t, t))
 
     def _steer(self, controls: Controls) -> None:
         move: Array = np.array(controls.move, np.float64)

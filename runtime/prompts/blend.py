@@ -1,4 +1,4 @@
-"""Two prompts mixed part by part: each of the six tokens of Z^t lies between prompt A's and prompt B's."""
+"""Two prompts mixed part by part: the words of a blend and the weights of its parts (`sport.runtime.style_mix` mixes)."""
 
 from __future__ import annotations
 
@@ -8,35 +8,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from sport.runtime.errors import PromptError
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.skeleton import PART_NAMES
 
-Array = NDArray[np.floating]
 Words = str | PartDescriptions  # a prompt, or what the six parts do
 Weights = tuple[float, ...]  # one for each of PART_NAMES: 0 is prompt A, 1 is prompt B
 
 ALL_A: Weights = (0.0,) * len(PART_NAMES)
 ALL_B: Weights = (1.0,) * len(PART_NAMES)
 _FORM = f"Write left_arm=1,torso=0.5; the parts are {', '.join(PART_NAMES)}."
-
-
-def blend_parts(z_a: Array, z_b: Array, weights: Weights) -> NDArray[np.float32]:
-    """Z^t `(6, 64)` of a mix: row k is (1 - w_k) z_a[k] + w_k z_b[k], and exactly z_a[k] or z_b[k] at the ends.
-
-    PromptError when the codes differ in shape or a weight is not in 0..1.
-    """
-    a, b = np.asarray(z_a, np.float32), np.asarray(z_b, np.float32)
-    if a.shape != b.shape or a.ndim != 2 or len(a) != len(PART_NAMES):
-        raise PromptError(
-            f"Blend: codes of shape {a.shape} and {b.shape}, expected two of ({len(PART_NAMES)}, D).",
-            "Encode both prompts with the same model.",
-        )
-    w = np.array(check_weights(dict(zip(PART_NAMES, weights, strict=True))), np.float32)[:, None]
-    mixed = (1 - w) * a + w * b
-    return np.where(w == 0, a, np.where(w == 1, b, mixed)).astype(np.float32)
 
 
 def check_weights(weights: Mapping[str, Any], default: float = 0.0) -> Weights:

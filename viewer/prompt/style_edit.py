@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sport.runtime.prompts.blend import ALL_A, BlendedPrompt, Weights, Words, blend_parts
+from sport.runtime.prompts.blend import ALL_A, BlendedPrompt, Weights, Words
 from sport.runtime.prompts.expander import Expansion
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.skeleton import PART_NAMES
+from sport.runtime.style_mix import StyleMix, mix_of_parts
 
 MAX_STEPS = 100  # of undo
 
@@ -115,11 +116,11 @@ class StyleEdit:
         """Whether prompt B shows anywhere."""
         return None not in self.answers and any(weight > 0.0 for weight in self.weights)
 
-    def style(self) -> NDArray[np.float32] | None:
-        """Z^t `(6, 64)`; None before the first answer."""
-        if self.a is None or self.b is None:
+    def style(self) -> NDArray[np.float32] | StyleMix | None:
+        """Z^t `(6, 64)`, or the mix of a blend; None before the first answer."""
+        if self.a is None or self.b is None or not self.blended:
             return None if self.a is None else self.a.z
-        return blend_parts(self.a.z, self.b.z, self.weights)
+        return mix_of_parts(self.a.z, self.b.z, self.weights)
 
     def replayable(self) -> Words | BlendedPrompt:
         """What a take keeps of this style."""

@@ -7,7 +7,7 @@ from sport.runtime.controls import Controls
 from sport.runtime.generate import generate_clip, open_prompter
 from sport.runtime.motion.controller import Controller
 from sport.runtime.motion.model import load_model
-from sport.runtime.prompts.blend import BlendedPrompt, blend_parts, parse_weights
+from sport.runtime.prompts.blend import BlendedPrompt, mix_of_parts, parse_weights
 from sport.runtime.skeleton import SPORT_SKELETON
 from sport.runtime.takes.clip import save_bvh
 from sport.runtime.terrain.height_map import Terrain
@@ -25,7 +25,7 @@ def main() -> None:
     z_a, z_b = to_style(A), to_style(B)  # (6, 64): a row for each part of the body
     for share in np.linspace(0.0, 1.0, STEPS + 1):
         controller = Controller(model, Terrain.flat(), seed=0)
-        controller.set_style(blend_parts(z_a, z_b, (float(share),) * 6), transition_seconds=0.0)
+        controller.set_style(mix_of_parts(z_a, z_b, (float(share),) * 6), transition_seconds=0.0)
         poses = [controller.step(Controls(move=(0.0, 1.0))) for _ in range(70)]
         hands = np.stack([pose.positions[HANDS, 1] - pose.positions[HIPS, 1] for pose in poses[30:]])
         print(f"{share:.2f} of B: hands {100 * hands.mean():+5.1f} cm over the hips")

@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from sport.runtime.controls import Controls
     from sport.runtime.motion.controller import Controller
     from sport.runtime.motion.model import MotionModel
+    from sport.runtime.motion.style_mix import StyleMix
     from sport.runtime.prompts.blend import BlendedPrompt, Words
     from sport.runtime.prompts.expander import Expander
     from sport.runtime.prompts.parts import PartDescriptions
     from sport.runtime.prompts.text_encoder import TextEncoder
-    from sport.runtime.style_mix import StyleMix
 
 Array = NDArray[np.floating]
 PromptToStyle = Callable[["str | PartDescriptions"], Array]  # a prompt or six descriptions to Z^t (6, 64)
@@ -211,8 +211,7 @@ def _events(
 
 
 def _style(words: Words | BlendedPrompt, to_style: PromptToStyle) -> Array | StyleMix:
-    from sport.runtime.prompts.blend import BlendedPrompt
-    from sport.runtime.style_mix import mix_of_parts
+    from sport.runtime.prompts.blend import BlendedPrompt, mix_of_parts
 
     if isinstance(words, BlendedPrompt):
         return mix_of_parts(to_style(words.a), to_style(words.b), words.weights)

@@ -10,18 +10,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sport.runtime.errors import PromptError
 from sport.runtime.motion.model import Style
+from sport.runtime.motion.style_mix import StyleFolder
 from sport.runtime.prompts.blend import (
     ALL_A,
     ALL_B,
     BlendedPrompt,
     check_weights,
+    mix_of_parts,
     parse_weights,
     read_words,
     write_words,
 )
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.skeleton import PART_NAMES
-from sport.runtime.style_mix import StyleFolder, mix_of_parts
 from sport.runtime.takes.clip import PromptEvent
 from walker import WalkerModel
 

@@ -81,6 +81,6 @@ def test_a_state_of_another_shape_is_refused_by_name(walked: Controller) -> None
     snapshot = take_snapshot(walked)
     tree = snapshot.tree | {"_body": snapshot.tree["_body"] | {"joints": np.zeros((30, 3))}}
     with pytest.raises(FileError, match=r"controller\._body\.joints: shape \(30, 3\)"):
-        Snapshot(snapshot.seed, tree).restore(walked)
+        Snapshot(snapshot.seed, 1.0, tree).restore(walked)
     with pytest.raises(FileError, match="has no 'wings'"):
-        Snapshot(snapshot.seed, snapshot.tree | {"wings": 2}).restore(walked)
+        Snapshot(snapshot.seed, 1.0, snapshot.tree | {"wings": 2}).restore(walked)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sport.runtime.motion.style_mix import StyleMix
 from sport.runtime.prompts.blend import ALL_A, BlendedPrompt
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.skeleton import PART_NAMES
-from sport.runtime.style_mix import StyleMix
 from sport.viewer.prompt.style_edit import MAX_STEPS, Answer, StyleEdit, UndoStack
 from sport.viewer.prompt.suggestions import MAX_HISTORY, MAX_SUGGESTIONS, matching, remember, suggest
 

@@ -18,10 +18,10 @@ from sport.runtime.motion.noise import DriftingNoise
 from sport.runtime.motion.phase import advance_phase
 from sport.runtime.motion.speed_regulator import SpeedRegulator
 from sport.runtime.motion.stall import TURNS_PER_SECOND, Stall, turned
+from sport.runtime.motion.style_mix import StyleFolder, StyleMix, mixed
 from sport.runtime.motion.trajectory import PRESENT, Trajectory, decay
 from sport.runtime.pose import Pose
 from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.style_mix import StyleFolder, StyleMix, mixed
 from sport.runtime.terrain.height_map import Terrain
 from sport.runtime.terrain.obstacles import blocked_message, step_ahead, within_steps
 

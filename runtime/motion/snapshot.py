@@ -19,13 +19,18 @@ from sport.runtime.errors import FileError
 from sport.runtime.motion.controller import Controller
 from sport.runtime.motion.model import Style
 from sport.runtime.motion.noise import DriftingNoise
+from sport.runtime.motion.style_mix import StyleMix
 from sport.runtime.pose import Pose
 
 VERSION = 1
 MAX_BYTES = 64 * 1024 * 1024
-CONSTANT = {"model", "terrain"}  # of the controller: what `restore` leaves as it is
+CONSTANT = {"model", "terrain", "_folder"}  # of the controller: what `restore` leaves as it is
 CHANGING: dict[type, tuple[str, ...]] = {DriftingNoise: ("_frame",)}  # where the rest follows from the seed
-VALUES = {"Style": Style, "Pose": Pose}  # immutable records of numbers, shared with the controller
+VALUES = {
+    "Style": Style,
+    "StyleMix": StyleMix,
+    "Pose": Pose,
+}  # immutable records of numbers, shared with the controller
 REMEDY = "Record the take again with this model."
 Tree = dict[str, Any]
 
@@ -35,6 +40,7 @@ class Snapshot:
     """State of one controller; `tree` holds plain numbers, arrays and nested dictionaries."""
 
     seed: int
+    strength: float
     tree: Tree
 
     def restore(self, controller: Controller) -> None:
@@ -42,7 +48,7 @@ class Snapshot:
 
         FileError when the state belongs to another version or another model.
         """
-        controller.seed = self.seed
+        controller.seed, controller.strength = self.seed, self.strength
         controller.reset()  # the noise of this seed
         _put(controller, self.tree, "controller")
 
@@ -50,7 +56,9 @@ class Snapshot:
         """The snapshot as an NPZ without objects; see `from_bytes`."""
         arrays: dict[str, np.ndarray] = {}
         tree = _packed(self.tree, arrays)
-        head = json.dumps({"version": VERSION, "seed": self.seed, "tree": tree}).encode()
+        head = json.dumps(
+            {"version": VERSION, "seed": self.seed, "strength": self.strength, "tree": tree}
+        ).encode()
         buffer = io.BytesIO()
         np.savez_compressed(buffer, head=np.frombuffer(head, np.uint8), **arrays)  # type: ignore[arg-type]
         return buffer.getvalue()
@@ -64,7 +72,8 @@ class Snapshot:
             with np.load(io.BytesIO(data), allow_pickle=False) as file:
                 arrays = {key: file[key] for key in file.files}
             head = json.loads(arrays.pop("head").tobytes())
-            version, seed, tree = head["version"], int(head["seed"]), _unpacked(head["tree"], arrays)
+            version, seed, strength = head["version"], int(head["seed"]), float(head["strength"])
+            tree = _unpacked(head["tree"], arrays)
         except (
             ValueError,
             KeyError,
@@ -79,12 +88,12 @@ class Snapshot:
             raise FileError(f"{name}: not the state of a controller.", REMEDY) from error
         if version != VERSION or not isinstance(tree, dict):
             raise FileError(f"{name}: of version {str(version)[:20]}, expected {VERSION}.", REMEDY)
-        return Snapshot(seed, tree)
+        return Snapshot(seed, strength, tree)
 
 
 def take_snapshot(controller: Controller) -> Snapshot:
     """The state of `controller` after its last step; later steps do not change it. About 0.1 ms and 40 KB."""
-    return Snapshot(controller.seed, _taken(controller))
+    return Snapshot(controller.seed, controller.strength, _taken(controller))
 
 
 def _names(owner: object) -> list[str]:
@@ -101,7 +110,7 @@ def _taken(owner: object) -> Tree:
     tree: Tree = {}
     for name in _names(owner):
         value = getattr(owner, name)
-        if isinstance(value, Style | Pose):
+        if isinstance(value, Style | StyleMix | Pose):
             tree[name] = value
         elif isinstance(value, tuple) and value and all(_is_ours(item) for item in value):
             tree[name] = {str(k): _taken(item) for k, item in enumerate(value)}
@@ -128,7 +137,9 @@ def _put(owner: object, tree: Tree, path: str) -> None:
         if name not in names:
             raise FileError(f"state of {path}: has no '{name}'.", REMEDY)
         now = getattr(owner, name)
-        if isinstance(now, Style | Pose):
+        if isinstance(value, StyleMix):
+            setattr(owner, name, value)  # what it is folded to is checked beside it
+        elif isinstance(now, Style | Pose):
             if type(value) is not type(now):
                 raise FileError(f"state of {path}.{name}: expected a {type(now).__name__}.", REMEDY)
             for field in fields(now):

@@ -1,17 +1,22 @@
-"""Two prompts mixed part by part: the words of a blend and the weights of its parts (`sport.runtime.style_mix` mixes)."""
+"""Two prompts mixed part by part: the words of a blend and the weights of its parts (`sport.runtime.motion.style_mix` mixes)."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from sport.runtime.errors import PromptError
+from sport.runtime.motion.style_mix import StyleMix
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.skeleton import PART_NAMES
 
+Array = NDArray[np.float32]
 Words = str | PartDescriptions  # a prompt, or what the six parts do
 Weights = tuple[float, ...]  # one for each of PART_NAMES: 0 is prompt A, 1 is prompt B
 
@@ -31,6 +36,28 @@ def check_weights(weights: Mapping[str, Any], default: float = 0.0) -> Weights:
                 f"Blend weight of {part}: {str(value)[:40]!r}, expected 0 (prompt A) to 1 (prompt B).", _FORM
             )
     return tuple(float(weights.get(part, default)) for part in PART_NAMES)
+
+
+def mix_of_parts(z_a: Array, z_b: Array, weights: Sequence[float]) -> StyleMix:
+    """The mix in which part k is `weights[k]` (0 to 1) of the way from prompt A to prompt B.
+
+    Its codes have each part wholly of A or of B: those of B come in the order of their weights. Equal weights give the
+    straight line from A to B, weights of 0 and 1 exactly one code. PromptError when the codes differ in shape or a
+    weight is not in 0..1.
+    """
+    a, b = np.asarray(z_a, np.float32), np.asarray(z_b, np.float32)
+    if a.shape != b.shape or a.ndim != 2 or len(a) != len(PART_NAMES):
+        raise PromptError(
+            f"Blend: codes of shape {a.shape} and {b.shape}, expected two of ({len(PART_NAMES)}, D).",
+            "Encode both prompts with the same model.",
+        )
+    w = np.array(check_weights(dict(zip(PART_NAMES, weights, strict=True))))
+    steps = [0.0, *sorted(set(w.tolist()) - {0.0, 1.0}), 1.0]
+    shares, codes = [], []
+    for low, high in pairwise(steps):
+        shares.append(high - low)
+        codes.append(np.where((w >= high)[:, None], b, a))
+    return StyleMix(tuple(shares), tuple(codes))
 
 
 def parse_weights(text: str) -> Weights:

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sport.runtime.prompts.blend import ALL_A, BlendedPrompt, Weights, Words
+from sport.runtime.motion.style_mix import StyleMix
+from sport.runtime.prompts.blend import ALL_A, BlendedPrompt, Weights, Words, mix_of_parts
 from sport.runtime.prompts.expander import Expansion
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.skeleton import PART_NAMES
-from sport.runtime.style_mix import StyleMix, mix_of_parts
 
 MAX_STEPS = 100  # of undo
 

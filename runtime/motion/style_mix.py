@@ -8,14 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from sport.runtime.errors import PromptError
 from sport.runtime.motion.model import Style
-from sport.runtime.prompts.blend import check_weights
-from sport.runtime.skeleton import PART_NAMES
 
 Array = NDArray[np.float32]
 
@@ -28,28 +24,6 @@ class StyleMix:
 
     shares: tuple[float, ...]
     codes: tuple[Array, ...]
-
-
-def mix_of_parts(z_a: Array, z_b: Array, weights: Sequence[float]) -> StyleMix:
-    """The mix in which part k is `weights[k]` (0 to 1) of the way from prompt A to prompt B.
-
-    Its codes have each part wholly of A or of B: those of B come in the order of their weights. Equal weights give the
-    straight line from A to B, weights of 0 and 1 exactly one code. PromptError when the codes differ in shape or a
-    weight is not in 0..1.
-    """
-    a, b = np.asarray(z_a, np.float32), np.asarray(z_b, np.float32)
-    if a.shape != b.shape or a.ndim != 2 or len(a) != len(PART_NAMES):
-        raise PromptError(
-            f"Blend: codes of shape {a.shape} and {b.shape}, expected two of ({len(PART_NAMES)}, D).",
-            "Encode both prompts with the same model.",
-        )
-    w = np.array(check_weights(dict(zip(PART_NAMES, weights, strict=True))))
-    steps = [0.0, *sorted(set(w.tolist()) - {0.0, 1.0}), 1.0]
-    shares, codes = [], []
-    for low, high in pairwise(steps):
-        shares.append(high - low)
-        codes.append(np.where((w >= high)[:, None], b, a))
-    return StyleMix(tuple(shares), tuple(codes))
 
 
 def mixed(styles: Sequence[Style], shares: Sequence[float]) -> Style:

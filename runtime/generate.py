@@ -78,7 +78,7 @@ def _open_expander(name: str, text_encoder: TextEncoder) -> Expander:
         from sport.runtime.prompts.gpt.expander import GptExpander
 
         return GptExpander()
-    raise UsageError(f"--expander {name}: there is no such expander.", f"Choose {' or '.join(EXPANDERS)}.")
+    raise UsageError(f" {name}: there is no such expander.", f"Choose {' or '.join(EXPANDERS)}.", "expander")
 
 
 def load_parts(path: Path) -> PartDescriptions:
@@ -110,7 +110,8 @@ def parse_prompts(script: str) -> tuple[PromptEvent, ...]:
         match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*:\s*(\S.*?)\s*", entry)
         if not match:
             raise PromptError(
-                f"--prompts: '{entry.strip()[:60]}' is not SECONDS:PROMPT.", 'Write "0:walk calmly; 4:drunk".'
+                f"Prompts with times: '{entry.strip()[:60]}' is not SECONDS:PROMPT.",
+                'Write "0:walk calmly; 4:drunk".',
             )
         events.append(PromptEvent(float(match[1]), match[2]))
     return tuple(sorted(events, key=lambda event: event.seconds))
@@ -144,13 +145,16 @@ def generate_clip(
     from sport.runtime.terrain.library import load_terrain
 
     if not 1.0 / FPS <= seconds <= MAX_SECONDS:
-        raise UsageError(f"--seconds {seconds}: expected up to {MAX_SECONDS:.0f}.", "Choose a shorter time.")
+        raise UsageError(
+            f" {seconds}: expected up to {MAX_SECONDS:.0f}.", "Choose a shorter time.", "seconds"
+        )
     if not 0.0 <= transition_seconds <= 60.0:
-        raise UsageError(f"--transition {transition_seconds}: expected 0 to 60 seconds.", "Try 1.")
+        raise UsageError(f" {transition_seconds}: expected 0 to 60 seconds.", "Try 1.", "transition_seconds")
     if not MIN_STRENGTH <= strength <= MAX_STRENGTH:
         raise UsageError(
-            f"--strength {strength}: expected {MIN_STRENGTH:g} to {MAX_STRENGTH:g}.",
+            f" {strength}: expected {MIN_STRENGTH:g} to {MAX_STRENGTH:g}.",
             "1 is as the model shows it.",
+            "strength",
         )
     script = control_script(path, gait, speed, seed)
     events, asked = _events(prompt)

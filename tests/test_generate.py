@@ -80,8 +80,8 @@ def test_gait_and_speed_arrive_in_the_controls(path, gait):
 
 @pytest.mark.parametrize(
     ("arguments", "field"),
-    [(("spiral", "walk"), "--path"), (("circle", "fly"), "--gait"), (("circle", "walk", 1.5), "--speed"),
-     (("circle", "walk", 0.0), "--speed"), (("circle", "walk", float("nan")), "--speed")],
+    [(("spiral", "walk"), "path"), (("circle", "fly"), "gait"), (("circle", "walk", 1.5), "speed"),
+     (("circle", "walk", 0.0), "speed"), (("circle", "walk", float("nan")), "speed")],
 )  # fmt: skip
 def test_unknown_paths_gaits_and_speeds_are_named(arguments, field):
     with pytest.raises(UsageError, match=field):
@@ -163,9 +163,9 @@ def test_standing_stands(walker):
 @pytest.mark.parametrize(
     ("changes", "error", "expected"),
     [({"prompt": "  "}, PromptError, "prompt"), ({"prompt": "x" * 10_000}, PromptError, "prompt"),
-     ({"terrain": "lava"}, TerrainError, "lava"), ({"seconds": 0.0}, UsageError, "--seconds"),
-     ({"seconds": 1e9}, UsageError, "--seconds"), ({"transition_seconds": -1.0}, UsageError, "--transition"),
-     ({"strength": 2.5}, UsageError, "--strength"), ({"strength": float("nan")}, UsageError, "--strength")],
+     ({"terrain": "lava"}, TerrainError, "lava"), ({"seconds": 0.0}, UsageError, "seconds"),
+     ({"seconds": 1e9}, UsageError, "seconds"), ({"transition_seconds": -1.0}, UsageError, "transition_seconds"),
+     ({"strength": 2.5}, UsageError, "strength"), ({"strength": float("nan")}, UsageError, "strength")],
 )  # fmt: skip
 def test_what_cannot_be_used_is_named(walker, changes, error, expected):
     with pytest.raises(error, match=expected):

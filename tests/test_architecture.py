@@ -42,7 +42,8 @@ ARROWS = {
 ROOMS = {
     "runtime": (
         "errors", "assets", "atomic", "rotations", "skeleton", "spring", "pose", "controls",
-        "terrain", "feet", "character", "motion", "prompts", "prompts.english", "prompts.gpt", "takes", "generate",
+        "terrain", "feet", "character", "motion", "prompts", "prompts.english", "prompts.gpt", "prompts.prompter", "takes",
+        "generate",
     ),
 }  # fmt: skip
 LIBRARIES = {

@@ -14,6 +14,7 @@ from sport.runtime.errors import FileError, ModelError, UsageError
 from sport.runtime.motion.features import OUTPUT
 from sport.runtime.prompts.expander import Expansion
 from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.prompts.prompter import Prompter
 from sport.runtime.skeleton import PART_NAMES, SPORT_SKELETON
 from sport.training.data.clip_files import TrainingClip
 from sport.training.data.height_patches import Patches
@@ -363,26 +364,25 @@ def test_a_steady_motion_is_as_smooth_through_a_change_as_in_between(monkeypatch
     assert rows["a → b"]["ratio"] == pytest.approx(1.0, abs=0.05)
 
 
-class Prompter:
+class StandIn(Prompter):
     """In place of a model's way from words to Z^t: a raised word tilts the head."""
 
-    def __init__(self, folder: Path, text_encoder: Path | None) -> None:
-        self.model, self.words = WalkerModel(), None
+    def __init__(self, model: WalkerModel, text_encoder: Path | None) -> None:
+        self.text_encoder = text_encoder
 
     def expand(self, prompt: str) -> Expansion:
         return Expansion(NEUTRAL.replace("head", prompt), "library", note="made up")
 
-    def z(self, descriptions: PartDescriptions) -> np.ndarray:
+    def __call__(self, words: str | PartDescriptions) -> np.ndarray:
+        descriptions = self.expand(words).descriptions if isinstance(words, str) else words
         return np.full((6, 64), 0.3 if "tilted" in descriptions.head else 0.0, np.float32)
-
-    def z_of(self, prompt: str) -> np.ndarray:
-        return self.z(self.expand(prompt).descriptions)
 
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few cases and short walks of the synthetic walker."""
-    monkeypatch.setattr(text_main, "_Prompter", Prompter)
+    monkeypatch.setattr(text_main, "load_model", lambda folder: WalkerModel())
+    monkeypatch.setattr(text_main, "Prompter", StandIn)
     monkeypatch.setattr(text_walks, "_model", lambda folder: WalkerModel())
     monkeypatch.setattr(text_main, "FREE_PROMPTS", {"cocked, tilted left": ("head.tilted_left",)})
     monkeypatch.setattr(text_main, "SECONDS", 0.5)

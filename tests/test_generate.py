@@ -25,7 +25,7 @@ def walker(monkeypatch):
     monkeypatch.setattr(
         sport.runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel()
     )
-    monkeypatch.setattr(generate_module, "open_prompter", lambda model, *_: style_of)
+    monkeypatch.setattr(generate_module, "Prompter", lambda model, *_: style_of)
 
 
 def follow(script, seconds, speed=1.4):
@@ -137,14 +137,14 @@ def test_before_the_first_prompt_somebody_walks_by_the_default_one(walker):
 def test_a_clip_tells_what_it_was_made_with(walker, monkeypatch):
     parts = PartDescriptions(*("arm", "arm", "leg", "leg", "torso", "head"))
 
-    def open_prompter(model, expander, report, text_encoder, expanded):
+    def prompter(model, expander, report, text_encoder, expanded):
         def to_style(prompt):
             expanded(prompt, parts)
             return style_of(prompt)
 
         return to_style
 
-    monkeypatch.setattr(generate_module, "open_prompter", open_prompter)
+    monkeypatch.setattr(generate_module, "Prompter", prompter)
     prompts = parse_prompts("0:calm; 1:drunk")
     clip = generate_clip(prompts, "hills", gait="jog", seconds=2.0, seed=5, transition_seconds=0.5)
     assert clip.prompts == (

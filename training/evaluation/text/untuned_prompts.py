@@ -25,7 +25,7 @@ from sport.runtime.atomic import check_target, write_atomic
 from sport.runtime.errors import FileError, SportError, run_command
 from sport.runtime.motion.model import MotionModel, load_model
 from sport.runtime.prompts.content import PromptEncoder
-from sport.runtime.prompts.text_encoder import library_encoder, text_encoder_of
+from sport.runtime.prompts.prompter import Prompter
 from sport.runtime.skeleton import PART_NAMES
 
 if TYPE_CHECKING:
@@ -123,13 +123,10 @@ def library_size() -> int:
 def measure(prompts: Sequence[str], model: MotionModel) -> tuple[list[Answer], float]:
     """An answer for each prompt, asked once, and the processor's milliseconds for a first prompt, loading included."""
     watch = Stopwatch()
-    from sport.runtime.prompts.english.library import LibraryExpander
-
-    words = text_encoder_of(model.metadata, model.folder)
-    expander, encoder = LibraryExpander(library_encoder(words)), PromptEncoder(words, model.prompt_path)
-    ask(WARM_UP_PROMPT, expander, encoder)
+    prompter = Prompter(model)
+    ask(WARM_UP_PROMPT, prompter.library, prompter.encoder)
     first_ms, _ = watch.read()
-    return [ask(prompt, expander, encoder) for prompt in prompts], first_ms
+    return [ask(prompt, prompter.library, prompter.encoder) for prompt in prompts], first_ms
 
 
 def ask(prompt: str, expander: Expander, encoder: PromptEncoder) -> Answer:

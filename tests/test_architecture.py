@@ -36,7 +36,7 @@ ARROWS = {
     "runtime": {"runtime"},
     "viewer": {"viewer", "runtime"},
     "training": {"training", "runtime"},
-    "benchmarks": {"benchmarks", "viewer", "runtime"},
+    "benchmarks": {"benchmarks", "viewer", "training", "runtime"},
 }
 # the rooms of a package from the ground up: each may use itself and those before it
 ROOMS = {

@@ -20,7 +20,8 @@ from sport.runtime.motion.model import load_model
 from sport.runtime.prompts.english.library_data import load_styles
 from sport.runtime.prompts.prompter import Prompter
 from sport.runtime.prompts.text_encoder import TextEncoder
-from sport.training.evaluation.report.text_tables import markdown, write_markdown
+from sport.training.evaluation.report.markers import check_section, write_section
+from sport.training.evaluation.report.text_tables import SECTION, markdown
 from sport.training.evaluation.text import part_edits
 from sport.training.evaluation.text.independence import by_slot, independence, seed_changes
 from sport.training.evaluation.text.part_edits import Case, Reference
@@ -78,15 +79,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     add_arguments(parser)
     args = parser.parse_args(argv)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
-    for target in (args.json, args.markdown):
-        if target is not None:
-            check_target(target)
+    if args.json is not None:
+        check_target(args.json)
+    if args.markdown is not None:
+        check_section(args.markdown, SECTION)
     results = run(args)
     print(markdown(results), end="")
     if args.json is not None:
         write_atomic(args.json, json.dumps(results, indent=1, ensure_ascii=False) + "\n")
     if args.markdown is not None:
-        write_markdown(args.markdown, results)
+        write_section(args.markdown, SECTION, markdown(results))
     return 0
 
 

@@ -124,12 +124,12 @@ def _model_times(frames: int, model: Path | None) -> dict[str, Any]:
 
 
 def _prompt_times(model: Path | None) -> dict[str, float]:
-    from sport.runtime.generate import open_prompter
     from sport.runtime.motion.model import load_model
+    from sport.runtime.prompts.prompter import Prompter
 
     network = load_model(model)
     begin = time.perf_counter()
-    to_style = open_prompter(network)
+    to_style = Prompter(network)
     to_style("walk normally, please")
     first = time.perf_counter() - begin
     times = [

@@ -32,6 +32,7 @@ from sport.runtime.atomic import check_target, write_atomic
 from sport.runtime.errors import UsageError, run_command
 from sport.runtime.motion.model import DEFAULT_MODEL
 from sport.runtime.motion.model_files import FOLDED, INT8_GRAPH, open_graph, read_graph, read_metadata
+from sport.training.evaluation.report.markers import check_section, write_section
 
 Array = NDArray[np.float32]
 Feed = dict[str, Array]
@@ -91,13 +92,13 @@ def run(
     markdown: Path | None = None,
 ) -> int:
     """Measure, print a table, write `json_path` and put the table into `markdown`; the exit code."""
-    for target in filter(None, (json_path, markdown)):
-        check_target(target)
+    if json_path is not None:
+        check_target(json_path)
     threads = [count for count in (1, 2) if count <= (os.cpu_count() or 1)]
     model = model or asset_path(DEFAULT_MODEL)
     network = preset or model.name
     if markdown is not None:
-        _around(markdown, network)
+        check_section(markdown, f"networks {network}")
     load = others_load()
     with tempfile.TemporaryDirectory() as folder:
         variants = _variants(Path(folder), preset, model)
@@ -113,7 +114,7 @@ def run(
     }
     print(table(figures))
     if markdown is not None:
-        write_markdown(markdown, figures)
+        write_section(markdown, f"networks {network}", table(figures))
     if json_path is not None:
         write_atomic(json_path, json.dumps(figures, indent=1) + "\n")
     return 0
@@ -133,23 +134,6 @@ def others_load(seconds: float = 2.0) -> float | None:
     except (OSError, ValueError):
         return None
     return (os.cpu_count() or 1) * (after[0] - before[0]) / max(1.0, after[1] - before[1])
-
-
-def write_markdown(path: Path, figures: dict[str, Any]) -> None:
-    """Replace what lies between the markers of this network; UsageError where `path` has none."""
-    before, after = _around(path, figures["network"])
-    write_atomic(path, f"{before}\n{table(figures)}\n{after}")
-
-
-def _around(path: Path, network: str) -> tuple[str, str]:
-    """The text of a document up to its table and after it, with the markers."""
-    begin, end = (f"<!-- networks {network}: {word} -->" for word in ("begin", "end"))
-    old = path.read_text(encoding="utf-8") if path.is_file() else ""
-    before, found, rest = old.partition(begin)
-    _, closed, after = rest.partition(end)
-    if not found or not closed:
-        raise UsageError(f"{path}: has no lines {begin} and {end}.", "Add them where the table belongs.")
-    return before + begin, end + after
 
 
 def _variants(folder: Path, preset: str | None, model: Path) -> list[Variant]:

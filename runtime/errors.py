@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 
 class SportError(Exception):
-    """Base of all errors a user can cause or mend.
+    """Base of all errors that a user can cause or correct.
 
     `problem` names the file or field and what was expected; `remedy` says what to do about it.
     The command line prints `str(error)` and exits with 2; the viewer shows it in the status line.
@@ -40,7 +40,15 @@ class DisplayError(SportError):
 
 
 class UsageError(SportError):
-    """A command line option or setting has a value that cannot be used."""
+    """An argument or setting has a value that cannot be used.
+
+    `parameter` is the argument's name in the function that was called. `problem` begins with it, so that a front end
+    can put its own name for it there ("--seconds").
+    """
+
+    def __init__(self, problem: str, remedy: str = "", parameter: str = "") -> None:
+        self.parameter = parameter
+        super().__init__(f"{parameter}{problem}", remedy)
 
 
 def run_command(name: str, command: Callable[[], int | None]) -> int:

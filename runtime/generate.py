@@ -14,7 +14,11 @@ from sport.runtime.errors import FileError, PromptError, SportError, UsageError
 from sport.runtime.motion.features import FPS
 from sport.runtime.motion.paths import GAITS, ControlScript, Place, control_script
 from sport.runtime.pose import Pose
-from sport.runtime.prompts.expander import DEFAULT_PROMPT
+from sport.runtime.prompts.blend import BlendedPrompt, Words, read_words, write_words
+from sport.runtime.prompts.expander import DEFAULT_PROMPT, check_prompt
+from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.prompts.prompter import Prompter
+from sport.runtime.skeleton import PART_NAMES
 from sport.runtime.takes.clip import Clip, PromptEvent
 from sport.runtime.takes.metadata import gait_of, gait_seconds, origin_of
 from sport.runtime.terrain.height_map import Terrain
@@ -22,71 +26,16 @@ from sport.runtime.terrain.height_map import Terrain
 if TYPE_CHECKING:
     from sport.runtime.controls import Controls
     from sport.runtime.motion.controller import Controller
-    from sport.runtime.motion.model import MotionModel
     from sport.runtime.motion.style_mix import StyleMix
-    from sport.runtime.prompts.blend import BlendedPrompt, Words
-    from sport.runtime.prompts.expander import Expander
-    from sport.runtime.prompts.parts import PartDescriptions
-    from sport.runtime.prompts.text_encoder import TextEncoder
 
 Array = NDArray[np.floating]
-PromptToStyle = Callable[["str | PartDescriptions"], Array]  # a prompt or six descriptions to Z^t (6, 64)
 
 MAX_SECONDS = 3600.0
-EXPANDERS = ("library", "gpt")
 MAX_PARTS_BYTES = 100_000
-
-
-def open_prompter(
-    model: MotionModel,
-    expander: str = "library",
-    report: Callable[[str], None] = lambda _: None,
-    text_encoder: Path | None = None,
-    expanded: Callable[[str, PartDescriptions], object] = lambda *_: None,
-) -> PromptToStyle:
-    """The way from a prompt to Z^t `(6, 64)`: expansion, sentence embedding, body-part network.
-
-    `expander` is one of EXPANDERS; `report` is told what an expansion remarks, such as how near the library came.
-    `text_encoder` is the folder of the one that the model was trained with, where that is not the shipped one.
-    `expanded` is told each prompt with its six descriptions.
-    """
-    from sport.runtime.prompts.content import PromptEncoder
-    from sport.runtime.prompts.parts import PartDescriptions
-    from sport.runtime.prompts.text_encoder import library_encoder, text_encoder_of
-
-    words = text_encoder_of(model.metadata, model.folder, text_encoder)
-    expanding = _open_expander(expander, library_encoder(words))
-    encoder = PromptEncoder(words, model.prompt_path)
-
-    def to_style(prompt: str | PartDescriptions) -> Array:
-        if isinstance(prompt, PartDescriptions):
-            return encoder.encode(prompt)
-        expansion = expanding.expand(prompt)
-        expanded(prompt, expansion.descriptions)
-        if expansion.note:
-            report(f"“{prompt}”: {expansion.note}")
-        return encoder.encode(expansion.descriptions)
-
-    return to_style
-
-
-def _open_expander(name: str, text_encoder: TextEncoder) -> Expander:
-    if name == "library":
-        from sport.runtime.prompts.english.library import LibraryExpander
-
-        return LibraryExpander(text_encoder)
-    if name == "gpt":
-        from sport.runtime.prompts.gpt.expander import GptExpander
-
-        return GptExpander()
-    raise UsageError(f"--expander {name}: there is no such expander.", f"Choose {' or '.join(EXPANDERS)}.")
 
 
 def load_parts(path: Path) -> PartDescriptions:
     """Six descriptions from a JSON file with one string for each body part; FileError or PromptError names what is wrong."""
-    from sport.runtime.prompts.parts import PartDescriptions
-    from sport.runtime.skeleton import PART_NAMES
-
     form = f"Write a JSON object with {', '.join(PART_NAMES)}."
     try:
         with path.open("rb") as file:
@@ -111,7 +60,8 @@ def parse_prompts(script: str) -> tuple[PromptEvent, ...]:
         match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*:\s*(\S.*?)\s*", entry)
         if not match:
             raise PromptError(
-                f"--prompts: '{entry.strip()[:60]}' is not SECONDS:PROMPT.", 'Write "0:walk calmly; 4:drunk".'
+                f"Prompts with times: '{entry.strip()[:60]}' is not SECONDS:PROMPT.",
+                'Write "0:walk calmly; 4:drunk".',
             )
         events.append(PromptEvent(float(match[1]), match[2]))
     return tuple(sorted(events, key=lambda event: event.seconds))
@@ -140,28 +90,31 @@ def generate_clip(
 
     `prompt` is one prompt, six descriptions, a blend of two, or several prompts with times (also those of a take),
     `terrain` a name, file or terrain, `path` and `gait` are those of `sport.runtime.motion.paths`. `model` is a model folder, by default the shipped one; `expander`, `report` and
-    `text_encoder` are those of `open_prompter`, `strength` is that of `Controller`. SportError names what cannot be used.
+    `text_encoder` are those of `Prompter`, `strength` is that of `Controller`. SportError names what cannot be used.
     """
     from sport.runtime.motion.controller import Controller
     from sport.runtime.motion.model import MAX_STRENGTH, MIN_STRENGTH, load_model
     from sport.runtime.terrain.library import load_terrain
 
     if not 1.0 / FPS <= seconds <= MAX_SECONDS:
-        raise UsageError(f"--seconds {seconds}: expected up to {MAX_SECONDS:.0f}.", "Choose a shorter time.")
+        raise UsageError(
+            f" {seconds}: expected up to {MAX_SECONDS:.0f}.", "Choose a shorter time.", "seconds"
+        )
     if not 0.0 <= transition_seconds <= 60.0:
-        raise UsageError(f"--transition {transition_seconds}: expected 0 to 60 seconds.", "Try 1.")
+        raise UsageError(f" {transition_seconds}: expected 0 to 60 seconds.", "Try 1.", "transition_seconds")
     if not MIN_STRENGTH <= strength <= MAX_STRENGTH:
         raise UsageError(
-            f"--strength {strength}: expected {MIN_STRENGTH:g} to {MAX_STRENGTH:g}.",
+            f" {strength}: expected {MIN_STRENGTH:g} to {MAX_STRENGTH:g}.",
             "1 is as the model shows it.",
+            "strength",
         )
     script = control_script(path, gait, speed, seed)
     events, asked = _events(prompt)
     ground = terrain if isinstance(terrain, Terrain) else load_terrain(terrain)
     motion_model = load_model(model)
     meant: dict[str, PartDescriptions] = {}
-    to_style = open_prompter(motion_model, expander, report, text_encoder, meant.__setitem__)
-    styles = [(event.seconds, _style(words, to_style)) for event, words in zip(events, asked, strict=True)]
+    prompter = Prompter(motion_model, expander, report, text_encoder, meant.__setitem__)
+    styles = [(event.seconds, prompter(words)) for event, words in zip(events, asked, strict=True)]
     controller = Controller(motion_model, ground, seed, strength=strength)
     controller.set_style(styles[0][1], 0.0)
     controller.settle(GAITS[gait])
@@ -195,10 +148,6 @@ def _events(
     prompt: str | PartDescriptions | BlendedPrompt | Sequence[PromptEvent],
 ) -> tuple[tuple[PromptEvent, ...], list[Words | BlendedPrompt]]:
     """The clip's prompt events, and for each what is to be expanded, encoded or blended."""
-    from sport.runtime.prompts.blend import BlendedPrompt, read_words, write_words
-    from sport.runtime.prompts.expander import check_prompt
-    from sport.runtime.prompts.parts import PartDescriptions
-
     if isinstance(prompt, str):
         return (PromptEvent(0.0, prompt),), [check_prompt(prompt)]
     if isinstance(prompt, PartDescriptions | BlendedPrompt):
@@ -210,17 +159,8 @@ def _events(
     return events, [check_prompt(words) if isinstance(words, str) else words for words in asked]
 
 
-def _style(words: Words | BlendedPrompt, to_style: PromptToStyle) -> Array | StyleMix:
-    from sport.runtime.prompts.blend import BlendedPrompt, mix_of_parts
-
-    if isinstance(words, BlendedPrompt):
-        return mix_of_parts(to_style(words.a), to_style(words.b), words.weights)
-    return to_style(words)
-
-
 def _spelled_out(words: Words | BlendedPrompt, meant: dict[str, PartDescriptions]) -> str:
     """The words of `PromptEvent.words`; `meant` has the descriptions of prompts as far as the prompter told them."""
-    from sport.runtime.prompts.blend import BlendedPrompt
 
     def parts(side: Words) -> PartDescriptions | None:
         return meant.get(side) if isinstance(side, str) else side

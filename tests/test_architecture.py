@@ -42,13 +42,14 @@ ARROWS = {
     "runtime": {"runtime"},
     "viewer": {"viewer", "runtime"},
     "training": {"training", "runtime"},
-    "benchmarks": {"benchmarks", "viewer", "runtime"},
+    "benchmarks": {"benchmarks", "viewer", "training", "runtime"},
 }
 # the rooms of a package from the ground up: each may use itself and those before it
 ROOMS = {
     "runtime": (
         "errors", "safe_read", "assets", "atomic", "rotations", "skeleton", "spring", "pose", "controls",
-        "terrain", "feet", "character", "motion", "prompts", "prompts.english", "prompts.gpt", "takes", "generate",
+        "terrain", "feet", "character", "motion", "prompts", "prompts.english", "prompts.gpt", "prompts.prompter", "takes",
+        "generate",
     ),
     "viewer": (
         "gl_bindings", "messages", "jobs", "settings", "options", "input", "render", "services", "gui",

@@ -184,7 +184,7 @@ GENERATE: dict[str, tuple[list[str], tuple[str, ...]]] = {
     "empty prompt": (["--prompt", "  "], ("prompt is empty", "Describe")),
     "long prompt": (["--prompt", LONG_PROMPT], ("prompt has 100", "at most 1000", "Shorten")),
     "prompt with a bell": (["--prompt", "walk\a"], ("prompt", "U+0007", "Type it")),
-    "prompt script": (["--prompts", "walk; 4:drunk"], ("--prompts", "'walk'", "Write")),
+    "prompt script": (["--prompts", "walk; 4:drunk"], ("Prompts with times", "'walk'", "Write")),
     "folder as target": (["--out", "TMP"], ("this is a folder", "Add the name")),
     "file as folder": (["--out", "TMP/file/a.bvh"], ("a.bvh", "Choose a folder")),
     "no number": (["--seconds", "soon"], ("--seconds", "'soon'", "--help")),

@@ -22,6 +22,7 @@ from sport.runtime.prompts.blend import (
     write_words,
 )
 from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.prompts.prompter import Prompter
 from sport.runtime.skeleton import PART_NAMES
 from sport.runtime.takes.clip import PromptEvent
 from walker import WalkerModel
@@ -145,12 +146,22 @@ def style_of(words):
     return np.full((6, 64), (sum(map(ord, write_words(words))) % 100) / 200.0, np.float32)
 
 
+class StandIn(Prompter):
+    """A prompter whose codes are those of `style_of`."""
+
+    def __init__(self, *_):
+        pass
+
+    def __call__(self, words):
+        return super().__call__(words) if isinstance(words, BlendedPrompt) else style_of(words)
+
+
 @pytest.fixture
 def walker(monkeypatch):
     monkeypatch.setattr(
         sport.runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel()
     )
-    monkeypatch.setattr(generate_module, "open_prompter", lambda model, *_: style_of)
+    monkeypatch.setattr(generate_module, "Prompter", StandIn)
 
 
 def test_generate_blends(walker, tmp_path):
@@ -175,7 +186,7 @@ def test_the_events_of_a_take_make_its_style_again(walker):
     mix = mix_of_parts(style_of("proud"), style_of(PARTS), blended.weights)
     events, asked = generate_module._events(kept)
     assert events == kept
-    made = generate_module._style(asked[0], style_of)
+    made = StandIn()(asked[0])
     assert made.shares == mix.shares
     assert np.array_equal(made.codes, mix.codes)
     clip = generate_module.generate_clip(blended, seconds=0.1)

@@ -21,7 +21,7 @@ def walker(monkeypatch):
     monkeypatch.setattr(
         sport.runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel()
     )
-    monkeypatch.setattr(generate_module, "open_prompter", lambda model, *_: test_generate.style_of)
+    monkeypatch.setattr(generate_module, "Prompter", lambda model, *_: test_generate.style_of)
 
 
 @pytest.fixture

@@ -1,6 +1,6 @@
-"""The table of several models' distances, and where it is written."""
+"""The table of several models' distances."""
 
-from sport.training.evaluation.motion.distances import _between_markers, table
+from sport.training.evaluation.motion.distances import table
 
 RESULT = {
     "fmd": {
@@ -16,15 +16,3 @@ def test_a_row_for_each_model_with_its_reference():
     assert len(lines) == 4
     assert lines[2] == "| ours (diffusion) | 98.07 (1.2 x, 1.9 x) | 29.40 (0.8 x, 1.1 x) | 75 % |"
     assert len({line.count("|") for line in lines}) == 1
-
-
-def test_each_section_replaces_its_own_lines_only(tmp_path):
-    page = tmp_path / "page.md"
-    page.write_text("# Page\n\n<!-- ablations: begin -->\nold\n<!-- ablations: end -->\n\nlast\n")
-    _between_markers(page, "ablations", "new")
-    _between_markers(page, "distances", "appended")
-    _between_markers(page, "distances", "once")
-    assert page.read_text() == (
-        "# Page\n\n<!-- ablations: begin -->\nnew\n<!-- ablations: end -->\n\nlast\n\n"
-        "<!-- distances: begin -->\nonce\n<!-- distances: end -->\n"
-    )

@@ -24,7 +24,7 @@ from sport.training.evaluation.motion.plan import Options, make_plan, style_text
 from sport.training.evaluation.motion.score_capture import score_held_out, score_rollouts
 from sport.training.evaluation.motion.score_model import score_model
 from sport.training.evaluation.report.bars import check
-from sport.training.evaluation.report.tables import BEGIN, END, markdown, write_markdown
+from sport.training.evaluation.report.tables import markdown
 from sport.training.frames import clip_frames
 
 Z = np.zeros((6, 64), np.float32)
@@ -192,21 +192,10 @@ def test_bars_count_and_name_what_misses(results):
     assert "old 0.10 < 0.80" in missed
 
 
-def test_tables_are_put_between_the_markers_and_replaced(results, tmp_path):
+def test_tables_hold_the_capture_and_every_model(results):
     text = markdown(json.loads(json.dumps(results)))
     assert "| held-out capture |" in text
     assert "| walker (diffusion) |" in text
-    path = tmp_path / "evaluation.md"
-    path.write_text(f"# Reading\n\n{BEGIN}\nold\n{END}\n\nAfterwards.\n", encoding="utf-8")
-    for _ in range(2):
-        write_markdown(path, results)
-    written = path.read_text(encoding="utf-8")
-    assert written.startswith("# Reading\n")
-    assert written.endswith("\n\nAfterwards.\n")
-    assert "\nold\n" not in written
-    assert written.count(BEGIN) == 1
-    write_markdown(tmp_path / "new.md", results)
-    assert text in (tmp_path / "new.md").read_text(encoding="utf-8")
 
 
 def test_style_texts_take_written_and_measured_descriptions_in_turn():

@@ -25,7 +25,7 @@ def walker(monkeypatch):
     monkeypatch.setattr(
         sport.runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel()
     )
-    monkeypatch.setattr(generate_module, "open_prompter", lambda model, *_: style_of)
+    monkeypatch.setattr(generate_module, "Prompter", lambda model, *_: style_of)
 
 
 def follow(script, seconds, speed=1.4):
@@ -80,8 +80,8 @@ def test_gait_and_speed_arrive_in_the_controls(path, gait):
 
 @pytest.mark.parametrize(
     ("arguments", "field"),
-    [(("spiral", "walk"), "--path"), (("circle", "fly"), "--gait"), (("circle", "walk", 1.5), "--speed"),
-     (("circle", "walk", 0.0), "--speed"), (("circle", "walk", float("nan")), "--speed")],
+    [(("spiral", "walk"), "path"), (("circle", "fly"), "gait"), (("circle", "walk", 1.5), "speed"),
+     (("circle", "walk", 0.0), "speed"), (("circle", "walk", float("nan")), "speed")],
 )  # fmt: skip
 def test_unknown_paths_gaits_and_speeds_are_named(arguments, field):
     with pytest.raises(UsageError, match=field):
@@ -137,14 +137,14 @@ def test_before_the_first_prompt_somebody_walks_by_the_default_one(walker):
 def test_a_clip_tells_what_it_was_made_with(walker, monkeypatch):
     parts = PartDescriptions(*("arm", "arm", "leg", "leg", "torso", "head"))
 
-    def open_prompter(model, expander, report, text_encoder, expanded):
+    def prompter(model, expander, report, text_encoder, expanded):
         def to_style(prompt):
             expanded(prompt, parts)
             return style_of(prompt)
 
         return to_style
 
-    monkeypatch.setattr(generate_module, "open_prompter", open_prompter)
+    monkeypatch.setattr(generate_module, "Prompter", prompter)
     prompts = parse_prompts("0:calm; 1:drunk")
     clip = generate_clip(prompts, "hills", gait="jog", seconds=2.0, seed=5, transition_seconds=0.5)
     assert clip.prompts == (
@@ -163,9 +163,9 @@ def test_standing_stands(walker):
 @pytest.mark.parametrize(
     ("changes", "error", "expected"),
     [({"prompt": "  "}, PromptError, "prompt"), ({"prompt": "x" * 10_000}, PromptError, "prompt"),
-     ({"terrain": "lava"}, TerrainError, "lava"), ({"seconds": 0.0}, UsageError, "--seconds"),
-     ({"seconds": 1e9}, UsageError, "--seconds"), ({"transition_seconds": -1.0}, UsageError, "--transition"),
-     ({"strength": 2.5}, UsageError, "--strength"), ({"strength": float("nan")}, UsageError, "--strength")],
+     ({"terrain": "lava"}, TerrainError, "lava"), ({"seconds": 0.0}, UsageError, "seconds"),
+     ({"seconds": 1e9}, UsageError, "seconds"), ({"transition_seconds": -1.0}, UsageError, "transition_seconds"),
+     ({"strength": 2.5}, UsageError, "strength"), ({"strength": float("nan")}, UsageError, "strength")],
 )  # fmt: skip
 def test_what_cannot_be_used_is_named(walker, changes, error, expected):
     with pytest.raises(error, match=expected):

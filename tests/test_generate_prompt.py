@@ -7,8 +7,8 @@ import json
 import pytest
 import sport.runtime.generate as generate_module
 import sport.runtime.motion.model
-import sport.runtime.prompts.content
 import sport.runtime.prompts.gpt.expander
+import sport.runtime.prompts.prompter
 from gpt_endpoint import (
     FIVE,
     PROUD,
@@ -38,7 +38,7 @@ def walker(monkeypatch, tmp_path):
     model = WalkerModel()
     model.prompt_path = tmp_path / "none.onnx"
     monkeypatch.setattr(sport.runtime.motion.model, "load_model", lambda folder=None, threads=1: model)
-    monkeypatch.setattr(sport.runtime.prompts.content, "PromptEncoder", Encoding)
+    monkeypatch.setattr(sport.runtime.prompts.prompter, "PromptEncoder", Encoding)
     monkeypatch.setenv("SPORT_CACHE_DIR", str(tmp_path / "cache"))
     for name in ("OPENAI_API_KEY", "OPENAI_BASE_URL", "SPORT_GPT_MODEL"):
         monkeypatch.delenv(name, raising=False)
@@ -84,7 +84,7 @@ def test_generate_does_not_quietly_use_another_expander(walker, tmp_path, capsys
     assert "OPENAI_API_KEY" in capsys.readouterr().err
     assert not out.exists()
     with pytest.raises(UsageError, match="oracle"):
-        generate_module.open_prompter(WalkerModel(), "oracle")
+        generate_module.Prompter(WalkerModel(), "oracle")
 
 
 def test_generate_tells_what_the_library_remarks(walker, tmp_path, capsys):

@@ -14,7 +14,7 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("onnxscript")
 
 from sport.benchmarks import networks  # noqa: E402
-from sport.runtime.errors import FileError, ModelError, UsageError  # noqa: E402
+from sport.runtime.errors import FileError, ModelError  # noqa: E402
 from sport.runtime.motion import processor  # noqa: E402
 from sport.runtime.motion.features import OUTPUT  # noqa: E402
 from sport.runtime.motion.model import load_model  # noqa: E402
@@ -271,26 +271,16 @@ def test_products_added_in_16_bits_are_found_out(monkeypatch):
     assert not answer(saturated)
 
 
-def test_the_table_of_speeds_replaces_the_one_in_its_document(tmp_path):
+def test_the_table_of_speeds_names_graph_batch_and_times():
     row = networks.Row("folded int8", "shared", 1, 2, 4.5, 4.0, 9.0, 8.0, 1.5, 45.0, 0.0083)
     figures = {
         "network": "paper", "cpu": "a processor", "cores": 2, "cores_busy": 0.04,
         "read_bandwidth_gb_s": {"1": 20.0}, "rows": [networks.asdict(row)],
     }  # fmt: skip
-    document = tmp_path / "speed.md"
-    document.write_text("before\n<!-- networks paper: begin -->\nold\n<!-- networks paper: end -->\nafter\n")
-    for _ in range(2):
-        networks.write_markdown(document, figures)
-        text = document.read_text()
-        assert text.startswith("before\n")
-        assert text.endswith("\nafter\n")
-        assert "\nold\n" not in text
-        assert (
-            text.count("| folded int8 | shared | 1 | 2 | 4.50 | 4.00 | 9.00 | 8.00 | 1.50 | 45.0 | 0.83 % |")
-            == 1
-        )
-    with pytest.raises(UsageError, match="networks compact: begin"):
-        networks.write_markdown(document, figures | {"network": "compact"})
+    text = networks.table(figures)
+    assert (
+        text.count("| folded int8 | shared | 1 | 2 | 4.50 | 4.00 | 9.00 | 8.00 | 1.50 | 45.0 | 0.83 % |") == 1
+    )
 
 
 def test_the_load_of_a_machine_is_a_number_of_its_cores(monkeypatch):

@@ -22,9 +22,7 @@ class Stooping(WalkerModel):
 def models(monkeypatch):
     made = {"fp32": WalkerModel, "int8": Stooping}
     monkeypatch.setattr(precision, "load_model", lambda folder, precision: made[precision]())
-    monkeypatch.setattr(
-        precision, "open_prompter", lambda model: lambda prompt: np.zeros((6, 64), np.float32)
-    )
+    monkeypatch.setattr(precision, "Prompter", lambda model: lambda prompt: np.zeros((6, 64), np.float32))
 
 
 def test_a_run_is_compared_with_the_first_and_with_another_seed(models, tmp_path):

@@ -106,7 +106,7 @@ def test_a_model_refuses_another_text_encoder(
 ) -> None:
     with pytest.raises(ModelError, match="trained with the text encoder") as raised:
         text_encoder_of(metadata, tmp_path, stand_in if given else None)
-    assert "--text-encoder" in raised.value.remedy
+    assert "text_encoder" in raised.value.remedy
 
 
 @pytest.mark.parametrize("field", ["MiniLM", {"name": "x"}, None])

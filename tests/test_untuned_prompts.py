@@ -58,7 +58,10 @@ def test_the_command_answers_every_prompt(
     three: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     figures, document = tmp_path / "figures.json", tmp_path / "prompts.md"
-    document.write_text(f"before\n{prompts.BEGIN}\nold\n{prompts.END}\nafter\n", encoding="utf-8")
+    document.write_text(
+        "before\n<!-- untuned prompts: begin -->\nold\n<!-- untuned prompts: end -->\nafter\n",
+        encoding="utf-8",
+    )
     code = prompts.main(["--file", str(three), "--json", str(figures), "--markdown", str(document)])
     report = json.loads(figures.read_text(encoding="utf-8"))
     assert report["prompts"] == 3
@@ -72,8 +75,8 @@ def test_the_command_answers_every_prompt(
     assert report["answers"][0]["descriptions"] != report["answers"][2]["descriptions"]
     assert "3 prompts, 0 without an answer" in capsys.readouterr().out
     text = document.read_text(encoding="utf-8")
-    assert text.startswith(f"before\n{prompts.BEGIN}\n- 3 prompts")
-    assert text.endswith(f"{prompts.END}\nafter\n")
+    assert text.startswith("before\n<!-- untuned prompts: begin -->\n- 3 prompts")
+    assert text.endswith("<!-- untuned prompts: end -->\nafter\n")
     assert "old\n" not in text
     assert "| an old man |" in text
 

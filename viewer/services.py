@@ -96,17 +96,14 @@ def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSett
     """
     from sport.runtime.motion.controller import Controller
     from sport.runtime.motion.model import load_model as load
-    from sport.runtime.prompts.content import PromptEncoder
-    from sport.runtime.prompts.english.library import LibraryExpander
+    from sport.runtime.prompts.prompter import Prompter
     from sport.runtime.prompts.service import PromptWorker
-    from sport.runtime.prompts.text_encoder import library_encoder, text_encoder_of
 
     model = load(directory)
-    text_encoder = text_encoder_of(model.metadata, model.folder)
-    library = LibraryExpander(library_encoder(text_encoder))
+    prompter = Prompter(model)
+    library = prompter.library
     expander = library if gpt is None else open_expander(library, gpt)
-    encoder = PromptEncoder(text_encoder, model.prompt_path)
-    workers = PromptWorker(expander, encoder), PromptWorker(expander, encoder)
+    workers = PromptWorker(expander, prompter.encoder), PromptWorker(expander, prompter.encoder)
     controller = Controller(model, terrain, seed)
     return Loaded(controller, workers, library, model.name, model.provider, model.notice)
 

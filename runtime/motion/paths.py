@@ -40,11 +40,11 @@ def control_script(path: str, gait: str, speed: float = 1.0, seed: int = 0) -> C
     The same arguments, time and place give the same controls. UsageError names what is unknown.
     """
     if gait not in GAITS:
-        raise UsageError(f"--gait {gait}: expected {', '.join(GAITS)}.", "Choose one of them.")
+        raise UsageError(f" {gait}: expected {', '.join(GAITS)}.", "Choose one of them.", "gait")
     if not 0.0 < speed <= 1.0:
-        raise UsageError(f"--speed {speed}: expected more than 0 and at most 1 (full stick).", "Try 1.")
+        raise UsageError(f" {speed}: expected more than 0 and at most 1 (full stick).", "Try 1.", "speed")
     if path not in PATH_NAMES:
-        raise UsageError(f"--path {path}: expected {', '.join(PATH_NAMES)}.", "Choose one of them.")
+        raise UsageError(f" {path}: expected {', '.join(PATH_NAMES)}.", "Choose one of them.", "path")
     if gait == "stand":
         return lambda _time, _place: Controls(gait=Gait.WALK)
     wanted = GAITS[gait]

@@ -177,7 +177,7 @@ def text_encoder_of(
         raise ModelError(
             f"{model_folder}: trained with the text encoder {str(wanted['name'])[:80]!r} of {wanted['dimensions']} "
             f"numbers, but given {found.name[:80]!r} of {found.dimensions}.",
-            f"Name the folder of its text encoder with --text-encoder, or copy it to {own}.",
+            f"Name the folder of its text encoder (text_encoder), or copy it to {own}.",
         )
     return found
 

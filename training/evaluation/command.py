@@ -20,7 +20,8 @@ from sport.training.evaluation.motion.score_capture import score_held_out, score
 from sport.training.evaluation.motion.score_model import score_model
 from sport.training.evaluation.motion.subject import Subject
 from sport.training.evaluation.report.bars import check
-from sport.training.evaluation.report.tables import markdown, write_markdown
+from sport.training.evaluation.report.markers import check_section, write_section
+from sport.training.evaluation.report.tables import SECTION, markdown
 
 log = logging.getLogger("sport.evaluate")
 
@@ -83,9 +84,10 @@ def main(argv: list[str] | None = None) -> int:
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
     if args.only_figures and args.figures is None:
         raise UsageError("--only-figures: there is no folder for them.", "Add --figures DIR.")
-    for target in (args.json, args.markdown):
-        if target is not None:
-            check_target(target)
+    if args.json is not None:
+        check_target(args.json)
+    if args.markdown is not None:
+        check_section(args.markdown, SECTION)
     if args.figures is not None:
         from sport.training.evaluation.report.figures import draw_figures
 
@@ -97,7 +99,7 @@ def main(argv: list[str] | None = None) -> int:
         if args.json is not None:
             write_atomic(args.json, json.dumps(results, indent=1) + "\n")
         if args.markdown is not None:
-            write_markdown(args.markdown, results)
+            write_section(args.markdown, SECTION, markdown(results))
     return 0
 
 

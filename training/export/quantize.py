@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 from sport.runtime.atomic import write_atomic
 from sport.runtime.errors import FileError, run_command
-from sport.runtime.generate import open_prompter
 from sport.runtime.motion.controller import Controller
 from sport.runtime.motion.features import FPS, OUTPUT
 from sport.runtime.motion.model import MotionModel, Style, load_model
 from sport.runtime.motion.model_files import INT8_GRAPH, PRECISIONS, read_metadata
 from sport.runtime.motion.paths import Place, control_script
+from sport.runtime.prompts.prompter import Prompter
 from sport.runtime.terrain.library import load_terrain
 
 if TYPE_CHECKING:
@@ -184,7 +184,7 @@ class _Recorder(MotionModel):
 def record_frames(folder: Path, text_encoder: Path | None = None, seconds: float = 4.0) -> Frames:
     """What the networks of a folder meet while they walk, jog and sneak in six styles, in full precision."""
     model = _Recorder(folder)
-    to_style = open_prompter(model, text_encoder=text_encoder)
+    to_style = Prompter(model, text_encoder=text_encoder)
     for seed, (prompt, path, gait, terrain) in enumerate(COURSES):
         controller = Controller(model, load_terrain(terrain), seed)
         controller.set_style(to_style(prompt), 0.0)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from sport.runtime.prompts.english import clause_rules as rules
-from sport.runtime.prompts.english.clause_words import Actions
+from sport.runtime.prompts.english.clause_rules import Rules, grammar
 from sport.runtime.prompts.english.gestures import take_gestures
 from sport.runtime.prompts.parts import MAX_CHARACTERS
 from sport.runtime.skeleton import PART_NAMES
@@ -33,18 +32,19 @@ class ParsedPrompt:
 
 def parse_clauses(prompt: str) -> ParsedPrompt:
     """Take the statements about body parts out of a prompt; several on one part are joined."""
-    text = rules.compiled(rf"\bleft and right(?=\s+(?:{rules.NOUNS}))").sub("both", prompt.lower())
+    rules = grammar()
+    text = rules["both_sides"].sub("both", prompt.lower())
     text = text.replace("left and right", "side to side").replace("’", "'")
-    text = rules.compiled(rules.TWO_NOUNS).sub(r"\g<first> \g<rest>, \g<second> \g<rest>", text)
-    text = rules.compiled(rules.TRUNK).sub("torso", text)
+    text = rules["two_nouns"].sub(r"\g<first> \g<rest>, \g<second> \g<rest>", text)
+    text = rules["trunk"].sub("torso", text)
     parts, text = take_gestures(text)
-    pieces = rules.compiled(f"({rules.SEPARATOR})").split(text)
+    pieces = rules["separators"].split(text)
     denied: set[str] = set()  # parts of which no more is known than what they do not do
     rest: list[str] = []
     last = ("arm", "right")  # the limb spoken of, for "the other one"
     for i in range(0, len(pieces), 2):
         found, remainder = _parse_clause(pieces[i].strip(), last)
-        denies = bool(rules.compiled(rules.DENIES).search(pieces[i]))
+        denies = bool(rules["denies"].search(pieces[i]))
         for part, description in found.items():
             if part not in parts or (part in denied and not denies):
                 parts[part] = description
@@ -62,26 +62,27 @@ def parse_clauses(prompt: str) -> ParsedPrompt:
 
 def _parse_clause(clause: str, last: tuple[str, str]) -> tuple[dict[str, str], str]:
     """Parts that a clause describes, and what of it does not; `last` are limb and side of the clause before."""
+    rules = grammar()
     parts: dict[str, str] = {}
-    other = rules.compiled(rules.OTHER_CLAUSE).match(clause)
+    other = rules["other_clause"].match(clause)
     if other:
-        stated = _described(last[0], (_opposite(last[1]),), other["rest"], clause)
+        stated = _described(last[0], (_opposite(last[1]),), other["rest"])
         if stated:
             return stated, ""
-    noun = rules.compiled(rules.NOUN_CLAUSE).match(clause)
+    noun = rules["noun_clause"].match(clause)
     if noun:
         stated = _noun_parts(noun, noun["rest"], last, verbatim=True)
         if stated:
             return stated, ""
-    verb = rules.compiled(rules.VERB_CLAUSE).search(clause)
+    verb = rules["verb_clause"].search(clause)
     if verb:
         action = f"{verb['degree'] or ''}{verb['verb']} {verb['rest']}"
         stated = _noun_parts(verb, action, last, verbatim=False)
         if stated:
             parts.update(stated)
             clause = _without_denial(clause[: verb.start()].strip())
-    for pattern, target, looked_up in rules.IDIOMS:
-        match = rules.compiled(pattern).search(clause)
+    for pattern, target, looked_up in rules.phrases:
+        match = pattern.search(clause)
         if match:
             for part, description in _idiom_parts(target, looked_up or match.group(0), match).items():
                 parts[part] = _joined(parts.get(part), description)
@@ -91,18 +92,19 @@ def _parse_clause(clause: str, last: tuple[str, str]) -> tuple[dict[str, str], s
 
 def _noun_parts(match: re.Match[str], action: str, last: tuple[str, str], verbatim: bool) -> dict[str, str]:
     """Descriptions of a clause with a part's name; the clause itself where no rule knows its action."""
+    rules = grammar()
     noun = match["noun"]
-    if rules.compiled(rules.NO_CLAUSE).search(match["rest"].strip()):
+    if rules["no_clause"].search(match["rest"].strip()):
         return {}
-    group = next(name for name, nouns, _, _ in rules.GROUPS if re.fullmatch(nouns, noun))
+    group = next(name for name, group in rules.groups.items() if re.fullmatch(group.nouns, noun))
     # "hands", "feet" and "both" mean two sides; a single limb without a side is the right one
     plural = noun == "feet" or match.string[match.end("noun") : match.end("noun") + 1] == "s"
     owners = match["owners"].split()
     before = match.string[: match.start(2) if match.re.groups > 1 else 0]
-    denial = rules.compiled(rules.DENIES).search(f"{' '.join(before.split()[-3:])} {match['owners']}")
+    denial = rules["denies"].search(f"{' '.join(before.split()[-3:])} {match['owners']}")
     words = f"{noun} {action}" if noun in _NAMED else action
     stated = _described(
-        group, _sides(owners, plural, last), f"{denial.group(0)} {words}" if denial else words, match.string
+        group, _sides(owners, plural, last), f"{denial.group(0)} {words}" if denial else words
     )
     if stated or not verbatim or not (owners or plural):
         return stated
@@ -114,22 +116,23 @@ def _noun_parts(match: re.Match[str], action: str, last: tuple[str, str], verbat
 def _idiom_parts(target: str, words: str, match: re.Match[str]) -> dict[str, str]:
     group = {"arms": "arm", "legs": "leg", "one_leg": "leg"}.get(target, target)
     denied = match.groupdict().get("denied") and target != "arms"
-    words = f"not {words}" if denied and not rules.compiled(rules.DENIES).search(words) else words
+    words = f"not {words}" if denied and not grammar()["denies"].search(words) else words
     sides = ("left", "right") if target in ("arms", "legs") else ("right",)
     if target in _LIMBS:
         sides = (match["side"],)
-    return _described(group, sides, words, match.group(0))
+    return _described(group, sides, words)
 
 
-def _described(group: str, sides: tuple[str, ...], words: str, context: str) -> dict[str, str]:
+def _described(group: str, sides: tuple[str, ...], words: str) -> dict[str, str]:
     """The trained sentences for an action of a group's parts, or {} when no rule knows it."""
-    actions, denied = next((a, d) for name, _, a, d in rules.GROUPS if name == group)
-    if rules.compiled(rules.DENIES).search(words):
-        rest = rules.compiled(rules.DENIES).sub(" ", words)
-        known = _lookup(actions, rest) or rules.compiled(r"mov|leav").search(rest)
-        template = _lookup(denied, rest) if known else None
+    rules = grammar()
+    found = rules.groups[group]
+    if rules["denies"].search(words):
+        rest = rules["denies"].sub(" ", words)
+        known = _lookup(found.actions, rest) or re.search("mov|leav", rest)
+        template = _lookup(found.denied, rest) if known else None
     else:
-        template = _lookup(actions, words)
+        template = _lookup(found.actions, words)
     return {} if template is None else _sided(group, sides, template)
 
 
@@ -159,19 +162,20 @@ def _joined(old: str | None, new: str) -> str:
     return joined if len(joined) <= MAX_CHARACTERS else new
 
 
-def _lookup(actions: Actions, words: str) -> str | None:
+def _lookup(actions: Rules, words: str) -> str | None:
     """The sentence of the first rule that matches, in the degree that the words give it."""
-    found = next((text for pattern, text in actions if rules.compiled(pattern).search(words)), None)
+    rules = grammar()
+    found = next((text for pattern, text in actions if pattern.search(words)), None)
     if found is None or isinstance(found, str):
         return found
     slightly, plainly, far = found
-    if rules.compiled(rules.SLIGHTLY).search(words):
+    if rules["slightly"].search(words):
         return slightly
-    return far if rules.compiled(rules.FAR).search(words) else plainly
+    return far if rules["far"].search(words) else plainly
 
 
 def _without_denial(clause: str) -> str:
-    return rules.compiled(rf"\s*{rules.DENIES}$").sub("", clause)
+    return grammar()["denial_at_end"].sub("", clause)
 
 
 def _tidy(rest: str) -> str:

@@ -18,6 +18,7 @@ from sport.runtime.motion.motion_encoder import MotionEncoder
 from sport.training.evaluation.motion.plan import Options, make_plan
 from sport.training.evaluation.motion.score_styles import score_following
 from sport.training.evaluation.motion.subject import Subject
+from sport.training.evaluation.report.markers import check_section, write_section
 
 log = logging.getLogger("sport.evaluate")
 
@@ -38,6 +39,8 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args(argv)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    if args.markdown is not None:
+        check_section(args.markdown, args.section)
     options = replace(Options(), follow_seconds=args.seconds, recognise_seconds=8.0, seed=args.seed)
     # one encoder serves all, that of the first model
     plan = make_plan(args.clips, None, options, MotionEncoder(args.model[0]), log.info)
@@ -51,7 +54,7 @@ def main(argv: list[str] | None = None) -> int:
     text = table(results)
     print(text)
     if args.markdown is not None:
-        _between_markers(args.markdown, args.section, text)
+        write_section(args.markdown, args.section, text)
     return 0
 
 
@@ -70,16 +73,6 @@ def table(results: dict[str, dict[str, Any]]) -> str:
         cells.append(f"{100 * sum(score.values()) / max(1, len(score)):.0f} %")
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
-
-
-def _between_markers(path: Path, section: str, text: str) -> None:
-    begin_mark, end_mark = f"<!-- {section}: begin -->", f"<!-- {section}: end -->"
-    old = path.read_text(encoding="utf-8") if path.exists() else f"{begin_mark}\n{end_mark}\n"
-    before, begin, rest = old.partition(begin_mark)
-    _, end, after = rest.partition(end_mark)
-    if not (begin and end):
-        before, after = old.rstrip() + "\n\n", "\n"
-    write_atomic(path, f"{before}{begin_mark}\n{text}\n{end_mark}{after}")
 
 
 if __name__ == "__main__":

@@ -18,12 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 from sport.runtime.assets import PROJECT_ROOT, asset_path
 from sport.runtime.errors import UsageError, run_command
-from sport.runtime.generate import open_prompter, simulate
+from sport.runtime.generate import simulate
 from sport.runtime.motion.controller import Controller
 from sport.runtime.motion.features import FPS
 from sport.runtime.motion.model import DEFAULT_MODEL, load_model
 from sport.runtime.motion.model_files import INT8_GRAPH, read_metadata
 from sport.runtime.motion.paths import control_script
+from sport.runtime.prompts.prompter import Prompter
 from sport.runtime.skeleton import SPORT_SKELETON
 from sport.runtime.terrain.library import load_terrain
 from sport.training.evaluation.motion import feet
@@ -69,7 +70,7 @@ def compare(folder: Path, seconds: float) -> tuple[dict[str, dict[str, float]], 
     first: list[Array] = []
     for name, precision, seed in RUNS:
         model = load_model(folder, precision=precision)
-        to_style = open_prompter(model)
+        to_style = Prompter(model)
         for number, (prompt, path, gait, terrain) in enumerate(COURSES):
             controller = Controller(model, load_terrain(terrain), seed)
             frames = LEAD_IN + round(seconds * FPS / len(COURSES))

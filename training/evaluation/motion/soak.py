@@ -22,11 +22,12 @@ from sport.runtime.atomic import check_target, write_atomic
 from sport.runtime.controls import Controls, Gait
 from sport.runtime.errors import UsageError, run_command
 from sport.runtime.feet.skating import SOLE_POINTS
-from sport.runtime.generate import FPS, open_prompter
+from sport.runtime.generate import FPS
 from sport.runtime.motion import features
 from sport.runtime.motion.controller import Controller
 from sport.runtime.motion.model import load_model
 from sport.runtime.pose import Pose
+from sport.runtime.prompts.prompter import Prompter
 from sport.runtime.skeleton import SPORT_SKELETON
 from sport.runtime.terrain.height_map import Terrain
 from sport.runtime.terrain.library import make_terrain
@@ -97,7 +98,7 @@ def main(argv: list[str] | None = None) -> int:
 def soak(seconds: float, seed: int, model: Path | None) -> dict[str, Any]:
     """Simulate `seconds` in segments on terrains in random order; the figures and the bars that were missed."""
     network = load_model(model)
-    to_style = open_prompter(network)
+    to_style = Prompter(network)
     styles = [to_style(prompt) for prompt in PROMPTS]
     rng = np.random.default_rng(seed)
     grounds = {name: make_terrain(name, seed) for name in TERRAINS}

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from sport.runtime.atomic import check_target, write_atomic
 from sport.runtime.controls import Controls
 from sport.runtime.errors import UsageError, run_command
-from sport.runtime.generate import open_prompter
 from sport.runtime.motion.controller import Controller
 from sport.runtime.motion.features import FPS
 from sport.runtime.motion.model import load_model
+from sport.runtime.prompts.prompter import Prompter
 from sport.runtime.terrain.library import load_terrain
 
 PROMPTS = (
@@ -92,7 +92,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.json is not None:
         check_target(options.json)
     model = load_model()
-    to_style = open_prompter(model)
+    to_style = Prompter(model)
     walks = []
     print("| prompt | ground | stick | asked m/s | sets off in s | highest | lowest | error | deviation |")
     print("| --- | --- | --: | --: | --: | --: | --: | --: | --: |")

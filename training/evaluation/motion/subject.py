@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from sport.runtime.controls import Controls
 from sport.runtime.motion.controller import Controller
 from sport.runtime.motion.model import MotionModel, load_model
-from sport.runtime.prompts.content import PromptEncoder
 from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.prompts.text_encoder import text_encoder_of
+from sport.runtime.prompts.prompter import Prompter
 from sport.training.evaluation.motion.driving import flat_ground
 
 Array = NDArray[np.floating]
@@ -30,8 +29,7 @@ class Subject:
         self.folder = folder
         self.model: MotionModel = load_model(folder)
         self.texts = texts
-        words = text_encoder_of(self.model.metadata, folder)
-        self._prompts = PromptEncoder(words, self.model.prompt_path)
+        self._prompter = Prompter(self.model)
         self._styles: dict[tuple[str, int], Array] = {}
 
     @property
@@ -50,7 +48,7 @@ class Subject:
         """Z^t `(6, 64)` of one of a style's descriptions; any number counts round."""
         key = (style, number % len(self.texts[style]))
         if key not in self._styles:
-            self._styles[key] = self._prompts.encode(self.texts[style][key[1]])
+            self._styles[key] = self._prompter(self.texts[style][key[1]])
         return self._styles[key]
 
 

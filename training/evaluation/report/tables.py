@@ -1,4 +1,4 @@
-"""Tables of an evaluation as Markdown, put between markers so that a rerun replaces them."""
+"""Tables of an evaluation as Markdown."""
 
 from __future__ import annotations
 
@@ -9,22 +9,12 @@ from math import isnan
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.atomic import write_atomic
 from sport.runtime.errors import FileError, run_command
 from sport.training.evaluation.report.bars import check
+from sport.training.evaluation.report.markers import write_section
 
 SKATING = ("soles", "toe_soles", "toes")  # the strictest first: the paper's formula is zero by construction
-BEGIN, END = "<!-- motion evaluation: begin -->", "<!-- motion evaluation: end -->"
-
-
-def write_markdown(path: Path, results: dict[str, Any]) -> None:
-    """Put the tables between the markers of `path`; a file without them is written anew."""
-    old = path.read_text(encoding="utf-8") if path.exists() else f"{BEGIN}\n{END}\n"
-    before, begin, rest = old.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not begin or not end:
-        before, after = "", "\n"
-    write_atomic(path, f"{before}{BEGIN}\n{markdown(results)}{END}{after}")
+SECTION = "motion evaluation"  # of a document, between its markers
 
 
 def markdown(results: dict[str, Any]) -> str:
@@ -222,7 +212,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         raise FileError(
             f"{args.json}: not a readable JSON file.", "Run `sport evaluate --json FILE` first."
         ) from error
-    write_markdown(args.markdown, results)
+    write_section(args.markdown, SECTION, markdown(results))
     return 0
 
 

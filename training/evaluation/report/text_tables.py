@@ -1,27 +1,15 @@
-"""Tables of the text evaluation as Markdown, put between markers so that a rerun replaces them."""
+"""Tables of the text evaluation as Markdown."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
-from sport.runtime.atomic import write_atomic
 from sport.training.evaluation.text import independence as text_independence
 from sport.training.evaluation.text import part_edits, retrieval
 from sport.training.evaluation.text.timing import LATENCY_BAR_MS
 
-BEGIN, END = "<!-- text evaluation: begin -->", "<!-- text evaluation: end -->"
-
-
-def write_markdown(path: Path, results: dict[str, Any]) -> None:
-    """Put the tables between the markers of `path`; into a file without them, at its end."""
-    old = path.read_text(encoding="utf-8") if path.exists() else ""
-    before, begin, rest = old.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        before, after = (old.rstrip() + "\n\n" if old.strip() else ""), "\n"
-    write_atomic(path, f"{before}{BEGIN}\n{markdown(results)}{END}{after}")
+SECTION = "text evaluation"  # of a document, between its markers
 
 
 def markdown(results: dict[str, Any]) -> str:

@@ -17,13 +17,11 @@ from sport.runtime.assets import asset_path
 from sport.runtime.atomic import check_target, write_atomic
 from sport.runtime.errors import UsageError, run_command
 from sport.runtime.motion.model import load_model
-from sport.runtime.prompts.content import PromptEncoder
-from sport.runtime.prompts.english.library import LibraryExpander
 from sport.runtime.prompts.english.library_data import load_styles
-from sport.runtime.prompts.expander import Expansion
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.prompts.text_encoder import TextEncoder, library_encoder, text_encoder_of
-from sport.training.evaluation.report.text_tables import markdown, write_markdown
+from sport.runtime.prompts.prompter import Prompter
+from sport.runtime.prompts.text_encoder import TextEncoder
+from sport.training.evaluation.report.markers import check_section, write_section
+from sport.training.evaluation.report.text_tables import SECTION, markdown
 from sport.training.evaluation.text import part_edits
 from sport.training.evaluation.text.independence import by_slot, independence, seed_changes
 from sport.training.evaluation.text.part_edits import Case, Reference
@@ -81,15 +79,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     add_arguments(parser)
     args = parser.parse_args(argv)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
-    for target in (args.json, args.markdown):
-        if target is not None:
-            check_target(target)
+    if args.json is not None:
+        check_target(args.json)
+    if args.markdown is not None:
+        check_section(args.markdown, SECTION)
     results = run(args)
     print(markdown(results), end="")
     if args.json is not None:
         write_atomic(args.json, json.dumps(results, indent=1, ensure_ascii=False) + "\n")
     if args.markdown is not None:
-        write_markdown(args.markdown, results)
+        write_section(args.markdown, SECTION, markdown(results))
     return 0
 
 
@@ -98,42 +97,21 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     if not 1 <= args.workers <= 64:
         raise UsageError(f"--workers {args.workers}: expected 1 to 64.", "Choose another number.")
     wanted = set(args.only or PARTS)
-    prompter = _Prompter(args.model, args.text_encoder)
-    results: dict[str, Any] = {"command": _command(args), "model": prompter.model.name}
+    model = load_model(args.model)
+    prompter = Prompter(model, text_encoder=args.text_encoder)
+    results: dict[str, Any] = {"command": _command(args), "model": model.name}
     started = time.perf_counter()
     if "retrieval" in wanted:
-        results["retrieval"] = _retrieval(args, prompter.words)
+        results["retrieval"] = _retrieval(args, prompter.text_encoder)
         log.info("retrieval: %.0f s", time.perf_counter() - started)
     if "edits" in wanted:
         results |= _edits(args, prompter)
         log.info("part edits: %.0f s", time.perf_counter() - started)
     if "timing" in wanted:
-        changes = {f"{a} → {b}": (prompter.z_of(a), prompter.z_of(b)) for a, b in CHANGES}
-        results["timing"] = timing(prompter.model, list(FREE_PROMPTS), changes, args.text_encoder)
+        changes = {f"{a} → {b}": (prompter(a), prompter(b)) for a, b in CHANGES}
+        results["timing"] = timing(model, list(FREE_PROMPTS), changes, args.text_encoder)
         log.info("timing: %.0f s", time.perf_counter() - started)
     return results
-
-
-class _Prompter:
-    """A model's way from words to Z^t."""
-
-    def __init__(self, folder: Path, text_encoder: Path | None) -> None:
-        self.model = load_model(folder)
-        self.words: TextEncoder = text_encoder_of(self.model.metadata, folder, text_encoder)
-        self._library = LibraryExpander(library_encoder(self.words))
-        self._encoder = PromptEncoder(self.words, self.model.prompt_path)
-
-    def expand(self, prompt: str) -> Expansion:
-        """By the shipped library."""
-        return self._library.expand(prompt)
-
-    def z(self, descriptions: PartDescriptions) -> Any:
-        """Z^t `(6, 64)`."""
-        return self._encoder.encode(descriptions)
-
-    def z_of(self, prompt: str) -> Any:
-        """Z^t `(6, 64)` of a prompt."""
-        return self.z(self.expand(prompt).descriptions)
 
 
 def _retrieval(args: argparse.Namespace, words: TextEncoder) -> dict[str, Any]:
@@ -150,7 +128,7 @@ def _retrieval(args: argparse.Namespace, words: TextEncoder) -> dict[str, Any]:
     return evaluate_retrieval(args.model, args.clips, texts, words)
 
 
-def _edits(args: argparse.Namespace, prompter: _Prompter) -> dict[str, Any]:
+def _edits(args: argparse.Namespace, prompter: Prompter) -> dict[str, Any]:
     """Part edits and part independence: they look at the same walks."""
     reference = part_edits.load_reference(args.clips)
     neutral = prompter.expand(PLAIN_PROMPT).descriptions
@@ -158,8 +136,8 @@ def _edits(args: argparse.Namespace, prompter: _Prompter) -> dict[str, Any]:
     cases = part_edits.catalogue_cases(neutral, trained=not args.quick)
     cases += [part_edits.free_case(p, FREE_PROMPTS[p], e.descriptions) for p, e in expanded.items()]
     walker = Walker(args.model, args.workers, 3.0 if args.quick else SECONDS)
-    asked = [Walk.of(prompter.z(neutral), seed) for seed in range(part_edits.SEEDS)]
-    asked += [Walk.of(prompter.z(d), s) for c in cases for d, s in zip(c.variants, c.seeds, strict=True)]
+    asked = [Walk.of(prompter(neutral), seed) for seed in range(part_edits.SEEDS)]
+    asked += [Walk.of(prompter(d), s) for c in cases for d, s in zip(c.variants, c.seeds, strict=True)]
     log.info("%d walks", len(set(asked)))
     made = iter(walker.make(asked))
     neutral_walks = {seed: next(made) for seed in range(part_edits.SEEDS)}

@@ -13,9 +13,7 @@ from sport.runtime.controls import Controls
 from sport.runtime.motion.controller import Controller
 from sport.runtime.motion.features import FPS
 from sport.runtime.motion.model import MotionModel
-from sport.runtime.prompts.content import PromptEncoder
-from sport.runtime.prompts.english.library import LibraryExpander
-from sport.runtime.prompts.text_encoder import library_encoder, text_encoder_of
+from sport.runtime.prompts.prompter import Prompter
 from sport.training.evaluation.metrics.smoothness import transition_jerk
 from sport.training.evaluation.motion.driving import flat_ground, transition
 
@@ -29,12 +27,10 @@ LATENCY_BAR_MS = 50.0
 def latency(model: MotionModel, prompts: Sequence[str], text_encoder: Path | None = None) -> dict[str, float]:
     """Milliseconds from a prompt to Z^t by the library: the first, which loads files and networks, and new ones after."""
     times = []
-    words = text_encoder_of(model.metadata, model.folder, text_encoder)
-    expander = LibraryExpander(library_encoder(words))
-    encoder = PromptEncoder(words, model.prompt_path)
+    prompter = Prompter(model, text_encoder=text_encoder)
     for prompt in prompts:
         wall, processor = time.perf_counter(), time.process_time()
-        encoder.encode(expander.expand(prompt).descriptions)
+        prompter(prompt)
         times.append((1e3 * (time.perf_counter() - wall), 1e3 * (time.process_time() - processor)))
     first, *warm = times
     return {

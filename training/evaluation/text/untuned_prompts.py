@@ -25,8 +25,9 @@ from sport.runtime.atomic import check_target, write_atomic
 from sport.runtime.errors import FileError, SportError, run_command
 from sport.runtime.motion.model import MotionModel, load_model
 from sport.runtime.prompts.content import PromptEncoder
-from sport.runtime.prompts.text_encoder import library_encoder, text_encoder_of
+from sport.runtime.prompts.prompter import Prompter
 from sport.runtime.skeleton import PART_NAMES
+from sport.training.evaluation.report.markers import check_section, write_section
 
 if TYPE_CHECKING:
     from sport.runtime.prompts.expander import Expander
@@ -40,7 +41,7 @@ WARM_UP_PROMPT = "somebody going by"  # loads what the first prompt loads
 MAX_MS = 50.0  # processor time from prompt to Z^t, warm
 SAMPLE_ROWS = 30
 SAME = 0.999  # cosine similarity of a prompt with itself
-BEGIN, END = "<!-- untuned prompts: begin -->", "<!-- untuned prompts: end -->"
+SECTION = "untuned prompts"  # of a document, between its markers
 
 
 @dataclass(frozen=True)
@@ -74,8 +75,10 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--markdown", type=Path, help="put a sample of the answers into this document")
     options = parser.parse_args(argv)
     prompts = read_prompts(options.file)
-    for target in filter(None, (options.json, options.markdown)):
-        check_target(target)
+    if options.json is not None:
+        check_target(options.json)
+    if options.markdown is not None:
+        check_section(options.markdown, SECTION)
     answers, first_ms = measure(prompts, load_model(options.model))
     report = {"library_entries": library_size(), **summarise(answers, first_ms)}
     print_report(report)
@@ -83,7 +86,7 @@ def main(argv: list[str] | None = None) -> int:
         content = {**report, "answers": [asdict(answer) for answer in answers]}
         write_atomic(options.json, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
     if options.markdown is not None:
-        write_markdown(options.markdown, report, answers)
+        write_section(options.markdown, SECTION, markdown(report, answers))
     return 1 if report["missed"] else 0
 
 
@@ -123,13 +126,10 @@ def library_size() -> int:
 def measure(prompts: Sequence[str], model: MotionModel) -> tuple[list[Answer], float]:
     """An answer for each prompt, asked once, and the processor's milliseconds for a first prompt, loading included."""
     watch = Stopwatch()
-    from sport.runtime.prompts.english.library import LibraryExpander
-
-    words = text_encoder_of(model.metadata, model.folder)
-    expander, encoder = LibraryExpander(library_encoder(words)), PromptEncoder(words, model.prompt_path)
-    ask(WARM_UP_PROMPT, expander, encoder)
+    prompter = Prompter(model)
+    ask(WARM_UP_PROMPT, prompter.library, prompter.encoder)
     first_ms, _ = watch.read()
-    return [ask(prompt, expander, encoder) for prompt in prompts], first_ms
+    return [ask(prompt, prompter.library, prompter.encoder) for prompt in prompts], first_ms
 
 
 def ask(prompt: str, expander: Expander, encoder: PromptEncoder) -> Answer:
@@ -230,17 +230,11 @@ def _figures(report: dict[str, Any]) -> list[str]:
     ]
 
 
-def write_markdown(path: Path, report: dict[str, Any], answers: Sequence[Answer]) -> None:
-    """Put figures and sample between the markers of `path`; into a file without them, at its end."""
-    old = path.read_text(encoding="utf-8") if path.exists() else ""
-    before, begin, rest = old.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        before, after = (old.rstrip() + "\n\n" if old.strip() else ""), "\n"
+def markdown(report: dict[str, Any], answers: Sequence[Answer]) -> str:
+    """Figures and sample for a document."""
     lines = [f"- {line}" for line in _figures(report)]
     lines.append("- missed: " + "; ".join(report["missed"]) if report["missed"] else "- all bars met")
-    content = "\n".join([*lines, "", *table(sample(answers))])
-    write_atomic(path, f"{before}{BEGIN}\n{content}\n{END}{after}")
+    return "\n".join([*lines, "", *table(sample(answers))])
 
 
 def sample(answers: Sequence[Answer], rows: int = SAMPLE_ROWS) -> list[Answer]:

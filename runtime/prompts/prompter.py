@@ -1,0 +1,82 @@
+"""The way from a prompt to Z^t of one model: expander, text encoder and part network."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, overload
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.errors import UsageError
+from sport.runtime.motion.style_mix import StyleMix
+from sport.runtime.prompts.blend import BlendedPrompt, Words, mix_of_parts
+from sport.runtime.prompts.content import PromptEncoder
+from sport.runtime.prompts.english.library import LibraryExpander
+from sport.runtime.prompts.expander import Expander, Expansion
+from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.prompts.text_encoder import library_encoder, text_encoder_of
+
+if TYPE_CHECKING:
+    from sport.runtime.motion.model import MotionModel
+
+EXPANDERS = ("library", "gpt")
+
+
+class Prompter:
+    """Turns prompts, descriptions and blends of them into codes for `model`; files are read at the first of them.
+
+    `expander` is one of EXPANDERS, `text_encoder` the folder of the one that the model was trained with, where it is
+    neither shipped nor in the model folder. `report` gets what expansions remark, such as how near the library came,
+    `expanded` each prompt with its six descriptions. UsageError or ModelError names what cannot be used.
+    """
+
+    def __init__(
+        self,
+        model: MotionModel,
+        expander: str = "library",
+        report: Callable[[str], None] = lambda _: None,
+        text_encoder: Path | None = None,
+        expanded: Callable[[str, PartDescriptions], object] = lambda *_: None,
+    ) -> None:
+        self.text_encoder = text_encoder_of(model.metadata, model.folder, text_encoder)
+        self.encoder = PromptEncoder(self.text_encoder, model.prompt_path)
+        self._expander = self._open(expander)
+        self._report, self._expanded = report, expanded
+
+    @cached_property
+    def library(self) -> LibraryExpander:
+        """The shipped prompt library."""
+        return LibraryExpander(library_encoder(self.text_encoder))
+
+    def expand(self, prompt: str) -> Expansion:
+        """Six descriptions of a prompt; PromptError when it cannot be used."""
+        expansion = self._expander.expand(prompt)
+        self._expanded(prompt, expansion.descriptions)
+        if expansion.note:
+            self._report(f"“{prompt}”: {expansion.note}")
+        return expansion
+
+    @overload
+    def __call__(self, words: Words) -> NDArray[np.float32]: ...
+
+    @overload
+    def __call__(self, words: BlendedPrompt) -> StyleMix: ...
+
+    def __call__(self, words: Words | BlendedPrompt) -> NDArray[np.float32] | StyleMix:
+        """Z^t `(6, 64)`, or the mix of a blend; PromptError when the words cannot be used."""
+        if isinstance(words, BlendedPrompt):
+            return mix_of_parts(self(words.a), self(words.b), words.weights)
+        descriptions = words if isinstance(words, PartDescriptions) else self.expand(words).descriptions
+        return self.encoder.encode(descriptions)
+
+    def _open(self, name: str) -> Expander:
+        if name == "library":
+            return self.library
+        if name == "gpt":
+            from sport.runtime.prompts.gpt.expander import GptExpander
+
+            return GptExpander()
+        remedy = f"Choose {' or '.join(EXPANDERS)}."
+        raise UsageError(f" {name}: there is no such expander.", remedy, "expander")

@@ -1,0 +1,28 @@
+"""Arguments that several commands share."""
+
+from __future__ import annotations
+
+import argparse
+
+from sport.runtime.errors import UsageError
+
+Subparsers = argparse._SubParsersAction  # what `add_subparsers` returns
+
+
+def add_blend(command: argparse.ArgumentParser) -> None:
+    """Declare a second prompt and its share."""
+    command.add_argument("--blend", metavar="TEXT", help="a second prompt to blend with")
+    command.add_argument(
+        "--blend-weights",
+        metavar="LIST",
+        help='share of it in each body part: "left_arm=1,torso=0.5", or one number for all (default: 0.5)',
+    )
+
+
+def blend_weights(options: argparse.Namespace) -> tuple[float, ...]:
+    """The share of the second prompt in each part, in the order of `PART_NAMES`."""
+    from sport.runtime.prompts.blend import parse_weights
+
+    if options.blend is None and options.blend_weights is not None:
+        raise UsageError("--blend-weights: there is no second prompt.", "Add --blend.")
+    return parse_weights("0.5" if options.blend_weights is None else options.blend_weights)

@@ -1,0 +1,119 @@
+"""`sport generate`: a clip as BVH without a window."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from sport.commands.arguments import Subparsers, add_blend, blend_weights
+from sport.runtime.errors import UsageError
+
+
+def add(commands: Subparsers) -> None:
+    """Declare the arguments."""
+    generate = commands.add_parser(
+        "generate",
+        help="write a clip as BVH without a window",
+        description="The same options and seed write the same file.",
+    )
+    generate.set_defaults(command=run)
+    style = generate.add_mutually_exclusive_group()
+    style.add_argument("--prompt", metavar="TEXT", help="how the character moves")
+    style.add_argument("--prompts", metavar="LIST", help='prompts with times: "0:walk calmly; 4:drunk"')
+    style.add_argument("--parts", type=Path, metavar="JSON", help="file that says what six body parts do")
+    add_blend(generate)
+    generate.add_argument(
+        "--expander",
+        choices=("library", "gpt"),
+        default="library",
+        help="what turns a prompt into body parts: the shipped library (default), or a language model: "
+        "OPENAI_API_KEY, OPENAI_BASE_URL, SPORT_GPT_MODEL",
+    )
+    _add_course(generate)
+    _add_output(generate)
+
+
+def _add_course(generate: argparse.ArgumentParser) -> None:
+    generate.add_argument("--terrain", default="flat", metavar="NAME|FILE", help="default: flat")
+    generate.add_argument(
+        "--path", default="forward", metavar="PATH", help="forward, circle, figure8 or random"
+    )
+    generate.add_argument("--gait", default="walk", metavar="GAIT", help="walk, jog, crouch or stand")
+    generate.add_argument("--seconds", type=float, default=10.0, metavar="S", help="default: 10")
+    generate.add_argument(
+        "--speed", type=float, default=1.0, metavar="V", help="share of the full stick, 0 to 1"
+    )
+    generate.add_argument(
+        "--transition", type=float, default=1.0, metavar="S", help="seconds between prompts"
+    )
+    generate.add_argument(
+        "--strength",
+        type=float,
+        default=1.0,
+        metavar="S",
+        help="how far styles go from plain walking: 0 to 2, 1 as the model shows them",
+    )
+    generate.add_argument("--seed", type=int, default=0, metavar="N")
+
+
+def _add_output(generate: argparse.ArgumentParser) -> None:
+    generate.add_argument("--fps", type=float, default=60.0, metavar="F", help="frames a second of the file")
+    generate.add_argument("--unit", default="cm", metavar="UNIT", help="cm or m")
+    generate.add_argument("--model", type=Path, metavar="DIR", help="folder of an exported model")
+    generate.add_argument(
+        "--text-encoder",
+        type=Path,
+        metavar="DIR",
+        help="folder of the text encoder that the model was trained with",
+    )
+    generate.add_argument("--out", type=Path, required=True, metavar="BVH")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the clip and say what was written."""
+    from sport.runtime.atomic import check_target
+    from sport.runtime.generate import generate_clip
+    from sport.runtime.takes.clip import check_bvh_options, save_bvh
+
+    check_bvh_options(options.fps, options.unit)
+    check_target(options.out)
+    if options.seed < 0:
+        raise UsageError(f"--seed {options.seed}: expected 0 or more.", "Choose another seed.")
+    clip = generate_clip(
+        _prompt(options),
+        options.terrain,
+        options.path,
+        options.gait,
+        options.seconds,
+        options.seed,
+        speed=options.speed,
+        transition_seconds=options.transition,
+        strength=options.strength,
+        model=options.model,
+        name=options.out.stem,
+        expander=options.expander,
+        text_encoder=options.text_encoder,
+        report=lambda remark: print(f"sport: {remark}", file=sys.stderr),
+    )
+    save_bvh(clip, options.out, options.fps, options.unit)
+    print(f"{options.out}: {len(clip)} frames, {len(clip) / clip.fps:.1f} s")
+    return 0
+
+
+def _prompt(options: argparse.Namespace) -> Any:
+    """What `generate_clip` takes: a prompt, prompts with times, six descriptions, or a blend."""
+    from sport.runtime.generate import load_parts, parse_prompts
+    from sport.runtime.prompts.blend import BlendedPrompt
+    from sport.runtime.prompts.expander import DEFAULT_PROMPT, check_prompt
+
+    prompt: Any = DEFAULT_PROMPT if options.prompt is None else options.prompt
+    weights = blend_weights(options)
+    if options.prompts is not None:
+        prompt = parse_prompts(options.prompts)
+        if options.blend is not None:
+            raise UsageError("--blend: blends one prompt, not several with times.", "Use --prompt.")
+    elif options.parts is not None:
+        prompt = load_parts(options.parts)
+    return prompt if options.blend is None else BlendedPrompt(prompt, check_prompt(options.blend), weights)

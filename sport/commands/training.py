@@ -1,0 +1,32 @@
+"""`sport train` and `sport evaluate`: their modules need the extra packages of `[train]` and parse their own arguments."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+
+from sport.runtime.errors import UsageError
+
+COMMANDS = {
+    "train": ("sport.training.pipeline", "train the networks from motion data"),
+    "evaluate": ("sport.training.evaluation.command", "score models against captured motion"),
+}
+
+
+def run(command: str, arguments: Sequence[str]) -> int:
+    """Run a command of `COMMANDS` with its arguments; UsageError names a package that is not installed."""
+    module = COMMANDS[command][0]
+    try:
+        entry = importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        missing = error.name or module
+        if missing.split(".")[0] == "sport":
+            raise UsageError(
+                f"sport {command}: this installation has no module {missing}.", "Update it."
+            ) from error
+        raise UsageError(
+            f"sport {command}: the Python package '{missing}' is not installed.",
+            "Run pip install -e '.[train]'.",
+        ) from error
+    result = entry.main(arguments)
+    return int(result or 0)

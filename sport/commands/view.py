@@ -1,0 +1,77 @@
+"""`sport view`: the viewer in a window, or its frames without one."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from sport.commands.arguments import Subparsers, add_blend, blend_weights
+from sport.runtime.errors import UsageError
+
+
+def add(commands: Subparsers) -> None:
+    """Declare the arguments."""
+    view = commands.add_parser("view", help="open the viewer (what plain `sport` does)")
+    view.set_defaults(command=run)
+    view.add_argument("--terrain", metavar="NAME|FILE", help="a ready terrain, PNG, NPY or mesh file")
+    view.add_argument("--prompt", metavar="TEXT", help="style to begin with")
+    add_blend(view)
+    view.add_argument("--model", type=Path, metavar="DIR", help="folder of an exported model")
+    view.add_argument("--character", type=Path, metavar="GLB", help="skinned character")
+    view.add_argument("--clip", type=Path, metavar="BVH", help="clip to open")
+    view.add_argument("--size", metavar="WxH", help="window in pixels, e.g. 1280x720")
+    view.add_argument("--ui-scale", type=float, metavar="S", help="size of the interface, 1 is 96 dpi")
+    view.add_argument("--no-panels", action="store_true", help="begin without panels")
+    view.add_argument(
+        "--quality", choices=("software", "high"), help="rendering preset (default: by machine)"
+    )
+    view.add_argument("--camera", choices=("follow", "orbit"))
+    view.add_argument("--seed", type=int, default=0, metavar="N")
+    view.add_argument(
+        "--controls", default="", metavar="SCRIPT", help='keys to play, e.g. "w 2; w+shift 1.5"'
+    )
+    view.add_argument("--offscreen", action="store_true", help="no window or display; one step per frame")
+    view.add_argument("--frames", type=int, metavar="N", help="end after N frames")
+    view.add_argument("--screenshot", type=Path, metavar="PNG", help="picture of the last frame")
+    view.add_argument("--save-frames", type=Path, metavar="DIR", help="every frame as PNG (offscreen)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Open the viewer; its exit code."""
+    from sport.viewer.options import ViewOptions
+
+    width, height = _size(options.size)
+    view_options = ViewOptions(
+        offscreen=options.offscreen,
+        frames=options.frames,
+        screenshot=options.screenshot,
+        frames_directory=options.save_frames,
+        width=width,
+        height=height,
+        ui_scale=options.ui_scale,
+        panels=not options.no_panels,
+        terrain=options.terrain,
+        prompt=options.prompt,
+        blend=options.blend,
+        blend_weights=blend_weights(options),
+        model=options.model,
+        character=options.character,
+        clip=options.clip,
+        seed=options.seed,
+        quality=options.quality,
+        camera=options.camera,
+        controls=options.controls,
+    )
+    view_options.check()
+    from sport.viewer.app import run
+
+    return run(view_options)
+
+
+def _size(text: str | None) -> tuple[int | None, int | None]:
+    if text is None:
+        return None, None
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(part.isdigit() for part in parts):
+        raise UsageError(f"--size {text}: expected WIDTHxHEIGHT in pixels.", "Write 1280x720.")
+    return int(parts[0]), int(parts[1])

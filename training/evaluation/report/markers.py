@@ -1,0 +1,35 @@
+"""Generated sections of a document: what lies between two marker lines is replaced, the rest is left alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sport.runtime.atomic import write_atomic
+from sport.runtime.errors import FileError
+
+
+def check_section(path: Path, section: str) -> None:
+    """FileError when `path` has no markers of a section, for use before the figures are measured."""
+    _around(path, section)
+
+
+def write_section(path: Path, section: str, text: str) -> None:
+    """Put `text` between the markers of a section; FileError when `path` does not have both."""
+    before, after = _around(path, section)
+    write_atomic(path, before + "\n" + text.strip("\n") + "\n" + after)
+
+
+def _around(path: Path, section: str) -> tuple[str, str]:
+    """A document up to and from a section's text, markers included."""
+    begin, end = (f"<!-- {section}: {word} -->" for word in ("begin", "end"))
+    try:
+        old = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileError(
+            f"{path}: cannot be read as text ({error}).", "Choose a document in UTF-8."
+        ) from error
+    before, found, rest = old.partition(begin)
+    _, closed, after = rest.partition(end)
+    if not (found and closed):
+        raise FileError(f"{path}: has no lines {begin} and {end}.", "Add them where the section belongs.")
+    return before + begin, end + after

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from unicodedata import category
 
 
 class SportError(Exception):
@@ -14,9 +15,17 @@ class SportError(Exception):
     """
 
     def __init__(self, problem: str, remedy: str = "") -> None:
-        self.problem = problem
-        self.remedy = remedy
-        super().__init__(f"{problem} {remedy}".strip())
+        self.problem = _shown(problem)
+        self.remedy = _shown(remedy)
+        super().__init__(f"{self.problem} {self.remedy}".strip())
+
+
+def _shown(text: str) -> str:
+    """`text` on one line and as text that can be written: names of files may be any bytes."""
+    if text.isprintable():
+        return text
+    plain = text.encode("utf-8", "backslashreplace").decode("utf-8")
+    return "".join(ascii(sign)[1:-1] if category(sign) in ("Cc", "Zl", "Zp") else sign for sign in plain)
 
 
 class FileError(SportError):

@@ -18,6 +18,7 @@ from sport.runtime.prompts.blend import BlendedPrompt, Words, read_words, write_
 from sport.runtime.prompts.expander import DEFAULT_PROMPT, check_prompt
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.prompts.prompter import Prompter
+from sport.runtime.safe_read import read_bounded
 from sport.runtime.skeleton import PART_NAMES
 from sport.runtime.takes.clip import Clip, PromptEvent
 from sport.runtime.takes.metadata import gait_of, gait_seconds, origin_of
@@ -32,21 +33,18 @@ Array = NDArray[np.floating]
 
 MAX_SECONDS = 3600.0
 MAX_PARTS_BYTES = 100_000
+MAX_PROMPTS = 1000
 
 
 def load_parts(path: Path) -> PartDescriptions:
     """Six descriptions from a JSON file with one string for each body part; FileError or PromptError names what is wrong."""
     form = f"Write a JSON object with {', '.join(PART_NAMES)}."
     try:
-        with path.open("rb") as file:
-            data = file.read(MAX_PARTS_BYTES + 1)
-        text = data.decode("utf-8-sig")
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror or error}.", "Choose a file that can be read.") from error
+        text = read_bounded(path, MAX_PARTS_BYTES, form, missing="Choose a file that can be read.").decode(
+            "utf-8-sig"
+        )
     except UnicodeDecodeError as error:
         raise FileError(f"{path}: not text in UTF-8.", form) from error
-    if len(data) > MAX_PARTS_BYTES:
-        raise FileError(f"{path}: larger than {MAX_PARTS_BYTES} bytes.", form)
     try:
         return PartDescriptions.from_json(text)
     except PromptError as error:
@@ -56,14 +54,21 @@ def load_parts(path: Path) -> PartDescriptions:
 def parse_prompts(script: str) -> tuple[PromptEvent, ...]:
     """Prompts with their times: "0:walk calmly; 4:drunk" are two; PromptError shows the form."""
     events = []
-    for entry in script.split(";"):
-        match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*:\s*(\S.*?)\s*", entry)
-        if not match:
+    entries = script.split(";")
+    if len(entries) > MAX_PROMPTS:
+        raise PromptError(f"--prompts: {len(entries)} prompts; expected at most {MAX_PROMPTS}.", "Use fewer.")
+    for entry in entries:
+        seconds, colon, prompt = (part.strip() for part in entry.partition(":"))
+        if not colon or not prompt or not re.fullmatch(r"[0-9]{1,9}(\.[0-9]{1,9})?", seconds):
             raise PromptError(
                 f"Prompts with times: '{entry.strip()[:60]}' is not SECONDS:PROMPT.",
                 'Write "0:walk calmly; 4:drunk".',
             )
-        events.append(PromptEvent(float(match[1]), match[2]))
+        if float(seconds) > MAX_SECONDS:
+            raise PromptError(
+                f"--prompts: {seconds} s; expected at most {MAX_SECONDS:.0f}.", "Choose an earlier time."
+            )
+        events.append(PromptEvent(float(seconds), prompt))
     return tuple(sorted(events, key=lambda event: event.seconds))
 
 

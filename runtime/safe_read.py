@@ -79,3 +79,11 @@ def is_text(value: Any) -> TypeGuard[str]:
     except UnicodeEncodeError:
         return False
     return True
+
+
+def reason(error: BaseException) -> str:
+    """What a library says of a file, short and on one line, for the brackets of a message."""
+    said = " ".join(str(error).split())
+    return (said if said and isinstance(error, OSError | ValueError) else f"{type(error).__name__}: {said}")[
+        :160
+    ]

@@ -15,7 +15,7 @@ from sport.runtime.character.mesh import MeshData, read_meshes
 from sport.runtime.character.read import MAX_VALUE, REMEDY, STRUCTURE_ERRORS, GltfFile, open_gltf
 from sport.runtime.errors import FileError
 from sport.runtime.pose import Pose
-from sport.runtime.safe_read import is_text, parse_json, read_bounded
+from sport.runtime.safe_read import is_text, parse_json, read_bounded, reason
 from sport.runtime.skeleton import SPORT_SKELETON
 
 Array = NDArray[Any]
@@ -105,7 +105,7 @@ def read_joint_map(path: str | Path) -> dict[str, str]:
     try:
         data = parse_json(read_bounded(path, MAX_MAP_BYTES, form))
     except ValueError as error:
-        raise FileError(f"{path}: not JSON ({error}).", form) from error
+        raise FileError(f"{path}: not JSON ({reason(error)}).", form) from error
     if not isinstance(data, dict):
         raise FileError(f"{path}: not a JSON object.", form)
     wrong = sorted(
@@ -131,8 +131,7 @@ def load_character(path: str | Path, joint_map: Mapping[str, str] | None = None)
         with np.errstate(all="ignore"):  # what comes of it is checked
             character = _assemble(file, read_meshes(file), joint_map or {})
     except STRUCTURE_ERRORS as error:
-        problem = f"{type(error).__name__}: {error}"[:160]
-        raise FileError(f"{file.name}: damaged glTF structure ({problem}).", REMEDY) from error
+        raise FileError(f"{file.name}: damaged glTF structure ({reason(error)}).", REMEDY) from error
     _check_finite(file, character)
     return character
 

@@ -17,6 +17,7 @@ from sport.runtime.character.read import (
     read_uri,
 )
 from sport.runtime.errors import FileError
+from sport.runtime.safe_read import reason
 
 Array = NDArray[Any]
 
@@ -112,7 +113,7 @@ class Textures:
                     )
                 return _reduced(picture)
         except (Image.DecompressionBombError, *STRUCTURE_ERRORS, OSError, SyntaxError, EOFError) as error:
-            raise FileError(f"{self._file.name}: {what} is damaged ({str(error)[:160]}).", _EXPORT) from error
+            raise FileError(f"{self._file.name}: {what} is damaged ({reason(error)}).", _EXPORT) from error
 
 
 def _reduced(picture: Any) -> NDArray[np.uint8]:

@@ -12,7 +12,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 from sport.runtime.errors import FileError
-from sport.runtime.safe_read import parse_json, read_bounded
+from sport.runtime.safe_read import parse_json, read_bounded, reason
 
 Array = NDArray[Any]
 
@@ -93,7 +93,7 @@ def open_gltf(path: Path) -> GltfFile:
     try:
         gltf = _entries(parse_json(text))
     except ValueError as error:
-        raise FileError(f"{path}: damaged glTF container ({_short(error)}).", REMEDY) from error
+        raise FileError(f"{path}: damaged glTF container ({reason(error)}).", REMEDY) from error
     if not isinstance(gltf, Entry):
         raise FileError(f"{path}: the glTF container holds no document.", REMEDY)
     _check_document(gltf, path)
@@ -104,10 +104,6 @@ def _entries(value: Any) -> Any:
     if isinstance(value, dict):
         return Entry((key, _entries(item)) for key, item in value.items())
     return [_entries(item) for item in value] if isinstance(value, list) else value
-
-
-def _short(error: BaseException) -> str:
-    return f"{type(error).__name__}: {error}"[:160]
 
 
 def _read(path: Path) -> bytes:
@@ -178,7 +174,7 @@ def read_uri(path: Path, uri: Any, what: str) -> bytes:
     try:
         return base64.b64decode(uri.partition(",")[2])
     except ValueError as error:
-        raise FileError(f"{path}: an embedded {what} is damaged ({_short(error)}).", REMEDY) from error
+        raise FileError(f"{path}: an embedded {what} is damaged ({reason(error)}).", REMEDY) from error
 
 
 def _read_sibling(path: Path, uri: str, what: str) -> bytes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +11,7 @@ import numpy as np
 from sport.runtime.errors import ModelError
 from sport.runtime.motion.features import INPUT, INPUT_SIZE, LAYOUT_VERSION, OUTPUT_SIZE
 from sport.runtime.motion.processor import exact_8_bit_products
+from sport.runtime.safe_read import parse_json, read_bounded
 from sport.runtime.skeleton import SPORT_SKELETON
 
 if TYPE_CHECKING:
@@ -36,16 +36,10 @@ _FIELDS: dict[str, type] = {
 def read_metadata(folder: Path) -> dict[str, Any]:
     """The checked metadata of a model folder; ModelError names the file, the field and what was expected."""
     path = folder / "metadata.json"
+    data = read_bounded(path, MAX_METADATA_BYTES, REMEDY, missing=REMEDY, error=ModelError)
     try:
-        with path.open("rb") as file:
-            data = file.read(MAX_METADATA_BYTES + 1)
-    except OSError as error:
-        raise ModelError(f"{path}: {error.strerror or error}.", REMEDY) from error
-    if len(data) > MAX_METADATA_BYTES:
-        raise ModelError(f"{path}: larger than {MAX_METADATA_BYTES >> 20} MB.", REMEDY)
-    try:
-        metadata = json.loads(data)
-    except (ValueError, RecursionError) as error:
+        metadata = parse_json(data)
+    except ValueError as error:
         raise ModelError(f"{path}: not valid JSON.", REMEDY) from error
     _check_metadata(path, metadata)
     return metadata
@@ -121,12 +115,7 @@ def choose_precision(folder: Path, metadata: dict[str, Any], asked: str) -> tupl
 def read_graph(folder: Path, name: str, metadata: dict[str, Any]) -> bytes:
     """The bytes of `name`.onnx, which must be those that the metadata was written for."""
     path = folder / f"{name}.onnx"
-    try:
-        if path.stat().st_size > MAX_GRAPH_BYTES:
-            raise ModelError(f"{path}: larger than {MAX_GRAPH_BYTES >> 20} MB.", REMEDY)
-        data = path.read_bytes()
-    except OSError as error:
-        raise ModelError(f"{path}: {error.strerror or error}.", REMEDY) from error
+    data = read_bounded(path, MAX_GRAPH_BYTES, REMEDY, missing=REMEDY, error=ModelError)
     if hashlib.sha256(data).hexdigest() != metadata["sha256"].get(name):
         raise ModelError(f"{path}: damaged, or from another export than metadata.json.", REMEDY)
     return data

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from sport.runtime.errors import PromptError
 from sport.runtime.motion.style_mix import StyleMix
 from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.safe_read import parse_json
 from sport.runtime.skeleton import PART_NAMES
 
 Array = NDArray[np.float32]
@@ -30,10 +30,11 @@ def check_weights(weights: Mapping[str, Any], default: float = 0.0) -> Weights:
     for part, value in weights.items():
         if part not in PART_NAMES:
             raise PromptError(f"Blend weights: there is no body part '{str(part)[:40]}'.", _FORM)
-        number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        number = isinstance(value, int | float) and not isinstance(value, bool)
         if not number or not 0.0 <= value <= 1.0:
+            shown = str(value)[:40] if number else type(value).__name__
             raise PromptError(
-                f"Blend weight of {part}: {str(value)[:40]!r}, expected 0 (prompt A) to 1 (prompt B).", _FORM
+                f"Blend weight of {part}: {shown!r}, expected 0 (prompt A) to 1 (prompt B).", _FORM
             )
     return tuple(float(weights.get(part, default)) for part in PART_NAMES)
 
@@ -112,8 +113,8 @@ def read_words(text: str) -> Words | BlendedPrompt:
     PromptError when it is a JSON object but neither of the latter.
     """
     try:
-        value = json.loads(text)
-    except (ValueError, RecursionError):
+        value = parse_json(text)
+    except ValueError:
         return text
     if not isinstance(value, dict):
         return text

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from sport.runtime.errors import PromptError
+from sport.runtime.safe_read import parse_json, reason
 from sport.runtime.skeleton import PART_NAMES
 
 MAX_CHARACTERS = 300
@@ -48,7 +49,7 @@ class PartDescriptions:
         unknown = sorted(str(key) for key in values if key not in PART_NAMES)
         if missing or unknown:
             raise PromptError(
-                f"Part descriptions: missing {missing}, unknown {unknown[:6]}.",
+                f"Part descriptions: missing {missing}, unknown {[name[:40] for name in unknown[:6]]}.",
                 f"Give exactly {', '.join(PART_NAMES)}.",
             )
         return cls(**{part: values[part] for part in PART_NAMES})
@@ -57,9 +58,10 @@ class PartDescriptions:
     def from_json(cls, text: str) -> PartDescriptions:
         """Descriptions from a JSON object; PromptError when it is not one."""
         try:
-            values = json.loads(text)
+            values = parse_json(text)
         except ValueError as error:
-            raise PromptError(f"Part descriptions: not JSON ({error}).", "Give a JSON object.") from error
+            problem = f"Part descriptions: not JSON ({reason(error)})."
+            raise PromptError(problem, "Give a JSON object.") from error
         if not isinstance(values, dict):
             raise PromptError("Part descriptions: not a JSON object.", "Give an object of six strings.")
         return cls.from_mapping(values)

@@ -182,7 +182,8 @@ def _read_motion(h: _Hierarchy, data: bytes, at: int, name: str) -> BvhMotion:
         frame_seconds,
         h.end_offsets,
     )
-    found, rest = 0, np.zeros(0)
+    found = 0
+    rest: NDArray[np.float64] = np.zeros(0)
     for block in _number_blocks(data, at, name):
         first, found = found // width, found + len(block)
         if found > count * width:
@@ -216,7 +217,7 @@ def _parse_frames(data: bytes, at: int, name: str) -> tuple[int, float, int]:
     return count, frame_seconds, at + len(lines[1]) + 1
 
 
-def _number_blocks(data: bytes, at: int, name: str) -> Iterator[Array]:
+def _number_blocks(data: bytes, at: int, name: str) -> Iterator[NDArray[np.float64]]:
     """The numbers from `at` on in blocks of some MB; FileError when one is none, not finite or too large."""
     while at < len(data):
         end = min(at + _CHUNK_BYTES, len(data))
@@ -232,7 +233,7 @@ def _number_blocks(data: bytes, at: int, name: str) -> Iterator[Array]:
         at = end
 
 
-def _floats(block: bytes, name: str) -> Array:
+def _floats(block: bytes, name: str) -> NDArray[np.float64]:
     try:
         return np.array(block.split(), np.float64)
     except ValueError as error:

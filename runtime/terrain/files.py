@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import io
+import re
+import struct
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from sport.runtime.errors import FileError, TerrainError
+from sport.runtime.safe_read import read_bounded, reason
 from sport.runtime.terrain.height_map import Terrain
+from sport.runtime.terrain.mesh import MAX_SIDE, MESH_SUFFIXES, read_mesh
 
 Array = NDArray[np.floating]
 
-MAX_SIDE = 4096  # samples along one side
-MAX_FILE_BYTES = 256 * 1024 * 1024
-MAX_TRIANGLES = 500_000
+MAX_FILE_BYTES = 16 * MAX_SIDE * MAX_SIDE + (1 << 20)
+MAX_HEADER_BYTES = 4096  # of an NPY file; numpy writes 128
 MAX_HEIGHT_M = 1000.0
-MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
+_ROWS = 256  # of a height map that are converted at once
 SUFFIXES = (".png", ".npy", *MESH_SUFFIXES)
 
 
@@ -34,22 +38,17 @@ def read_terrain(path: str | Path, cell_m: float = 0.1, height_m: float = 2.0) -
         raise TerrainError(
             f"terrain height {height_m} m: expected up to {MAX_HEIGHT_M:.0f} m.", "Change the height."
         )
-    try:
-        size = path.stat().st_size
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror or error}.", "Check the path of the terrain.") from error
-    if size > MAX_FILE_BYTES:
-        raise FileError(f"{path}: larger than {MAX_FILE_BYTES >> 20} MB.", "Use a smaller height map.")
     suffix = path.suffix.lower()
-    if suffix == ".png":
-        heights = _read_png(path) * height_m
-    elif suffix == ".npy":
-        heights = _read_npy(path, height_m)
-    elif suffix in MESH_SUFFIXES:
-        return _checked(path, *_read_mesh(path, cell_m), cell_m)
-    else:
+    if suffix in MESH_SUFFIXES:
+        heights, origin = read_mesh(path, cell_m)
+        return _checked(path, heights, origin, cell_m)
+    if suffix not in SUFFIXES:
         raise FileError(f"{path}: expected one of {' '.join(SUFFIXES)}.", "Convert the height map to PNG.")
-    nx, nz = heights.shape if heights.ndim == 2 else (0, 0)
+    data = read_bounded(
+        path, MAX_FILE_BYTES, "Use a smaller height map.", missing="Check the path of the terrain."
+    )
+    heights = _read_png(path, data, height_m) if suffix == ".png" else _read_npy(path, data, height_m)
+    nx, nz = heights.shape
     return _checked(path, heights, (-(nx // 2) * cell_m, -(nz // 2) * cell_m), cell_m)
 
 
@@ -61,12 +60,15 @@ def write_height_png(path: str | Path, heights: Array) -> None:
     Image.fromarray(np.ascontiguousarray(values.T)).save(path)
 
 
-def _read_png(path: Path) -> Array:
+def _read_png(path: Path, data: bytes, height_m: float) -> Array:
+    """Heights `(columns, rows)` of a grey PNG, whose white is `height_m`."""
     from PIL import Image
 
     remedy = "Save it again as a grey PNG with 16 or 8 bits."
+    if not data.startswith(b"\x89PNG\r\n\x1a\n"):
+        raise FileError(f"{path}: not a readable PNG (its first bytes are others).", remedy)
     try:
-        with Image.open(path, formats=("PNG",)) as image:
+        with Image.open(io.BytesIO(data), formats=("PNG",)) as image:
             if max(image.size) > MAX_SIDE or min(image.size) < 2:
                 raise FileError(
                     f"{path}: {image.size[0]} x {image.size[1]} pixels; expected 2 to {MAX_SIDE} a side.",
@@ -75,78 +77,65 @@ def _read_png(path: Path) -> Array:
             full_scale = {"I;16": 65535.0, "I;16B": 65535.0, "I": 65535.0, "L": 255.0, "1": 1.0}
             if image.mode not in full_scale:
                 raise FileError(f"{path}: expected a grey PNG, got colour mode {image.mode}.", remedy)
-            return np.asarray(image, np.float64).T / full_scale[image.mode]
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise FileError(f"{path}: not a readable PNG ({error}).", remedy) from error
+            return _scaled(np.asarray(image).T, height_m, full_scale[image.mode])
+    except (
+        OSError, ValueError, SyntaxError, EOFError, IndexError, KeyError, TypeError, AttributeError,
+        OverflowError, struct.error, Image.DecompressionBombError,
+    ) as error:  # fmt: skip
+        # what Pillow's reader of PNG raises on chunks that are too short or wrong
+        raise FileError(f"{path}: not a readable PNG ({reason(error)}).", remedy) from error
 
 
-def _read_npy(path: Path, height_m: float) -> Array:
+def _scaled(values: NDArray[np.generic], height_m: float, full_scale: float) -> Array:
+    """Heights float32 of samples, computed in float64 a few rows at a time."""
+    heights = np.empty(values.shape, np.float32)
+    for first in range(0, len(values), _ROWS):
+        rows = slice(first, first + _ROWS)
+        with np.errstate(over="ignore"):  # what is infinite then is refused
+            heights[rows] = values[rows].astype(np.float64) / full_scale * height_m
+    return heights
+
+
+def _read_npy(path: Path, data: bytes, height_m: float) -> Array:
+    """Heights `(nx, nz)` of an NPY file; the header is read with a limit, and nothing in it is run."""
     remedy = "Save a two-dimensional float array of metres with numpy.save."
     try:
-        array = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        # numpy takes whatever is no NPY for a pickle and recommends to load it unsafely
-        reason = "no numbers in it" if "pickle" in str(error) else error
-        raise FileError(f"{path}: not a readable NPY array ({reason}).", remedy) from error
-    if not isinstance(array, np.ndarray) or array.ndim != 2 or array.dtype.kind not in "fiu":
-        kind = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else "an archive"
-        raise FileError(f"{path}: expected a two-dimensional array of numbers, got {kind}.", remedy)
-    if max(array.shape) > MAX_SIDE:
-        raise FileError(f"{path}: {array.shape} samples; expected at most {MAX_SIDE} a side.", "Thin it out.")
-    scale = height_m / np.iinfo(array.dtype).max if array.dtype.kind == "u" else 1.0
-    return np.asarray(array, np.float64) * scale
-
-
-def _read_mesh(path: Path, cell_m: float) -> tuple[Array, tuple[float, float]]:
-    """Heights and x, z of the first sample of the mesh's highest surface."""
-    import trimesh
-
-    remedy = "Export the ground as one OBJ or PLY in metres, Y up."
-    try:
-        mesh: Any = trimesh.load(str(path), force="mesh", process=False)
-        vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
-    except Exception as error:  # trimesh's readers raise whatever their parsers meet
-        raise FileError(f"{path}: not a readable mesh ({error}).", remedy) from error
-    if not len(faces) or len(faces) > MAX_TRIANGLES or not np.all(np.isfinite(vertices)):
+        shape, fortran, dtype, at = _npy_header(data)
+    except (ValueError, TypeError) as error:  # TypeError: floats of one byte
+        raise FileError(f"{path}: not a readable NPY array ({reason(error)}).", remedy) from error
+    if max(shape) > MAX_SIDE or min(shape) < 2:
         raise FileError(
-            f"{path}: {len(faces)} triangles; expected 1 to {MAX_TRIANGLES} with finite vertices.", remedy
+            f"{path}: {shape[0]} x {shape[1]} samples; expected 2 to {MAX_SIDE} a side.", "Thin it out."
         )
-    low, high = vertices[:, [0, 2]].min(0), vertices[:, [0, 2]].max(0)
-    shape = np.ceil((high - low) / cell_m - 1e-6).astype(int) + 1
-    if shape.max() > MAX_SIDE or shape.min() < 2:
-        size = f"{high[0] - low[0]:.2f} x {high[1] - low[1]:.2f} m"
-        raise FileError(
-            f"{path}: {size} at {cell_m} m a cell; expected 2 to {MAX_SIDE} cells a side.",
-            "Change the cell size or the units (metres) of the mesh.",
-        )
-    centre = (low + high) / 2
-    triangles = vertices[faces]
-    triangles[..., [0, 2]] = (triangles[..., [0, 2]] - low) / cell_m
-    heights = rasterise(triangles, (int(shape[0]), int(shape[1])))
-    origin = low - np.round(centre / cell_m) * cell_m
-    return heights, (float(origin[0]), float(origin[1]))
+    wanted = shape[0] * shape[1] * dtype.itemsize
+    if len(data) - at < wanted:
+        raise FileError(f"{path}: cut off, {len(data) - at} of {wanted} bytes are there.", remedy)
+    values = np.frombuffer(data, dtype, shape[0] * shape[1], at)
+    values = values.reshape(shape, order="F" if fortran else "C")
+    unsigned = dtype.kind == "u"
+    return _scaled(values, height_m if unsigned else 1.0, np.iinfo(dtype).max if unsigned else 1.0)
 
 
-def rasterise(triangles: Array, shape: tuple[int, int]) -> Array:
-    """Highest y of triangles `(n, 3, 3)` over each grid point (x, z in cells) of `shape`; gaps take the lowest y."""
-    heights = np.full(shape, -np.inf)
-    xz, y = triangles[..., [0, 2]], triangles[..., 1]
-    first = np.maximum(np.ceil(xz.min(1) - 1e-9).astype(int), 0)
-    last = np.minimum(np.floor(xz.max(1) + 1e-9).astype(int), np.array(shape) - 1)
-    edge1, edge2 = xz[:, 1] - xz[:, 0], xz[:, 2] - xz[:, 0]
-    area = edge1[:, 0] * edge2[:, 1] - edge1[:, 1] * edge2[:, 0]
-    covers = np.all(last >= first, axis=1) & (np.abs(area) > 1e-12)  # small ones may lie between grid points
-    for k in np.flatnonzero(covers):
-        (i0, j0), (i1, j1) = first[k], last[k]
-        dx = np.arange(i0, i1 + 1)[:, None] - xz[k, 0, 0]
-        dz = np.arange(j0, j1 + 1)[None, :] - xz[k, 0, 1]
-        u = (dx * edge2[k, 1] - dz * edge2[k, 0]) / area[k]
-        v = (dz * edge1[k, 0] - dx * edge1[k, 1]) / area[k]
-        inside = (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9)
-        surface = np.where(inside, y[k, 0] + u * (y[k, 1] - y[k, 0]) + v * (y[k, 2] - y[k, 0]), -np.inf)
-        block = heights[i0 : i1 + 1, j0 : j1 + 1]
-        np.maximum(block, surface, out=block)
-    return np.where(np.isfinite(heights), heights, y.min())
+def _npy_header(data: bytes) -> tuple[tuple[int, int], bool, np.dtype[Any], int]:
+    """Shape, Fortran order and kind of an array of numbers, and where its values begin; ValueError for another header.
+
+    It is a line of text in the form of a Python dictionary, of which only what is known is read: numpy evaluates it,
+    which damaged or hostile ones answer with a dozen kinds of errors and warnings.
+    """
+    if not data.startswith(b"\x93NUMPY") or len(data) < 12:
+        raise ValueError("no numbers in it")
+    wide = data[6] > 1  # the length of the header has four bytes from version 2 on
+    at = 12 if wide else 10
+    length = int.from_bytes(data[8:at], "little")
+    if length > MAX_HEADER_BYTES:
+        raise ValueError(f"a header of {length} bytes")
+    head = data[at : at + length].decode("latin-1")
+    kind = re.search(r"""['"]descr['"]\s*:\s*['"]([<>|=]?[fiu](?:1|2|4|8|16))['"]""", head)
+    order = re.search(r"""['"]fortran_order['"]\s*:\s*(True|False)""", head)
+    shape = re.search(r"""['"]shape['"]\s*:\s*\(\s*(\d{1,9})\s*,\s*(\d{1,9})\s*,?\s*\)""", head)
+    if not kind or not order or not shape:
+        raise ValueError("no two-dimensional array of numbers")
+    return (int(shape[1]), int(shape[2])), order[1] == "True", np.dtype(kind[1]), at + length
 
 
 def _checked(path: Path, heights: Array, origin: tuple[float, float], cell_m: float) -> Terrain:
@@ -155,10 +144,12 @@ def _checked(path: Path, heights: Array, origin: tuple[float, float], cell_m: fl
             f"{path}: {heights.shape} samples; expected two dimensions of 2 to {MAX_SIDE}.",
             "Use another height map.",
         )
-    if not np.all(np.isfinite(heights)) or np.abs(heights).max() > MAX_HEIGHT_M:
+    if (
+        not max(-float(heights.min()), float(heights.max())) <= MAX_HEIGHT_M
+    ):  # nor with NaN, which min and max keep
         raise FileError(
             f"{path}: expected finite heights within {MAX_HEIGHT_M:.0f} m.",
-            "Mend the values (NaN, infinity).",
+            "Replace NaN and infinite values, and check the unit.",
         )
     return Terrain(path.stem, np.ascontiguousarray(heights, np.float32), cell_m, origin)
 

@@ -1,0 +1,228 @@
+"""Heights from meshes: geometry alone is read, within budgets of triangles and of the cells that they cover."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.errors import FileError
+from sport.runtime.safe_read import decode_text, read_bounded, reason
+
+Array = NDArray[np.floating]
+
+MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
+MAX_SIDE = 4096  # samples along one side
+MAX_MESH_BYTES = 128 * 1024 * 1024
+MAX_TRIANGLES = 500_000
+MAX_VERTICES = 3 * MAX_TRIANGLES
+MAX_COVERED_CELLS = 4 * MAX_SIDE * MAX_SIDE  # of the rectangles around all triangles
+MAX_COORDINATE_M = 1e6
+_SMALL = 64  # cells of a rectangle that is rasterised together with others
+_AT_ONCE = 1 << 18  # cells
+_REMEDY = "Export the ground as one OBJ or PLY in metres, Y up."
+
+
+def read_mesh(path: Path, cell_m: float) -> tuple[Array, tuple[float, float]]:
+    """Heights of the mesh's highest surface every `cell_m`, and x, z of the first sample; FileError says what is wrong."""
+    try:
+        with np.errstate(all="ignore"):
+            vertices, faces = _geometry(path)
+    except (FileError, MemoryError):
+        raise
+    except Exception as error:  # trimesh's readers raise whatever their parsers meet
+        raise FileError(f"{path}: not a readable mesh ({reason(error)}).", _REMEDY) from error
+    _check(path, vertices, faces)
+    low, high = vertices[:, [0, 2]].min(0), vertices[:, [0, 2]].max(0)
+    shape = np.ceil((high - low) / cell_m - 1e-6).astype(int) + 1
+    if shape.max() > MAX_SIDE or shape.min() < 2:
+        size = f"{high[0] - low[0]:.2f} x {high[1] - low[1]:.2f} m"
+        raise FileError(
+            f"{path}: {size} at {cell_m} m a cell; expected 2 to {MAX_SIDE} cells a side.",
+            "Change the cell size or the units (metres) of the mesh.",
+        )
+    centre = (low + high) / 2
+    triangles = vertices[faces]
+    triangles[..., [0, 2]] = (triangles[..., [0, 2]] - low) / cell_m
+    grid = (int(shape[0]), int(shape[1]))
+    covered = int(np.prod(_rectangles(triangles, grid)[1], axis=1).sum())
+    if covered > MAX_COVERED_CELLS:
+        raise FileError(
+            f"{path}: its triangles lie over each other on {covered} cells; expected at most"
+            f" {MAX_COVERED_CELLS}.",
+            "Choose larger cells, or export the upper surface alone.",
+        )
+    origin = low - np.round(centre / cell_m) * cell_m
+    return rasterise(triangles, grid), (float(origin[0]), float(origin[1]))
+
+
+def _check(path: Path, vertices: Array, faces: NDArray[np.int64]) -> None:
+    sized = vertices.ndim == faces.ndim == 2 and vertices.shape[1] == faces.shape[1] == 3
+    if not sized or not 1 <= len(faces) <= MAX_TRIANGLES or len(vertices) > MAX_VERTICES:
+        raise FileError(
+            f"{path}: {len(faces)} triangles of {len(vertices)} vertices; expected 1 to {MAX_TRIANGLES}"
+            f" of at most {MAX_VERTICES}.",
+            _REMEDY,
+        )
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise FileError(f"{path}: a triangle has a vertex that is not there.", _REMEDY)
+    if not np.all(np.abs(vertices) <= MAX_COORDINATE_M):
+        raise FileError(
+            f"{path}: expected finite coordinates within {MAX_COORDINATE_M / 1000:.0f} km.", _REMEDY
+        )
+
+
+# --- files
+
+
+def _geometry(path: Path) -> tuple[Array, NDArray[np.int64]]:
+    """Vertices `(V, 3)` and triangles `(F, 3)` as the file has them, unchecked."""
+    kind = path.suffix.lower()
+    if kind in (".glb", ".gltf"):
+        return _gltf_geometry(path)
+    data = read_bounded(path, MAX_MESH_BYTES, _REMEDY)
+    if kind == ".obj":
+        return _obj_geometry(decode_text(data), path)
+    return _trimesh_geometry(path, kind, data)
+
+
+def _trimesh_geometry(path: Path, kind: str, data: bytes) -> tuple[Array, NDArray[np.int64]]:
+    import trimesh
+
+    binary = kind == ".ply" or (
+        kind == ".stl" and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little")
+    )
+    if kind == ".ply":
+        end = data.find(b"end_header")
+        head = data[: max(end, 0)]
+        counts = re.findall(rb"^\s*element\s+\S+\s+(\d+)", head, re.MULTILINE)
+        if end < 0 or sum(int(count[:12]) for count in counts) > MAX_VERTICES + MAX_TRIANGLES:
+            raise FileError(
+                f"{path}: not a readable mesh (a header without end or with too many elements).", _REMEDY
+            )
+        binary = b"format ascii" not in head
+    if not binary:
+        text = decode_text(data)
+        if kind == ".stl" and text.lower().count("vertex") > MAX_VERTICES:
+            raise FileError(f"{path}: more than {MAX_TRIANGLES} triangles.", _REMEDY)
+        data = text.encode("utf-8", "replace")
+    mesh: Any = trimesh.load(
+        io.BytesIO(data), file_type=kind[1:], force="mesh", process=False, skip_materials=True
+    )
+    return np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
+
+
+def _obj_geometry(text: str, path: Path) -> tuple[Array, NDArray[np.int64]]:
+    """The lines `v` and `f` of an OBJ; polygons become fans, and all else (materials, normals) is passed over."""
+    vertices: list[list[str]] = []
+    faces: list[tuple[int, int, int]] = []
+    for line in text.replace("\\\n", " ").replace("\\\r\n", " ").splitlines():
+        words = line.split(None, MAX_TRIANGLES)
+        if not words or words[0] not in ("v", "f"):
+            continue
+        if words[0] == "v":
+            vertices.append(words[1:4])
+            continue
+        corners = [int(word.partition("/")[0]) for word in words[1:]]
+        corners = [k - 1 if k > 0 else len(vertices) + k for k in corners]
+        faces += [(corners[0], b, c) for b, c in pairwise(corners[1:])]
+        if len(faces) > MAX_TRIANGLES:
+            raise FileError(f"{path}: more than {MAX_TRIANGLES} triangles.", _REMEDY)
+        if len(vertices) > MAX_VERTICES:
+            raise FileError(f"{path}: more than {MAX_VERTICES} vertices.", _REMEDY)
+    return np.array(vertices, np.float64).reshape(len(vertices), -1), np.array(faces, np.int64).reshape(-1, 3)
+
+
+def _gltf_geometry(path: Path) -> tuple[Array, NDArray[np.int64]]:
+    """All triangles of a glTF where its nodes put them; materials and textures are not looked at."""
+    from sport.runtime.character.nodes import ancestors, node_world_matrices
+    from sport.runtime.character.read import open_gltf, read_accessor
+
+    file = open_gltf(path)
+    world = node_world_matrices(file, *ancestors(file))
+    vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
+    for matrix, mesh, primitive in _gltf_primitives(path, file, world):
+        what = f"mesh {mesh}"
+        points = read_accessor(file, primitive.attributes.POSITION, f"POSITION of {what}")
+        indices = np.arange(len(points))
+        if primitive.indices is not None:
+            indices = read_accessor(file, primitive.indices, f"indices of {what}").ravel().astype(np.int64)
+        if len(indices) % 3 or indices.min() < 0 or indices.max() >= len(points) or points.shape[1] != 3:
+            raise FileError(f"{path}: the indices of {what} do not fit its {len(points)} vertices.", _REMEDY)
+        vertices.append(points @ matrix[:3, :3].T + matrix[:3, 3])
+        faces.append(indices.reshape(-1, 3) + count)
+        count += len(points)
+    return np.concatenate(vertices), np.concatenate(faces)
+
+
+def _gltf_primitives(path: Path, file: Any, world: Array) -> Iterator[tuple[Array, int, Any]]:
+    """World matrix, mesh number and primitive of everything made of triangles, as long as it is within the budgets."""
+    from sport.runtime.character.read import MAX_PRIMITIVES, accessor_count
+
+    primitives = vertices = triangles = 0
+    for node, matrix in zip(file.gltf.nodes or [], world, strict=True):
+        if node.mesh is None:
+            continue
+        for primitive in file.gltf.meshes[node.mesh].primitives:
+            if primitive.mode not in (None, 4):
+                continue
+            count = accessor_count(file, primitive.attributes.POSITION)
+            primitives, vertices = primitives + 1, vertices + count
+            triangles += (accessor_count(file, primitive.indices) or count) // 3
+            if primitives > MAX_PRIMITIVES or vertices > MAX_VERTICES or triangles > MAX_TRIANGLES:
+                raise FileError(
+                    f"{path}: more than {MAX_TRIANGLES} triangles or {MAX_PRIMITIVES} meshes.", _REMEDY
+                )
+            yield matrix, node.mesh, primitive
+
+
+# --- heights
+
+
+def _rectangles(triangles: Array, shape: tuple[int, int]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """First grid point `(n, 2)` and size `(n, 2)` of the rectangle of grid points under each triangle."""
+    xz = triangles[..., [0, 2]]
+    first = np.maximum(np.ceil(xz.min(1) - 1e-9).astype(np.int64), 0)
+    last = np.minimum(np.floor(xz.max(1) + 1e-9).astype(np.int64), np.array(shape) - 1)
+    return first, np.maximum(last - first + 1, 0)
+
+
+def rasterise(triangles: Array, shape: tuple[int, int]) -> Array:
+    """Highest y of triangles `(n, 3, 3)` over each grid point (x, z in cells) of `shape`; gaps take the lowest y."""
+    heights = np.full(shape, -np.inf)
+    first, size = _rectangles(triangles, shape)
+    cells = np.prod(size, axis=1)
+    xz = triangles[..., [0, 2]]
+    edge1, edge2 = xz[:, 1] - xz[:, 0], xz[:, 2] - xz[:, 0]
+    area = edge1[:, 0] * edge2[:, 1] - edge1[:, 1] * edge2[:, 0]
+    cells[np.abs(area) <= 1e-12] = 0  # small ones may lie between grid points, upright ones have no top
+    small = np.flatnonzero((cells > 0) & (cells <= _SMALL))
+    for some in np.array_split(small, len(small) * _SMALL // _AT_ONCE + 1):
+        of = np.repeat(some, cells[some])
+        number = np.arange(len(of)) - np.repeat(np.cumsum(cells[some]) - cells[some], cells[some])
+        i, j = first[of, 0] + number // size[of, 1], first[of, 1] + number % size[of, 1]
+        np.maximum.at(heights, (i, j), _surface(triangles, area, of, i, j))
+    for k in np.flatnonzero(cells > _SMALL):
+        rows = max(1, _AT_ONCE // int(size[k, 1]))
+        j = np.arange(first[k, 1], first[k, 1] + size[k, 1])[None, :]
+        for i0 in range(int(first[k, 0]), int(first[k, 0] + size[k, 0]), rows):
+            i = np.arange(i0, min(i0 + rows, first[k, 0] + size[k, 0]))[:, None]
+            block = heights[i0 : i0 + len(i), j[0, 0] : j[0, -1] + 1]
+            np.maximum(block, _surface(triangles, area, k, i, j), out=block)
+    heights[np.isneginf(heights)] = triangles[..., 1].min()
+    return heights
+
+
+def _surface(triangles: Array, area: Array, k: Any, i: Array, j: Array) -> Array:
+    """Height of triangle(s) `k` over the grid points i, j; minus infinity beside them."""
+    a, edge1, edge2 = triangles[k, 0], triangles[k, 1] - triangles[k, 0], triangles[k, 2] - triangles[k, 0]
+    dx, dz = i - a[..., 0], j - a[..., 2]
+    u = (dx * edge2[..., 2] - dz * edge2[..., 0]) / area[k]
+    v = (dz * edge1[..., 0] - dx * edge1[..., 2]) / area[k]
+    inside = (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9)
+    return np.where(inside, a[..., 1] + u * edge1[..., 1] + v * edge2[..., 1], -np.inf)

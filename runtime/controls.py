@@ -5,6 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
+from sport.runtime.errors import UsageError
+
+MAX_STICK = 1e6
+
 
 class Gait(IntEnum):
     """Gait labels in the order of the network's one-hot input g (Sec. III-A)."""
@@ -19,7 +23,7 @@ class Gait(IntEnum):
 
 @dataclass(frozen=True)
 class Controls:
-    """World-space wishes: the viewer has already turned stick axes by the camera's heading.
+    """World-space wishes, UsageError where one is no number or no gait: the viewer has already turned stick axes by the camera's heading.
 
     `move` is the wished direction in the XZ plane with a length of 0 (stand) to 1 (full stick);
     `facing` a unit XZ direction to look at while strafing, or None to face where the character goes.
@@ -29,3 +33,22 @@ class Controls:
     move: tuple[float, float] = (0.0, 0.0)
     facing: tuple[float, float] | None = None
     gait: Gait = Gait.WALK
+
+    def __post_init__(self) -> None:
+        for field, pair in (("move", self.move), ("facing", self.facing)):
+            if pair is not None and not _is_direction(pair):
+                raise UsageError(
+                    f"Controls: {field} {str(pair)[:40]}: expected two finite numbers.", "Try 0, 1."
+                )
+        if self.move is None or (not isinstance(self.gait, Gait) and self.gait not in tuple(Gait)):
+            raise UsageError(
+                f"Controls: gait {str(self.gait)[:40]}: expected one of {', '.join(g.name for g in Gait)}.",
+                "Use Gait.WALK.",
+            )
+
+
+def _is_direction(pair: tuple[float, float]) -> bool:
+    try:
+        return len(pair) == 2 and abs(pair[0]) <= MAX_STICK and abs(pair[1]) <= MAX_STICK
+    except TypeError:
+        return False

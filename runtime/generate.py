@@ -113,6 +113,8 @@ def generate_clip(
             "1 is as the model shows it.",
             "strength",
         )
+    if seed < 0:
+        raise UsageError(f"--seed {seed}: expected 0 or more.", "Choose another seed.")
     script = control_script(path, gait, speed, seed)
     events, asked = _events(prompt)
     ground = terrain if isinstance(terrain, Terrain) else load_terrain(terrain)

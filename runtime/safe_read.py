@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import stat
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any, TypeGuard
 from sport.runtime.errors import FileError, SportError
 
 MAX_JSON_ITEMS = 1_000_000  # an empty list of two bytes takes 56 in memory
+MAX_DIGITS = 400
 
 
 def read_bounded(
@@ -65,9 +67,18 @@ def parse_json(data: str | bytes, max_items: int = MAX_JSON_ITEMS) -> Any:
     if sum(text.count(sign) for sign in "[{,") > max_items:
         raise ValueError(f"more than {max_items} items")
     try:
-        return json.loads(text)
+        return json.loads(text, parse_int=_integer)
     except RecursionError as error:
         raise ValueError("too deeply nested") from error
+
+
+def _integer(digits: str) -> int | float:
+    """Of more digits than any field has, Python makes no number but an error for the whole text."""
+    return (
+        int(digits)
+        if len(digits) <= MAX_DIGITS
+        else math.copysign(math.inf, -1.0 if digits[0] == "-" else 1.0)
+    )
 
 
 def is_text(value: Any) -> TypeGuard[str]:

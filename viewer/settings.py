@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,8 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from sport.runtime.atomic import write_atomic
+from sport.runtime.errors import FileError
 from sport.runtime.motion.controller import TEMPERATURE
 from sport.runtime.prompts.gpt.settings import has_credentials
+from sport.runtime.safe_read import is_text, parse_json, read_bounded
 
 MAX_BYTES = 1_000_000
 MAX_LIST = 50  # entries of a list
@@ -138,20 +139,22 @@ def load_settings(directory: Path) -> tuple[Settings, list[str]]:
     """Settings from `directory` and the complaints about it; whatever cannot be read keeps its default."""
     path = directory / FILE_NAME
     try:
-        with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except FileNotFoundError:
-        return Settings(), []
-    except OSError as error:
-        return Settings(), [f"{path}: cannot be read ({error.strerror}); the default settings are used."]
-    try:
-        content = json.loads(data) if len(data) <= MAX_BYTES else None
-    except (ValueError, RecursionError):
+        content = parse_json(read_bounded(path, MAX_BYTES))
+    except FileError as error:
+        if isinstance(error.__cause__, FileNotFoundError):
+            return Settings(), []
+        return Settings(), [f"{error.problem} The default settings are used."]
+    except ValueError:
         content = None
     if not isinstance(content, dict):
         return Settings(), [
             f"{path}: not a settings file (expected a JSON object); the default settings are used."
         ]
+    return _settings_of(content, path)
+
+
+def _settings_of(content: dict[str, Any], path: Path) -> tuple[Settings, list[str]]:
+    """Settings from a JSON object, each unusable value replaced by its default, and a complaint for each."""
     settings, complaints = Settings(), []
     for entry in dataclasses.fields(Settings):
         if entry.name not in content:
@@ -160,7 +163,7 @@ def load_settings(directory: Path) -> tuple[Settings, list[str]]:
         value = _checked(entry.name, content[entry.name], default)
         if value is None:
             complaints.append(
-                f"{path}: field {entry.name} has the unusable value {str(content[entry.name])[:40]!r}; {default!r} is used."
+                f"{path}: field {entry.name} has the unusable value {str(content[entry.name])[:40]!a}; {default!r} is used."
             )
         else:
             setattr(settings, entry.name, value)
@@ -179,7 +182,7 @@ def _checked(name: str, value: Any, default: Any) -> Any:
 
 
 def _is_text(value: Any) -> bool:
-    return isinstance(value, str) and len(value) < MAX_TEXT and "\0" not in value
+    return is_text(value) and len(value) < MAX_TEXT and "\0" not in value
 
 
 def save_settings(settings: Settings, directory: Path) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sport.runtime import rotations
 from sport.runtime.controls import Controls, Gait
+from sport.runtime.errors import UsageError
 from sport.runtime.feet.foot_lock import FootLock
 from sport.runtime.motion import features
 from sport.runtime.motion.features import FPS, GAITS, InputParts, split_output
@@ -63,8 +64,18 @@ class _Body:
     phase: Array  # (121, 5, 2) dense ±60 frames
 
 
+def _check(**numbers: float) -> None:
+    """UsageError for a number that would make all later poses none."""
+    for name, value in numbers.items():
+        if not np.isfinite(value):
+            raise UsageError(f"Controller: {name} {value}: expected a finite number.", "Give a number.")
+
+
 class Controller:
-    """Deterministic: the same model, seed, controls, terrain and styles give the same poses."""
+    """Deterministic: the same model, seed, controls, terrain and styles give the same poses.
+
+    UsageError for numbers that are not finite and a seed below 0.
+    """
 
     def __init__(
         self,
@@ -74,6 +85,9 @@ class Controller:
         temperature: float = TEMPERATURE,
         strength: float = 1.0,
     ) -> None:
+        _check(temperature=temperature, strength=strength)
+        if seed < 0:
+            raise UsageError(f"Controller: seed {seed}: expected 0 or more.", "Choose another seed.")
         self.model = model
         self._folder = StyleFolder(model.fold_style, strength)
         self.terrain = terrain
@@ -94,6 +108,7 @@ class Controller:
 
     def reset(self, x: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Pose:
         """Stand at x, z (metres) facing `yaw` (radians)."""
+        _check(x=x, z=z, yaw=yaw)
         start = self.model.metadata["start"]
         y = split_output(np.array(start["output"], np.float64))
         phase = np.array(start["phase"], np.float64).reshape(-1, features.C, 2)
@@ -122,6 +137,7 @@ class Controller:
 
         ModelError where a code does not fit the model; the style stays as it was.
         """
+        _check(transition_seconds=transition_seconds)
         folded = self._folder.fold(style)
         self._to, self._from_style, self._to_style = style, self._style, folded
         self._blend, self._blend_seconds = 0.0, float(transition_seconds)
@@ -135,6 +151,7 @@ class Controller:
 
     @strength.setter
     def strength(self, value: float) -> None:
+        _check(strength=value)
         self._folder = StyleFolder(self.model.fold_style, value)
         self._to_style = self._folder.fold(self._to)
         if self._blend < 1.0:

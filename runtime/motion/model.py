@@ -19,6 +19,7 @@ from sport.runtime.motion.model_files import (
     open_graph,
     read_graph,
     read_metadata,
+    run_graph,
 )
 
 Array = NDArray[np.float32]
@@ -69,6 +70,7 @@ class MotionModel:
             open_graph(folder / f"{name}.onnx", read_graph(folder, name, metadata), threads)
             for name in ("prompt", "style", step)
         )
+        self._step_path = folder / f"{step}.onnx"
         self._styles_apart = check_graphs(
             folder, prompt, self._style, self._step, self.noise_shape, self.style_shape, step
         )
@@ -101,7 +103,10 @@ class MotionModel:
         drawn = z
         if self._neutral_code is not None and strength != 1.0:
             drawn = self._neutral_code + np.float32(strength) * (z - self._neutral_code)
-        bias, weight, content_bias, speeds = self._style.run(None, {"z": drawn})
+        path = self.folder / "style.onnx"
+        bias, weight, content_bias, speeds = run_graph(self._style, path, None, {"z": drawn})
+        if not np.isfinite(speeds).all():
+            raise ModelError(f"{path}: gives speeds that are not finite.", "Choose another model.")
         walk, jog = float(np.clip(speeds[0], 0.4, 2.2)), float(np.clip(speeds[1], 1.2, 5.0))
         return Style(z, bias, weight, content_bias, walk, max(jog, 1.3 * walk))
 
@@ -110,7 +115,8 @@ class MotionModel:
 
         `style` is one for all characters, or one for each; the same list again is not stacked anew.
         """
-        y, alpha = self._step.run(None, {"x": x, "noise": noise, **self._folded(style, len(x))})
+        feed = {"x": x, "noise": noise, **self._folded(style, len(x))}
+        y, alpha = run_graph(self._step, self._step_path, None, feed)
         return y, alpha
 
     def _folded(self, style: Style | Sequence[Style], count: int) -> dict[str, Array]:

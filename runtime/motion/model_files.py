@@ -11,7 +11,7 @@ import numpy as np
 from sport.runtime.errors import ModelError
 from sport.runtime.motion.features import INPUT, INPUT_SIZE, LAYOUT_VERSION, OUTPUT_SIZE
 from sport.runtime.motion.processor import exact_8_bit_products
-from sport.runtime.safe_read import parse_json, read_bounded
+from sport.runtime.safe_read import is_text, parse_json, read_bounded, reason
 from sport.runtime.skeleton import SPORT_SKELETON
 
 if TYPE_CHECKING:
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 MAX_METADATA_BYTES = 16 * 1024 * 1024
 MAX_GRAPH_BYTES = 1024 * 1024 * 1024
+MAX_NAME = 200
+MAX_START = 1e4  # metres and the like
 REMEDY = "Install the program again, or name another model folder."
 FOLDED = ("front_bias", "content_weight", "content_bias")  # what a style gives to every frame
 INT8_GRAPH = (
@@ -58,6 +60,8 @@ def _check_metadata(path: Path, metadata: Any) -> None:
         if not isinstance(metadata.get(field), kind):
             problem = "is missing" if field not in metadata else f"is not a JSON {_JSON_NAMES[kind]}"
             raise ModelError(f"{path}: field '{field}' {problem}.", REMEDY)
+    if not is_text(metadata["name"]) or len(metadata["name"]) > MAX_NAME:
+        raise ModelError(f"{path}: field 'name' is no name of up to {MAX_NAME} characters.", REMEDY)
     if tuple(metadata["joints"]) != SPORT_SKELETON.names:
         raise ModelError(f"{path}: field 'joints' names another skeleton.", REMEDY)
     config, start = metadata["config"], metadata["start"]
@@ -70,6 +74,9 @@ def _check_metadata(path: Path, metadata: Any) -> None:
     experts = config.get("experts")
     if type(experts) is not int or not 1 <= experts <= 1024:
         raise ModelError(f"{path}: field 'config.experts' is no number of experts.", REMEDY)
+    size = config.get("style_size", 384)
+    if type(size) is not int or not 6 <= size <= 6 * 4096:
+        raise ModelError(f"{path}: field 'config.style_size' is no size of six codes.", REMEDY)
     for field, count in (("output", OUTPUT_SIZE), ("phase", INPUT["phase"].stop - INPUT["phase"].start)):
         _check_numbers(path, f"start.{field}", start.get(field), count)
 
@@ -79,7 +86,7 @@ def _check_numbers(path: Path, field: str, values: Any, count: int) -> None:
         array = np.asarray(values, np.float64)
     except (TypeError, ValueError, OverflowError):
         array = np.zeros(0)
-    if array.shape != (count,) or not np.isfinite(array).all():
+    if array.shape != (count,) or not np.all(np.abs(array) <= MAX_START):
         raise ModelError(f"{path}: field '{field}' is not a list of {count} finite numbers.", REMEDY)
 
 
@@ -141,6 +148,16 @@ def open_graph(path: Path, data: bytes, threads: int) -> onnxruntime.InferenceSe
     except Exception as error:  # onnxruntime raises a dozen unrelated types for a damaged graph
         problem = f"not a graph that onnxruntime {onnxruntime.__version__} can load"
         raise ModelError(f"{path}: {problem}.", REMEDY) from error
+
+
+def run_graph(
+    session: onnxruntime.InferenceSession, path: Path, names: list[str] | None, feed: dict[str, Any]
+) -> list[Any]:
+    """The outputs of a graph read from `path`; ModelError where it cannot be computed."""
+    try:
+        return list(session.run(names, feed))
+    except Exception as error:  # onnxruntime's exceptions share no base class but Exception
+        raise ModelError(f"{path}: the graph fails ({reason(error)}).", REMEDY) from error
 
 
 def check_graphs(

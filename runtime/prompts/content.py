@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from sport.runtime.errors import ModelError
+from sport.runtime.motion.model_files import run_graph
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.prompts.sentence_inputs import input_sizes, sentence_inputs
 from sport.runtime.prompts.text_encoder import TextEncoderLike, open_session
@@ -36,7 +37,8 @@ class PromptEncoder:
         texts = descriptions.as_tuple()
         session = self._session
         embeddings = sentence_inputs(self._text_encoder, texts, session.get_inputs()[0].shape[2])
-        z = np.asarray(session.run(["z"], {"embeddings": embeddings[None]})[0], np.float32)
+        (given,) = run_graph(session, self._path, ["z"], {"embeddings": embeddings[None]})
+        z = np.asarray(given, np.float32)
         if z.ndim != 3 or z.shape[:2] != (1, PARTS) or not np.isfinite(z).all():
             raise ModelError(
                 f"{self._path}: gave z of shape {z.shape}, expected {(1, PARTS)} times finite numbers.",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import threading
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
@@ -13,13 +12,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 from sport.runtime.assets import asset_path
-from sport.runtime.errors import ModelError
+from sport.runtime.errors import FileError, ModelError
+from sport.runtime.motion.model_files import run_graph
+from sport.runtime.safe_read import is_text, parse_json, read_bounded, reason
 
 if TYPE_CHECKING:
     import onnxruntime
     from tokenizers import Tokenizer
 
 CACHE_TEXTS = 2048  # 3 MB of vectors
+MAX_METADATA_BYTES = 1024 * 1024
+MAX_TOKENIZER_BYTES = 64 * 1024 * 1024
+MAX_NAME = 200
+MAX_DIMENSIONS = 65_536
+MAX_TOKENS = 4096
 SHIPPED = {
     "name": "all-MiniLM-L6-v2",
     "dimensions": 384,
@@ -93,9 +99,11 @@ class TextEncoder:
         return self._metadata.dimensions
 
     def _run(self, text: str) -> NDArray[np.float32]:
-        ids = np.array([self._tokenizer.encode(text).ids], np.int64)
+        tokens = _tokens(self._tokenizer, text, self._path("tokenizer.json"), self._remedy)
+        ids = np.array([tokens[: self._metadata.max_tokens]], np.int64)
         inputs = {"input_ids": ids, "attention_mask": np.ones_like(ids)}
-        vector = np.asarray(self._session.run(["embeddings"], inputs)[0], np.float32)
+        (given,) = run_graph(self._session, self._path(self._metadata.graph), ["embeddings"], inputs)
+        vector = np.asarray(given, np.float32)
         if vector.shape != (1, self.dimensions) or not np.isfinite(vector).all():
             raise ModelError(
                 f"{self._path(self._metadata.graph)}: gave an embedding of shape {vector.shape}, "
@@ -109,16 +117,20 @@ class TextEncoder:
     def _metadata(self) -> _Metadata:
         path = self._path("text_encoder.json")
         try:
-            values = json.loads(path.read_text("utf-8"))
+            values = parse_json(read_bounded(path, MAX_METADATA_BYTES))
             found = _Metadata(
                 str(values["name"]),
                 int(values["dimensions"]),
                 int(values["max_tokens"]),
                 str(values.get("graph", _SHIPPED_GRAPH)),
             )
-            if found.graph != Path(found.graph).name or not found.graph:
+            if found.graph != Path(found.graph).name or not found.graph.isprintable() or not found.graph:
                 raise ValueError("'graph' is no plain file name")
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            if not is_text(found.name) or len(found.name) > MAX_NAME:
+                raise ValueError("'name' is no name")
+            if not 1 <= found.dimensions <= MAX_DIMENSIONS or not 2 <= found.max_tokens <= MAX_TOKENS:
+                raise ValueError("'dimensions' or 'max_tokens' is out of range")
+        except (FileError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
             raise _damaged(path, "the text encoder's metadata", error, self._remedy) from error
         return found
 
@@ -128,11 +140,11 @@ class TextEncoder:
 
         path = self._path("tokenizer.json")
         try:
-            tokenizer = Tokenizer.from_str(path.read_text("utf-8"))
-        except Exception as error:  # tokenizers raises bare Exception for every malformed file
-            raise _damaged(path, "a tokenizer", error, self._remedy) from error
-        tokenizer.enable_truncation(self._metadata.max_tokens)
-        tokenizer.no_padding()
+            tokenizer = Tokenizer.from_str(read_bounded(path, MAX_TOKENIZER_BYTES).decode("utf-8"))
+            tokenizer.enable_truncation(self._metadata.max_tokens)
+            tokenizer.no_padding()
+        except BaseException as error:
+            raise _not_of_tokenizers(error, path, self._remedy) from error
         return tokenizer
 
     @cached_property
@@ -140,7 +152,8 @@ class TextEncoder:
         path = self._path(self._metadata.graph)
         session = open_session(path, self._remedy)
         inputs = {i.name for i in session.get_inputs()}
-        if inputs != {"input_ids", "attention_mask"} or session.get_outputs()[0].name != "embeddings":
+        outputs = {o.name for o in session.get_outputs()}
+        if inputs != {"input_ids", "attention_mask"} or "embeddings" not in outputs:
             raise ModelError(
                 f"{path}: inputs {sorted(inputs)}, expected input_ids and attention_mask.",
                 self._remedy,
@@ -175,7 +188,7 @@ def text_encoder_of(
     found = TextEncoder(directory or (own if own.is_dir() else None))
     if (found.name, found.dimensions) != (wanted["name"], wanted["dimensions"]):
         raise ModelError(
-            f"{model_folder}: trained with the text encoder {str(wanted['name'])[:80]!r} of {wanted['dimensions']} "
+            f"{model_folder}: trained with the text encoder {str(wanted['name'])[:80]!r} of {str(wanted['dimensions'])[:20]} "
             f"numbers, but given {found.name[:80]!r} of {found.dimensions}.",
             f"Name the folder of its text encoder (text_encoder), or copy it to {own}.",
         )
@@ -199,12 +212,32 @@ def open_session(path: Path, remedy: str = "") -> onnxruntime.InferenceSession:
     options.inter_op_num_threads = 1
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 3
+    if not path.is_file():  # onnxruntime would wait for a pipe that nobody writes to
+        raise ModelError(f"{path}: no such file.", remedy or _REMEDY)
     try:
         return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime's exceptions share no base class but Exception
         raise _damaged(path, "an ONNX network", error, remedy or _REMEDY) from error
 
 
-def _damaged(path: Path, expected: str, error: Exception, remedy: str) -> ModelError:
-    reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
-    return ModelError(f"{path}: cannot be read as {expected} ({reason}).", remedy)
+def _tokens(tokenizer: Tokenizer, text: str, path: Path, remedy: str) -> list[int]:
+    """The numbers of a text's tokens, at least one; ModelError where a damaged tokenizer fails at it."""
+    try:
+        tokens = list(tokenizer.encode(text).ids)
+    except BaseException as error:
+        raise _not_of_tokenizers(error, path, remedy) from error
+    if not tokens:
+        raise ModelError(f"{path}: gives no tokens for a text.", remedy)
+    return tokens
+
+
+def _not_of_tokenizers(error: BaseException, path: Path, remedy: str) -> BaseException:
+    """The ModelError for what tokenizers raises, which is a bare Exception or a panic of Rust; others as they are."""
+    if isinstance(error, Exception) or type(error).__name__ == "PanicException":
+        return _damaged(path, "a tokenizer", error, remedy)
+    return error
+
+
+def _damaged(path: Path, expected: str, error: BaseException, remedy: str) -> ModelError:
+    said = error.problem if isinstance(error, FileError) else reason(error)
+    return ModelError(f"{path}: cannot be read as {expected} ({said[:200]}).", remedy)

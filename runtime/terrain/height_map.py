@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from sport.runtime.errors import TerrainError
 
 Array = NDArray[np.floating]
 
 
 @dataclass(frozen=True)
 class Terrain:
-    """A regular grid of heights in metres; outside the grid the nearest edge height goes on.
+    """A regular grid of heights in metres; outside the grid the nearest edge height goes on. TerrainError for another.
 
     `heights[i, j]` lies at x = origin_x + i * cell, z = origin_z + j * cell.
     """
@@ -21,6 +23,21 @@ class Terrain:
     heights: Array  # (nx, nz) float32
     cell_m: float
     origin: tuple[float, float]  # x, z of heights[0, 0], metres
+
+    def __post_init__(self) -> None:
+        heights = self.heights
+        if not isinstance(heights, np.ndarray) or heights.ndim != 2 or min(heights.shape) < 2:
+            raise TerrainError(
+                f"Terrain {self.name!r}: heights {np.shape(heights)}; expected (nx, nz) of at least 2 x 2.",
+                "Give a larger array.",
+            )
+        if not max(-float(heights.min()), float(heights.max())) < math.inf:
+            raise TerrainError(f"Terrain {self.name!r}: heights that are not finite.", "Replace them.")
+        if not 0.0 < self.cell_m < math.inf or not all(abs(at) < math.inf for at in self.origin):
+            raise TerrainError(
+                f"Terrain {self.name!r}: cells of {self.cell_m} m from {self.origin}; expected finite numbers.",
+                "Give metres above 0.",
+            )
 
     @staticmethod
     def flat(name: str = "flat", size_m: float = 40.0, cell_m: float = 1.0) -> Terrain:

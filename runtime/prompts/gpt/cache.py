@@ -13,6 +13,7 @@ from pathlib import Path
 from sport.runtime.atomic import write_atomic
 from sport.runtime.errors import FileError, PromptError
 from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.safe_read import parse_json, read_bounded
 
 _log = logging.getLogger(__name__)
 MAX_BYTES = 50_000
@@ -43,17 +44,13 @@ class AnswerCache:
         """The stored answer, or None."""
         path = self._path(prompt)
         try:
-            with path.open("rb") as file:
-                data = file.read(MAX_BYTES + 1)
-            if len(data) > MAX_BYTES:
-                raise ValueError("too large")
-            value = json.loads(data.decode("utf-8"))
+            value = parse_json(read_bounded(path, MAX_BYTES))
             if (value["prompt"], value["model"]) != (prompt, self.model):
                 raise ValueError("of another prompt or model")
             return PartDescriptions.from_mapping(value["descriptions"])
-        except FileNotFoundError:
-            return None
-        except (OSError, ValueError, KeyError, TypeError, RecursionError, PromptError) as error:
+        except (FileError, ValueError, KeyError, TypeError, AttributeError, PromptError) as error:
+            if isinstance(error.__cause__, FileNotFoundError):
+                return None
             _log.warning("%s: cached answer ignored (%s)", path, error)
             return None
 

@@ -6,7 +6,6 @@ endless one gets further than its limit.
 
 from __future__ import annotations
 
-import json
 import logging
 import queue
 import re
@@ -19,7 +18,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from sport.runtime.errors import PromptError
 from sport.runtime.prompts.expander import PromptCancelledError
+from sport.runtime.prompts.gpt.bounded_http import AnswerError, Waiting, bounded_client
 from sport.runtime.prompts.gpt.settings import KEY, MODEL, TIMEOUT, URL, GptSettings
+from sport.runtime.safe_read import parse_json
 
 if TYPE_CHECKING:
     from openai import OpenAI
@@ -29,7 +30,6 @@ Result = TypeVar("Result")
 Message = dict[str, str]
 
 INSTALL = "Run pip install 'sport-viewer[gpt]'."
-MAX_BODY_BYTES = 1_000_000
 STOP_SECONDS = 0.02  # how soon a stop is noticed
 _RETRIED = (408, 409, 425, 429)  # and 5xx
 _TRANSPORT = ("httpx", "httpx2", "httpcore", "httpcore2", "anyio")  # openai 2 and 3 bring different ones
@@ -57,6 +57,7 @@ class ChatClient:
 
     def __init__(self, settings: GptSettings) -> None:
         self._settings = settings
+        self._waiting = Waiting()
 
     def prepare(self) -> None:
         """Import what the first request needs, so that no time limit has to pay for it."""
@@ -101,7 +102,10 @@ class ChatClient:
         """
         box: queue.SimpleQueue[tuple[Result | None, BaseException | None]] = queue.SimpleQueue()
 
+        given_up = threading.Event()
+
         def work() -> None:
+            self._waiting.until, self._waiting.given_up = time.monotonic() + seconds, given_up
             try:
                 box.put((call(), None))
             except BaseException as error:  # raised again where the result is awaited
@@ -109,43 +113,41 @@ class ChatClient:
 
         threading.Thread(target=work, name="language model", daemon=True).start()
         end = time.monotonic() + seconds
-        while not stop.is_set():
-            try:
-                result, error = box.get(timeout=STOP_SECONDS)
-            except queue.Empty:
-                if time.monotonic() < end:
-                    continue
-                raise TimeoutError from None
-            if error is not None:
-                raise error
-            return result  # type: ignore[return-value]
-        raise PromptCancelledError
+        try:
+            while not stop.is_set():
+                try:
+                    result, error = box.get(timeout=STOP_SECONDS)
+                except queue.Empty:
+                    if time.monotonic() < end:
+                        continue
+                    raise TimeoutError from None
+                if error is not None:
+                    raise error
+                return result  # type: ignore[return-value]
+            raise PromptCancelledError
+        finally:
+            given_up.set()
 
     def _request(self, messages: Sequence[Message], form: dict[str, Any] | None, seconds: float) -> str:
         import openai
 
-        end = time.monotonic() + seconds
-        body = bytearray()
         extra = {} if form is None else {"response_format": form}
         try:
             create: Any = self._client.chat.completions.with_streaming_response.create
             arguments = {"model": self._settings.model, "messages": list(messages), **extra}
             with create(**arguments, timeout=max(seconds, 0.01)) as response:
-                for chunk in response.iter_bytes():
-                    body += chunk
-                    if time.monotonic() > end:
-                        raise TimeoutError
-                    if len(body) > MAX_BODY_BYTES:
-                        raise self._error("answers without end.", f"Check {URL}.")
+                body = response.read()  # which is there: see `bounded_http`
         except openai.APIStatusError as error:
             raise self._refusal(error) from None  # the request inside has the key in its header
         except openai.OpenAIError as error:
             raise self._broken(error.__cause__ or error) from None
+        except AnswerError as error:
+            raise self._broken(error) from None
         except Exception as error:
             if isinstance(error, EndpointError) or type(error).__module__.split(".")[0] not in _TRANSPORT:
                 raise
             raise self._broken(error) from None
-        return self._text(bytes(body))
+        return self._text(body)
 
     @cached_property
     def _client(self) -> OpenAI:
@@ -153,11 +155,12 @@ class ChatClient:
 
         # endpoints without keys still need the header not to be empty
         key = self._settings.api_key.reveal() or "none"
-        return OpenAI(api_key=key, base_url=self._settings.base_url, max_retries=0)
+        client = bounded_client(self._waiting)
+        return OpenAI(api_key=key, base_url=self._settings.base_url, max_retries=0, http_client=client)
 
     def _text(self, body: bytes) -> str:
         try:
-            choice = json.loads(body)["choices"][0]
+            choice = parse_json(body)["choices"][0]
             message = choice["message"]
             content, refusal = message.get("content"), message.get("refusal")
         except (ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError):
@@ -180,6 +183,8 @@ class ChatClient:
     def _broken(self, cause: BaseException) -> EndpointError | TimeoutError:
         if "Timeout" in type(cause).__name__:
             return TimeoutError()
+        if isinstance(cause, AnswerError):
+            return self._error(f"{self._clean(cause)}.", f"Check {URL}.")
         reason = self._clean(str(cause) or type(cause).__name__)
         return self._error(f"cannot be reached ({reason}).", f"Check {URL} and the network.", retry=True)
 

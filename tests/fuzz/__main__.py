@@ -1,0 +1,114 @@
+"""`python -m tests.fuzz [--count N] [--only NAME] [--first N]`: a table of what came of N damaged inputs; 1 on a failure.
+
+Each batch is a process of its own, so that one that crashes or is killed for memory costs its batch alone.
+`--only NAME --first K --count 1` reads one input of the table again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # helpers of the tests
+
+from . import files, models, words
+from .run import HUNG_SECONDS, Tally, damaged, run
+
+TARGETS = (*files.TARGETS, *words.TARGETS, *models.TARGETS)
+BATCH = 2000
+SHOWN = 10  # failures of a target
+
+
+def main() -> int:
+    """Run the targets; 1 when an input made one fail."""
+    parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
+    parser.add_argument("--count", type=int, default=2000, help="inputs in all")
+    parser.add_argument("--only", default="", help="name of a target")
+    parser.add_argument("--first", type=int, default=0, help="number of the first input")
+    parser.add_argument("--keep", type=Path, help="write this one input to a file instead of reading it")
+    parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    chosen = [target for target in TARGETS if options.only in ("", target.name)]
+    if not chosen:
+        parser.error(f"--only: choose one of {', '.join(target.name for target in TARGETS)}")
+    with tempfile.TemporaryDirectory(prefix="sport-fuzz-") as folder:
+        place = Path(folder)
+        if options.keep is not None:
+            options.keep.write_bytes(damaged(chosen[0], chosen[0].seeds(place), options.first))
+            return 0
+        if options.worker:
+            tally = run(chosen[0], place, options.first, options.count, _progress())
+            print("\n" + json.dumps(dataclasses.asdict(tally)))
+            return 0
+    share = options.count / sum(target.weight for target in chosen)
+    failed = 0
+    print("| reader | inputs | read | refused | failures | slowest, s | most, MB |")
+    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: |")
+    total = Tally()
+    for target in chosen:
+        tally = _in_batches(target.name, options.first, max(1, round(share * target.weight)))
+        _row(target.name, tally)
+        for number, problem in tally.failures[:SHOWN]:
+            print(f"  {target.name} {number}: {problem}", file=sys.stderr, flush=True)
+        failed += len(tally.failures)
+        total.add(tally)
+    _row("all", total)
+    return 1 if failed else 0
+
+
+def _progress() -> Path:
+    return Path(sys.stdin.readline().strip())
+
+
+def _row(name: str, tally: Tally) -> None:
+    print(
+        f"| {name} | {tally.inputs} | {tally.read} | {tally.refused} | {len(tally.failures)} |"
+        f" {tally.slowest_s:.2f} | {tally.most_mb:.0f} |",
+        flush=True,
+    )
+
+
+def _in_batches(name: str, first: int, count: int) -> Tally:
+    tally = Tally()
+    end = first + count
+    with tempfile.TemporaryDirectory(prefix="sport-fuzz-") as folder:
+        progress = Path(folder) / "number"
+        while first < end:
+            size = min(BATCH, end - first)
+            part, done = _batch(name, first, size, progress)
+            tally.add(part)
+            first += done
+    return tally
+
+
+def _batch(name: str, first: int, count: int, progress: Path) -> tuple[Tally, int]:
+    """What came of a batch and how many of its inputs were tried: a crash ends it at the input that did it."""
+    command = [sys.executable, "-m", "tests.fuzz", "--worker", f"--only={name}"]
+    started = time.monotonic()
+    done = subprocess.run(
+        [*command, "--first", str(first), "--count", str(count)],
+        input=f"{progress}\n",
+        capture_output=True,
+        text=True,
+        errors="replace",
+        timeout=count * HUNG_SECONDS,
+    )
+    if done.returncode == 0:
+        return Tally(**json.loads(done.stdout.splitlines()[-1])), count
+    if not progress.is_file():  # not one input: a mistake of the target itself
+        raise SystemExit(f"{name}: {done.stderr[-2000:]}")
+    number = int(progress.read_text(encoding="utf-8"))
+    reason = f"the process ended with {done.returncode} after {time.monotonic() - started:.0f} s"
+    before = _batch(name, first, number - first, progress)[0] if number > first else Tally()
+    before.add(Tally(inputs=1, failures=[(number, f"{reason}: {done.stderr[-300:]}")]))
+    return before, number - first + 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

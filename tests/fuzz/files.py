@@ -1,0 +1,293 @@
+"""Targets that are files: motion, characters and grounds."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import io
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+from sport.runtime.character.character import load_character, read_joint_map
+from sport.runtime.character.writer import write_character
+from sport.runtime.errors import SportError
+from sport.runtime.pose import Pose
+from sport.runtime.prompts.blend import read_words
+from sport.runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
+from sport.runtime.takes.bvh import MAX_VALUE, format_bvh, read_bvh
+from sport.runtime.takes.clip import MAX_DISTANCE_M, Clip, PromptEvent, load_clip_bvh, save_bvh
+from sport.runtime.takes.metadata import Origin, format_metadata, read_metadata, title
+from sport.runtime.terrain.files import MAX_HEIGHT_M, read_terrain, write_height_png
+
+from .mutate import damaged_bytes, damaged_glb, damaged_json, damaged_png, damaged_text
+from .target import Target, put
+
+
+def clip(frames: int = 4) -> Clip:
+    """A few frames of a turning character."""
+    rng = np.random.default_rng(1)
+    local = rng.normal(size=(frames, 31, 4))
+    local /= np.linalg.norm(local, axis=-1, keepdims=True)
+    hips = np.tile(np.array([0, REST_HIPS_HEIGHT, 0]), (frames, 1))
+    return Clip(
+        "take",
+        60.0,
+        hips.astype(np.float32),
+        local.astype(np.float32),
+        np.zeros((frames, 4), np.float32),
+        (PromptEvent(0.0, "a proud walk"), PromptEvent(0.05, "drunk", 1.0)),
+        "hills",
+        Origin("tiny", "ab" * 32, "fp32", 3, 0.7, 1.0, 0),
+        (("walk", 2.0), ("stand", 1.0)),
+    )
+
+
+# --- motion
+
+
+def _bvh_seeds(folder: Path) -> list[bytes]:
+    ours = save_bvh(clip(), folder / "seed.bvh").read_bytes()
+    take = clip(2)
+    other = format_bvh(SPORT_SKELETON, take.hips_positions, take.local_rotations, 30.0, order="XYZ")
+    small = (
+        "HIERARCHY\nROOT Hips\n{\n OFFSET 0 0 0\n CHANNELS 6 Xposition Yposition Zposition Zrotation Yrotation"
+        " Xrotation\n JOINT Spine\n {\n  OFFSET 0 10 0\n  CHANNELS 3 Zrotation Yrotation Xrotation\n  End Site\n"
+        "  {\n   OFFSET 0 5 0\n  }\n }\n}\nMOTION\nFrames: 3\nFrame Time: 0.0166\n"
+        + "1 2 3 4 5 6 7 8 9\n"
+        * 3
+    )
+    return [ours, other.encode(), small.encode(), small.encode()]
+
+
+def _read_bvh(folder: Path, data: bytes) -> None:
+    path = put(folder, "input.bvh", data)
+    motion = read_bvh(path)
+    for values in (motion.positions, motion.local_rotations):
+        assert np.abs(values).max(initial=0.0) <= MAX_VALUE
+    assert np.isfinite(motion.fps)
+    with np.errstate(over="ignore", invalid="ignore"):
+        motion.world()
+    take = load_clip_bvh(path)
+    assert np.abs(take.hips_positions).max() <= MAX_DISTANCE_M
+    assert np.isfinite(take.pose(0).positions).all()
+    if take.seconds < 100.0:
+        take.resampled(30.0)
+
+
+def _metadata_seeds(folder: Path) -> list[bytes]:
+    save_bvh(clip(), folder / "input.bvh")
+    return [(folder / "input.bvh.json").read_bytes()]
+
+
+def _read_metadata(folder: Path, data: bytes) -> None:
+    put(folder, "input.bvh.json", data)
+    found = read_metadata(folder / "input.bvh")
+    take = load_clip_bvh(folder / "input.bvh")
+    take.describe().encode()
+    format_metadata(
+        "", take.name, 1.0, found.terrain, found.prompts, found.origin, dict(found.gait_seconds)
+    ).encode()
+    for event in found.prompts:
+        assert np.isfinite([event.seconds, event.transition_seconds]).all()
+        title(event).encode()
+        for words in (event.prompt, event.words):
+            try:
+                read_words(words)
+            except SportError:  # of this one prompt; the others are still there
+                continue
+
+
+# --- characters
+
+
+def _character(folder: Path) -> bytes:
+    from gltf_characters import user_character
+
+    write_character(folder / "seed.glb", user_character())
+    return (folder / "seed.glb").read_bytes()
+
+
+def _textured(folder: Path) -> tuple[dict, bytes]:
+    """A character with texture coordinates, and a texture that is still to be set."""
+    from gltf_characters import split_glb
+
+    document, blob = split_glb(_character(folder))
+    count = document["accessors"][0]["count"]
+    document["bufferViews"].append({"buffer": 0, "byteOffset": len(blob), "byteLength": count * 8})
+    document["accessors"].append(
+        {
+            "bufferView": len(document["bufferViews"]) - 1,
+            "componentType": 5126,
+            "count": count,
+            "type": "VEC2",
+        }
+    )
+    primitive = document["meshes"][0]["primitives"][0]
+    primitive["attributes"]["TEXCOORD_0"] = len(document["accessors"]) - 1
+    document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
+    blob += bytes(count * 8)
+    document["buffers"][0]["byteLength"] = len(blob)
+    return document | {"textures": [{"source": 0}]}, blob
+
+
+def _glb_seeds(folder: Path) -> list[bytes]:
+    from gltf_characters import join_glb
+
+    document, blob = _textured(folder)
+    image = base64.b64encode(_image("PNG")).decode()
+    return [
+        _character(folder),
+        join_glb(document | {"images": [{"uri": f"data:image/png;base64,{image}"}]}, blob),
+    ]
+
+
+def _gltf_seeds(folder: Path) -> list[bytes]:
+    from gltf_characters import split_glb
+
+    document, blob = split_glb(_character(folder))
+    document["buffers"][0]["uri"] = "data:;base64," + base64.b64encode(blob).decode()
+    return [json.dumps(document).encode()]
+
+
+def _load(path: Path) -> None:
+    from gltf_characters import make_pose
+
+    character = load_character(path)
+    pose: Pose = make_pose(1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        character.skin_matrices(pose)
+    for name in character.joint_names:
+        name.encode()
+
+
+def _image(kind: str) -> bytes:
+    from PIL import Image
+
+    out = io.BytesIO()
+    pixels = np.random.default_rng(2).integers(0, 255, (16, 16, 3), np.uint8)
+    Image.fromarray(pixels).save(out, kind)
+    return out.getvalue()
+
+
+def _texture_seeds(folder: Path) -> list[bytes]:
+    document, blob = _textured(folder)
+    (folder / "document.json").write_text(json.dumps(document), encoding="utf-8")
+    (folder / "blob.bin").write_bytes(blob)
+    return [_image("PNG"), _image("JPEG"), _image("JPEG"), b"%!PS\n/x 1 def showpage\n", _image("GIF")]
+
+
+def _read_texture(folder: Path, data: bytes) -> None:
+    from gltf_characters import join_glb
+
+    document = json.loads((folder / "document.json").read_text(encoding="utf-8"))
+    blob = (folder / "blob.bin").read_bytes()
+    put(folder, "image.png", data)
+    _load(put(folder, "input.glb", join_glb(document | {"images": [{"uri": "image.png"}]}, blob)))
+
+
+def _map_seeds(_folder: Path) -> list[bytes]:
+    return [json.dumps({name: f"bone {name}" for name in SPORT_SKELETON.names}).encode()]
+
+
+# --- grounds
+
+
+def _ground(suffix: str, data: bytes, folder: Path) -> None:
+    terrain = read_terrain(put(folder, f"input{suffix}", data))
+    assert np.abs(terrain.heights).max() <= MAX_HEIGHT_M
+    assert np.isfinite(terrain.height(0.3, 0.3))
+    assert np.isfinite(terrain.normal(0.3, 0.3)).all()
+
+
+def _png_seeds(folder: Path) -> list[bytes]:
+    from PIL import Image
+
+    heights = np.random.default_rng(3).random((12, 9))
+    write_height_png(folder / "seed.png", heights)
+    eight = io.BytesIO()
+    Image.fromarray((heights * 255).astype(np.uint8)).save(eight, "PNG")
+    return [(folder / "seed.png").read_bytes(), eight.getvalue()]
+
+
+def _npy_seeds(_folder: Path) -> list[bytes]:
+    seeds = []
+    for kind in ("<f4", ">f8", "u1", "<u2", "<i4"):
+        out = io.BytesIO()
+        np.save(out, np.arange(20).reshape(4, 5).astype(kind))
+        seeds.append(out.getvalue())
+    return seeds
+
+
+def _damaged_header(rng, data: bytes) -> bytes:
+    """Damage to the header of an NPY file, which is most of what can be wrong with it."""
+    if rng.random() < 0.3:
+        return damaged_bytes(rng, data)
+    head = damaged_text(rng, data[10:128])
+    return data[:8] + struct.pack("<H", min(len(head), 65535)) + head + data[128:]
+
+
+def _mesh_seeds(kind: str):
+    def seeds(_folder: Path) -> list[bytes]:
+        import trimesh
+
+        mesh = trimesh.Trimesh(
+            [[0, 0, 0], [3, 0.1, 0], [3, 0.2, 3], [0, 0, 3]], [[0, 2, 1], [0, 3, 2]], process=False
+        )
+        if kind == "obj":
+            return [
+                b"v 0 0 0\nv 3 0 0\nv 3 0.5 3\nv 0 0 3\nvt 0 0\nmtllib a.mtl\nf 1/1 2/1 3/1 4/1\nf -1 -2 -3\n"
+            ]
+        if kind == "ply":
+            return [mesh.export(file_type="ply", encoding=e) for e in ("ascii", "binary")]
+        if kind == "stl":
+            return [mesh.export(file_type="stl"), mesh.export(file_type="stl_ascii").encode()]
+        exported = mesh.export(file_type=kind)
+        return [exported if isinstance(exported, bytes) else exported.encode()]
+
+    return seeds
+
+
+def _either(rng, data: bytes) -> bytes:
+    return (damaged_text if rng.random() < 0.7 else damaged_bytes)(rng, data)
+
+
+def _mesh(kind: str, damage) -> Target:
+    return Target(
+        f"ground .{kind}", _mesh_seeds(kind), damage, lambda folder, data: _ground(f".{kind}", data, folder)
+    )
+
+
+def _sidecar_of(rng, data: bytes) -> bytes:
+    """Damage that leaves the hash alone as a rule, without which nothing else is read."""
+    out = damaged_json(rng, data)
+    try:
+        value = json.loads(out)
+        if isinstance(value, dict) and rng.random() < 0.9:
+            value |= {"format": "sport-take", "bvh_sha256": json.loads(data)["bvh_sha256"]}
+        return json.dumps(value).encode()
+    except (ValueError, RecursionError):
+        return out
+
+
+def digest(data: bytes) -> str:
+    """SHA-256 as model folders write it."""
+    return hashlib.sha256(data).hexdigest()
+
+
+TARGETS = (
+    Target("BVH", _bvh_seeds, damaged_text, _read_bvh, 2.0),
+    Target("take metadata", _metadata_seeds, _sidecar_of, _read_metadata),
+    Target("character .glb", _glb_seeds, damaged_glb, lambda f, d: _load(put(f, "input.glb", d)), 2.0),
+    Target("character .gltf", _gltf_seeds, damaged_json, lambda f, d: _load(put(f, "input.gltf", d))),
+    Target("texture", _texture_seeds, damaged_png, _read_texture),
+    Target("joint map", _map_seeds, damaged_json, lambda f, d: read_joint_map(put(f, "input.json", d))),
+    Target("ground .png", _png_seeds, damaged_png, lambda f, d: _ground(".png", d, f)),
+    Target("ground .npy", _npy_seeds, _damaged_header, lambda f, d: _ground(".npy", d, f)),
+    _mesh("obj", damaged_text),
+    _mesh("ply", _either),
+    _mesh("stl", _either),
+    _mesh("off", damaged_text),
+    _mesh("glb", damaged_glb),
+)

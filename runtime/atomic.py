@@ -39,9 +39,9 @@ def check_target(target: str | Path) -> None:
 
 
 def _temporary_beside(target: Path) -> Path:
-    if target.is_dir():
-        raise FileError(f"{target}: this is a folder.", "Add the name of a file.")
     try:
+        if target.is_dir():
+            raise FileError(f"{target}: this is a folder.", "Add the name of a file.")
         target.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(
             prefix=f".{target.stem[:80]}-", suffix=target.suffix, dir=target.parent

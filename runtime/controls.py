@@ -50,5 +50,5 @@ class Controls:
 def _is_direction(pair: tuple[float, float]) -> bool:
     try:
         return len(pair) == 2 and abs(pair[0]) <= MAX_STICK and abs(pair[1]) <= MAX_STICK
-    except TypeError:
+    except (TypeError, ValueError):  # ValueError: arrays in place of numbers
         return False

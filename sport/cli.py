@@ -23,6 +23,7 @@ _EXAMPLES = """examples:
 """
 # parameters of functions whose argument on the command line has another name
 _FLAGS = {"transition_seconds": "transition"}
+MAX_MESSAGE = 400  # characters of what a parser says
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -54,7 +55,9 @@ class _Parser(argparse.ArgumentParser):
     """Reports a mistake in one sentence, as every other error of the command, not with a page of usage."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: {message}. See {self.prog} --help.\n")
+        said = str(UsageError(message))  # on one line, whatever was typed
+        said = said if len(said) <= MAX_MESSAGE else said[:MAX_MESSAGE] + "…"
+        self.exit(2, f"{self.prog}: {said}. See {self.prog} --help.\n")
 
 
 def build_parser() -> argparse.ArgumentParser:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,6 +18,7 @@ from sport.runtime.prompts.gpt.settings import has_credentials
 from sport.runtime.safe_read import is_text, parse_json, read_bounded
 
 MAX_BYTES = 1_000_000
+LARGEST = 1e300  # of a number: what no float can hold is refused, as NaN is
 MAX_LIST = 50  # entries of a list
 MAX_TEXT = 4096  # characters of a text
 FILE_NAME = "settings.json"
@@ -43,7 +45,7 @@ class Spec:
         """Whether a text or a number may be used."""
         if self.choices is not None:
             return value in self.choices
-        return isinstance(value, str) or bool(math.isfinite(value) and self.low <= value <= self.high)
+        return isinstance(value, str) or abs(value) < LARGEST and self.low <= value <= self.high
 
 
 def specified(default: Any, low: float = -math.inf, high: float = math.inf, **spec: Any) -> Any:

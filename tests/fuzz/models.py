@@ -60,7 +60,7 @@ def _damaged_graph(rng: random.Random, name: bytes) -> bytes:
 
 
 def _read_graph(folder: Path, data: bytes) -> None:
-    name, seed = data.decode().split()
+    name, seed = (data.decode() + " 0").split()[:2]
     good, target = folder / "good", folder / "input"
     if not target.is_dir():
         shutil.copytree(good, target)
@@ -83,7 +83,7 @@ def _encoder_seeds(folder: Path) -> list[bytes]:
 
 
 def _read_encoder(folder: Path, data: bytes) -> None:
-    name, seed = data.decode().split()
+    name, seed = (data.decode() + " 0").split()[:2]
     good, target = folder / "good", folder / "input"
     target.mkdir(exist_ok=True)
     for other in _ENCODER_FILES:
@@ -92,7 +92,7 @@ def _read_encoder(folder: Path, data: bytes) -> None:
     (target / name).write_bytes(damage(random.Random(seed), (good / name).read_bytes()))
     encoder = TextEncoder(target)
     encoder.name.encode()
-    vectors = encoder.encode(["a proud walk", "", "x" * 300])
+    vectors = encoder.encode(["a proud walk", "left", "x " * 300])
     assert np.isfinite(vectors).all()
     assert vectors.shape == (3, encoder.dimensions)
 

@@ -7,6 +7,7 @@ import random
 import struct
 import zlib
 from collections.abc import Callable
+from copy import deepcopy
 from typing import Any
 
 Mutator = Callable[[random.Random, bytes], bytes]
@@ -94,11 +95,11 @@ def damaged_value(rng: random.Random, value: Any) -> Any:
                 if isinstance(item, dict | list):
                     stack.append(item)
         if not places:
-            return rng.choice(_VALUES)
+            return deepcopy(rng.choice(_VALUES))
         holder, key = rng.choice(places)
         kind = rng.randrange(6)
         if kind <= 2:
-            holder[key] = rng.choice(_VALUES)
+            holder[key] = deepcopy(rng.choice(_VALUES))
         elif kind == 3:
             del holder[key]
         elif kind == 4:
@@ -106,7 +107,7 @@ def damaged_value(rng: random.Random, value: Any) -> Any:
             holder[key] = json.loads(json.dumps(other[at])) if _has(other, at) else None
         elif isinstance(holder, list):
             holder[key:key] = [holder[key]] * rng.choice((1, 2, 300))
-        elif isinstance(holder[key], int | float):
+        elif isinstance(holder[key], int | float) and abs(holder[key]) < 1e200:
             holder[key] = holder[key] * rng.choice((-1, 2, 1000, 1e9)) + rng.choice((0, 1, -1))
     return copy
 

@@ -78,9 +78,9 @@ def _run(target: Target, folder: Path, first: int, count: int, before: Path | No
     with contextlib.suppress(SportError):
         target.read(folder, seeds[0])  # what is imported and loaded once belongs to no input
     for number in range(first, first + count):
-        data = damaged(target, seeds, number)
         if before is not None:
             before.write_text(str(number), encoding="utf-8")
+        data = damaged(target, seeds, number)
         held = _reset_peak()
         started = time.thread_time()
         problem = ""

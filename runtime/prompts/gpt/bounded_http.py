@@ -69,8 +69,8 @@ def _whole(response: Any, waiting: Waiting) -> Any:
         body += piece
         if len(body) > MAX_BODY_BYTES:
             raise AnswerError("answers without end")
-    gone = ("content-encoding", "content-length", "transfer-encoding")
-    headers = [(name, value) for name, value in response.headers.multi_items() if name.lower() not in gone]
+    gone = (b"content-encoding", b"content-length", b"transfer-encoding")
+    headers = [(name, value) for name, value in response.headers.raw if name.lower() not in gone]
     return type(response)(
         response.status_code, headers=headers, content=bytes(body), request=response.request
     )

@@ -1,0 +1,61 @@
+"""Every reader meets a few dozen damaged inputs; `python -m tests.fuzz --count 100000` is the long run."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("onnx")
+pytest.importorskip("openai")
+
+from fuzz import files, models, words
+from fuzz.run import Tally, run
+from fuzz.target import Target
+from sport.runtime.assets import PROJECT_ROOT
+from sport.runtime.errors import FileError
+
+TARGETS = {target.name: target for target in (*files.TARGETS, *words.TARGETS, *models.TARGETS)}
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_damage_ends_in_a_sentence(name: str, tmp_path: Path) -> None:
+    count = max(3, round(30 * TARGETS[name].weight))
+    tally = run(TARGETS[name], tmp_path, 0, count)
+    assert tally.failures == []
+    assert tally.read + tally.refused == tally.inputs == count
+
+
+def test_a_failure_is_found_and_the_damage_is_the_same_each_time(tmp_path: Path) -> None:
+    seen: list[bytes] = []
+
+    def read(_folder: Path, data: bytes) -> None:
+        seen.append(data)
+        if b"9" in data:
+            raise KeyError("nine")
+        if b"-" in data:
+            raise FileError("two\nlines")
+
+    target = Target(
+        "numbers", lambda _: [b"1 2 3"], lambda rng, _: str(rng.randrange(-20, 20)).encode(), read
+    )
+    first, second = run(target, tmp_path, 0, 60), run(target, tmp_path, 0, 60)
+    assert seen[: len(seen) // 2] == seen[len(seen) // 2 :]
+    assert first.failures == second.failures
+    assert {problem.split()[0] for _, problem in first.failures} == {"KeyError"}
+    assert first.refused > 0
+
+
+def test_batches_survive_a_crash(tmp_path: Path) -> None:
+    total = Tally()
+    total.add(Tally(2, 1, 0, 0.5, 3.0, [(1, "x")]))
+    total.add(Tally(1, 1, 0, 0.1, 9.0, []))
+    assert (total.inputs, total.read, total.slowest_s, total.most_mb) == (3, 2, 0.5, 9.0)
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.fuzz", "--count", "5", "--only=--blend-weights"],
+        cwd=PROJECT_ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "| --blend-weights | 5 |" in done.stdout

@@ -144,10 +144,17 @@ def open_graph(path: Path, data: bytes, threads: int) -> onnxruntime.InferenceSe
         session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
         # kept to change the provider later, which nobody does: the file once more
         session._model_bytes = None
+        check_names(session)
         return session
     except Exception as error:  # onnxruntime raises a dozen unrelated types for a damaged graph
         problem = f"not a graph that onnxruntime {onnxruntime.__version__} can load"
         raise ModelError(f"{path}: {problem}.", REMEDY) from error
+
+
+def check_names(session: onnxruntime.InferenceSession) -> None:
+    """UnicodeDecodeError where an input or output of a damaged graph has a name that is no text."""
+    for value in (*session.get_inputs(), *session.get_outputs()):
+        _ = value.name, value.shape
 
 
 def run_graph(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sport.runtime.assets import asset_path
 from sport.runtime.errors import FileError, ModelError
-from sport.runtime.motion.model_files import run_graph
+from sport.runtime.motion.model_files import check_names, run_graph
 from sport.runtime.safe_read import is_text, parse_json, read_bounded, reason
 
 if TYPE_CHECKING:
@@ -212,10 +212,12 @@ def open_session(path: Path, remedy: str = "") -> onnxruntime.InferenceSession:
     options.inter_op_num_threads = 1
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 3
-    if not path.is_file():  # onnxruntime would wait for a pipe that nobody writes to
-        raise ModelError(f"{path}: no such file.", remedy or _REMEDY)
     try:
-        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+        if not path.is_file():  # onnxruntime would wait for a pipe that nobody writes to
+            raise FileNotFoundError("no such file")
+        session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+        check_names(session)
+        return session
     except Exception as error:  # onnxruntime's exceptions share no base class but Exception
         raise _damaged(path, "an ONNX network", error, remedy or _REMEDY) from error
 

@@ -24,7 +24,7 @@ MAX_VERTICES = 3 * MAX_TRIANGLES
 MAX_COVERED_CELLS = 3 * MAX_SIDE * MAX_SIDE  # of the rectangles around all triangles
 MAX_COORDINATE_M = 1e6
 _SMALL = 64  # cells of a rectangle that is rasterised together with others
-_AT_ONCE = 1 << 18  # cells
+_AT_ONCE = 1 << 15  # cells, so that what is computed of them stays in the processor's cache
 _REMEDY = "Export the ground as one OBJ or PLY in metres, Y up."
 
 

@@ -83,7 +83,7 @@ def _decoded(response: Any, waiting: Waiting) -> Iterator[bytes]:
         raise AnswerError(f"answers in the coding {coding[:20]!r}, which was not asked for")
     stream = None if coding in ("identity", "") else zlib.decompressobj(wbits=47 if "gzip" in coding else 15)
     received = 0
-    for piece in response.iter_raw(_PIECE):
+    for piece in response.iter_raw():
         waiting.check()
         received += len(piece)
         if received > MAX_BODY_BYTES:

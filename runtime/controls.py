@@ -40,7 +40,9 @@ class Controls:
                 raise UsageError(
                     f"Controls: {field} {str(pair)[:40]}: expected two finite numbers.", "Try 0, 1."
                 )
-        if self.move is None or (not isinstance(self.gait, Gait) and self.gait not in tuple(Gait)):
+        if self.move is None or (
+            not isinstance(self.gait, Gait) and (type(self.gait) is not int or not 0 <= self.gait < len(Gait))
+        ):
             raise UsageError(
                 f"Controls: gait {str(self.gait)[:40]}: expected one of {', '.join(g.name for g in Gait)}.",
                 "Use Gait.WALK.",

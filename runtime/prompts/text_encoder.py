@@ -124,7 +124,8 @@ class TextEncoder:
                 int(values["max_tokens"]),
                 str(values.get("graph", _SHIPPED_GRAPH)),
             )
-            if found.graph != Path(found.graph).name or not found.graph.isprintable() or not found.graph:
+            plain = found.graph == Path(found.graph).name and found.graph.isprintable()
+            if not plain or not 1 <= len(found.graph) <= MAX_NAME:
                 raise ValueError("'graph' is no plain file name")
             if not is_text(found.name) or len(found.name) > MAX_NAME:
                 raise ValueError("'name' is no name")

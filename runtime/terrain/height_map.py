@@ -61,7 +61,12 @@ class Terrain:
         i, j = u.astype(np.int64), v.astype(np.int64)
         fu, fv = u - i, v - j
         h = self.heights
-        low = h[i, j] * (1 - fu) + h[i + 1, j] * fu
+        try:
+            low = h[i, j] * (1 - fu) + h[i + 1, j] * fu
+        except IndexError as error:  # not a number: clipping keeps it
+            raise TerrainError(
+                f"Terrain {self.name!r}: a place that is not finite.", "Give metres."
+            ) from error
         high = h[i, j + 1] * (1 - fu) + h[i + 1, j + 1] * fu
         return np.asarray(low * (1 - fv) + high * fv, np.float32)
 

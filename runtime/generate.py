@@ -34,6 +34,7 @@ Array = NDArray[np.floating]
 MAX_SECONDS = 3600.0
 MAX_PARTS_BYTES = 100_000
 MAX_PROMPTS = 1000
+MAX_SCRIPT_CHARACTERS = 200_000
 
 
 def load_parts(path: Path) -> PartDescriptions:
@@ -53,6 +54,10 @@ def load_parts(path: Path) -> PartDescriptions:
 
 def parse_prompts(script: str) -> tuple[PromptEvent, ...]:
     """Prompts with their times: "0:walk calmly; 4:drunk" are two; PromptError shows the form."""
+    if len(script) > MAX_SCRIPT_CHARACTERS:
+        raise PromptError(
+            f"--prompts: {len(script)} characters; expected at most {MAX_SCRIPT_CHARACTERS}.", "Use fewer."
+        )
     events = []
     entries = script.split(";")
     if len(entries) > MAX_PROMPTS:

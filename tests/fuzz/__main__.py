@@ -97,7 +97,7 @@ def _batch(name: str, first: int, count: int, progress: Path) -> tuple[Tally, in
         capture_output=True,
         text=True,
         errors="replace",
-        timeout=count * HUNG_SECONDS,
+        timeout=60 + count * HUNG_SECONDS,
     )
     if done.returncode == 0:
         return Tally(**json.loads(done.stdout.splitlines()[-1])), count

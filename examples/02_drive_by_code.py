@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import hypot
 
 from sport.runtime.controls import Controls, Gait
-from sport.runtime.generate import open_prompter
 from sport.runtime.motion.controller import Controller
 from sport.runtime.motion.model import load_model
+from sport.runtime.prompts.prompter import Prompter
 from sport.runtime.takes.clip import ClipRecorder, save_bvh
 from sport.runtime.terrain.library import load_terrain
 
@@ -19,7 +19,7 @@ MAX_FRAMES = 900
 def main() -> None:
     """Walk the way points and write `way.bvh`."""
     model, recorder = load_model(), ClipRecorder()
-    to_style = open_prompter(model)
+    to_style = Prompter(model)
     controller = Controller(model, load_terrain("hills"), seed=1)
     controller.set_style(to_style("a proud queen"), transition_seconds=0.0)
     recorder.start()

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 from sport.runtime.controls import Controls
-from sport.runtime.generate import generate_clip, open_prompter
+from sport.runtime.generate import generate_clip
 from sport.runtime.motion.controller import Controller
 from sport.runtime.motion.model import load_model
 from sport.runtime.prompts.blend import BlendedPrompt, mix_of_parts, parse_weights
+from sport.runtime.prompts.prompter import Prompter
 from sport.runtime.skeleton import SPORT_SKELETON
 from sport.runtime.takes.clip import save_bvh
 from sport.runtime.terrain.height_map import Terrain
@@ -21,7 +22,7 @@ HIPS = SPORT_SKELETON.index("Hips")
 def main() -> None:
     """Print the height of the hands at each step, and write `blend.bvh`."""
     model = load_model()
-    to_style = open_prompter(model)
+    to_style = Prompter(model)
     z_a, z_b = to_style(A), to_style(B)  # (6, 64): a row for each part of the body
     for share in np.linspace(0.0, 1.0, STEPS + 1):
         controller = Controller(model, Terrain.flat(), seed=0)

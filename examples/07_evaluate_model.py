@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 from sport.runtime.controls import Controls, Gait
-from sport.runtime.generate import open_prompter
 from sport.runtime.motion.controller import Controller
 from sport.runtime.motion.model import MotionModel, load_model
+from sport.runtime.prompts.prompter import Prompter
 from sport.runtime.terrain.height_map import Terrain
 from sport.training.evaluation.metrics.foot_skating import foot_skating
 from sport.training.evaluation.metrics.frechet import Projection, frechet_distance
@@ -42,7 +42,7 @@ def walk(model: MotionModel, z: np.ndarray, seed: int) -> tuple[Motion, float]:
 def main(arguments: list[str]) -> None:
     """Print two tables."""
     model = load_model(Path(arguments[0]) if arguments else None)
-    to_style = open_prompter(model)
+    to_style = Prompter(model)
     windows: dict[tuple[str, int], np.ndarray] = {}
     for prompt in PROMPTS:
         for seed in SEEDS:

@@ -48,7 +48,7 @@ ARROWS = {
 ROOMS = {
     "runtime": (
         "errors", "safe_read", "assets", "atomic", "rotations", "skeleton", "spring", "pose", "controls",
-        "terrain", "feet", "character", "motion", "prompts", "prompts.english", "prompts.gpt", "prompts.prompter", "takes",
+        "character", "terrain", "feet", "motion", "prompts", "prompts.english", "prompts.gpt", "prompts.prompter", "takes",
         "generate",
     ),
     "viewer": (

@@ -45,7 +45,7 @@ class Spec:
         """Whether a text or a number may be used."""
         if self.choices is not None:
             return value in self.choices
-        return isinstance(value, str) or abs(value) < LARGEST and self.low <= value <= self.high
+        return isinstance(value, str) or (abs(value) < LARGEST and self.low <= value <= self.high)
 
 
 def specified(default: Any, low: float = -math.inf, high: float = math.inf, **spec: Any) -> Any:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from sport import cli
 from sport.runtime.assets import asset_path
 from sport.runtime.controls import Controls
 from sport.runtime.generate import generate_clip, load_parts, parse_prompts
@@ -191,7 +192,6 @@ def _damaged_command(rng: random.Random, data: bytes) -> bytes:
 
 
 def _run_command(folder: Path, data: bytes) -> None:
-    import sport
 
     words = data.decode("utf-8", "surrogateescape").split("\0")
     if not words[0].startswith(("gen", "ben")) or ("bench" in words and "x" not in words):

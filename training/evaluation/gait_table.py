@@ -84,16 +84,17 @@ def median_of(measured: Iterable[Measures]) -> Measures:
 
 def our_walks(model: Path | None, styles: Iterable[str], speed: float = 1.0) -> dict[str, Measures]:
     """The same of a model's character, which walks straight ahead by each style's prompt; `speed` of the stick."""
-    from sport.runtime.generate import clip_of, open_prompter, simulate
+    from sport.runtime.generate import clip_of, simulate
     from sport.runtime.motion.controller import Controller
     from sport.runtime.motion.model import load_model
     from sport.runtime.motion.paths import control_script
     from sport.runtime.prompts.english.library_data import load_styles
+    from sport.runtime.prompts.prompter import Prompter
     from sport.runtime.takes.clip import save_bvh
     from sport.runtime.terrain.height_map import Terrain
 
     loaded = load_model(model)
-    to_style = open_prompter(loaded)
+    to_style = Prompter(loaded)
     prompts = load_styles(asset_path("prompts/styles.json"))
     ground = Terrain.flat(size_m=400.0, cell_m=10.0)
     result = {}

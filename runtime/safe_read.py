@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import stat
 from pathlib import Path
 from typing import Any, TypeGuard
@@ -68,6 +69,11 @@ def parse_json(data: str | bytes, max_items: int = MAX_JSON_ITEMS) -> Any:
         return json.loads(text)
     except RecursionError as error:
         raise ValueError("too deeply nested") from error
+
+
+def printable(text: object) -> str:
+    """Text that can be shown and written as UTF-8: what cannot, as in a file name that is no UTF-8, becomes U+FFFD."""
+    return re.sub(r"[\ud800-\udfff]", "\ufffd", str(text))
 
 
 def is_text(value: Any) -> TypeGuard[str]:

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sport.runtime.errors import FileError, SportError
 from sport.runtime.file_lock import open_locked
-from sport.runtime.safe_read import is_text, parse_json
+from sport.runtime.safe_read import is_text, parse_json, printable
 from sport.runtime.skeleton import J
 from sport.runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, Clip, ClipRecorder
 from sport.runtime.takes.metadata import Origin, PromptEvent, event_from, origin_from
@@ -122,6 +122,7 @@ class TakeJournal:
             raise FileError(f"{self.path}: held by another process.", "Record again.")
         self._handle = handle
         head = {"format": _FORMAT, "version": _VERSION, **asdict(self._header)}
+        head["terrain"] = printable(self._header.terrain)
         _write(handle, json.dumps(head).encode("ascii") + b"\n")
         os.fsync(handle)
         return handle
@@ -302,7 +303,8 @@ def _event(file: BinaryIO) -> PromptEvent | None:
 
 def _is_frame(row: NDArray[np.float32]) -> bool:
     """Whether numbers from a file can be a pose: hips on the ground of this world, rotations of length 1."""
+    if not np.abs(row).max() <= MAX_DISTANCE_M:  # nor NaN
+        return False
     norms = np.linalg.norm(row[3:-5].reshape(J, 4), axis=1)
-    near = np.abs(row[:3]).max() <= MAX_DISTANCE_M  # False for NaN too
     whole = row[-1] in range(-1, 10) and bool(((row[-5:-1] >= -0.5) & (row[-5:-1] <= 1.5)).all())
-    return bool(near and whole and np.abs(norms - 1.0).max() <= MAX_NORM_ERROR)
+    return bool(whole and np.abs(norms - 1.0).max() <= MAX_NORM_ERROR)

@@ -191,7 +191,7 @@ def describe(
     if origin != UNKNOWN:
         seed = "" if origin.seed is None else f", seed {origin.seed}"
         shown.append(f"model {origin.model} {origin.model_sha256[:8]}{seed}, ground {Path(terrain).name}")
-    return "\n".join(shown)
+    return printable("\n".join(shown))
 
 
 def _object(words: str) -> Any:

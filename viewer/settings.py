@@ -230,18 +230,16 @@ def _merged(path: Path, values: dict[str, Any], before: Settings) -> tuple[dict[
 
 
 def _changes(values: dict[str, Any], before: dict[str, Any], content: dict[str, Any]) -> dict[str, Any]:
-    """What is to be written over the content of a file: changed fields, and those that it lacks or has unusable."""
+    """What is to be written over the content of a file: changed fields, and those that it has unusable."""
     found = {}
     for name, value in values.items():
-        theirs = _checked(name, content[name], value) if name in content else None
+        theirs = _checked(name, content[name], value) if name in content else before[name]
         if theirs is None:
             found[name] = value
-        elif value != before[name] and isinstance(value, list):
-            found[name] = [*value, *(t for t in theirs if t not in value and t not in before[name])][
-                :MAX_LIST
-            ]
         elif value != before[name]:
-            found[name] = value
+            added = [t for t in theirs if t not in before[name]] if isinstance(value, list) else []
+            rest = [t for t in added if t not in value]
+            found[name] = [*value, *rest][:MAX_LIST] if rest else value
     return found
 
 

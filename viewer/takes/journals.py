@@ -79,9 +79,12 @@ class Journals:
         for complaint in complaints:
             self.messages.warn(complaint)
         if self.state.cut_off:
-            count = len(self.state.cut_off)
-            what = f"A take ({describe(self.state.cut_off[0])}) was" if count == 1 else f"{count} takes were"
-            self.messages.warn(f"{what} cut off before it was exported. Clips: Recover or Discard.")
+            first, more = self.state.cut_off[0], len(self.state.cut_off) - 1
+            others = f" and {more} more" if more else ""
+            self.messages.warn(
+                f"Cut off before it was exported: {first.header.name} ({describe(first)}){others}."
+                " Clips: Recover or Discard."
+            )
 
     def recover(self, found: FoundJournal) -> None:
         """Read a take that was cut off and put it into the list; its journal stays until it is exported."""

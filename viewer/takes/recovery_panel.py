@@ -8,7 +8,7 @@ from sport.viewer.gui.theme import ICON
 from sport.viewer.gui.widgets import px
 from sport.viewer.takes.journals import Journals, describe
 
-MAX_SHOWN = 3
+MAX_SHOWN = 1  # the list below needs the room
 
 
 def draw(journals: Journals) -> None:

@@ -126,6 +126,24 @@ def test_where_the_folder_takes_nothing_another_place_does_and_the_code_says_so(
     assert any(str(kept) in text and "not where it was asked for" in text for text in errors)
 
 
+def test_an_export_on_its_way_at_the_end_is_not_saved_twice_and_not_lost(
+    start: Start, tmp_path: Path
+) -> None:
+    app = start()
+    app.jobs.blocking = False
+    app.state.settings.export_folder = str(tmp_path / "clips")
+    record(app)
+    app.takes.export()
+    record(app)
+    app.state.takes.export_path = str(tmp_path / "config" / "settings.lock" / "b.bvh")
+    (tmp_path / "config").mkdir(exist_ok=True)
+    (tmp_path / "config" / "settings.lock").write_text("", encoding="utf-8")
+    app.takes.export()  # fails
+    app.interrupt()
+    assert app.end() == 1
+    assert sorted(p.name for p in (tmp_path / "clips").glob("*.bvh")) == ["take-1.bvh", "take-2.bvh"]
+
+
 def test_when_no_place_takes_it_the_journal_stays_and_the_code_says_so(
     start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

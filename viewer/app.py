@@ -111,11 +111,6 @@ class App:
                 self.state.messages.warn(complaint)
             self.state.messages.logged = not options.offscreen
             self._load()
-            if not options.offscreen:
-                self.takes.journals.look()
-            failure = self.jobs.first_error or self.prompting.first_error
-            if options.offscreen and failure is not None:
-                raise failure  # nobody would read a message
             self.state.messages.logged = True
         except BaseException:
             self.window.destroy()
@@ -173,6 +168,11 @@ class App:
             self.prompting.submit_prompt(options.blend, Side.B)
         if options.clip is not None:
             self.takes.open(options.clip)
+        if not options.offscreen:
+            self.takes.journals.look()
+        failure = self.jobs.first_error or self.prompting.first_error
+        if options.offscreen and failure is not None:
+            raise failure  # nobody would read a message
 
     def load_model(self, directory: Path | None, seed: int) -> None:
         """Load an exported model, the shipped one for None; the one in use stays until it is there."""
@@ -352,11 +352,11 @@ class App:
         What the user made comes first: a screenshot that cannot be written must not cost it. A run offscreen that
         comes to its end as planned keeps no takes. The code is 1 when anything was lost or went elsewhere than asked.
         """
-        lost = False
+        lost = not self.jobs.finish("export ")  # what is on its way is not saved a second time
         if self.interrupted or not self.options.offscreen:
             for path in self.takes.rescue():
                 self.state.messages.note(f"Kept an unsaved take: {path}")
-            lost = self.takes.trouble
+            lost = self.takes.trouble or lost
         else:
             self.takes.journals.close(discard=True)
         if not self.options.offscreen:

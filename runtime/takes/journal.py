@@ -119,7 +119,9 @@ class TakeJournal:
         self.path.parent.mkdir(parents=True, exist_ok=True)
         handle = open_locked(self.path, create=True)
         if handle is None:
-            raise FileError(f"{self.path}: held by another process.", "Record again.")
+            raise FileError(
+                f"{self.path}: it cannot be locked.", "Choose another folder by SPORT_CONFIG_DIR."
+            )
         self._handle = handle
         head = {"format": _FORMAT, "version": _VERSION, **asdict(self._header)}
         head["terrain"] = printable(self._header.terrain)

@@ -163,10 +163,10 @@ def interrupted_twice(folder: Path, seconds: float) -> Outcome:
 
 
 def disk_full(folder: Path, seconds: float) -> Outcome:
-    """The disk of the export folder has no room (a real one of 64 KB where root may mount it)."""
+    """The disk of the export folder has no room (a real one of 16 KB where root may mount it)."""
     export = folder / "clips"
     export.mkdir(parents=True)
-    mount = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(export)]
+    mount = ["mount", "-t", "tmpfs", "-o", "size=16k", "tmpfs", str(export)]
     mounted = bool(shutil.which("mount")) and subprocess.run(mount, capture_output=True).returncode == 0
     try:
         recorder = Recorder(folder, *(() if mounted else ("--full",)))

@@ -7,13 +7,15 @@ from collections import deque
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from sport.runtime import rotations
-from sport.runtime.atomic import write_atomic
+from sport.runtime.atomic import write_atomic, write_new
 from sport.runtime.errors import FileError, UsageError
 from sport.runtime.pose import Pose
+from sport.runtime.safe_read import printable
 from sport.runtime.skeleton import SPORT_SKELETON, J
 from sport.runtime.takes.bvh import BvhMotion, check_size, format_bvh, read_bvh
 from sport.runtime.takes.metadata import (
@@ -140,6 +142,16 @@ class Clip:
         return hips.astype(np.float32), local.astype(np.float32), contacts.astype(np.float32)
 
 
+class Journal(Protocol):
+    """What is told of every frame and prompt as it is recorded; it must answer at once."""
+
+    def add_row(self, row: Array) -> None:
+        """One frame, as in `ClipRecorder.add_row`."""
+
+    def mark_prompt(self, event: PromptEvent) -> None:
+        """A prompt that holds from the next frame on."""
+
+
 class ClipRecorder:
     """Always on: keeps the last `max_seconds`, so that a take can begin in the past, and the whole of a running take.
 
@@ -156,6 +168,7 @@ class ClipRecorder:
         self._first = 0  # number of the oldest frame kept; frames count from 0 since the program's start
         self._begin: int | None = None  # number of the take's first frame
         self._prompts: deque[tuple[int, PromptEvent]] = deque()
+        self.journal: Journal | None = None  # where frames and prompts are written down as well
 
     @property
     def recording(self) -> bool:
@@ -175,7 +188,13 @@ class ClipRecorder:
     def add(self, pose: Pose, gait: int = -1) -> None:
         """Remember the pose of one simulated frame, and the gait that was asked for (-1: not known)."""
         row = np.concatenate([pose.hips_position, np.ravel(pose.local_rotations), pose.contacts, [gait]])
-        self._frames.append(row.astype(np.float32))
+        self.add_row(row.astype(np.float32))
+
+    def add_row(self, row: Array) -> None:
+        """Remember one frame as `(132,)` float32: hips, local rotations, contacts, gait. It must not be changed later."""
+        self._frames.append(row)
+        if self.journal is not None:
+            self.journal.add_row(row)
         keep = self._keep
         if self._begin is not None:
             keep = min(max(keep, self._first + len(self._frames) - self._begin), self._limit)
@@ -191,6 +210,8 @@ class ClipRecorder:
         Of live changes within `LIVE_SECONDS` only the last is kept, at the time of the first.
         """
         event = PromptEvent(0.0, prompt, transition_seconds, words)
+        if self.journal is not None:
+            self.journal.mark_prompt(event)
         frame = self._first + len(self._frames)
         if self._prompts and _is_live(event):
             before, last = self._prompts[-1]
@@ -198,6 +219,15 @@ class ClipRecorder:
                 self._prompts[-1] = (before, event)
                 return
         self._prompts.append((frame, event))
+
+    @property
+    def prompt_in_force(self) -> PromptEvent | None:
+        """The prompt of the next frame, with what is left of its transition."""
+        if not self._prompts:
+            return None
+        frame, event = self._prompts[-1]
+        past = (self._first + len(self._frames) - frame) / self.fps
+        return replace(event, transition_seconds=max(event.transition_seconds - past, 0.0))
 
     def start(self) -> None:
         """Begin a take with the next frame; a running take goes on."""
@@ -256,9 +286,12 @@ def check_bvh_length(seconds: float, fps: float) -> None:
     check_size(J, math.ceil(frames) if frames >= 0.0 else 0, f"{seconds:g} s at {fps:g} frames per second")
 
 
-def save_bvh(clip: Clip, path: str | Path, fps: float = 60.0, unit: str = "cm", order: str = "ZYX") -> Path:
+def save_bvh(
+    clip: Clip, path: str | Path, fps: float = 60.0, unit: str = "cm", order: str = "ZYX", new: bool = False
+) -> Path:
     """Write a BVH that appears whole or not at all, and its `sidecar_path`; the BVH's path.
 
+    With `new` no file is replaced: a name that is taken becomes name-2, name-3, … .
     `fps` resamples the clip, `unit` is "cm" or "m", `order` one of `ROTATION_ORDERS`. UsageError or FileError.
     """
     check_bvh_options(fps, unit, order)
@@ -275,7 +308,10 @@ def save_bvh(clip: Clip, path: str | Path, fps: float = 60.0, unit: str = "cm", 
         end_offsets=END_OFFSETS,
     )
     path = Path(path)
-    write_atomic(path, text)
+    if new:
+        path = write_new(path, text)
+    else:
+        write_atomic(path, text)
     metadata = format_metadata(
         text, clip.name, clip.seconds, clip.terrain, clip.prompts, clip.origin, dict(clip.gait_seconds)
     )
@@ -310,7 +346,7 @@ def load_clip_bvh(path: str | Path) -> Clip:
     plain = order == list(range(len(motion.skeleton)))
     made = read_metadata(path)
     return Clip(
-        name=path.stem,
+        name=printable(path.stem),
         fps=fps,
         hips_positions=hips.astype(np.float32),
         local_rotations=motion.local_rotations if plain else motion.local_rotations[:, order],

@@ -75,6 +75,7 @@ def run(options: argparse.Namespace) -> int:
     """Write the clip and say what was written."""
     from sport.runtime.atomic import check_target
     from sport.runtime.generate import generate_clip
+    from sport.runtime.safe_read import printable
     from sport.runtime.takes.clip import check_bvh_options, save_bvh
 
     check_bvh_options(options.fps, options.unit)
@@ -98,7 +99,7 @@ def run(options: argparse.Namespace) -> int:
         report=lambda remark: print(f"sport: {remark}", file=sys.stderr),
     )
     save_bvh(clip, options.out, options.fps, options.unit)
-    print(f"{options.out}: {len(clip)} frames, {len(clip) / clip.fps:.1f} s")
+    print(f"{printable(options.out)}: {len(clip)} frames, {len(clip) / clip.fps:.1f} s")
     return 0
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sport.runtime.takes.clip import Clip
+    from sport.runtime.takes.journal import FoundJournal, TakeJournal
     from sport.viewer.takes.playback import Playback
 
 
@@ -18,6 +19,13 @@ class ClipItem:
     clip: Clip
     saved: Path | None = None
     recorded: bool = False  # here, not opened from a file
+    journal: TakeJournal | FoundJournal | None = None  # holds it until it is exported
+
+    def drop_journal(self) -> None:
+        """The take is exported, or not wanted: nothing is left to recover."""
+        journal, self.journal = self.journal, None
+        if journal is not None:
+            journal.delete()
 
     @property
     def name(self) -> str:
@@ -37,6 +45,7 @@ class TakesState:
     playback: Playback | None = None
     export_path: str = ""
     counter: int = 0  # for clip names
+    cut_off: list[FoundJournal] = field(default_factory=list)  # takes of runs that did not end well
 
     @property
     def current(self) -> ClipItem | None:

@@ -176,11 +176,12 @@ def run_stage2(
     """Train everything but the diffusion decoder; AdamWR: cosine annealing with warm restarts (Sec. III-G)."""
     torch.manual_seed(session.seed + 2)
     module = Generator(config).to(session.device)
-    if (session.out / START).exists():  # weights of an earlier model, unpacked by sport.training.checkpoint
+    fine_tuned = (session.out / START).exists()
+    if fine_tuned:  # weights of an earlier model, unpacked by sport.training.checkpoint
         module.load_state_dict(load_checkpoint(session.out / START)["module"])
     parameters = [p for n, p in module.named_parameters() if not n.startswith("denoiser")]
     optimizer = torch.optim.AdamW(parameters, lr=1e-3, weight_decay=1e-4)
-    state = StageState(module, optimizer, MovingAverage(module, 0.9995))
+    state = StageState(module, optimizer, MovingAverage(module, _decay(steps)))
     rows = random_rows(data.weights, batch, 1, data.frames.last, session.batch_generator(4))
     fresh = random_rows(data.weights, batch, 2, data.frames.last, session.batch_generator(8))
     lanes = RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh, config.part_swaps)
@@ -195,12 +196,22 @@ def run_stage2(
         total = terms.stage2(result["rec"], result["contact"], CONTACT_WEIGHT)
         return result | {"total": total + UNREST_WEIGHT * result["unrest"]}
 
-    train(session, "stage2", state, rows, losses, steps, _warm_restarts(steps, 1e-3), batch, max_minutes)
+    cycles = 3 if steps >= SHORT_STEPS else 1
+    rate = _warm_restarts(steps, 5e-4 if fine_tuned else 1e-3, cycles)
+    train(session, "stage2", state, rows, losses, steps, rate, batch, max_minutes)
     module.load_state_dict(state.average.values)
     save_checkpoint(
         session.out / "stage2_final.pt", {"module": module.state_dict(), "config": asdict(config)}
     )
     return module
+
+
+SHORT_STEPS = 6000  # of a stage: fewer leave no time for restarts
+
+
+def _decay(steps: int) -> float:
+    """Of the moving average of the weights: a fifth of the stage, at most 2000 steps."""
+    return min(0.9995, 1.0 - 5.0 / max(steps, 10))
 
 
 def _warm_restarts(steps: int, peak: float, cycles: int = 3) -> Callable[[int], float]:
@@ -249,13 +260,13 @@ def run_stage3(
     """Train the denoiser on `target_codes` (Eq. 14), then also with stage-2 supervision of the blended output."""
     torch.manual_seed(session.seed + 3)
     measure_codes(module, data, session)
-    if config.residual_diffusion:  # so it begins as E_d
+    if config.residual_diffusion and not (session.out / START).exists():  # so it begins as E_d
         torch.nn.init.zeros_(module.denoiser.head.weight)
         torch.nn.init.zeros_(module.denoiser.head.bias)
     module.requires_grad_(False)
     module.denoiser.requires_grad_(True)
     optimizer = torch.optim.AdamW(module.denoiser.parameters(), lr=1e-3, weight_decay=1e-4)
-    state = StageState(module, optimizer, MovingAverage(module, 0.9995))
+    state = StageState(module, optimizer, MovingAverage(module, _decay(steps)))
     schedule = Schedule.linear(config.diffusion_steps)
     tau = torch.as_tensor(schedule.subsequence(config.inference_steps), device=session.device)
     rows = random_rows(data.weights, batch, 1, data.frames.last, session.batch_generator(6))

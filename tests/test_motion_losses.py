@@ -6,6 +6,7 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from sport.runtime.controls import Gait  # noqa: E402
+from sport.runtime.motion import features  # noqa: E402
 from sport.runtime.motion.features import INPUT, INPUT_SIZE, MOTION_INPUT_SIZE, OUTPUT, OUTPUT_SIZE, L  # noqa: E402
 from sport.training import losses  # noqa: E402
 from sport.training.batches import Normalisation  # noqa: E402
@@ -19,25 +20,24 @@ from sport.training.stages.motion import MotionData, StyleTable, _decay, estimat
 from test_training import _frames, clips  # noqa: E402, F401
 
 
-def test_an_error_that_stays_is_no_unrest_and_one_that_comes_and_goes_is():
-    before, scale, kept = torch.full((4, 6), 0.02), torch.full((6,), 0.01), torch.ones(4, 6)
-    assert losses.unrest(before, before.clone(), scale, kept) == 0.0
-    jitter = before + 0.01
-    assert torch.isclose(losses.unrest(before, jitter, scale, kept), torch.tensor(1.0))
-    assert losses.unrest(before, jitter, scale, torch.zeros(4, 6)) == 0.0
+def test_steps_that_are_the_velocity_are_no_unrest_and_trembling_is():
+    velocity, scale, kept = torch.full((4, 6), 0.8), torch.full((6,), 0.5), torch.ones(4, 6)
+    assert losses.unrest(velocity.clone(), velocity, scale, kept) == 0.0
+    assert torch.isclose(losses.unrest(velocity + 0.5, velocity, scale, kept), torch.tensor(1.0))
+    assert losses.unrest(velocity + 0.5, velocity, scale, torch.zeros(4, 6)) == 0.0
 
 
-def test_lanes_know_their_error_and_their_age(clips):  # noqa: F811
+def test_a_lane_that_predicts_the_truth_moves_by_its_velocity(clips, monkeypatch):  # noqa: F811
+    monkeypatch.setattr("sport.training.rollouts.FOREIGN_POSE", 0.0)
     frames = _frames(clips)
-    rows = torch.tensor([100, 400])
+    rows = torch.tensor([100, 620])  # on a floor, and up a slope
     lanes = RolloutLanes(frames, 2, 1e9, iter([rows, rows, rows]))
-    assert lanes.age.tolist() == [0, 0]
-    truth = frames.outputs(rows, lanes.patch)
-    off = truth.clone()
-    off[:, OUTPUT["joint_positions"]] += 0.03
-    lanes.advance(off)
-    assert lanes.age.tolist() == [1, 1]
-    assert torch.allclose(lanes.error_before(), torch.full((2, 93), 0.03), atol=2e-3)
+    for k in range(3):
+        assert lanes.age.tolist() == [k, k]
+        truth = frames.outputs(rows + k, lanes.patch)
+        moved = truth[:, OUTPUT["joint_positions"]] - lanes.previous_joints().flatten(1)
+        assert torch.allclose(moved * features.FPS, truth[:, OUTPUT["joint_velocities"]], atol=0.15)
+        lanes.advance(truth)
 
 
 def walk(speed: float, sideways: float = 0.0, frames: int = 240) -> tuple[np.ndarray, np.ndarray]:

@@ -117,8 +117,8 @@ def stage2_loss(data: MotionData, target: Tensor, predicted: Tensor, supervised:
 
 
 CONTACT_WEIGHT = 0.1
-UNREST_WEIGHT = 1.0
-SETTLED_FRAMES = 20  # a rollout that began in another pose than its clip's has to move towards it first
+UNREST_WEIGHT = 0.3
+SETTLED_FRAMES = 10  # a rollout that began in another pose than its clip's has to move towards it first
 NOISE = 0.12  # of captured frames' inputs: more makes the network trust its own pose less, and swings shrink
 LANES = 0.5  # share of a batch that goes on from the network's own output
 LANE_FRAMES = 45.0  # mean length of such a rollout
@@ -154,15 +154,15 @@ def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes, noise: floa
     return MixedBatch(rows, patch, z, x, target, supervised)
 
 
-def unrest_loss(
-    data: MotionData, lanes: RolloutLanes, before: Tensor, mixed: MixedBatch, y: Tensor
-) -> Tensor:
-    """`losses.unrest` of the lanes that go on from their own pose; `before` is `lanes.error_before()`, y the prediction."""
-    count, field, normal = len(lanes.rows), OUTPUT["joint_positions"], data.normal
-    after = (y - mixed.target)[-count:, field] * normal.y_deviation[field]
-    scale = normal.y_deviation[OUTPUT["joint_velocities"]] / FPS
+def unrest_loss(data: MotionData, lanes: RolloutLanes, mixed: MixedBatch, y: Tensor) -> Tensor:
+    """`losses.unrest` of the lanes that go on from their own pose; y `(B, n)` is the normalised prediction."""
+    count, normal = len(lanes.rows), data.normal
+    own = y[-count:] * normal.y_deviation + normal.y_mean
+    moved = (own[:, OUTPUT["joint_positions"]] - lanes.previous_joints().flatten(1)) * FPS
     settled = (lanes.age >= SETTLED_FRAMES).float()[:, None]
-    return terms.unrest(before, after, scale, mixed.supervised[-count:, field] * settled)
+    field = OUTPUT["joint_velocities"]
+    kept = mixed.supervised[-count:, field] * settled
+    return terms.unrest(moved, own[:, field], normal.y_deviation[field], kept)
 
 
 def run_stage2(
@@ -188,10 +188,10 @@ def run_stage2(
 
     def losses(item: object, step: int) -> dict[str, Tensor]:
         assert isinstance(item, Tensor)
-        mixed, before = mixed_batch(data, item, lanes, NOISE), lanes.error_before()
+        mixed = mixed_batch(data, item, lanes, NOISE)
         y = module.decode_mixture(mixed.x, mixed.z)[0].float()
         result = stage2_loss(data, mixed.target, y, mixed.supervised)
-        result["unrest"] = unrest_loss(data, lanes, before, mixed, y)
+        result["unrest"] = unrest_loss(data, lanes, mixed, y)
         lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
         total = terms.stage2(result["rec"], result["contact"], CONTACT_WEIGHT)
         return result | {"total": total + UNREST_WEIGHT * result["unrest"]}
@@ -277,7 +277,7 @@ def run_stage3(
         assert isinstance(item, Tensor)
         module.eval()  # dropout stays off in the frozen part; the denoiser has none
         with torch.no_grad():
-            mixed, before = mixed_batch(data, item, lanes, NOISE), lanes.error_before()
+            mixed = mixed_batch(data, item, lanes, NOISE)
             e, alpha = module.embed(mixed.x, mixed.z)
             codes = module.target_codes(e, alpha, mixed.target)
             n = tau[torch.randint(len(tau), (batch,), device=item.device)]
@@ -286,7 +286,7 @@ def run_stage3(
             noisy = add_noise(schedule, codes.float(), n, torch.randn(codes.shape, device=item.device))
         predicted = module.denoiser(noisy, e, n).float()
         y = blend_codes(module.clean_codes(predicted, e.float()), alpha.float())
-        unrest = unrest_loss(data, lanes, before, mixed, y)
+        unrest = unrest_loss(data, lanes, mixed, y)
         lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
         result = {"codes": terms.codes(codes.float(), predicted, mixed.supervised[:, None])}
         total = result["codes"]

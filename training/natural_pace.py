@@ -55,7 +55,7 @@ def captured_paces(table: FrameTable, label: Gait) -> dict[str, float]:
     """Speed of each captured style straight ahead: of its forward takes, where it has some."""
     speeds = straight_speeds(table, label)
     plain = [c != LAYERED and " on " not in c for c in table.contents]
-    usable = np.isfinite(speeds) & np.array(plain) & ~table.mirrored
+    usable = np.isfinite(speeds) & np.array(plain) & np.logical_not(table.mirrored)
     forward = np.array([c in FORWARD_CONTENTS[label] for c in table.contents])
     frames = np.diff(table.start)
     paces = {}

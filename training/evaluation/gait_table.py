@@ -119,12 +119,13 @@ def table(raw: dict[str, Measures], models: dict[str, dict[str, Measures]]) -> s
     lines = [head + "".join(f" {n} |" for n in names), "| --- " * (2 + len(names)) + "|"]
     for row in ROWS:
         unit = f"{row.low:+g} to {row.high:+g}" if row.difference else f"{row.low:g} to {row.high:g}"
-        cells = [_cell(row, raw, models[n]) for n in names]
+        cells = [cell(row, raw, models[n]) for n in names]
         lines.append(f"| {row.title} | {unit} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 
-def _cell(row: Row, raw: dict[str, Measures], ours: dict[str, Measures]) -> str:
+def cell(row: Row, raw: dict[str, Measures], ours: dict[str, Measures]) -> str:
+    """Median over the styles, and how many of them are within the bar."""
     values = compared(row, raw, ours)
     if not len(values):
         return "no walk"

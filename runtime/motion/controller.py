@@ -144,6 +144,10 @@ class Controller:
         if transition_seconds <= 0:
             self._style, self._blend = folded, 1.0
 
+    def twin(self) -> Controller:
+        """Another character of the same model, at the start of the same ground: to make a take again beside this one."""
+        return Controller(self.model, self.terrain, self.seed, self.temperature, self._strength)
+
     @property
     def strength(self) -> float:
         """How far styles go from neutral walking: 0 is neutral, 1 as the model shows them, more exaggerates."""

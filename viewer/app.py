@@ -10,6 +10,7 @@ from sport.runtime.errors import SportError
 from sport.runtime.pose import Pose
 from sport.runtime.prompts.expander import DEFAULT_PROMPT
 from sport.runtime.takes.clip import ClipRecorder
+from sport.runtime.takes.drive import DriveRecorder
 from sport.runtime.terrain.height_map import Terrain
 from sport.viewer.gl_bindings import glfw, imgui
 from sport.viewer.input.bindings import Action, Intent, to_controls
@@ -39,6 +40,7 @@ from sport.viewer.stage.simulation import STEP_SECONDS, Simulation
 from sport.viewer.stage.stage import Stage
 from sport.viewer.stage.state import StageState
 from sport.viewer.state import AppState
+from sport.viewer.takes.editing import TakeEditing
 from sport.viewer.takes.takes import Takes
 from sport.viewer.window import KEY_CODES, Window, WindowEvents
 
@@ -132,17 +134,21 @@ class App:
             self.state.settings,
             self.state.messages,
         )
-        prompt, stage, recorder = state.prompt, state.stage, ClipRecorder()
+        prompt, stage, drives = state.prompt, state.stage, DriveRecorder()
         self.jobs = jobs = Jobs(messages, blocking=options.offscreen)
-        self.prompting = Prompting(prompt, settings, messages, lambda: stage.controller, recorder.mark_prompt)
+        self.prompting = Prompting(prompt, settings, messages, lambda: stage.controller)
         self.prompting.blocking = options.offscreen
         self.expanders = Expanders(prompt.expander, settings, jobs, services, self.prompting)
         self.suggester = Suggester(prompt, settings, jobs)
         self.prompt = PromptRoom(prompt, settings, self.prompting, self.expanders, self.suggester)
         renderer = services.make_renderer(self.window.ctx, options.quality or settings.quality)
-        self.stage = Stage(stage, settings, messages, jobs, services, self.window.ctx, renderer)
-        self.takes = Takes(state.takes, settings, messages, stage, jobs, recorder, self.state_folder)
-        self.shell = Shell(state.shell, messages, self.prompt, self.stage, self.takes, self.open_files)
+        self.stage = Stage(stage, settings, messages, jobs, services, self.window.ctx, renderer, drives)
+        self.takes = Takes(state.takes, settings, messages, stage, jobs, ClipRecorder(), drives, self.state_folder)
+        self.prompting.mark = self.takes.mark_style
+        editing = TakeEditing(self.takes, self.stage, self.prompting)
+        self.shell = Shell(
+            state.shell, messages, self.prompt, self.stage, self.takes, editing, self.open_files
+        )
         own = {Action.FULLSCREEN: self.window.toggle_full_screen, Action.SCREENSHOT: self._take_screenshot}
         self.actions = {**self.stage.actions, **self.takes.actions, **self.shell.actions, **own}
 
@@ -257,6 +263,7 @@ class App:
             playback.advance(dt)
             return
         controls = to_controls(intent, self.stage.camera.current.yaw)
+        self.takes.before_steps()
         poses = self.stage.advance(dt, controls)
         self._steps = len(poses)
         self.takes.add_poses(poses, controls)
@@ -280,7 +287,7 @@ class App:
                 camera.drag(io.mouse_delta.x, io.mouse_delta.y, pan, io.display_size.y)
         moving = intent.move != (0.0, 0.0) and not intent.strafe and not dragging
         camera.update(pose, dt, intent.look, zoom, self.state.stage.terrain, moving)
-        camera.centre_in(self.shell.view_centre, dt)
+        camera.frame_in(self.shell.framing, dt)
 
     def _capture(self) -> None:
         """Write the finished frame where it was asked for."""

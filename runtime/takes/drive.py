@@ -262,10 +262,14 @@ class DriveRecorder:
         """Remember what one simulated step of `controller` was asked for."""
         self._frames.append(DrivenFrame(controls, controller.temperature, controller.strength))
 
-    def mark_style(self, z: Array, seconds: float, prompt: str, words: str, note: Any = None) -> None:
-        """A style came into force; see `StyleChange`."""
-        event = PromptEvent(0.0, prompt, seconds, words)
-        self._changes.append(StyleChange(self.next_frame, np.array(z, np.float32), seconds, event, note))
+    def mark_style(
+        self, z: Array, seconds: float, prompt: str, words: str, note: Any = None, holds: bool = False
+    ) -> None:
+        """A style came into force, see `StyleChange`; or it `holds` already in the controller's state."""
+        event, frame = PromptEvent(0.0, prompt, seconds, words), self.next_frame - holds
+        if holds:
+            self._changes = [c for c in self._changes if not isinstance(c, StyleChange)]
+        self._changes.append(StyleChange(frame, np.array(z, np.float32), seconds, event, note))
 
     def mark_ground(self, name: str, terrain: Terrain) -> None:
         """Another ground came under the character."""

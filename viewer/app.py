@@ -145,9 +145,9 @@ class App:
         self.stage = Stage(stage, settings, messages, jobs, services, self.window.ctx, renderer, drives)
         self.takes = Takes(state.takes, settings, messages, stage, jobs, ClipRecorder(), drives, self.state_folder)
         self.prompting.mark = self.takes.mark_style
-        editing = TakeEditing(self.takes, self.stage, self.prompting)
+        self.editing = TakeEditing(self.takes, self.stage, self.prompting)
         self.shell = Shell(
-            state.shell, messages, self.prompt, self.stage, self.takes, editing, self.open_files
+            state.shell, messages, self.prompt, self.stage, self.takes, self.editing, self.open_files
         )
         own = {Action.FULLSCREEN: self.window.toggle_full_screen, Action.SCREENSHOT: self._take_screenshot}
         self.actions = {**self.stage.actions, **self.takes.actions, **self.shell.actions, **own}

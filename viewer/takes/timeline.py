@@ -20,6 +20,7 @@ from sport.viewer.takes.tracks import Bar, Tracks
 NAMES_WIDTH = 62.0  # pixels at scale 1
 NAMES_FROM = 420.0  # in a narrower bar the tracks have no names
 RULER, PROMPTS, ROW, FEET = 26.0, 21.0, 15.0, 6.0  # heights at scale 1
+EDGE = 4.0  # beside both ends of a row, for half a handle
 GRIP = 7.0  # how near to an end of a span or to a handle the mouse takes it
 TICK_STEPS = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 3600, 7200, 18000, 36000)
 TICK_WIDTH = 56.0  # at least, between two numbers
@@ -56,7 +57,7 @@ def draw(editing: TakeEditing, playback: Playback) -> None:
     if tracks is None:
         return
     imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(3)))
-    _ruler(playback)
+    _ruler(playback, _scrollbar(editing.state.timeline.part_tracks))
     if imgui.begin_child("tracks", imgui.ImVec2(0, 0)):
         top = imgui.get_cursor_screen_pos().y
         _spans("Prompts", "prompts", tracks.prompts, PROMPTS, editing, playback)
@@ -73,29 +74,38 @@ def draw(editing: TakeEditing, playback: Playback) -> None:
     imgui.pop_style_var()
 
 
-def _row(name: str, height: float, frames: int) -> _Row:
+def _scrollbar(part_tracks: bool) -> float:
+    """Width that the tracks lose to a scroll bar, so that the ruler above them is as wide."""
+    rows = [PROMPTS, ROW, ROW, 2 * FEET + 2, *([ROW] * len(PART_NAMES) if part_tracks else ())]
+    needed = sum(px(height) + imgui.get_style().item_spacing.y for height in rows)
+    left = imgui.get_content_region_avail().y - px(RULER) - imgui.get_style().item_spacing.y
+    return float(imgui.get_style().scrollbar_size) if needed > left + 1 else 0.0
+
+
+def _row(name: str, height: float, frames: int, less: float = 0.0) -> _Row:
     """The next row; its name stands on the left where there is room."""
-    width, corner = imgui.get_content_region_avail().x, imgui.get_cursor_screen_pos()
-    names = px(NAMES_WIDTH) if width >= px(NAMES_FROM) else 0.0
+    width, corner = imgui.get_content_region_avail().x - less, imgui.get_cursor_screen_pos()
+    names = px(NAMES_WIDTH) if width + less >= px(NAMES_FROM) else 0.0
     if names and name:
         y = corner.y + (px(height) - SMALL * imgui.get_style().font_scale_dpi) / 2
         _text(corner.x, y, name, theme.MUTED, names - px(4))
-    edge = px(4)  # for the handles at both ends
+    edge = px(EDGE)
     return _Row(corner.x + names + edge, corner.y, width - names - 2 * edge, px(height), frames)
 
 
 def _button(name: str, row: _Row) -> None:
-    """Makes a row take the mouse."""
-    imgui.set_cursor_screen_pos(imgui.ImVec2(row.left, row.top))
-    imgui.invisible_button(f"##{name}", imgui.ImVec2(max(row.width, 1.0), max(row.height, 1.0)))
+    """Makes a row take the mouse, and a little beside its ends."""
+    edge = px(EDGE)
+    imgui.set_cursor_screen_pos(imgui.ImVec2(row.left - edge, row.top))
+    imgui.invisible_button(f"##{name}", imgui.ImVec2(max(row.width, 1.0) + 2 * edge, max(row.height, 1.0)))
 
 
 # --- ruler
 
 
-def _ruler(playback: Playback) -> None:
+def _ruler(playback: Playback, less: float) -> None:
     """Frame numbers, the part that is kept with its handles, and the frame shown; drag to scrub."""
-    row = _row("Frame", RULER, playback.frames)
+    row = _row("Frame", RULER, playback.frames, less)
     _scrub(row, playback)
     base = row.top + row.height * 0.62
     bottom = row.top + row.height
@@ -181,7 +191,7 @@ def _grabbed(row: _Row, bars: Sequence[Bar], x: float) -> tuple[int, str] | None
     """Which span is under the mouse, and which part of it."""
     for i, bar in enumerate(bars):
         left, right = row.x(bar.span.start), row.x(bar.span.end)
-        if left <= x < right or (i == len(bars) - 1 and left <= x):
+        if (left <= x or i == 0) and (x < right or i == len(bars) - 1):
             grip = min(px(GRIP), (right - left) / 4)
             if i > 0 and x - left <= grip:
                 return i, "start"
@@ -249,7 +259,8 @@ def _feet(tracks: Tracks, playback: Playback) -> None:
         top = row.top + i * px(FEET + 2)
         _rect(row.left, top, row.left + row.width, top + px(FEET), theme.FIELD, px(1))
         for span in spans:
-            _rect(row.x(span.start), top, row.x(span.end), top + px(FEET), theme.ACCENT, px(1))
+            right = min(row.x(span.end), row.left + row.width)
+            _rect(row.x(span.start), top, right, top + px(FEET), theme.ACCENT, px(1))
 
 
 # --- drawing

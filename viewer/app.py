@@ -229,7 +229,7 @@ class App:
         self.shell.draw()
         imgui.render()
         live = None if state.takes.playback is not None else state.stage.controller
-        overlays = make_overlays(state.settings, live)
+        overlays = make_overlays(state.settings, live, self.stage.path.overlay())
         self.stage.renderer.render(window.framebuffer, self.stage.camera.current, pose, overlays)
         window.draw_interface()
         self._capture()
@@ -256,13 +256,14 @@ class App:
         self._steps = 0
         playback = self.state.takes.playback
         begins_to_move = intent.move != (0.0, 0.0) and not self._was_moving
+        begins_to_move = self.stage.path.take_begun() or begins_to_move
         self._was_moving = intent.move != (0.0, 0.0)
         if playback is not None and begins_to_move:
             self.takes.close_playback()  # back to the live character
         elif playback is not None:
             playback.advance(dt)
             return
-        controls = to_controls(intent, self.stage.camera.current.yaw)
+        controls = self.stage.led(to_controls(intent, self.stage.camera.current.yaw), dt)
         self.takes.before_steps()
         poses = self.stage.advance(dt, controls)
         self._steps = len(poses)
@@ -278,10 +279,11 @@ class App:
     def _move_camera(self, pose: Pose, intent: Intent, dt: float) -> None:
         io, camera = imgui.get_io(), self.stage.camera
         zoom, dragging = intent.zoom * dt, False
+        drawing = self.stage.path.use_mouse(camera.current, self.state.stage.terrain)
         if not io.want_capture_mouse:
             zoom += io.mouse_wheel
             buttons = [imgui.is_mouse_down(button) for button in range(3)]  # left, right, middle
-            dragging = any(buttons)
+            dragging = any(buttons[drawing:])
             if dragging:
                 pan = buttons[2] or (buttons[1] and io.key_shift)
                 camera.drag(io.mouse_delta.x, io.mouse_delta.y, pan, io.display_size.y)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sport.runtime.controls import Controls
+from sport.runtime.motion.paths import Place
 from sport.runtime.motion.snapshot import Snapshot
 from sport.runtime.pose import Pose
 from sport.runtime.prompts.gpt.settings import GptSettings
@@ -21,6 +22,7 @@ from sport.viewer.messages import Messages
 from sport.viewer.services import Loaded, Services
 from sport.viewer.settings import Settings
 from sport.viewer.stage.camera_control import CameraControl
+from sport.viewer.stage.path_tool import PathTool
 from sport.viewer.stage.simulation import Simulation
 from sport.viewer.stage.state import StageState
 
@@ -40,6 +42,10 @@ class Stage:
     camera: CameraControl = field(default_factory=CameraControl)
     character_path: Path | None = None
     _character: Any = None
+    path: PathTool = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.path = PathTool(self.messages)
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
@@ -78,6 +84,12 @@ class Stage:
             self.drives.forget()
             self.messages.error(simulation.problem)
         return poses
+
+    def led(self, own: Controls, dt: float) -> Controls:
+        """The user's controls, or those of the path that is walked."""
+        pose = self.state.simulation.current
+        place = Place(float(pose.root_position[0]), float(pose.root_position[2]), pose.root_yaw)
+        return self.path.controls(own, place, dt)
 
     def reset_character(self) -> None:
         """Put the character back to the start, facing +Z."""

@@ -198,7 +198,7 @@ def test_a_gait_where_the_stick_rests_goes_on_as_it_pointed(take: Take) -> None:
 def test_moved_gaits_still_fill_the_take(index: int, start: int, end: int) -> None:
     asked = [Gait.WALK] * 90 + [Gait.JOG] * 60 + [Gait.WALK] * 50 + [Gait.CROUCH] * 20
     frames = tuple(DrivenFrame(Controls((0.0, 1.0), None, gait), 1.0, 1.0) for gait in asked)
-    drive = Drive(frames, (), (Keyframe(-20, Snapshot(0, {})),))
+    drive = Drive(frames, (), (Keyframe(-20, Snapshot(0, 1.0, {})),))
     spans = drive_edits.gait_spans(drive.gaits())
     edit = drive_edits.move_gait(drive, index % len(spans), start, end)
     moved = drive_edits.gait_spans(edit.drive.gaits())

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sport.runtime.controls import Controls
 from sport.runtime.motion.snapshot import Snapshot, take_snapshot
+from sport.runtime.motion.style_mix import StyleMix
 from sport.runtime.pose import Pose
 from sport.runtime.takes.clip import LIVE_SECONDS, Clip, shift_prompts
 from sport.runtime.takes.metadata import PromptEvent, gait_of, gait_seconds
@@ -37,7 +38,7 @@ class Drivable(Protocol):
         """Simulate 1/60 s."""
 
     def set_style(self, z: Any, transition_seconds: float) -> None:
-        """Blend to the style code `(6, 64)`."""
+        """Blend to the style code `(6, 64)`, or to a mix of codes."""
 
     def set_terrain(self, terrain: Terrain) -> None:
         """Walk on another ground."""
@@ -57,13 +58,13 @@ class DrivenFrame:
 
 @dataclass(frozen=True, eq=False)
 class StyleChange:
-    """From `frame` on the character blends to `z` `(6, 64)` within `seconds`.
+    """From `frame` on the character blends to `z` `(6, 64)`, or to a mix, within `seconds`.
 
     `event` says by which words; `note` is whatever the recording program keeps with them.
     """
 
     frame: int
-    z: Array
+    z: Array | StyleMix
     seconds: float
     event: PromptEvent
     note: Any = None
@@ -263,13 +264,20 @@ class DriveRecorder:
         self._frames.append(DrivenFrame(controls, controller.temperature, controller.strength))
 
     def mark_style(
-        self, z: Array, seconds: float, prompt: str, words: str, note: Any = None, holds: bool = False
+        self,
+        z: Array | StyleMix,
+        seconds: float,
+        prompt: str,
+        words: str,
+        note: Any = None,
+        holds: bool = False,
     ) -> None:
         """A style came into force, see `StyleChange`; or it `holds` already in the controller's state."""
         event, frame = PromptEvent(0.0, prompt, seconds, words), self.next_frame - holds
         if holds:
             self._changes = [c for c in self._changes if not isinstance(c, StyleChange)]
-        self._changes.append(StyleChange(frame, np.array(z, np.float32), seconds, event, note))
+        kept = z if isinstance(z, StyleMix) else np.array(z, np.float32)
+        self._changes.append(StyleChange(frame, kept, seconds, event, note))
 
     def mark_ground(self, name: str, terrain: Terrain) -> None:
         """Another ground came under the character."""

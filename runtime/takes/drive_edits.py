@@ -18,6 +18,7 @@ from sport.runtime.takes.drive import Drive, DrivenFrame, StyleChange, follows_l
 from sport.runtime.takes.metadata import PromptEvent, gait_of
 
 Array = NDArray[np.floating]
+SETTLE_STEPS = 60  # before the clip, in which hands reach the place that new words give them
 MIN_SPAN = 2  # frames that a move leaves of a neighbour
 JUMP_FRAMES = 3  # as long as a key's press; the controller jumps on by itself
 
@@ -80,10 +81,18 @@ def gait_spans(gaits: NDArray[np.integer]) -> list[GaitSpan]:
 
 
 def reworded(drive: Drive, span: PromptSpan, style: StyleChange) -> Edit:
-    """Another style in the place of a span's, from its first frame; at the clip's start it is there at once."""
-    seconds = style.seconds if span.start > 0 else 0.0
-    old = [change for change in span.changes if change.frame >= 0]  # what led to the clip stays as it was
-    return _with_styles(drive, old, [replace(style, frame=span.start, seconds=seconds)], span.start)
+    """Another style in the place of a span's, from its first frame.
+
+    At the clip's start it is there at once: it comes into force before, in frames that the take does not show.
+    """
+    if span.start > 0:
+        return _with_styles(drive, span.changes, [replace(style, frame=span.start)], span.start)
+    at = (
+        max(-SETTLE_STEPS, drive.start + 1) if drive.start < 0 else 0
+    )  # a keyframe's own frame is made already
+    styles = [change for change in drive.changes if isinstance(change, StyleChange)]
+    old = [c for c in styles if at <= c.frame and (c.frame <= 0 or any(c is own for own in span.changes))]
+    return _with_styles(drive, old, [replace(style, frame=at, seconds=0.0)], 0)
 
 
 def with_prompt(drive: Drive, style: StyleChange) -> Edit:

@@ -11,6 +11,7 @@ import numpy as np
 from sport.runtime.controls import Gait
 from sport.runtime.errors import SportError
 from sport.runtime.motion.snapshot import Snapshot, take_snapshot
+from sport.runtime.motion.style_mix import StyleMix
 from sport.runtime.pose import Pose
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.takes.metadata import PromptEvent, title
@@ -261,7 +262,9 @@ def _answer_of(style: StyleChange) -> Answer | None:
     if isinstance(style.note, StyleEdit):
         return style.note.a if style.note.b is None else None
     words = words_of(style.event)
-    return None if words is None else Answer(title(style.event), words, words, style.z)
+    if words is None or isinstance(style.z, StyleMix):
+        return None
+    return Answer(title(style.event), words, words, np.array(style.z, np.float32))
 
 
 def _short(text: str) -> str:

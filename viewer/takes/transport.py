@@ -13,6 +13,7 @@ from sport.viewer.takes.playback import Playback
 
 SPEEDS = (0.1, 2.0)
 WIDE = 520.0  # pixels at scale 1: words beside the icons
+TINY = 400.0  # in less only what has no other way stays
 PROMPT_POPUP, GAIT_POPUP = "new prompt", "new gait"
 GAITS = (Gait.STAND, Gait.WALK, Gait.JOG, Gait.CROUCH, Gait.JUMP)
 
@@ -22,13 +23,16 @@ def draw(editing: TakeEditing) -> None:
     playback = editing.state.playback
     if playback is None:
         return
-    wide = imgui.get_content_region_avail().x >= px(WIDE)
-    _playing(playback, editing, wide)
-    _editing(playback, editing, wide)
+    width = imgui.get_content_region_avail().x
+    wide, tiny = width >= px(WIDE), width < px(TINY)
+    if not wide:
+        editing.state.timeline.part_tracks = False  # its button is not there
+    _playing(playback, editing, wide, tiny)
+    _editing(playback, editing, wide, tiny)
     timeline.draw(editing, playback)
 
 
-def _playing(playback: Playback, editing: TakeEditing, wide: bool) -> None:
+def _playing(playback: Playback, editing: TakeEditing, wide: bool, tiny: bool) -> None:
     """Time: play, single steps, loop, speed, the frame, and back to live."""
     square, gap = px(30), px(4)
     if widgets.button(ICON.start, square, "To the first frame kept"):
@@ -43,12 +47,13 @@ def _playing(playback: Playback, editing: TakeEditing, wide: bool) -> None:
     imgui.same_line(0, gap)
     if widgets.button(f"{ICON.on}##frame on", square, "One frame on (full stop key)"):
         playback.step(1)
-    imgui.same_line(0, gap)
-    playback.loop = widgets.toggle(ICON.loop, playback.loop, square, "Begin again at the end")
-    imgui.same_line(0, px(8))
-    imgui.set_next_item_width(px(96 if wide else 72))
-    _, playback.speed = widgets.slider("##speed", playback.speed, *SPEEDS, "%.2f x", logarithmic=True)
-    widgets.tooltip("Playback speed; Ctrl+click types it")
+    if not tiny:
+        imgui.same_line(0, gap)
+        playback.loop = widgets.toggle(ICON.loop, playback.loop, square, "Begin again at the end")
+        imgui.same_line(0, px(8))
+        imgui.set_next_item_width(px(96 if wide else 72))
+        _, playback.speed = widgets.slider("##speed", playback.speed, *SPEEDS, "%.2f x", logarithmic=True)
+        widgets.tooltip("Playback speed; Ctrl+click types it")
     live = f"{ICON.person} Live" if wide else ICON.person
     live_width = imgui.calc_text_size(live).x + 2 * imgui.get_style().frame_padding.x
     right = imgui.get_window_width() - imgui.get_style().window_padding.x - live_width
@@ -71,16 +76,17 @@ def _time(playback: Playback, editing: TakeEditing, space: float) -> None:
     widgets.muted(fitting[0] if fitting else "")
 
 
-def _editing(playback: Playback, editing: TakeEditing, wide: bool) -> None:
+def _editing(playback: Playback, editing: TakeEditing, wide: bool, tiny: bool) -> None:
     """What lies on the tracks: trim, new spans, undo, and going on from here."""
     gap, item, fixed = px(4), editing.state.played, editing.fixed
-    if widgets.button("[ In", px(44), "Keep the clip from this frame"):
-        playback.trim_in()
-    imgui.same_line(0, gap)
-    if widgets.button("Out ]", px(50), "Keep the clip up to this frame"):
-        playback.trim_out()
+    if not tiny:  # the handles of the ruler do the same
+        if widgets.button("[ In", px(44), "Keep the clip from this frame"):
+            playback.trim_in()
+        imgui.same_line(0, gap)
+        if widgets.button("Out ]", px(50), "Keep the clip up to this frame"):
+            playback.trim_out()
+        imgui.same_line(0, px(8))
     imgui.begin_disabled(bool(fixed))
-    imgui.same_line(0, px(8))
     if widgets.button("+ Prompt", 0.0, fixed or "Another prompt from this frame on"):
         editing.state.timeline.new_prompt = ""
         imgui.open_popup(PROMPT_POPUP)
@@ -103,11 +109,11 @@ def _editing(playback: Playback, editing: TakeEditing, wide: bool) -> None:
         state = editing.state.timeline
         hint = "A track for what each body part does"
         state.part_tracks = widgets.toggle("Parts", state.part_tracks, px(52), hint)
-    _go_on(editing, fixed, wide)
+    _go_on(editing, fixed, "Go on from here" if wide else "" if tiny else "Go on")
 
 
-def _go_on(editing: TakeEditing, fixed: str, wide: bool) -> None:
-    text = f"{ICON.walk} {'Go on from here' if wide else 'Go on'}"
+def _go_on(editing: TakeEditing, fixed: str, words: str) -> None:
+    text = f"{ICON.walk} {words}".rstrip()
     width = imgui.calc_text_size(text).x + 2 * imgui.get_style().frame_padding.x
     imgui.same_line(imgui.get_window_width() - imgui.get_style().window_padding.x - width)
     imgui.begin_disabled(bool(fixed))

@@ -116,7 +116,7 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
         ("Start or stop", "R", "Y"),
         ("Keep the last seconds", "T", "X"),
         ("Play or pause the clip", "P", ""),
-        ("One frame back, one on", ",  .", ""),
+        ("One frame back, one on", "Comma, full stop", ""),
         ("Screenshot", "F12", ""),
     )),
     ("Show", (

@@ -143,7 +143,9 @@ class App:
         self.prompt = PromptRoom(prompt, settings, self.prompting, self.expanders, self.suggester)
         renderer = services.make_renderer(self.window.ctx, options.quality or settings.quality)
         self.stage = Stage(stage, settings, messages, jobs, services, self.window.ctx, renderer, drives)
-        self.takes = Takes(state.takes, settings, messages, stage, jobs, ClipRecorder(), drives, self.state_folder)
+        self.takes = Takes(
+            state.takes, settings, messages, stage, jobs, ClipRecorder(), drives, self.state_folder
+        )
         self.prompting.mark = self.takes.mark_style
         self.editing = TakeEditing(self.takes, self.stage, self.prompting)
         self.shell = Shell(

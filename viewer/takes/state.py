@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sport.runtime.takes.clip import Clip
-    from sport.runtime.takes.journal import FoundJournal, TakeJournal
     from sport.runtime.takes.drive import Drive
+    from sport.runtime.takes.journal import FoundJournal, TakeJournal
     from sport.viewer.services import ControllerLike
     from sport.viewer.takes.playback import Playback
     from sport.viewer.takes.tracks import Tracks

@@ -10,6 +10,7 @@ from sport.runtime.errors import SportError
 from sport.runtime.pose import Pose
 from sport.runtime.prompts.expander import DEFAULT_PROMPT
 from sport.runtime.takes.clip import ClipRecorder
+from sport.runtime.takes.drive import DriveRecorder
 from sport.runtime.terrain.height_map import Terrain
 from sport.viewer.gl_bindings import glfw, imgui
 from sport.viewer.input.bindings import Action, Intent, to_controls
@@ -39,6 +40,7 @@ from sport.viewer.stage.simulation import STEP_SECONDS, Simulation
 from sport.viewer.stage.stage import Stage
 from sport.viewer.stage.state import StageState
 from sport.viewer.state import AppState
+from sport.viewer.takes.editing import TakeEditing
 from sport.viewer.takes.takes import Takes
 from sport.viewer.window import KEY_CODES, Window, WindowEvents
 
@@ -132,17 +134,23 @@ class App:
             self.state.settings,
             self.state.messages,
         )
-        prompt, stage, recorder = state.prompt, state.stage, ClipRecorder()
+        prompt, stage, drives = state.prompt, state.stage, DriveRecorder()
         self.jobs = jobs = Jobs(messages, blocking=options.offscreen)
-        self.prompting = Prompting(prompt, settings, messages, lambda: stage.controller, recorder.mark_prompt)
+        self.prompting = Prompting(prompt, settings, messages, lambda: stage.controller)
         self.prompting.blocking = options.offscreen
         self.expanders = Expanders(prompt.expander, settings, jobs, services, self.prompting)
         self.suggester = Suggester(prompt, settings, jobs)
         self.prompt = PromptRoom(prompt, settings, self.prompting, self.expanders, self.suggester)
         renderer = services.make_renderer(self.window.ctx, options.quality or settings.quality)
-        self.stage = Stage(stage, settings, messages, jobs, services, self.window.ctx, renderer)
-        self.takes = Takes(state.takes, settings, messages, stage, jobs, recorder, self.state_folder)
-        self.shell = Shell(state.shell, messages, self.prompt, self.stage, self.takes, self.open_files)
+        self.stage = Stage(stage, settings, messages, jobs, services, self.window.ctx, renderer, drives)
+        self.takes = Takes(
+            state.takes, settings, messages, stage, jobs, ClipRecorder(), drives, self.state_folder
+        )
+        self.prompting.mark = self.takes.mark_style
+        self.editing = TakeEditing(self.takes, self.stage, self.prompting)
+        self.shell = Shell(
+            state.shell, messages, self.prompt, self.stage, self.takes, self.editing, self.open_files
+        )
         own = {Action.FULLSCREEN: self.window.toggle_full_screen, Action.SCREENSHOT: self._take_screenshot}
         self.actions = {**self.stage.actions, **self.takes.actions, **self.shell.actions, **own}
 
@@ -223,7 +231,7 @@ class App:
         self.shell.draw()
         imgui.render()
         live = None if state.takes.playback is not None else state.stage.controller
-        overlays = make_overlays(state.settings, live)
+        overlays = make_overlays(state.settings, live, self.stage.path.overlay())
         self.stage.renderer.render(window.framebuffer, self.stage.camera.current, pose, overlays)
         window.draw_interface()
         self._capture()
@@ -250,13 +258,15 @@ class App:
         self._steps = 0
         playback = self.state.takes.playback
         begins_to_move = intent.move != (0.0, 0.0) and not self._was_moving
+        begins_to_move = self.stage.path.take_begun() or begins_to_move
         self._was_moving = intent.move != (0.0, 0.0)
         if playback is not None and begins_to_move:
             self.takes.close_playback()  # back to the live character
         elif playback is not None:
             playback.advance(dt)
             return
-        controls = to_controls(intent, self.stage.camera.current.yaw)
+        controls = self.stage.led(to_controls(intent, self.stage.camera.current.yaw), dt)
+        self.takes.before_steps()
         poses = self.stage.advance(dt, controls)
         self._steps = len(poses)
         self.takes.add_poses(poses, controls)
@@ -271,16 +281,17 @@ class App:
     def _move_camera(self, pose: Pose, intent: Intent, dt: float) -> None:
         io, camera = imgui.get_io(), self.stage.camera
         zoom, dragging = intent.zoom * dt, False
+        drawing = self.stage.path.use_mouse(camera.current, self.state.stage.terrain)
         if not io.want_capture_mouse:
             zoom += io.mouse_wheel
             buttons = [imgui.is_mouse_down(button) for button in range(3)]  # left, right, middle
-            dragging = any(buttons)
+            dragging = any(buttons[drawing:])
             if dragging:
                 pan = buttons[2] or (buttons[1] and io.key_shift)
                 camera.drag(io.mouse_delta.x, io.mouse_delta.y, pan, io.display_size.y)
         moving = intent.move != (0.0, 0.0) and not intent.strafe and not dragging
         camera.update(pose, dt, intent.look, zoom, self.state.stage.terrain, moving)
-        camera.centre_in(self.shell.view_centre, dt)
+        camera.frame_in(self.shell.framing, dt)
 
     def _capture(self) -> None:
         """Write the finished frame where it was asked for."""

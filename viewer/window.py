@@ -19,7 +19,7 @@ _OFFSCREEN_HINT = "Without a display, `sport view --offscreen --screenshot out.p
 
 _PLAIN_KEYS = (
     "SPACE", "ENTER", "ESCAPE", "BACKSPACE", "TAB", "LEFT", "RIGHT", "UP", "DOWN", "HOME", "PAGE_UP", "PAGE_DOWN",
-    "EQUAL", "MINUS",
+    "EQUAL", "MINUS", "COMMA", "PERIOD", "DELETE",
 )  # fmt: skip
 KEY_NAMES: dict[int, str] = {
     **{glfw.KEY_A + i: chr(ord("a") + i) for i in range(26)},

@@ -115,7 +115,7 @@ class Clip:
             hips_positions=self.hips_positions[keep],
             local_rotations=self.local_rotations[keep],
             contacts=self.contacts[keep],
-            prompts=_shift_prompts(self.prompts, first / self.fps, (last - first) / self.fps),
+            prompts=shift_prompts(self.prompts, first / self.fps, (last - first) / self.fps),
         )
 
     def resampled(self, fps: float) -> Clip:
@@ -174,6 +174,16 @@ class ClipRecorder:
     def recording(self) -> bool:
         """Whether a take is running."""
         return self._begin is not None
+
+    @property
+    def next_frame(self) -> int:
+        """Number of the frame that comes next, counted since the program's start."""
+        return self._first + len(self._frames)
+
+    @property
+    def first_frame(self) -> int:
+        """Number of the oldest frame kept."""
+        return self._first
 
     @property
     def take_seconds(self) -> float:
@@ -262,7 +272,7 @@ class ClipRecorder:
             hips_positions=table[:, :3],
             local_rotations=table[:, 3:-5].reshape(-1, J, 4),
             contacts=table[:, -5:-1],
-            prompts=_shift_prompts(events, 0.0, len(rows) / self.fps),
+            prompts=shift_prompts(events, 0.0, len(rows) / self.fps),
             terrain=terrain,
             origin=origin or UNKNOWN,
             gait_seconds=tuple(gait_seconds(gaits, self.fps).items()),
@@ -392,7 +402,7 @@ def _is_live(event: PromptEvent) -> bool:
     return 0.0 < event.transition_seconds <= LIVE_SECONDS
 
 
-def _shift_prompts(events: tuple[PromptEvent, ...], start: float, length: float) -> tuple[PromptEvent, ...]:
+def shift_prompts(events: tuple[PromptEvent, ...], start: float, length: float) -> tuple[PromptEvent, ...]:
     """Events seen from `start` on: the one in force there, and those within `length` seconds after it."""
     before = [e for e in events if e.seconds <= start]
     within = [e for e in events if start < e.seconds <= start + length]

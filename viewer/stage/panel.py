@@ -11,6 +11,7 @@ from sport.viewer.gui import setting_widgets, widgets
 from sport.viewer.gui.theme import ICON
 from sport.viewer.gui.widgets import px
 from sport.viewer.settings import CAMERAS, QUALITIES, Settings
+from sport.viewer.stage import path_panel
 from sport.viewer.stage.stage import Stage
 
 
@@ -22,6 +23,7 @@ def draw(stage: Stage, open_files: Callable[[list[Path]], None]) -> None:
     mode = widgets.segmented("camera", list(CAMERAS.items()), stage.camera.mode)
     if mode != stage.camera.mode:
         stage.use_camera(mode)
+    path_panel.draw(stage)
     widgets.label("Show")
     _toggles(stage.settings)
     _drawing(stage)

@@ -18,6 +18,7 @@ from sport.runtime.takes.metadata import Origin, gait_of, origin_of
 from sport.viewer.input.bindings import Action
 from sport.viewer.jobs import Jobs
 from sport.viewer.messages import Messages
+from sport.viewer.prompt.style_edit import StyleEdit
 from sport.viewer.settings import Settings
 from sport.viewer.stage.state import StageState
 from sport.viewer.takes.journals import Journals
@@ -27,6 +28,7 @@ from sport.viewer.takes.state import ClipItem, TakesState
 
 if TYPE_CHECKING:
     from sport.runtime.takes.clip import Clip, ClipRecorder
+    from sport.runtime.takes.drive import DriveRecorder, StyleChange
 
 MAX_NAME = 60
 
@@ -41,6 +43,7 @@ class Takes:
     stage: StageState  # what is recorded, and where it is shown again
     jobs: Jobs
     recorder: ClipRecorder
+    drives: DriveRecorder
     folder: Path  # the state folder: journals, and takes that cannot be written elsewhere
     trouble: bool = False  # a take was lost, or is elsewhere than asked
     _writers: dict[Path, ClipItem] = field(default_factory=dict)  # whose clip a file of this session holds
@@ -57,6 +60,8 @@ class Takes:
             Action.RECORD: self.toggle_recording,
             Action.SAVE_LAST: self.save_last,
             Action.PLAY: self.play_or_pause,
+            Action.FRAME_BACK: lambda: self.step(-1),
+            Action.FRAME_ON: lambda: self.step(1),
         }
 
     @property
@@ -64,10 +69,31 @@ class Takes:
         """What opens a file, by its suffix."""
         return {".bvh": self.open}
 
+    def before_steps(self) -> None:
+        """Keep the controller's state when it is time; call once a frame before it is simulated."""
+        if self.stage.controller is not None:
+            self.drives.before_steps(self.stage.controller)
+
+    def mark_style(self, edit: StyleEdit, seconds: float) -> None:
+        """A style came into force for the next frame."""
+        z, prompt, words = edit.style(), edit.prompt_text, edit.spelled_out()
+        self.recorder.mark_prompt(prompt, seconds, words)
+        if z is not None:
+            self.drives.mark_style(z, seconds, prompt, words, edit)
+
+    def mark_held(self, style: StyleChange) -> None:
+        """A style of a take holds in the live controller already."""
+        event = style.event
+        self.recorder.mark_prompt(event.prompt, 0.0, event.words)
+        self.drives.mark_style(style.z, style.seconds, event.prompt, event.words, style.note, holds=True)
+
     def add_poses(self, poses: list[Pose], controls: Controls) -> None:
         """Remember simulated poses, as they are shown, and what was asked for; call once a frame."""
         for pose in poses:
             self.recorder.add(pose, gait_of(controls))
+            if self.stage.controller is not None:
+                self.drives.add(controls, self.stage.controller)
+        self.drives.drop_before(self.recorder.first_frame)
         clips = self.state
         clips.memory_s = self.recorder.seconds
         clips.recorded_s = self.recorder.take_seconds
@@ -107,7 +133,8 @@ class Takes:
             self.messages.warn(str(error))
             return None
         clips.counter += 1
-        self._add(item := ClipItem(clip, recorded=True))
+        drive = self.drives.cut(self.recorder.next_frame - len(clip))
+        self._add(item := ClipItem(clip, None, True, drive=drive, maker=self.stage.controller))
         self.messages.note(f"{clip.name}: {clip.seconds:.1f} s in the clip list. Export writes it as BVH.")
         return item
 
@@ -172,6 +199,7 @@ class Takes:
                     f"{item.name} was recorded on the ground {item.clip.terrain!r}, not on this one."
                 )
             clips.playback = Playback(clips.items[index].clip, self.stage.terrain, index)
+            clips.timeline.shown = clips.timeline.drag = None
             self.select(index)
 
     def play_row(self, index: int) -> None:
@@ -189,6 +217,11 @@ class Takes:
             clips.playback.toggle()
         elif clips.current is not None:
             self.play(clips.selected)
+
+    def step(self, frames: int) -> None:
+        """Go so many frames on in the clip that plays, or back."""
+        if self.state.playback is not None:
+            self.state.playback.step(frames)
 
     def close_playback(self) -> None:
         """Back to the live character."""

@@ -89,7 +89,7 @@ def test_enter_changes_the_shipped_models_style_at_the_next_frame_after_the_answ
     app = start(services={"load_model": load_model}, prompt="a person walking normally")
     app.prompting.blocking = app.jobs.blocking = False
     run_until(app, lambda: app.prompting.history.top is not None)
-    run(app, 2)
+    run(app, 90)  # the first style has come in
     walker, worker = app.state.stage.simulation.controller, app.prompting.workers[Side.A]
     assert isinstance(walker, Controller)
     before = walker.style.z.copy()

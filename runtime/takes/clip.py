@@ -124,8 +124,10 @@ class Clip:
             return self
         count = math.floor(self.seconds * fps + 1e-6) + 1
         hips, local, contacts = self._at(np.arange(count) / fps)
+        at = np.minimum(np.round(np.arange(count) / fps * self.fps).astype(np.int64), len(self) - 1)
+        gaits = None if self.gaits is None else self.gaits[at]
         return replace(
-            self, fps=fps, hips_positions=hips, local_rotations=local, contacts=contacts, gaits=None
+            self, fps=fps, hips_positions=hips, local_rotations=local, contacts=contacts, gaits=gaits
         )
 
     def _at(self, seconds: Array) -> tuple[Array, Array, Array]:

@@ -90,7 +90,7 @@ def find_cycle(clip: Clip, root: RootTrack) -> tuple[int, int]:
     costs, starts = np.full(len(lags), np.inf), np.zeros(len(lags), np.int64)
     for k, lag in enumerate(lags):
         stride = max(1, (len(clip) - lag) // MAX_STARTS)
-        a = np.arange(1, len(clip) - lag - 1, stride)
+        a = np.arange(1, len(clip) - int(lag) - 1, stride)
         cost = np.sqrt(np.mean((shape[a + lag] - shape[a]) ** 2, axis=(1, 2)))
         cost += np.abs(root.yaw[a + lag] - root.yaw[a]) * 0.05
         cost[path[a + lag] - path[a] < MIN_SPEED * lag / clip.fps] = np.inf

@@ -74,7 +74,7 @@ def _with_rest_frame(clip: Clip, track: RootTrack) -> tuple[Clip, RootTrack]:
     """The rest pose where the clip begins, facing as it does, one frame before it."""
     local = rotations.identity((1, J))
     local[0, 0] = rotations.from_yaw(float(track.yaw[0]))
-    hips = (track.positions[:1] + (0.0, REST_HIPS_HEIGHT, 0.0)).astype(np.float32)
+    hips = (track.positions[:1] + np.array([0.0, REST_HIPS_HEIGHT, 0.0])).astype(np.float32)
     later = 1.0 / clip.fps
     begun = replace(
         clip,

@@ -1,0 +1,92 @@
+"""A glTF document with one binary buffer to which arrays are added."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.atomic import write_atomic
+from sport.runtime.character.read import GltfFile, read_sibling
+
+if TYPE_CHECKING:
+    from pygltflib import GLTF2
+
+Array = NDArray[Any]
+
+ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963
+_COMPONENT_TYPES = {"uint8": 5121, "uint16": 5123, "uint32": 5125, "float32": 5126}
+_ELEMENT_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+_IMAGE_TYPES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
+
+
+class GlbBuffer:
+    """A document and the bytes of its only buffer; `add` appends arrays, `save` writes a GLB."""
+
+    def __init__(self, gltf: GLTF2) -> None:
+        self.gltf = gltf
+        self._blob = bytearray()
+
+    @staticmethod
+    def of_file(file: GltfFile) -> GlbBuffer:
+        """The document of a file with all its buffers and images inside one buffer; FileError when an image is missing."""
+        made = GlbBuffer(file.gltf)
+        starts = [made._append(data) for data in file.buffers]
+        for view in file.gltf.bufferViews or []:
+            view.byteOffset = (view.byteOffset or 0) + starts[view.buffer]
+            view.buffer = 0
+        for image in file.gltf.images or []:
+            if image.uri is None:
+                continue
+            if image.uri.startswith("data:"):
+                data = bytes(file.gltf.decode_data_uri(image.uri))
+            else:
+                data = read_sibling(file.path, unquote(image.uri), "image")
+            image.mimeType = next(
+                (t for head, t in _IMAGE_TYPES.items() if data.startswith(head)), image.mimeType
+            )
+            image.bufferView, image.uri = made.add_view(data), None
+        return made
+
+    def _append(self, data: bytes) -> int:
+        self._blob.extend(b"\0" * (-len(self._blob) % 4))
+        start = len(self._blob)
+        self._blob.extend(data)
+        return start
+
+    def add_view(self, data: bytes, target: int | None = None) -> int:
+        """The index of a new buffer view that holds `data`."""
+        import pygltflib as g
+
+        start = self._append(data)
+        self.gltf.bufferViews.append(
+            g.BufferView(buffer=0, byteOffset=start, byteLength=len(data), target=target)
+        )
+        return len(self.gltf.bufferViews) - 1
+
+    def add(self, values: Array, target: int | None = None, *, bounds: bool = False) -> int:
+        """The index of a new accessor that holds `values` `(count, width)`; floats are written as float32."""
+        import pygltflib as g
+
+        values = np.ascontiguousarray(values, np.float32 if values.dtype.kind == "f" else values.dtype)
+        accessor = g.Accessor(
+            bufferView=self.add_view(values.tobytes(), target),
+            componentType=_COMPONENT_TYPES[values.dtype.name],
+            count=len(values),
+            type=_ELEMENT_TYPES[values.shape[1]],
+        )
+        if bounds:
+            accessor.min, accessor.max = values.min(axis=0).tolist(), values.max(axis=0).tolist()
+        self.gltf.accessors.append(accessor)
+        return len(self.gltf.accessors) - 1
+
+    def save(self, path: Path) -> None:
+        """Write the GLB whole or not at all; FileError when it cannot be written."""
+        import pygltflib as g
+
+        self._blob.extend(b"\0" * (-len(self._blob) % 4))
+        self.gltf.buffers = [g.Buffer(byteLength=len(self._blob))]
+        self.gltf.set_binary_blob(bytes(self._blob))
+        write_atomic(path, b"".join(self.gltf.save_to_bytes()))

@@ -18,10 +18,13 @@ from sport.runtime.skeleton import SPORT_SKELETON, J
 from sport.runtime.takes.bvh import BvhMotion, check_size, format_bvh, read_bvh
 from sport.runtime.takes.metadata import (
     UNKNOWN,
+    UNMOVED,
     Origin,
     PromptEvent,
     describe,
     format_metadata,
+    gait_changes,
+    gait_numbers,
     gait_seconds,
     read_metadata,
     sidecar_path,
@@ -63,7 +66,9 @@ class Clip:
     terrain: str = "flat"  # name or file of the ground it was made on
     origin: Origin = UNKNOWN  # model, seed and settings
     gait_seconds: tuple[tuple[str, float], ...] = ()  # how long each gait was asked for
-    gaits: NDArray[np.int8] | None = None  # (T,) asked for in each frame; None for takes from files
+    gaits: NDArray[np.int8] | None = None  # (T,) asked for in each frame; None where not known
+    # yaw and x, y, z by which the take was moved from its place on its ground; None: it no longer goes over it
+    placed: tuple[float, ...] | None = UNMOVED
 
     def __post_init__(self) -> None:
         n = len(self.hips_positions)
@@ -187,12 +192,14 @@ class ClipRecorder:
         while len(self._prompts) > 1 and self._prompts[1][0] <= self._first:
             self._prompts.popleft()  # no frame that is kept was made by it
 
-    def mark_prompt(self, prompt: str, transition_seconds: float = 0.0, words: str = "") -> None:
+    def mark_prompt(
+        self, prompt: str, transition_seconds: float = 0.0, words: str = "", typed: str = ""
+    ) -> None:
         """Note that `prompt` holds from the next frame on; see `PromptEvent`.
 
         Of live changes within `LIVE_SECONDS` only the last is kept, at the time of the first.
         """
-        event = PromptEvent(0.0, prompt, transition_seconds, words)
+        event = PromptEvent(0.0, prompt, transition_seconds, words, typed)
         frame = self._first + len(self._frames)
         if self._prompts and _is_live(event):
             before, last = self._prompts[-1]
@@ -277,12 +284,25 @@ def save_bvh(clip: Clip, path: str | Path, fps: float = 60.0, unit: str = "cm", 
         end_offsets=END_OFFSETS,
     )
     path = Path(path)
+    write_take_text(clip, path, text)
+    return path
+
+
+def write_take_text(clip: Clip, path: Path, text: str) -> None:
+    """Write the BVH text of a clip and what is known of the clip beside it."""
     write_atomic(path, text)
     metadata = format_metadata(
-        text, clip.name, clip.seconds, clip.terrain, clip.prompts, clip.origin, dict(clip.gait_seconds)
+        text,
+        clip.name,
+        clip.seconds,
+        clip.terrain,
+        clip.prompts,
+        clip.origin,
+        dict(clip.gait_seconds),
+        gait_changes(clip.gaits, clip.fps),
+        clip.placed,
     )
     write_atomic(sidecar_path(path), metadata)
-    return path
 
 
 def load_clip_bvh(path: str | Path) -> Clip:
@@ -304,23 +324,32 @@ def load_clip_bvh(path: str | Path) -> Clip:
         raise FileError(f"{path}: joint {', '.join(missing[:4])}{more} is missing.", remedy)
     order = [motion.skeleton.index(name) for name in SPORT_SKELETON.names]
     scale = _metres_per_unit(motion, order, path)
-    if motion.skeleton.parents[order[0]] >= 0:
-        raise FileError(f"{path}: expected the joint Hips as ROOT.", remedy)
-    hips = motion.positions[:, order[0]] * scale
+    hips, local = motion.positions[:, order[0]], motion.local_rotations
+    if order != list(range(len(motion.skeleton))):
+        local = local[:, order]
+    above = motion.skeleton.parents[order[0]]
+    if above >= 0:  # a root on the ground: the clip has the hips in the world
+        if motion.skeleton.parents[above] >= 0:
+            raise FileError(f"{path}: expected the joint Hips as ROOT, or one joint above it.", remedy)
+        turn = motion.local_rotations[:, above]
+        hips = motion.positions[:, above] + rotations.rotate(turn, hips)
+        local[:, 0] = rotations.multiply(turn, local[:, 0])
+    hips = hips * scale
     if not np.abs(hips).max() <= MAX_DISTANCE_M:
         raise FileError(f"{path}: the hips are further than {MAX_DISTANCE_M / 1000:.0f} km away.", remedy)
-    plain = order == list(range(len(motion.skeleton)))
     made = read_metadata(path)
     return Clip(
         name=path.stem,
         fps=fps,
         hips_positions=hips.astype(np.float32),
-        local_rotations=motion.local_rotations if plain else motion.local_rotations[:, order],
+        local_rotations=local,
         contacts=np.zeros((len(motion.positions), 4), np.float32),
         prompts=made.prompts,
         terrain=made.terrain,
         origin=made.origin,
         gait_seconds=made.gait_seconds,
+        gaits=gait_numbers(made.gait_changes, len(motion.positions), fps),
+        placed=made.placed,
     )
 
 

@@ -6,11 +6,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-from sport.runtime.controls import Gait
 from sport.runtime.takes.clip import Clip
-from sport.runtime.takes.metadata import title
+from sport.runtime.takes.metadata import gait_changes, title
 from sport.runtime.takes.prepare import PreparedTake
 
 MARKERS_VERSION = 1
@@ -30,15 +27,6 @@ def markers(clip: Clip) -> list[dict[str, Any]]:
 
 def _marker(kind: str, name: str, seconds: float, fps: float) -> dict[str, Any]:
     return {"kind": kind, "name": name, "seconds": round(seconds, 4), "frame": round(seconds * fps)}
-
-
-def gait_changes(gaits: NDArray[np.integer] | None, fps: float) -> tuple[tuple[float, str], ...]:
-    """When each gait began to be asked for, and its name, from gait numbers `(T,)`; unknown ones are left out."""
-    if gaits is None or len(gaits) == 0:
-        return ()
-    begins = np.concatenate([[0], np.flatnonzero(np.diff(gaits)) + 1])
-    known = {int(gait): gait.name.lower() for gait in Gait}
-    return tuple((int(i) / fps, known[int(gaits[i])]) for i in begins if int(gaits[i]) in known)
 
 
 def take_extras(take: PreparedTake) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from sport.runtime.errors import UsageError
 from sport.runtime.skeleton import REST_HIPS_HEIGHT, J
 from sport.runtime.takes.clip import Clip
 from sport.runtime.takes.loop import LoopReport, make_loop
+from sport.runtime.takes.metadata import UNMOVED
 from sport.runtime.takes.options import ExportOptions
 from sport.runtime.takes.root import Placement, RootTrack, root_track
 from sport.runtime.terrain.height_map import Terrain
@@ -36,13 +37,13 @@ class PreparedTake:
 def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) -> PreparedTake:
     """`clip` as `options` ask for it, on its `terrain` (None: on the level of its lowest sole). UsageError as in `check`."""
     options.check()
-    at_rate = clip.resampled(options.fps)
-    track = root_track(at_rate, terrain)
+    at_rate, there = on_its_ground(clip).resampled(options.fps), placement_of(clip)
+    track = root_track(at_rate, terrain if clip.placed is not None else None)
     first, last = _frames(at_rate, options)
     taken, track, report = at_rate.trim(first, last), track.cut(first, last), None
     if options.loop:
         taken, track, report = make_loop(taken, track)
-    placement = _to_origin(track) if options.at_origin else Placement()
+    placement = _to_origin(track) if options.at_origin else there
     if not placement.identity:
         taken, track = placement.clip(taken), track.moved(placement)
     if options.in_place:
@@ -51,7 +52,21 @@ def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) 
         track = RootTrack(np.repeat(track.positions[:1], len(taken), axis=0), track.yaw)
     if options.rest_frame:
         taken, track = _with_rest_frame(taken, track)
+    lost = options.in_place or clip.placed is None
+    taken = replace(taken, placed=None if lost else (placement.yaw, *placement.offset))
     return PreparedTake(taken, track, placement, report, options.rest_frame)
+
+
+def placement_of(clip: Clip) -> Placement:
+    """Where an export has moved a clip to from its place on its ground."""
+    yaw, x, y, z = clip.placed or UNMOVED
+    return Placement(yaw, (x, y, z))
+
+
+def on_its_ground(clip: Clip) -> Clip:
+    """The clip back in its place on its ground, whatever export moved it elsewhere; what lost its ground stays."""
+    placement = placement_of(clip)
+    return clip if placement.identity else replace(placement.inverse().clip(clip), placed=UNMOVED)
 
 
 def _frames(clip: Clip, options: ExportOptions) -> tuple[int, int]:

@@ -57,6 +57,11 @@ class Placement:
         result[:3, 3] = self.offset
         return result
 
+    def inverse(self) -> Placement:
+        """The way back."""
+        x, y, z = (float(v) for v in -rotations.rotate(rotations.from_yaw(-self.yaw), np.array(self.offset)))
+        return Placement(-self.yaw, (x, y, z))
+
     def clip(self, clip: Clip) -> Clip:
         """The clip in its new place."""
         local = np.array(clip.local_rotations, np.float64)

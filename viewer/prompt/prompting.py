@@ -37,7 +37,7 @@ class Prompting:
     settings: Settings
     messages: Messages
     controller: Callable[[], ControllerLike | None]  # the one in use
-    mark: Callable[[str, float, str], None] = lambda *_: None  # hears what comes into force, for the recorder
+    mark: Callable[[str, float, str, str], None] = lambda *_: None  # hears what comes into force, for the recorder
     blocking: bool = False  # offscreen: an answer arrives in the same frame
     first_error: SportError | None = None
     history: UndoStack = field(default_factory=UndoStack)
@@ -290,7 +290,8 @@ class Prompting:
         except SportError as error:
             self._fail(error)
             return
-        self.mark(write_words(self.state.edit.replayable()), seconds, self.state.edit.spelled_out())
+        edit = self.state.edit
+        self.mark(write_words(edit.replayable()), seconds, edit.spelled_out(), edit.typed())
 
     def _fail(self, error: SportError) -> None:
         self.messages.error(error)

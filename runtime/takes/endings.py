@@ -34,6 +34,8 @@ def ending_of(path: Path) -> Ending:
     for ending in ENDINGS:
         if path.suffix.lower() == ending.suffix:
             return ending
+    if path.is_dir():
+        raise UsageError(f"{path}: this is a folder.", "Add the name of a file.")
     known = ", ".join(f"{e.suffix} ({e.text})" for e in ENDINGS)
     what = f"ending {path.suffix}" if path.suffix else "name without an ending"
     raise UsageError(f"{path}: nothing writes a {what}.", f"Choose {known}.")

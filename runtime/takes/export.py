@@ -76,6 +76,11 @@ def save_motion(
     return written
 
 
+def save_ground_of(clip: Clip, path: Path, options: ExportOptions, terrain: Terrain) -> Written:
+    """Write the ground of a take alone, in metres."""
+    return _ground(path, prepare(clip, options, terrain), terrain, "m")
+
+
 def describe(take: PreparedTake, path: Path) -> str:
     """What stands in the file: frames, rate, seconds, and what the loop came to."""
     count, fps = len(take.clip), take.clip.fps

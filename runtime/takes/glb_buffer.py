@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
 from sport.runtime.atomic import write_atomic
-from sport.runtime.character.read import GltfFile, read_sibling
+from sport.runtime.character.read import REMEDY, STRUCTURE_ERRORS, GltfFile, read_uri
+from sport.runtime.errors import FileError
+from sport.runtime.safe_read import reason
 
 if TYPE_CHECKING:
     from pygltflib import GLTF2
@@ -32,25 +34,22 @@ class GlbBuffer:
     @staticmethod
     def of_file(file: GltfFile) -> GlbBuffer:
         """The document of a file with all its buffers and images inside one buffer; FileError when an image is missing."""
-        made = GlbBuffer(file.gltf)
+        made = GlbBuffer(_document(file))
         starts = [made._append(data) for data in file.buffers]
-        for view in file.gltf.bufferViews or []:
+        for view in made.gltf.bufferViews:
             view.byteOffset = (view.byteOffset or 0) + starts[view.buffer]
             view.buffer = 0
-        for image in file.gltf.images or []:
+        for image in made.gltf.images:
             if image.uri is None:
                 continue
-            if image.uri.startswith("data:"):
-                data = bytes(file.gltf.decode_data_uri(image.uri))
-            else:
-                data = read_sibling(file.path, unquote(image.uri), "image")
+            data = read_uri(file.path, image.uri, "image")
             image.mimeType = next(
                 (t for head, t in _IMAGE_TYPES.items() if data.startswith(head)), image.mimeType
             )
             image.bufferView, image.uri = made.add_view(data), None
         return made
 
-    def _append(self, data: bytes) -> int:
+    def _append(self, data: bytes | memoryview) -> int:
         self._blob.extend(b"\0" * (-len(self._blob) % 4))
         start = len(self._blob)
         self._blob.extend(data)
@@ -90,3 +89,13 @@ class GlbBuffer:
         self.gltf.buffers = [g.Buffer(byteLength=len(self._blob))]
         self.gltf.set_binary_blob(bytes(self._blob))
         write_atomic(path, b"".join(self.gltf.save_to_bytes()))
+
+
+def _document(file: GltfFile) -> GLTF2:
+    """A document that can be changed and written, with what `file` holds."""
+    import pygltflib as g
+
+    try:
+        return g.GLTF2.gltf_from_json(json.dumps(file.gltf))
+    except STRUCTURE_ERRORS as error:
+        raise FileError(f"{file.name}: damaged glTF document ({reason(error)}).", REMEDY) from error

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from sport.runtime import rotations
 from sport.runtime.character.character import Character
-from sport.runtime.character.mesh import MeshData, node_parents, node_world_matrices
+from sport.runtime.character.mesh import MeshData
+from sport.runtime.character.nodes import ancestors, node_world_matrices
 from sport.runtime.character.read import GltfFile, read_accessor
 from sport.runtime.skeleton import SPORT_SKELETON
 from sport.runtime.takes.glb_buffer import GlbBuffer
@@ -53,7 +54,8 @@ def open_rig(
     hips = int(np.flatnonzero(character.sport_joints == SPORT_SKELETON.index("Hips"))[0])
     space = np.eye(4)
     space[:3, :3] = character.alignment.basis[hips] @ np.linalg.inv(data.rest_world[hips, :3, :3])
-    rest, parents = space @ node_world_matrices(file), node_parents(file)
+    order, parents = ancestors(file)
+    rest = space @ node_world_matrices(file, order, parents)
     soles = float((data.rest_positions() @ space[:3, :3].T)[:, 1].min())
     x, _, z = rest[data.joint_nodes[hips], :3, 3]
     rig = Rig(character, buffer.gltf, joints, parents, rest, space, np.array([x, soles, z]))

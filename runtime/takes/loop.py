@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sport.runtime import rotations
 from sport.runtime.errors import UsageError
-from sport.runtime.feet.ik import LEG_FEET, LEG_TOES, solve_legs
+from sport.runtime.feet.ik import LEG_FEET, LEG_SHINS, LEG_THIGHS, LEG_TOES, solve_legs
 from sport.runtime.motion import features
 from sport.runtime.takes.clip import Clip
 from sport.runtime.takes.root import RootTrack
@@ -22,6 +22,7 @@ NEARLY = 1.25  # the shortest cycle within this factor of the best one is taken:
 MAX_ENDS_M, MAX_ENDS_RADIANS = 0.15, np.deg2rad(40.0)  # of ends that can be blended
 MAX_STARTS = 1800  # first frames that are compared
 SWING_SHARE = 0.35  # of a foot's highest speed: above it, it swings
+_LEGS = np.concatenate([LEG_THIGHS, LEG_SHINS, LEG_FEET])
 _REMEDY = "Record, or choose with --range, at least two full cycles of a steady walk in one style."
 
 
@@ -88,9 +89,9 @@ def find_cycle(clip: Clip, root: RootTrack) -> tuple[int, int]:
     shape = _shape(clip, root)
     path = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(root.positions, axis=0), axis=1))])
     costs, starts = np.full(len(lags), np.inf), np.zeros(len(lags), np.int64)
-    for k, lag in enumerate(lags):
+    for k, lag in enumerate(lags.tolist()):
         stride = max(1, (len(clip) - lag) // MAX_STARTS)
-        a = np.arange(1, len(clip) - int(lag) - 1, stride)
+        a = np.arange(1, len(clip) - lag - 1, stride)
         cost = np.sqrt(np.mean((shape[a + lag] - shape[a]) ** 2, axis=(1, 2)))
         cost += np.abs(root.yaw[a + lag] - root.yaw[a]) * 0.05
         cost[path[a + lag] - path[a] < MIN_SPEED * lag / clip.fps] = np.inf
@@ -162,6 +163,11 @@ def close_seam(cycle: Clip, root: RootTrack) -> Clip:
     feet_goal = _world_toward(feet, rotations.multiply(turn, feet[0]), swing)
     new_local[:, LEG_TOES] = _toward(local[:, LEG_TOES], wanted[LEG_TOES], swing)
     solved = solve_legs(new_hips, new_local, targets, feet_goal)
+    # what the solver alone changes, where it eases a leg that is almost straight, is taken back
+    eased = solve_legs(hips, local, ankles, feet)[:, _LEGS]
+    solved[:, _LEGS] = rotations.multiply(
+        solved[:, _LEGS], rotations.multiply(rotations.inverse(eased), local[:, _LEGS])
+    )
     solved[-1], new_hips[-1] = wanted, goal(hips[0])
     contacts = cycle.contacts.copy()
     contacts[-1] = contacts[0]

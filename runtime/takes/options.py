@@ -31,7 +31,9 @@ class ExportOptions:
     def check(self) -> None:
         """UsageError names the option that cannot be used."""
         if not 1.0 <= self.fps <= MAX_FPS:
-            raise UsageError(f"--fps {self.fps:g}: expected 1 to {MAX_FPS:.0f}.", "Try 60 or 30.")
+            raise UsageError(
+                f"--fps {self.fps:g}: expected 1 to {MAX_FPS:.0f} frames per second.", "Try 60 or 30."
+            )
         if self.unit not in UNITS_PER_METRE:
             raise UsageError(f"--unit {self.unit}: expected cm or m.", "Choose one of the two.")
         if not self.start_s >= 0.0 or (self.end_s is not None and not self.end_s > self.start_s):

@@ -40,7 +40,9 @@ def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) 
     at_rate, there = on_its_ground(clip).resampled(options.fps), placement_of(clip)
     track = root_track(at_rate, terrain if clip.placed is not None else None)
     first, last = _frames(at_rate, options)
-    taken, track, report = at_rate.trim(first, last), track.cut(first, last), None
+    taken, report = at_rate, None
+    if (first, last) != (0, len(at_rate) - 1):
+        taken, track = at_rate.trim(first, last), track.cut(first, last)
     if options.loop:
         taken, track, report = make_loop(taken, track)
     placement = _to_origin(track) if options.at_origin else there
@@ -80,8 +82,8 @@ def _frames(clip: Clip, options: ExportOptions) -> tuple[int, int]:
 
 
 def _to_origin(track: RootTrack) -> Placement:
-    turn = Placement(-float(track.yaw[0]))
-    x, y, z = (float(v) for v in -turn.points(track.positions[0]))
+    turn = Placement(0.0 - float(track.yaw[0]))
+    x, y, z = (0.0 - float(v) for v in turn.points(track.positions[0]))
     return Placement(turn.yaw, (x, y, z))
 
 

@@ -59,7 +59,8 @@ class Placement:
 
     def inverse(self) -> Placement:
         """The way back."""
-        x, y, z = (float(v) for v in -rotations.rotate(rotations.from_yaw(-self.yaw), np.array(self.offset)))
+        turned = rotations.rotate(rotations.from_yaw(-self.yaw), np.array(self.offset))
+        x, y, z = (0.0 - float(v) for v in turned)
         return Placement(-self.yaw, (x, y, z))
 
     def clip(self, clip: Clip) -> Clip:

@@ -40,6 +40,7 @@ class FilmOptions:
     camera: str = "front"  # one of `shots.CAMERAS`
     distance: float = 0.0  # metres of the camera, 0 for its usual one
     captions: bool = True
+    quality: str = "high"  # or "software": faster without a graphics card
 
     def check(self) -> None:
         """UsageError names the option that cannot be used."""
@@ -57,6 +58,9 @@ class FilmOptions:
     def size(self) -> tuple[int, int]:
         """Width and height in pixels."""
         return self.width, self.height
+
+
+OpenStudio = Callable[[FilmOptions, Terrain, Any], AbstractContextManager[Draw]]
 
 
 @dataclass(frozen=True)
@@ -110,7 +114,7 @@ def make_film(
     camera: CameraPath | None = None,
     progress: Progress = lambda done, total: None,
     cancel: threading.Event | None = None,
-    open_studio: Callable[..., AbstractContextManager[Draw]] | None = None,
+    open_studio: OpenStudio | None = None,
 ) -> FilmResult:
     """Write a film of a clip on its ground; its length follows from the clip, its form from the ending of `path`.
 
@@ -121,13 +125,11 @@ def make_film(
     options.check()
     total = count_frames(clip, options.fps)
     check_writer(path, options.size, total)
-    if open_studio is None:
-        from sport.viewer.tools.studio import studio as open_studio
     try:
         with (
             open_writer(path, options.size, options.fps) as writer,
             _Beside(writer) as beside,
-            open_studio(options.size, terrain, character) as draw,
+            (open_studio or _studio)(options, terrain, character) as draw,
         ):
             for done, frame in enumerate(film_frames(clip, terrain, options, draw, camera), 1):
                 beside.add(frame)
@@ -137,6 +139,13 @@ def make_film(
     except _Cancelled:
         return FilmResult(path, 0, 0.0, cancelled=True)
     return FilmResult(path, total, total / options.fps)
+
+
+def _studio(options: FilmOptions, terrain: Terrain, character: Any) -> AbstractContextManager[Draw]:
+    from sport.viewer.filming.studio import studio
+    from sport.viewer.render.quality import HIGH, SOFTWARE
+
+    return studio(options.size, terrain, character, SOFTWARE if options.quality == "software" else HIGH)
 
 
 class _Cancelled(Exception):

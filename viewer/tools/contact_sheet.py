@@ -30,8 +30,8 @@ def draw_sheet(
     turn: float = FRONT_TURN,
 ) -> NDArray[np.uint8]:
     """Frames `(H, W, 3)`: row r is clip r at `columns` moments from `start_seconds` on."""
+    from sport.viewer.filming.studio import studio
     from sport.viewer.render.camera import Camera
-    from sport.viewer.tools.studio import studio
 
     if not clips:
         raise UsageError("contact sheet: no clips.", "Name at least one BVH file.")

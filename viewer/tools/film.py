@@ -38,8 +38,8 @@ def draw_frames(
     turn: float = TURN,
 ) -> Iterator[Image]:
     """Frames `(H, W, 3)` of a clip from `start` on; the camera follows, at `turn` radians from the facing."""
+    from sport.viewer.filming.studio import studio
     from sport.viewer.render.camera import FollowCamera
-    from sport.viewer.tools.studio import studio
 
     first = clip.sample(start)
     yaw = float(features.facing_yaw(first.positions)) + turn

@@ -14,7 +14,7 @@ from sport.runtime.terrain.height_map import Terrain
 from sport.viewer.render.camera import Camera
 from sport.viewer.render.offscreen import OffscreenTarget
 from sport.viewer.render.overlays import Overlays
-from sport.viewer.render.quality import HIGH
+from sport.viewer.render.quality import HIGH, Quality
 from sport.viewer.render.renderer import Renderer
 from sport.viewer.services import DEFAULT_CHARACTER
 
@@ -23,14 +23,17 @@ Image = NDArray[np.uint8]
 
 @contextmanager
 def studio(
-    size: tuple[int, int], terrain: Terrain, character: Character | None = None
+    size: tuple[int, int],
+    terrain: Terrain,
+    character: Character | None = None,
+    quality: Quality = HIGH,
 ) -> Iterator[Callable[[Camera, Pose], Image]]:
     """A function that draws a pose of `character` (None: the shipped one) as seen by a camera: `(H, W, 3)`, sRGB.
 
     DisplayError without OpenGL.
     """
     target = OffscreenTarget(*size)
-    renderer = Renderer(target.ctx, HIGH)
+    renderer = Renderer(target.ctx, quality)
     try:
         renderer.set_terrain(terrain)
         renderer.set_character(character or load_character(asset_path(DEFAULT_CHARACTER)))

@@ -1,0 +1,96 @@
+"""What `sport generate` and `sport convert` do to write a take."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from sport.runtime.atomic import check_target
+from sport.runtime.errors import UsageError
+from sport.runtime.takes.arguments import MOTION_FPS
+from sport.runtime.takes.clip import Clip
+from sport.runtime.takes.endings import ending_of
+from sport.runtime.takes.export import check_export, save_motion
+from sport.runtime.takes.options import ExportOptions, parse_range
+from sport.runtime.terrain.height_map import Terrain
+
+FilmWriter = Callable[[Clip, Terrain, Path, ExportOptions, argparse.Namespace], str]  # returns a sentence
+
+
+def export_options(arguments: argparse.Namespace) -> ExportOptions:
+    """Options from parsed arguments; `fps` is that of motion. UsageError."""
+    start, end = parse_range(arguments.range) if arguments.range else (0.0, None)
+    options = ExportOptions(
+        fps=MOTION_FPS if arguments.fps is None else arguments.fps,
+        unit=arguments.unit,
+        in_place=arguments.in_place,
+        ground_root=arguments.ground_root,
+        at_origin=arguments.at_origin,
+        rest_frame=arguments.rest_frame,
+        loop=arguments.loop,
+        start_s=start,
+        end_s=end,
+        with_ground=arguments.with_ground,
+        character=arguments.character,
+        joint_map=arguments.joint_map,
+    )
+    options.check()
+    return options
+
+
+def check_outputs(paths: list[Path], options: ExportOptions, arguments: argparse.Namespace) -> None:
+    """Everything about the files that can be known before the work; missing folders are made, and said so."""
+    ground = arguments.ground_out
+    for path in paths:
+        ending = ending_of(path)
+        check_export(path, options, ground)
+        if ending.kind == "film":
+            _check_film(options)
+    for path in (*paths, *([ground] if ground is not None else [])):
+        if not path.parent.exists():
+            note(f"{path.parent}: this folder is new.")
+        check_target(path)
+
+
+def _check_film(options: ExportOptions) -> None:
+    named = {"--in-place": options.in_place, "--ground-root": options.ground_root, "--at-origin": options.at_origin,
+             "--rest-frame": options.rest_frame}  # fmt: skip
+    for name, given in named.items():
+        if given:
+            raise UsageError(
+                f"{name}: a film has no such thing.", "Leave it out, or write .bvh, .glb or .fbx."
+            )
+
+
+def write_take(
+    clip: Clip,
+    path: Path,
+    options: ExportOptions,
+    arguments: argparse.Namespace,
+    terrain: Terrain,
+    film: FilmWriter,
+) -> None:
+    """Write a take into one file, and its ground beside it where that is asked; says what was written."""
+    if ending_of(path).kind == "film":
+        print(film(clip, terrain, path, replace(options, fps=clip.fps), arguments))
+        if arguments.ground_out is None:
+            return
+        from sport.runtime.takes.export import save_ground_of
+
+        print(save_ground_of(clip, arguments.ground_out, options, terrain).text)
+        return
+    for written in save_motion(clip, path, options, terrain, arguments.ground_out):
+        print(written.text)
+
+
+def numbered(path: Path, number: int) -> Path:
+    """`walk.bvh` with a number: `walk-2.bvh`."""
+    return path.with_stem(f"{path.stem}-{number}")
+
+
+def note(text: str) -> None:
+    """A remark on stderr, as every other one of the command."""
+    print(f"sport: {text}", file=sys.stderr)

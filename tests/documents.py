@@ -15,6 +15,7 @@ import pytest
 from sport.runtime.assets import PROJECT_ROOT
 
 from sport import cli
+from sport.commands import training
 
 ROOT = PROJECT_ROOT
 GUIDE = sorted((ROOT / "docs" / "guide").glob("*.md"))
@@ -59,9 +60,9 @@ def check_command(line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
         words = ["python", *words[words.index("-m") :]]
     if words[:3] == ["python", "-m", "sport"]:
         words = words[2:]
-    if words[0] == "sport" and words[1:2] and words[1] in cli._TRAINING:
+    if words[0] == "sport" and words[1:2] and words[1] in training.COMMANDS:
         pytest.importorskip("torch")
-        module, flags = cli._TRAINING[words[1]][0], words[2:]
+        module, flags = training.COMMANDS[words[1]][0], words[2:]
         flags = ["--text", *(f for f in flags if f != "--text")] if "--text" in flags else flags
         check_help(module, flags, monkeypatch, capsys)
     elif words[0] == "sport":

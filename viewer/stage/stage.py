@@ -108,6 +108,8 @@ class Stage:
         if self.state.controller is not None:
             self.state.controller.set_terrain(terrain)
         self.reset_character()
+        if terrain.note:
+            self.messages.note(terrain.note)
 
     def _stop_loading(self) -> None:
         self.state.loading = ""

@@ -134,13 +134,15 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
 def main(argv: Sequence[str] | None = None) -> int:
     """Draw a film of a BVH file."""
     from sport.runtime.takes.clip import load_clip_bvh
-    from sport.runtime.terrain.library import load_terrain
+    from sport.runtime.takes.ground_of import ground_of
+    from sport.runtime.takes.prepare import on_its_ground
 
     args = _options(argv)
     clip = load_clip_bvh(args.clip)
+    ground, clip = ground_of(clip, args.clip, args.terrain), on_its_ground(clip)
     frames = draw_frames(
         clip,
-        load_terrain(args.terrain or clip.terrain),
+        ground,
         tuple(args.size),
         args.fps,
         args.start,

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from sport.commands.export_arguments import MOTION_FPS
+from sport.commands.film import film_options, write_film
 from sport.runtime.atomic import check_target
 from sport.runtime.errors import UsageError
-from sport.runtime.takes.arguments import MOTION_FPS
 from sport.runtime.takes.clip import Clip
 from sport.runtime.takes.endings import ending_of
 from sport.runtime.takes.export import check_export, save_motion
 from sport.runtime.takes.options import ExportOptions, parse_range
 from sport.runtime.terrain.height_map import Terrain
-
-FilmWriter = Callable[[Clip, Terrain, Path, ExportOptions, argparse.Namespace], str]  # returns a sentence
 
 
 def export_options(arguments: argparse.Namespace) -> ExportOptions:
@@ -49,6 +47,7 @@ def check_outputs(paths: list[Path], options: ExportOptions, arguments: argparse
         check_export(path, options, ground)
         if ending.kind == "film":
             _check_film(options)
+            film_options(arguments)
     for path in (*paths, *([ground] if ground is not None else [])):
         if not path.parent.exists():
             note(f"{path.parent}: this folder is new.")
@@ -71,11 +70,10 @@ def write_take(
     options: ExportOptions,
     arguments: argparse.Namespace,
     terrain: Terrain,
-    film: FilmWriter,
 ) -> None:
     """Write a take into one file, and its ground beside it where that is asked; says what was written."""
     if ending_of(path).kind == "film":
-        print(film(clip, terrain, path, replace(options, fps=clip.fps), arguments))
+        print(write_film(clip, terrain, path, replace(options, fps=clip.fps), arguments))
         if arguments.ground_out is None:
             return
         from sport.runtime.takes.export import save_ground_of

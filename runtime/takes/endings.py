@@ -37,5 +37,5 @@ def ending_of(path: Path) -> Ending:
     if path.is_dir():
         raise UsageError(f"{path}: this is a folder.", "Add the name of a file.")
     known = ", ".join(f"{e.suffix} ({e.text})" for e in ENDINGS)
-    what = f"ending {path.suffix}" if path.suffix else "name without an ending"
-    raise UsageError(f"{path}: nothing writes a {what}.", f"Choose {known}.")
+    what = f"nothing writes files that end in {path.suffix}" if path.suffix else "a name without an ending"
+    raise UsageError(f"{path}: {what}.", f"Choose {known}.")

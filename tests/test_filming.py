@@ -148,9 +148,9 @@ def test_what_the_writer_meets_ends_the_film(tmp_path: Path, monkeypatch: pytest
     [
         (FilmOptions(width=97, height=64), "a.mp4", "even numbers"),
         (FilmOptions(width=8, height=64), "a.mp4", "expected 16"),
-        (FilmOptions(fps=0.0), "a.mp4", "--fps 0"),
-        (FilmOptions(camera="moon"), "a.mp4", "--camera moon"),
-        (FilmOptions(distance=-1.0), "a.mp4", "--distance -1"),
+        (FilmOptions(fps=0.0), "a.mp4", "fps 0"),
+        (FilmOptions(camera="moon"), "a.mp4", "camera moon"),
+        (FilmOptions(distance=-1.0), "a.mp4", "distance -1"),
         (SMALL, "a.avi", "no film is written"),
     ],
 )

@@ -35,7 +35,7 @@ def walker(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         sport.runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel()
     )
-    monkeypatch.setattr(generate_module, "open_prompter", lambda model, *_: test_generate.style_of)
+    monkeypatch.setattr(generate_module, "Prompter", lambda model, *_: test_generate.style_of)
 
 
 @pytest.fixture
@@ -182,7 +182,7 @@ def test_a_colour_height_map_is_noted(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 def test_help_of_training_needs_no_torch() -> None:
-    code = "import sys; sys.modules['torch'] = None; import sport; sys.exit(cli.main(['train', '--help']))"
+    code = "import sys; sys.modules['torch'] = None; from sport import cli; sys.exit(cli.main(['train', '--help']))"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=PROJECT_ROOT, capture_output=True, text=True, check=False
     )

@@ -85,9 +85,9 @@ def test_a_level_ground_is_two_triangles_and_a_large_one_is_cut(
 
 
 def test_no_ground_beside_a_take_that_does_not_go_over_it(clip: Clip, tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="--in-place"):
+    with pytest.raises(UsageError, match="in_place"):
         save_motion(clip, tmp_path / "t.bvh", ExportOptions(in_place=True), HILLS, tmp_path / "g.obj")
-    with pytest.raises(UsageError, match=r"--ground-out .*expected \.obj or \.glb"):
+    with pytest.raises(UsageError, match=r"ground .*expected \.obj or \.glb"):
         save_motion(clip, tmp_path / "t.bvh", ExportOptions(), HILLS, tmp_path / "g.stl")
     with pytest.raises(UsageError, match="only GLB and FBX"):
         save_motion(clip, tmp_path / "t.bvh", ExportOptions(with_ground=True), HILLS)

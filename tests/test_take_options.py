@@ -15,12 +15,14 @@ from sport.runtime.takes.bvh import read_bvh
 from sport.runtime.takes.clip import Clip, load_clip_bvh, save_bvh
 from sport.runtime.takes.export import save_motion
 from sport.runtime.takes.metadata import PromptEvent, sidecar_path, title
-from sport.runtime.takes.options import ExportOptions, parse_range
+from sport.runtime.takes.options import ExportOptions
 from sport.runtime.takes.prepare import on_its_ground, prepare
 from sport.runtime.takes.root import Placement, root_track
 from sport.runtime.terrain.height_map import Terrain
 from sport.runtime.terrain.library import load_terrain
 from walker import walk
+
+from sport.commands.export import parse_range
 
 FLAT, HILLS = Terrain.flat(), load_terrain("hills")
 
@@ -83,7 +85,7 @@ def test_a_range_is_cut_with_its_prompts() -> None:
     take = prepare(moved_walk(), ExportOptions(start_s=1.0, end_s=3.0), FLAT)
     assert len(take.clip) == 121
     assert [event.seconds for event in take.clip.prompts] == [0.0, 1.0]
-    with pytest.raises(UsageError, match=r"--range 9: the clip lasts 4\.0 s"):
+    with pytest.raises(UsageError, match=r"start_s 9: the clip lasts 4\.0 s"):
         prepare(moved_walk(), ExportOptions(start_s=9.0), FLAT)
 
 
@@ -95,12 +97,12 @@ def test_ranges_are_read(text: str, wanted: tuple) -> None:
 
 
 def test_options_that_cannot_be_are_named() -> None:
-    for bad, message in ((ExportOptions(fps=0), "--fps 0"), (ExportOptions(unit="inch"), "--unit inch"),
-                         (ExportOptions(start_s=3, end_s=2), "--range 3:2"),
-                         (ExportOptions(in_place=True, with_ground=True), "--in-place")):  # fmt: skip
+    for bad, message in ((ExportOptions(fps=0), "fps 0"), (ExportOptions(unit="inch"), "unit inch"),
+                         (ExportOptions(start_s=3, end_s=2), "start_s 3:2"),
+                         (ExportOptions(in_place=True, with_ground=True), "in_place")):  # fmt: skip
         with pytest.raises(UsageError, match=message):
             bad.check()
-    with pytest.raises(UsageError, match="--range two"):
+    with pytest.raises(UsageError, match="range two"):
         parse_range("two")
 
 

@@ -36,11 +36,11 @@ def check_export(path: Path, options: ExportOptions, ground: Path | None = None)
         )
     if ground is not None and ground.suffix.lower() not in GROUND_SUFFIXES:
         raise UsageError(
-            f"--ground-out {ground}: expected {' or '.join(GROUND_SUFFIXES)}.", "Choose one of them."
+            f" {ground}: expected {' or '.join(GROUND_SUFFIXES)}.", "Choose one of them.", "ground"
         )
     if ground is not None and options.in_place:
         raise UsageError(
-            "--in-place with --ground-out: the take does not go over it.", "Leave one of the two out."
+            " with a ground beside it: the take does not go over it.", "Leave one of the two out.", "in_place"
         )
 
 

@@ -60,9 +60,10 @@ def make_loop(clip: Clip, root: RootTrack) -> tuple[Clip, RootTrack, LoopReport]
     ends_m, ends_radians = seam_error(cycle, track)
     if ends_m > MAX_ENDS_M or ends_radians > MAX_ENDS_RADIANS:
         raise UsageError(
-            f"--loop: no steady walk; the most similar frames are {ends_m * 100:.0f} cm and"
+            f": no steady walk; the most similar frames are {ends_m * 100:.0f} cm and"
             f" {np.rad2deg(ends_radians):.0f} degrees apart.",
             _REMEDY,
+            "loop",
         )
     closed = close_seam(cycle, track)
     seam_m, seam_radians = seam_error(closed, track)
@@ -85,7 +86,7 @@ def find_cycle(clip: Clip, root: RootTrack) -> tuple[int, int]:
     """First and last frame of the cycle whose ends are most alike; UsageError when the clip is too short or stands."""
     lags = np.arange(round(MIN_CYCLE_S * clip.fps), min(round(MAX_CYCLE_S * clip.fps), len(clip) - 3) + 1)
     if len(lags) == 0:
-        raise UsageError(f"--loop: the range lasts {clip.seconds:.1f} s.", _REMEDY)
+        raise UsageError(f": the range lasts {clip.seconds:.1f} s.", _REMEDY, "loop")
     shape = _shape(clip, root)
     path = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(root.positions, axis=0), axis=1))])
     costs, starts = np.full(len(lags), np.inf), np.zeros(len(lags), np.int64)
@@ -98,7 +99,7 @@ def find_cycle(clip: Clip, root: RootTrack) -> tuple[int, int]:
         if len(a) and np.isfinite(cost).any():
             costs[k], starts[k] = cost.min(), a[np.argmin(cost)]
     if not np.isfinite(costs).any():
-        raise UsageError("--loop: the character does not walk in this range.", _REMEDY)
+        raise UsageError(": the character does not walk in this range.", _REMEDY, "loop")
     good = costs <= costs.min() * NEARLY + 1e-4
     shortest = np.flatnonzero(good)[0]
     near = np.flatnonzero(good & (lags <= lags[shortest] * 1.15))  # the best of that cycle's neighbours

@@ -32,30 +32,20 @@ class ExportOptions:
         """UsageError names the option that cannot be used."""
         if not 1.0 <= self.fps <= MAX_FPS:
             raise UsageError(
-                f"--fps {self.fps:g}: expected 1 to {MAX_FPS:.0f} frames per second.", "Try 60 or 30."
+                f" {self.fps:g}: expected 1 to {MAX_FPS:.0f} frames per second.", "Try 60 or 30.", "fps"
             )
         if self.unit not in UNITS_PER_METRE:
-            raise UsageError(f"--unit {self.unit}: expected cm or m.", "Choose one of the two.")
+            raise UsageError(f" {self.unit}: expected cm or m.", "Choose one of the two.", "unit")
         if not self.start_s >= 0.0 or (self.end_s is not None and not self.end_s > self.start_s):
             end = "" if self.end_s is None else f"{self.end_s:g}"
             raise UsageError(
-                f"--range {self.start_s:g}:{end}: expected 0 or more, and an end after the start.",
+                f" {self.start_s:g}:{end}: expected 0 or more, and an end after the start.",
                 "Write seconds, such as 2:6.5.",
+                "start_s",
             )
         if self.in_place and self.with_ground:
             raise UsageError(
-                "--in-place with a ground: the character would not move over it.", "Leave one of the two out."
+                " with a ground: the character would not move over it.",
+                "Leave one of the two out.",
+                "in_place",
             )
-
-
-def parse_range(text: str) -> tuple[float, float | None]:
-    """Seconds from "2:6.5"; "2:" goes to the end, ":6.5" begins at 0. UsageError shows the form."""
-    start, colon, end = text.partition(":")
-    try:
-        if not colon:
-            raise ValueError
-        return (float(start) if start.strip() else 0.0), (float(end) if end.strip() else None)
-    except ValueError:
-        raise UsageError(
-            f"--range {text[:40]}: expected START:END.", "Write seconds, such as 2:6.5."
-        ) from None

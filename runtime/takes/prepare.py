@@ -76,7 +76,9 @@ def _frames(clip: Clip, options: ExportOptions) -> tuple[int, int]:
     last = len(clip) - 1 if options.end_s is None else min(round(options.end_s * clip.fps), len(clip) - 1)
     if not 0 <= first <= last:
         raise UsageError(
-            f"--range {options.start_s:g}: the clip lasts {clip.seconds:.1f} s.", "Choose an earlier start."
+            f" {options.start_s:g}: the clip lasts {clip.seconds:.1f} s.",
+            "Choose an earlier start.",
+            "start_s",
         )
     return first, last
 

@@ -14,7 +14,7 @@ from sport.runtime.errors import UsageError
 from sport.runtime.takes.clip import Clip
 from sport.runtime.takes.endings import ending_of
 from sport.runtime.takes.export import check_export, save_motion
-from sport.runtime.takes.options import ExportOptions, parse_range
+from sport.runtime.takes.options import ExportOptions
 from sport.runtime.terrain.height_map import Terrain
 
 
@@ -39,6 +39,19 @@ def export_options(arguments: argparse.Namespace) -> ExportOptions:
     return options
 
 
+def parse_range(text: str) -> tuple[float, float | None]:
+    """Seconds from "2:6.5"; "2:" goes to the end, ":6.5" begins at 0. UsageError shows the form."""
+    start, colon, end = text.partition(":")
+    try:
+        if not colon:
+            raise ValueError
+        return (float(start) if start.strip() else 0.0), (float(end) if end.strip() else None)
+    except ValueError:
+        raise UsageError(
+            f" {text[:40]}: expected START:END.", "Write seconds, such as 2:6.5.", "range"
+        ) from None
+
+
 def check_outputs(paths: list[Path], options: ExportOptions, arguments: argparse.Namespace) -> None:
     """Everything about the files that can be known before the work; missing folders are made, and said so."""
     ground = arguments.ground_out
@@ -55,12 +68,10 @@ def check_outputs(paths: list[Path], options: ExportOptions, arguments: argparse
 
 
 def _check_film(options: ExportOptions) -> None:
-    named = {"--in-place": options.in_place, "--ground-root": options.ground_root, "--at-origin": options.at_origin,
-             "--rest-frame": options.rest_frame}  # fmt: skip
-    for name, given in named.items():
-        if given:
+    for name in ("in_place", "ground_root", "at_origin", "rest_frame"):
+        if getattr(options, name):
             raise UsageError(
-                f"{name}: a film has no such thing.", "Leave it out, or write .bvh, .glb or .fbx."
+                ": a film has no such thing.", "Leave it out, or write .bvh, .glb or .fbx.", name
             )
 
 

@@ -45,14 +45,15 @@ class FilmOptions:
     def check(self) -> None:
         """UsageError names the option that cannot be used."""
         if not 1.0 <= self.fps <= 60.0:
-            raise UsageError(f"--fps {self.fps:g}: a film has 1 to 60.", "Try 30.")
+            raise UsageError(f" {self.fps:g}: a film has 1 to 60.", "Try 30.", "fps")
         if not all(MIN_SIDE <= side <= MAX_SIDE for side in (self.width, self.height)):
             raise UsageError(
-                f"--size {self.width}x{self.height}: expected {MIN_SIDE} to {MAX_SIDE} pixels a side.",
+                f" {self.width}x{self.height}: expected {MIN_SIDE} to {MAX_SIDE} pixels a side.",
                 "Try 1280x720.",
+                "size",
             )
         if not (self.distance == 0.0 or 0.5 <= self.distance <= 60.0):
-            raise UsageError(f"--distance {self.distance:g}: expected 0.5 to 60 m.", "Try 4.")
+            raise UsageError(f" {self.distance:g}: expected 0.5 to 60 m.", "Try 4.", "distance")
 
     @property
     def size(self) -> tuple[int, int]:

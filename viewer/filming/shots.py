@@ -52,7 +52,7 @@ def camera_path(
         camera = _still(clip, terrain, aspect, distance)
         return lambda _: camera
     if name not in SHOTS:
-        raise UsageError(f"--camera {name[:40]}: there is no such camera.", f"Choose {', '.join(CAMERAS)}.")
+        raise UsageError(f" {name[:40]}: there is no such camera.", f"Choose {', '.join(CAMERAS)}.", "camera")
     return _moving(SHOTS[name], clip, terrain, fps, distance)
 
 

@@ -35,7 +35,7 @@ def check_writer(path: Path, size: tuple[int, int], frames: int) -> None:
     """UsageError when a film of this size and length cannot be written with this ending."""
     suffix = path.suffix.lower()
     if suffix == ".mp4" and any(side % 2 for side in size):
-        raise UsageError(f"--size {size[0]}x{size[1]}: H.264 needs even numbers.", "Try 1280x720.")
+        raise UsageError(f" {size[0]}x{size[1]}: H.264 needs even numbers.", "Try 1280x720.", "size")
     if suffix == ".mp4":
         _open_av()
     if suffix in ANIMATED and frames > MAX_ANIMATED_FRAMES:

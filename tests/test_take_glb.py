@@ -12,6 +12,8 @@ import pytest
 import trimesh
 from foreign_rigs import RIGS
 from glb_playback import play, read_accessor
+from PIL import Image
+from pygltflib import GLTF2
 from sport.runtime import rotations
 from sport.runtime.assets import asset_path
 from sport.runtime.character.character import load_character, skin_vertices
@@ -182,6 +184,45 @@ def test_the_ground_is_a_node_of_its_own_in_the_same_place(clip: Clip, tmp_path:
     hips = played.joints()["Hips"][0, :3, 3]
     assert np.allclose(hips[[0, 2]], 0.0, atol=0.1)
     assert 0.7 < hips[1] < 1.1, "the ground under the first frame is height 0"
+
+
+def test_an_exported_take_can_be_the_character_of_the_next(clip: Clip, source: Path, tmp_path: Path) -> None:
+    """A file that has an animation already loses it, and with it its bytes."""
+    export(clip, tmp_path / "first.glb", source)
+    before = load_character(source).joint_matrices(*clip.world())
+    take, played = export(clip.trim(0, 4), tmp_path / "second.glb", tmp_path / "first.glb", ground_root=True)
+    assert len(played.gltf.animations) == 1
+    assert len(played.times) == len(take.clip) == 5
+    for name, wanted in zip(load_character(source).joint_names, before[:5].swapaxes(0, 1), strict=True):
+        if name != "root":
+            assert np.abs(played.joints()[name][:, :3, 3] - wanted[:, :3, 3]).max() < 1e-3, name
+    export(clip.trim(0, 4), tmp_path / "short.glb", source, ground_root=True)
+    sizes = [(tmp_path / f"{name}.glb").stat().st_size for name in ("first", "second", "short")]
+    assert sizes[1] < sizes[2] + 30_000
+    assert sizes[1] < sizes[0]
+
+
+def test_files_beside_a_gltf_go_into_the_glb(clip: Clip, tmp_path: Path) -> None:
+    gltf = GLTF2.load(str(RIGS["vrm"](tmp_path / "rig.glb")))
+    gltf.images[0].uri = "cloth.png"
+    view = gltf.bufferViews[gltf.images[0].bufferView]
+    blob = gltf.binary_blob()
+    (tmp_path / "cloth.png").write_bytes(blob[view.byteOffset : view.byteOffset + view.byteLength])
+    gltf.images[0].bufferView = gltf.images[0].mimeType = None
+    (tmp_path / "rig.bin").write_bytes(blob)
+    gltf.buffers[0].uri = "rig.bin"
+    gltf.set_binary_blob(None)
+    (tmp_path / "rig.gltf").write_text(gltf.gltf_to_json())
+    take, played = export(clip.trim(0, 9), tmp_path / "take.glb", tmp_path / "rig.gltf", ground_root=True)
+    assert all(image.uri is None and image.bufferView is not None for image in played.gltf.images)
+    assert played.gltf.buffers[0].uri is None
+    for name, wanted in expected(take, tmp_path / "rig.gltf").items():
+        assert np.abs(played.joints()[name][:, :3, 3] - wanted[:, :3, 3]).max() < 1e-3, name
+    before = np.asarray(Image.open(tmp_path / "cloth.png"))
+    pictures = [
+        m.visual.material.baseColorTexture for m in trimesh.load(str(tmp_path / "take.glb")).geometry.values()
+    ]
+    assert any(np.array_equal(np.asarray(p.convert("RGB")), before) for p in pictures)
 
 
 @pytest.mark.skipif(

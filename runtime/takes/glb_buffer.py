@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 from sport.runtime.atomic import write_atomic
-from sport.runtime.character.read import REMEDY, STRUCTURE_ERRORS, GltfFile, read_uri
+from sport.runtime.character.read import (
+    REMEDY,
+    STRUCTURE_ERRORS,
+    GltfFile,
+    buffer_view_bytes,
+    read_uri,
+)
 from sport.runtime.errors import FileError
 from sport.runtime.safe_read import reason
 
@@ -33,13 +39,20 @@ class GlbBuffer:
 
     @staticmethod
     def of_file(file: GltfFile) -> GlbBuffer:
-        """The document of a file with all its buffers and images inside one buffer; FileError when an image is missing."""
-        made = GlbBuffer(_document(file))
-        starts = [made._append(data) for data in file.buffers]
-        for view in made.gltf.bufferViews:
-            view.byteOffset = (view.byteOffset or 0) + starts[view.buffer]
-            view.buffer = 0
-        for image in made.gltf.images:
+        """The document of a file with all its buffers and images inside one buffer, without its animations.
+
+        FileError when something is missing or damaged.
+        """
+        gltf, dead = _document(file)
+        made = GlbBuffer(gltf)
+        for index, view in enumerate(gltf.bufferViews):
+            data: bytes | memoryview = b"\0" * 4
+            if index in dead:
+                view.byteLength, view.byteStride = len(data), None
+            else:
+                data = buffer_view_bytes(file, index, f"buffer view {index}")
+            view.byteOffset, view.buffer = made._append(data), 0
+        for image in gltf.images:
             if image.uri is None:
                 continue
             data = read_uri(file.path, image.uri, "image")
@@ -91,11 +104,39 @@ class GlbBuffer:
         write_atomic(path, b"".join(self.gltf.save_to_bytes()))
 
 
-def _document(file: GltfFile) -> GLTF2:
-    """A document that can be changed and written, with what `file` holds."""
+def _document(file: GltfFile) -> tuple[GLTF2, set[int]]:
+    """A document of its own to be changed and written, without animations, and the buffer views that this empties."""
     import pygltflib as g
 
     try:
-        return g.GLTF2.gltf_from_json(json.dumps(file.gltf))
+        gltf = g.GLTF2.gltf_from_json(json.dumps(file.gltf))
+        return gltf, _drop_animations(gltf)
     except STRUCTURE_ERRORS as error:
         raise FileError(f"{file.name}: damaged glTF document ({reason(error)}).", REMEDY) from error
+
+
+def _drop_animations(gltf: GLTF2) -> set[int]:
+    """Take the animations out; their accessors become empty, and the buffer views that nothing else uses are returned.
+
+    Numbers of accessors and views stay, since extensions may name them.
+    """
+    kept: set[int | None] = {skin.inverseBindMatrices for skin in gltf.skins or []}
+    for mesh in gltf.meshes or []:
+        for primitive in mesh.primitives:
+            kept |= {primitive.indices, *vars(primitive.attributes).values()}
+            for target in primitive.targets or []:
+                kept |= set((target if isinstance(target, dict) else vars(target)).values())
+    samplers = [sampler for animation in gltf.animations or [] for sampler in animation.samplers]
+    empty = {index for sampler in samplers for index in (sampler.input, sampler.output)} - kept
+    empty &= set(range(len(gltf.accessors or [])))
+    users: dict[int, list[bool]] = {}
+    for index, accessor in enumerate(gltf.accessors or []):
+        if accessor.bufferView is not None:
+            users.setdefault(accessor.bufferView, []).append(index in empty)
+    for index in empty:
+        accessor = gltf.accessors[index]
+        accessor.bufferView = accessor.byteOffset = accessor.min = accessor.max = accessor.sparse = None
+        accessor.count = 1
+    gltf.animations = []
+    images = {image.bufferView for image in gltf.images or []}
+    return {view for view, by in users.items() if all(by)} - images

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from sport.runtime import rotations
 from sport.runtime.errors import UsageError
 from sport.runtime.feet.ik import LEG_FEET, LEG_SHINS, LEG_THIGHS, LEG_TOES, solve_legs
+from sport.runtime.feet.skating import SOLE_POINTS
 from sport.runtime.motion import features
 from sport.runtime.takes.clip import Clip
 from sport.runtime.takes.root import RootTrack
@@ -18,6 +19,7 @@ Array = NDArray[np.floating]
 MIN_CYCLE_S, MAX_CYCLE_S = 0.5, 3.0
 MIN_SPEED = 0.15  # metres a second of the root in a cycle
 VELOCITY_S = 0.1  # a metre a second of difference counts as much as this many metres
+SOLE_WEIGHT = 4.0  # of the height of ankles and toes: a foot that stands is to stand as high at both ends
 NEARLY = 1.25  # the shortest cycle within this factor of the best one is taken: one cycle, not two
 MAX_ENDS_M, MAX_ENDS_RADIANS = 0.15, np.deg2rad(40.0)  # of ends that can be blended
 MAX_STARTS = 1800  # first frames that are compared
@@ -113,6 +115,7 @@ def _shape(clip: Clip, root: RootTrack) -> Array:
     positions = positions.astype(np.float64)
     velocities = np.gradient(positions, axis=0) * clip.fps * VELOCITY_S
     seen = features.to_root(positions - root.positions[:, None], root.yaw[:, None])
+    seen[:, list(SOLE_POINTS), 1] *= SOLE_WEIGHT
     return np.concatenate([seen, features.to_root(velocities, root.yaw[:, None])], axis=-1)
 
 

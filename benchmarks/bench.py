@@ -36,6 +36,8 @@ _EXPLAINED = {
     "step_ms": "control, network, foot lock and IK, median",
     "frame_cpu_ms": "the same and the interface, without rasterising, median",
     "frame_cpu_ms_p99": "the same, 99th percentile",
+    "journal_ms": "what a recorded frame costs more to be on disk, at 60 Hz: queue and writing thread, mean",
+    "journal_queue_ms_p99": "the part of it on the frame's path, 99th percentile",
     "prompt_ms": "prompt to style without network, median",
     "prompt_first_ms": "the first prompt, loading included",
     "first_frame_s": "start of the program to its first frame, offscreen",
@@ -60,6 +62,7 @@ def measure(frames: int, model: Path | None) -> dict[str, Any]:
     """All figures by name; a figure that cannot be taken here is None, and `notes` says why."""
     figures: dict[str, Any] = {"notes": []}
     figures.update(_model_times(frames, model))
+    figures.update(_journal_times(min(frames, 600)))
     figures.update(_prompt_times(model))
     for name, part in (
         ("frame_cpu_ms", lambda: _frame_times(frames, model)),
@@ -82,7 +85,7 @@ def print_table(figures: dict[str, Any]) -> None:
     print(f"model {model} on {figures['cpu']}, {figures['threads']} thread")
     for name, meaning in _EXPLAINED.items():
         value = figures.get(name)
-        print(f"{name:18} {'-' if value is None else f'{value:.3f}':>10}  {meaning}")
+        print(f"{name:20} {'-' if value is None else f'{value:.3f}':>10}  {meaning}")
     for note in figures["notes"]:
         print(f"note: {note}")
 
@@ -121,6 +124,28 @@ def _model_times(frames: int, model: Path | None) -> dict[str, Any]:
     result.update(_summary("step_ms", _timed(lambda: controller.step(forward), frames)))
     result.update(model=network.name, precision=network.precision)
     return result
+
+
+def _journal_times(frames: int) -> dict[str, float]:
+    """The journal of a take at the rate of the simulation: milliseconds a frame, the thread's processor time included."""
+    import tempfile
+
+    from sport.runtime.takes.journal import ROW, Header, TakeJournal
+    from sport.runtime.takes.metadata import UNKNOWN
+
+    row = np.zeros(ROW, np.float32)
+    with tempfile.TemporaryDirectory() as folder:
+        journal = TakeJournal(Path(folder), Header("bench", 60.0, "flat", UNKNOWN))
+        times = []
+        for _ in range(frames):
+            times += _timed(lambda: journal.add_row(row), 1)
+            time.sleep(1 / 60)
+        journal.release()
+        thread_s = journal.cpu_seconds
+        if journal.problem:
+            raise SportError(f"{journal.problem}.", "Choose a temporary folder (TMPDIR) that can be written.")
+    mean = (sum(times) + thread_s) / frames
+    return {"journal_ms": 1e3 * mean, "journal_queue_ms_p99": _summary("", times)["_p99"]}
 
 
 def _prompt_times(model: Path | None) -> dict[str, float]:

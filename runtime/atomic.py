@@ -1,61 +1,129 @@
-"""Files appear whole or not at all: write beside the target, then rename over it."""
+"""Files appear whole or not at all: write beside the target, then rename over it or link it to a name that is free."""
 
 from __future__ import annotations
 
 import contextlib
 import os
-import tempfile
+import stat
+import uuid
 from collections.abc import Iterator
 from pathlib import Path
 
 from sport.runtime.errors import FileError
 
 _REMEDY = "Choose a folder that can be written, with space left."
+MAX_NUMBER = 100_000  # of names tried by `write_new`
 
 
 @contextlib.contextmanager
 def atomic_path(target: str | Path) -> Iterator[Path]:
     """Path of a temporary file beside `target` that replaces it when the block ends without an error.
 
-    Missing folders are made. FileError names the target when it cannot be written; the old file then stays as it was.
+    Missing folders are made, a link is followed, and the mode is that of the old file or the umask's. FileError names
+    the target when it cannot be written or is a device or pipe; the old file then stays as it was.
     """
     target = Path(target)
-    temporary = _temporary_beside(target)
+    final, temporary = _temporary_beside(target)
     try:
         yield temporary
-        with temporary.open("rb") as file:
-            os.fsync(file.fileno())
-        temporary.chmod(0o644)  # mkstemp makes files that nobody else can read
-        temporary.replace(target)
+        _finish(temporary)
+        temporary.replace(final)
     except OSError as error:
         raise FileError(f"{target}: {error.strerror or error}.", _REMEDY) from error
     finally:
         temporary.unlink(missing_ok=True)
 
 
+def write_new(target: str | Path, content: str | bytes) -> Path:
+    """Write a whole file under `target`'s name, or the first of name-2, name-3, … that nobody has; the path it got.
+
+    The name is taken and filled in one step, so that programs that write at the same moment all keep their files.
+    """
+    target = Path(target)
+    temporary = _temporary(target, target)
+    try:
+        temporary.write_bytes(_bytes(content))
+        _finish(temporary)
+        return _take_name(temporary, target)
+    except OSError as error:
+        raise FileError(f"{target}: {error.strerror or error}.", _REMEDY) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _take_name(temporary: Path, target: Path) -> Path:
+    """Give the finished file the first name that is free; its path."""
+    for number in range(1, MAX_NUMBER):
+        candidate = target if number == 1 else target.with_stem(f"{target.stem}-{number}")
+        try:
+            os.link(temporary, candidate)
+        except FileExistsError:
+            continue
+        except (OSError, AttributeError, NotImplementedError):  # a disk without hard links, such as FAT
+            try:
+                os.close(os.open(candidate, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+            except FileExistsError:
+                continue
+            temporary.replace(candidate)  # the name is ours
+        return candidate
+    raise FileError(f"{target}: {MAX_NUMBER} files of this name exist.", "Choose another name.")
+
+
 def check_target(target: str | Path) -> None:
     """FileError when `target` cannot be written: to be asked before the work that it is to hold, not after."""
-    _temporary_beside(Path(target)).unlink()
+    _temporary_beside(Path(target))[1].unlink()
 
 
-def _temporary_beside(target: Path) -> Path:
+def _temporary_beside(target: Path) -> tuple[Path, Path]:
+    """The file that `target` means, its links followed, and a new empty file beside it with the mode it is to have."""
     try:
-        if target.is_dir():
-            raise FileError(f"{target}: this is a folder.", "Add the name of a file.")
-        target.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(
-            prefix=f".{target.stem[:80]}-", suffix=target.suffix, dir=target.parent
-        )
-        os.close(handle)
+        found = _existing(target)
+        final = Path(os.path.realpath(target)) if target.is_symlink() else target
+    except (OSError, ValueError) as error:
+        raise FileError(f"{target}: {getattr(error, 'strerror', None) or error}.", _REMEDY) from error
+    return final, _temporary(target, final, found)
+
+
+def _temporary(target: Path, final: Path, found: os.stat_result | None = None) -> Path:
+    """A new empty file beside `final`, with the mode of the one found there or the umask's; errors name `target`."""
+    temporary = final.with_name(f".{final.stem[:40]}-{uuid.uuid4().hex[:12]}{final.suffix}")
+    flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY
+    try:
+        final.parent.mkdir(parents=True, exist_ok=True)
+        os.close(os.open(temporary, flags, 0o666))  # less the umask
+        if found is not None:
+            temporary.chmod(stat.S_IMODE(found.st_mode))
     except FileExistsError as error:
         raise FileError(f"{target}: {error.filename or target.parent} is not a folder.", _REMEDY) from error
     except (OSError, ValueError) as error:
         raise FileError(f"{target}: {getattr(error, 'strerror', None) or error}.", _REMEDY) from error
-    return Path(name)
+    return temporary
+
+
+def _existing(target: Path) -> os.stat_result | None:
+    """What is known of a file that is there; FileError for what must not be replaced: folders, devices, pipes."""
+    try:
+        found = target.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    if stat.S_ISDIR(found.st_mode):
+        raise FileError(f"{target}: this is a folder.", "Add the name of a file.")
+    if not stat.S_ISREG(found.st_mode):
+        raise FileError(f"{target}: this is a device or a pipe, not a file.", "Choose the name of a file.")
+    return found
+
+
+def _finish(temporary: Path) -> None:
+    with temporary.open("rb") as file:
+        os.fsync(file.fileno())
+
+
+def _bytes(content: str | bytes) -> bytes:
+    return content.encode("utf-8") if isinstance(content, str) else content
 
 
 def write_atomic(target: str | Path, content: str | bytes) -> None:
     """Write a whole text (UTF-8) or binary file; see `atomic_path`."""
-    data = content.encode("utf-8") if isinstance(content, str) else content
+    data = _bytes(content)
     with atomic_path(target) as temporary:
         temporary.write_bytes(data)

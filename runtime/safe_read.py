@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import stat
 from pathlib import Path
 from typing import Any, TypeGuard
@@ -79,6 +80,11 @@ def _integer(digits: str) -> int | float:
         if len(digits) <= MAX_DIGITS
         else math.copysign(math.inf, -1.0 if digits[0] == "-" else 1.0)
     )
+
+
+def printable(text: object) -> str:
+    """Text that can be shown and written as UTF-8: what cannot, as in a file name that is no UTF-8, becomes U+FFFD."""
+    return re.sub(r"[\ud800-\udfff]", "\ufffd", str(text))
 
 
 def is_text(value: Any) -> TypeGuard[str]:

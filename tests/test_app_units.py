@@ -13,7 +13,7 @@ import pytest
 from app_driver import Start, run
 from sport.runtime.errors import UsageError
 from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.gui.layout import Rect, arrange, view_centre
+from sport.viewer.gui.layout import Rect, arrange, framing
 from sport.viewer.gui.status import Stats
 from sport.viewer.input.bindings import Action
 from sport.viewer.messages import Messages
@@ -104,11 +104,23 @@ def test_panels_never_overlap(size: tuple[int, int], scale: float) -> None:
 
 def test_the_picture_is_centred_in_what_the_panels_leave() -> None:
     wide, narrow = arrange(1280, 720, 1.0), arrange(800, 600, 1.0)
-    assert view_centre(arrange(1280, 720, 1.0, panels=False)) == 0.0
-    assert view_centre(wide) == pytest.approx(2 * (wide.view.x + wide.view.width / 2) / 1280 - 1)
+    assert framing(arrange(1280, 720, 1.0, panels=False))[0] == 0.0
+    assert framing(wide)[0] == pytest.approx(2 * (wide.view.x + wide.view.width / 2) / 1280 - 1)
     assert narrow.tabs is not None
-    assert (1 + view_centre(narrow)) / 2 * 800 > narrow.tabs.x + narrow.tabs.width + 100
-    assert view_centre(arrange(360, 600, 1.0)) == 0.0  # hardly anything is left
+    assert (1 + framing(narrow)[0]) / 2 * 800 > narrow.tabs.x + narrow.tabs.width + 100
+    assert framing(arrange(360, 600, 1.0))[0] == 0.0  # hardly anything is left
+
+
+def test_the_timeline_takes_its_height_from_the_view() -> None:
+    for size in ((1280, 720), (800, 500)):
+        layout = arrange(*size, 1.0, transport=True)
+        assert layout.transport is not None
+        _, up, share = framing(layout)
+        assert up - share == pytest.approx(
+            1.0 - 2.0 * layout.transport.y / size[1]
+        )  # its lower edge is the bar
+        assert up + share == pytest.approx(1.0)
+    assert framing(arrange(1280, 720, 1.0))[1:] == (0.0, 1.0)
 
 
 def test_rates_are_those_of_the_clock() -> None:

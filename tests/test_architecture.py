@@ -48,12 +48,12 @@ ARROWS = {
 # the rooms of a package from the ground up: each may use itself and those before it
 ROOMS = {
     "runtime": (
-        "errors", "safe_read", "assets", "atomic", "rotations", "skeleton", "spring", "pose", "controls",
+        "errors", "safe_read", "assets", "atomic", "file_lock", "rotations", "skeleton", "spring", "pose", "controls",
         "character", "terrain", "feet", "motion", "prompts", "prompts.english", "prompts.gpt", "prompts.prompter", "takes",
         "generate",
     ),
     "viewer": (
-        "gl_bindings", "messages", "jobs", "settings", "options", "input", "render", "services", "gui",
+        "gl_bindings", "signals", "messages", "jobs", "settings", "options", "input", "render", "services", "gui",
         "prompt", "stage", "takes", "filming", "tools", "shell", "state", "window", "app",
     ),
 }  # fmt: skip

@@ -171,7 +171,7 @@ def test_a_model_without_the_text_distribution_is_refused(monkeypatch: pytest.Mo
 
 def test_every_held_out_edit_and_pair_is_asked_for_in_all_its_phrases() -> None:
     cases = {c.name: c for c in catalogue_cases(NEUTRAL)}
-    zero_shot = [c for c in cases.values() if c.kind in ("held out", "pair")]
+    zero_shot = [c for c in cases.values() if c.kind in ("held out", "pair", "held-out rhythm")]
     assert {c.name for c in zero_shot} == HELD_OUT | set(HELD_OUT_PAIRS)
     assert len(cases) == len(EDITS) + len(HELD_OUT_PAIRS)
     for case in zero_shot:
@@ -387,7 +387,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(text_walks, "_model", lambda folder: WalkerModel())
     monkeypatch.setattr(text_main, "FREE_PROMPTS", {"cocked, tilted left": ("head.tilted_left",)})
     monkeypatch.setattr(text_main, "SECONDS", 0.5)
-    kept = ("head.tilted_left", "head.turned_right", "hands on hips", "torso.twist")
+    kept = ("head.tilted_left", "head.turned_right", "hands on hips", "torso.twist", "torso.bob_little")
     every = part_edits.catalogue_cases
     monkeypatch.setattr(
         part_edits, "catalogue_cases", lambda *a, **k: [c for c in every(*a, **k) if c.name in kept]
@@ -409,6 +409,9 @@ def test_from_clips_to_tables(small: None, clips: Path) -> None:
     assert rows["hands on hips"]["worst_share"] == pytest.approx(0.0, abs=0.05)
     assert rows["cocked, tilted left"]["words"] == {"head": "cocked, tilted left"}
     assert results["edits"]["summary"]["zero-shot"]["cases"] == 3
+    assert results["edits"]["summary"]["held-out rhythm"]["cases"] == 1
+    assert results["independence"]["by_slot"]["all"]["edits"] == 3
+    assert "Held-out edits of rhythm and weight" in markdown(results)
     assert "missing" in results["retrieval"]
     assert json.dumps(results) == json.dumps(text_main.run(asked))
     outcome = {name: met for name, _, met in bars(results)}

@@ -33,6 +33,7 @@ class FakeController:
         self.fail_with: Exception | None = None
         self.answer_nan = False
         self.message = ""
+        self.seed = 0
 
     def step(self, controls: Controls) -> Pose:
         if self.fail_with is not None:
@@ -68,8 +69,11 @@ class FakeController:
     def set_terrain(self, terrain: Terrain) -> None:
         self.terrain = terrain
 
-    def reset(self, x: float, z: float, yaw: float) -> None:
+    def reset(self, x: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> None:
         self.x, self.z, self.yaw = x, z, yaw
+
+    def twin(self) -> FakeController:
+        return FakeController(self.terrain)
 
 
 class FakeLibrary:
@@ -125,6 +129,11 @@ class FakePrompts:
             self._result = PromptResult(prompt, None, None, 1.0, error)
             return
         self._result = PromptResult(prompt, expansion, self.encoder.encode(expansion.descriptions), 1.0)
+
+    def answer(self, prompt: str | PartDescriptions) -> PromptResult:
+        given = isinstance(prompt, PartDescriptions)
+        expansion = Expansion(prompt, "explicit") if given else self.expander.expand(prompt)
+        return PromptResult(prompt, expansion, self.encoder.encode(expansion.descriptions), 1.0)
 
     def withdraw(self) -> None:
         self._result = None

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from sport.runtime.motion import features
 from sport.runtime.motion.features import INPUT, OUTPUT
-from sport.runtime.skeleton import PART_JOINTS, J
+from sport.runtime.skeleton import PART_JOINTS, SPORT_SKELETON, J
 from sport.training.frames import FrameTable
 from torch import Tensor
 
@@ -121,6 +121,12 @@ _LOSS_WEIGHT = {
 _PART_WEIGHT = {"left_leg": 2.2, "right_leg": 2.2, "torso": 2.0, "head": 2.5}
 
 
+# Of rotations that are a few degrees beside arms and legs and carry the swing of pelvis, chest and shoulders.
+_TRUNK_WEIGHT = dict.fromkeys(("Hips", "LowerBack", "Spine", "Spine1"), 2.5) | dict.fromkeys(
+    ("LeftShoulder", "RightShoulder"), 5.0
+)
+
+
 def _field_deviation(values: Tensor, layout: dict[str, slice], scale: dict[str, float]) -> Tensor:
     deviation = values.std(0)
     for name, field in layout.items():
@@ -141,4 +147,6 @@ def loss_weights(device: torch.device) -> Tensor:
         joints = weights[OUTPUT[name]].view(J, -1)
         for part, value in _PART_WEIGHT.items():
             joints[list(PART_JOINTS[part])] *= value
+    for name, value in _TRUNK_WEIGHT.items():
+        weights[OUTPUT["joint_rotations"]].view(J, -1)[SPORT_SKELETON.index(name)] *= value
     return weights / weights.mean()

@@ -84,14 +84,14 @@ def motion(target: Tensor, predicted: Tensor, weights: Tensor) -> Tensor:
     return (weights * (predicted - target).square()).mean()
 
 
-def unrest(before: Tensor, after: Tensor, scale: Tensor, kept: Tensor) -> Tensor:
-    """How fast a rollout's error changes: mean square of `after - before` `(B, n)` in units of `scale`, where `kept`.
+def unrest(moved: Tensor, velocity: Tensor, scale: Tensor, kept: Tensor) -> Tensor:
+    """How far a rollout's steps from frame to frame are from its own velocity: mean square in units of `scale`.
 
-    A rollout may be out of step with its clip; what it may not be is restless. An error that comes and goes from frame
-    to frame is jitter, and nothing else punishes it: a millimetre is little to Eq. 11 and 6 cm/s to the eye.
+    `moved` and `velocity` `(B, n)` are m/s. Positions that tremble around their path are punished by nothing else: a
+    millimetre is little to Eq. 11, and 6 cm/s to the eye. The rollout is held to itself and not to its clip, with
+    which it need not be in step: that would teach it to swing less.
     """
-    changed = kept * ((after - before) / scale).square()
-    return changed.mean()
+    return (kept * ((moved - velocity) / scale).square()).mean()
 
 
 def contact(labels: Tensor, squared_foot_velocity: Tensor) -> Tensor:

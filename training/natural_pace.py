@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 from sport.runtime.controls import Gait
-from sport.runtime.motion.features import INPUT, OUTPUT, PHASE_OFFSETS, L
+from sport.runtime.motion.features import FPS, INPUT, OUTPUT, PHASE_OFFSETS, L
 from sport.training.frames import LAYERED, PLAIN, FrameTable, smooth
 from sport.training.stages.motion import StyleTable
 
@@ -13,7 +13,8 @@ STRAIGHT = np.deg2rad(20.0)  # of the velocity from the facing direction
 STEADY_TURN = 0.35  # rad/s of the root, smoothed over a second
 MIN_FRAMES = 90  # of a clip that go straight ahead, or it says nothing of its style's pace
 DRAWS = 240  # of words for each captured style, so that styles count alike
-LAYERED_SHARE = 0.5  # of the fit, against all captured styles: edits of steps have a pace of their own
+LAYERED_SHARE = 0.15  # of the fit, against all captured styles: edits of steps have a pace of their own
+WALKING_SPEED = 0.4  # m/s: a forward take that is slower starts, stops or turns back
 FALLBACKS = {Gait.WALK: 1.3, Gait.JOG: 2.6}  # m/s
 FORWARD_CONTENTS = {Gait.WALK: ("walk forward",), Gait.JOG: ("run forward", "jog forward")}
 
@@ -51,17 +52,36 @@ def straight_speeds(table: FrameTable, label: Gait) -> np.ndarray:
     return result
 
 
+def forward_speeds(table: FrameTable, label: Gait) -> np.ndarray:
+    """Median speed `(clips,)` of forward takes in a gait, starts and stops left out; nan of all other clips.
+
+    Such a take goes straight ahead, or round the room at the same pace; of the short ones there is nothing to leave out.
+    """
+    present = INPUT["gait"].start + len(Gait) * (L // 2)
+    result = np.full(len(table.styles), np.nan)
+    for clip, content in enumerate(table.contents):
+        part = slice(table.start[clip], table.start[clip + 1])
+        if content not in FORWARD_CONTENTS[label] or part.stop - part.start < FPS:
+            continue
+        root = smooth(table.y[part, OUTPUT["root"]][:, :2].astype(np.float32), 10.0)
+        speed = np.linalg.norm(root, axis=1)
+        chosen = (table.x[part, present + label].astype(np.float32) > 0.5) & (speed > WALKING_SPEED)
+        if chosen.sum() >= FPS:
+            result[clip] = np.median(speed[chosen])
+    return result
+
+
 def captured_paces(table: FrameTable, label: Gait) -> dict[str, float]:
     """Speed of each captured style straight ahead: of its forward takes, where it has some."""
-    speeds = straight_speeds(table, label)
-    plain = [c != LAYERED and " on " not in c for c in table.contents]
-    usable = np.isfinite(speeds) & np.array(plain) & ~table.mirrored
-    forward = np.array([c in FORWARD_CONTENTS[label] for c in table.contents])
+    forward, straight = forward_speeds(table, label), straight_speeds(table, label)
+    plain = np.array([c != LAYERED and " on " not in c for c in table.contents])
+    plain &= np.logical_not(table.mirrored)
     frames = np.diff(table.start)
     paces = {}
     for name in sorted(set(table.styles)):
-        own = usable & (np.array(table.styles) == name)
-        chosen = own & forward if (own & forward).any() else own
+        own = plain & (np.array(table.styles) == name)
+        speeds = forward if np.isfinite(forward[own]).any() else straight
+        chosen = own & np.isfinite(speeds)
         if chosen.any():
             order = np.argsort(speeds[chosen])
             share = np.cumsum(frames[chosen][order]) / frames[chosen].sum()

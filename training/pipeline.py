@@ -46,6 +46,10 @@ from sport.training.styles import StyleTexts, load_style_texts
 log = logging.getLogger("sport.train")
 
 CREDITS = {
+    "o3de": "Copyright (c) Contributors to the Open 3D Engine Project (Apache-2.0 or MIT)",
+    "accad": "ACCAD, The Ohio State University (CC BY 3.0)",
+    "fair_zombie": "Zombie walk: Copyright (c) Meta Platforms, Inc. and affiliates (MIT)",
+    "cmu91": "CMU subject 91: mocap.cs.cmu.edu, created with funding from NSF EIA-0196217",
     "100style": "The 100STYLE Dataset - Ian Mason (CC BY 4.0)",
     "bandai_namco": "Bandai Namco Research Motiondataset (CC BY-NC 4.0)",
     "cmu": "Data from mocap.cs.cmu.edu, created with funding from NSF EIA-0196217",

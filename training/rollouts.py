@@ -82,10 +82,19 @@ class RolloutLanes:
         x[:, INPUT["phase"]] = self.phase[:, :: features.SAMPLE_STEP].flatten(1)
         return x
 
-    def error_before(self) -> Tensor:
-        """Joint positions `(lanes, 93)` in metres: what the lane lies off the clip in the frame that it goes on from."""
-        captured = self.frames.inputs(self.rows, self.patch)[:, INPUT["joint_positions"]]
-        return self.pose["joint_positions"] - captured
+    def previous_joints(self) -> Tensor:
+        """The pose that each lane goes on from, `(lanes, 31, 3)` in metres, seen from the root of the coming frame."""
+        before = (self.rows - 1).clamp_min(0)
+        root = self.frames.y[before][:, OUTPUT["root"]].float() / features.FPS
+        joints = self.pose["joint_positions"].unflatten(1, (-1, 3))
+        ground = (
+            self.frames.previous_ground[self.rows, self.patch] - self.frames.ground[self.rows, self.patch]
+        )
+        x, y, z = joints.unbind(-1)
+        x, z = x - root[:, 0:1], z - root[:, 1:2]
+        turn = root[:, 2:3]
+        c, s = turn.cos(), turn.sin()
+        return torch.stack([c * x - s * z, y + ground[:, None], s * x + c * z], -1)
 
     @torch.no_grad()
     def advance(self, y: Tensor) -> None:

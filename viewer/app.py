@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import signal
-import threading
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 from sport.runtime.errors import SportError
 from sport.runtime.pose import Pose
 from sport.runtime.prompts.expander import DEFAULT_PROMPT
 from sport.runtime.takes.clip import ClipRecorder
+from sport.runtime.takes.drive import DriveRecorder
 from sport.runtime.terrain.height_map import Terrain
 from sport.viewer.gl_bindings import glfw, imgui
 from sport.viewer.input.bindings import Action, Intent, to_controls
@@ -30,13 +26,21 @@ from sport.viewer.prompt.style_edit import Side
 from sport.viewer.prompt.suggester import Suggester
 from sport.viewer.render.capture import save_png, screenshot_path
 from sport.viewer.services import Services
-from sport.viewer.settings import MAPPINGS_NAME, config_directory, load_settings, save_settings
+from sport.viewer.settings import (
+    MAPPINGS_NAME,
+    config_directory,
+    load_settings,
+    save_settings,
+    state_directory,
+)
 from sport.viewer.shell import Shell
+from sport.viewer.signals import Ending
 from sport.viewer.stage.overlays import make_overlays
 from sport.viewer.stage.simulation import STEP_SECONDS, Simulation
 from sport.viewer.stage.stage import Stage
 from sport.viewer.stage.state import StageState
 from sport.viewer.state import AppState
+from sport.viewer.takes.editing import TakeEditing
 from sport.viewer.takes.takes import Takes
 from sport.viewer.window import KEY_CODES, Window, WindowEvents
 
@@ -54,39 +58,22 @@ def run(options: ViewOptions, services: Services | None = None, config: Path | N
     cannot be used or no window can be opened.
     """
     app = App(options, services, config=config)
-    with _signals_call(app.interrupt):
+    ending = Ending(app.interrupt)
+    with ending.handled():
         try:
             try:
                 while not app.finished:
                     app.frame()
             except KeyboardInterrupt:
-                app.interrupt()  # Ctrl+C in the terminal closes the viewer like its window does
+                app.interrupt()  # a frame that did not end
             except Exception:
+                ending.saving = True
                 app.takes.rescue()  # a defect must not cost what was recorded
                 raise
+            ending.saving = True
             return app.end()
         finally:
             app.close()
-
-
-@contextlib.contextmanager
-def _signals_call(end: Callable[[], None]) -> Iterator[None]:
-    """Within it SIGTERM and SIGHUP (a logout, a closed terminal) call `end` and no longer kill the process.
-
-    They raise nothing: an exception would get lost in a callback of the window, and a second signal, which is usual
-    when a terminal closes, would cut short the writing that the first one began.
-    """
-    before: dict[int, Any] = {}
-    if threading.current_thread() is threading.main_thread():  # no other one may set handlers
-        numbers = [getattr(signal, name, None) for name in ("SIGTERM", "SIGHUP")]  # Windows has no SIGHUP
-        for number in filter(None, numbers):
-            if signal.getsignal(number) not in (None, signal.SIG_IGN):  # `nohup` is obeyed
-                before[number] = signal.signal(number, lambda *_: end())
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 class App:
@@ -103,7 +90,9 @@ class App:
         self.options = options
         script = ControlScript.parse(options.controls, frozenset(KEY_CODES))
         self.config = config or config_directory()
+        self.state_folder = config or state_directory()
         settings, complaints = load_settings(self.config)
+        self._settings_before = dataclasses.replace(settings, prompt_history=list(settings.prompt_history))
         ground = Terrain.flat()
         self.state = AppState(settings, StageState(ground, Simulation.standing(ground)))
         self.frames_shown = 0
@@ -124,9 +113,6 @@ class App:
                 self.state.messages.warn(complaint)
             self.state.messages.logged = not options.offscreen
             self._load()
-            failure = self.jobs.first_error or self.prompting.first_error
-            if options.offscreen and failure is not None:
-                raise failure  # nobody would read a message
             self.state.messages.logged = True
         except BaseException:
             self.window.destroy()
@@ -148,17 +134,23 @@ class App:
             self.state.settings,
             self.state.messages,
         )
-        prompt, stage, recorder = state.prompt, state.stage, ClipRecorder()
+        prompt, stage, drives = state.prompt, state.stage, DriveRecorder()
         self.jobs = jobs = Jobs(messages, blocking=options.offscreen)
-        self.prompting = Prompting(prompt, settings, messages, lambda: stage.controller, recorder.mark_prompt)
+        self.prompting = Prompting(prompt, settings, messages, lambda: stage.controller)
         self.prompting.blocking = options.offscreen
         self.expanders = Expanders(prompt.expander, settings, jobs, services, self.prompting)
         self.suggester = Suggester(prompt, settings, jobs)
         self.prompt = PromptRoom(prompt, settings, self.prompting, self.expanders, self.suggester)
         renderer = services.make_renderer(self.window.ctx, options.quality or settings.quality)
-        self.stage = Stage(stage, settings, messages, jobs, services, self.window.ctx, renderer)
-        self.takes = Takes(state.takes, settings, messages, stage, jobs, recorder)
-        self.shell = Shell(state.shell, messages, self.prompt, self.stage, self.takes, self.open_files)
+        self.stage = Stage(stage, settings, messages, jobs, services, self.window.ctx, renderer, drives)
+        self.takes = Takes(
+            state.takes, settings, messages, stage, jobs, ClipRecorder(), drives, self.state_folder
+        )
+        self.prompting.mark = self.takes.mark_style
+        self.editing = TakeEditing(self.takes, self.stage, self.prompting)
+        self.shell = Shell(
+            state.shell, messages, self.prompt, self.stage, self.takes, self.editing, self.open_files
+        )
         own = {Action.FULLSCREEN: self.window.toggle_full_screen, Action.SCREENSHOT: self._take_screenshot}
         self.actions = {**self.stage.actions, **self.takes.actions, **self.shell.actions, **own}
 
@@ -186,6 +178,11 @@ class App:
             self.prompting.submit_prompt(options.blend, Side.B)
         if options.clip is not None:
             self.takes.open(options.clip)
+        if not options.offscreen:
+            self.takes.journals.look()
+        failure = self.jobs.first_error or self.prompting.first_error
+        if options.offscreen and failure is not None:
+            raise failure  # nobody would read a message
 
     def load_model(self, directory: Path | None, seed: int) -> None:
         """Load an exported model, the shipped one for None; the one in use stays until it is there."""
@@ -236,7 +233,7 @@ class App:
         self.shell.draw()
         imgui.render()
         live = None if state.takes.playback is not None else state.stage.controller
-        overlays = make_overlays(state.settings, live)
+        overlays = make_overlays(state.settings, live, self.stage.path.overlay())
         self.stage.renderer.render(window.framebuffer, self.stage.camera.current, pose, overlays)
         window.draw_interface()
         self._capture()
@@ -263,13 +260,15 @@ class App:
         self._steps = 0
         playback = self.state.takes.playback
         begins_to_move = intent.move != (0.0, 0.0) and not self._was_moving
+        begins_to_move = self.stage.path.take_begun() or begins_to_move
         self._was_moving = intent.move != (0.0, 0.0)
         if playback is not None and begins_to_move:
             self.takes.close_playback()  # back to the live character
         elif playback is not None:
             playback.advance(dt)
             return
-        controls = to_controls(intent, self.stage.camera.current.yaw)
+        controls = self.stage.led(to_controls(intent, self.stage.camera.current.yaw), dt)
+        self.takes.before_steps()
         poses = self.stage.advance(dt, controls)
         self._steps = len(poses)
         self.takes.add_poses(poses, controls)
@@ -284,16 +283,17 @@ class App:
     def _move_camera(self, pose: Pose, intent: Intent, dt: float) -> None:
         io, camera = imgui.get_io(), self.stage.camera
         zoom, dragging = intent.zoom * dt, False
+        drawing = self.stage.path.use_mouse(camera.current, self.state.stage.terrain)
         if not io.want_capture_mouse:
             zoom += io.mouse_wheel
             buttons = [imgui.is_mouse_down(button) for button in range(3)]  # left, right, middle
-            dragging = any(buttons)
+            dragging = any(buttons[drawing:])
             if dragging:
                 pan = buttons[2] or (buttons[1] and io.key_shift)
                 camera.drag(io.mouse_delta.x, io.mouse_delta.y, pan, io.display_size.y)
         moving = intent.move != (0.0, 0.0) and not intent.strafe and not dragging
         camera.update(pose, dt, intent.look, zoom, self.state.stage.terrain, moving)
-        camera.centre_in(self.shell.view_centre, dt)
+        camera.frame_in(self.shell.framing, dt)
 
     def _capture(self) -> None:
         """Write the finished frame where it was asked for."""
@@ -304,7 +304,9 @@ class App:
             path, self._screenshot = self._screenshot, None
             pixels = self.window.read_pixels()
             self.jobs.submit(
-                "screenshot", lambda: save_png(pixels, path), lambda p: self.state.messages.note(f"Saved {p}")
+                "screenshot",
+                lambda: save_png(pixels, path, new=True),
+                lambda p: self.state.messages.note(f"Saved {p}"),
             )
 
     def _finish_frame(self) -> None:
@@ -361,23 +363,30 @@ class App:
         """After the last frame: keep unsaved takes, remember the settings, write the screenshot; the exit code.
 
         What the user made comes first: a screenshot that cannot be written must not cost it. A run offscreen that
-        comes to its end as planned keeps no takes.
+        comes to its end as planned keeps no takes. The code is 1 when anything was lost or went elsewhere than asked.
         """
+        lost = not self.jobs.finish("export ")  # what is on its way is not saved a second time
         if self.interrupted or not self.options.offscreen:
             for path in self.takes.rescue():
                 self.state.messages.note(f"Kept an unsaved take: {path}")
+            lost = self.takes.trouble or lost
+        else:
+            self.takes.journals.close(discard=True)
         if not self.options.offscreen:
-            self._remember_settings()
+            lost = not self._remember_settings() or lost
         if self.options.screenshot is not None:
             save_png(self.window.read_pixels(), self.options.screenshot)
-        return 0
+        return int(lost)
 
-    def _remember_settings(self) -> None:
+    def _remember_settings(self) -> bool:
+        """Whether what was changed could be written."""
         self.state.settings.width, self.state.settings.height = self.window.unscaled_size
         try:
-            save_settings(self.state.settings, self.config)
+            save_settings(self.state.settings, self.config, self._settings_before)
         except SportError as error:
             self.state.messages.error(error)  # it is in the log; the user is leaving
+            return False
+        return True
 
     def close(self) -> None:
         """Stop workers and close the window."""
@@ -385,6 +394,7 @@ class App:
         self.expanders.close()
         self.prompting.close()
         self.jobs.close()
+        self.takes.journals.close()
         if self.window.handle is not None:
             self.stage.renderer.release()
         self.window.destroy()

@@ -83,6 +83,12 @@ class Jobs:
             if job.failed is not None:
                 job.failed(error)
 
+    def finish(self, prefix: str) -> bool:
+        """Wait for the jobs whose slots begin with `prefix` and hand over what they made; whether none failed."""
+        errors = [job.future.exception() for job in self._jobs if job.slot.startswith(prefix)]
+        self.deliver()
+        return not any(errors)
+
     def close(self) -> None:
         """Finish what was begun: a clip that is being written, or waits for it, must not be lost."""
         if self._pool is not None:

@@ -9,6 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 
+from sport.runtime.safe_read import printable
+
 NOTE_SECONDS = 8.0
 _LOG = logging.getLogger("sport.viewer")
 
@@ -44,7 +46,7 @@ class Messages:
     def post(self, text: str, level: Level = Level.NOTE) -> None:
         """Show and log `text`; the same error again only refreshes the one shown."""
         last = self.recent[-1] if self.recent else None
-        message = Message(" ".join(text.split()), level, self.clock())
+        message = Message(printable(" ".join(text.split())), level, self.clock())
         if last is not None and (last.text, last.level) == (message.text, level):
             self.recent[-1] = message
             return

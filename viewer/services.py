@@ -30,6 +30,7 @@ class ControllerLike(Protocol):
     temperature: float
     strength: float
     message: str  # what went wrong in the last step, "" when nothing did
+    seed: int
 
     @property
     def trajectory(self) -> Any:
@@ -47,12 +48,18 @@ class ControllerLike(Protocol):
     def reset(self, x: float, z: float, yaw: float) -> Any:
         """Stand at a place."""
 
+    def twin(self) -> ControllerLike:
+        """Another character of the same model; may be called and used on another thread."""
+
 
 class PromptWorkerLike(Protocol):
     """What the viewer needs of `sport.runtime.prompts.service.PromptWorker`."""
 
     def submit(self, prompt: str | PartDescriptions) -> None:
         """Ask for a style in place of an older request."""
+
+    def answer(self, prompt: str | PartDescriptions) -> Any:
+        """The final answer on the thread that asks, without a word to who polls; raises what it meets."""
 
     def withdraw(self) -> None:
         """Forget what was asked."""

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import math
 import os
-from collections.abc import Mapping
+import reprlib
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from sport.runtime.atomic import write_atomic
 from sport.runtime.errors import FileError
+from sport.runtime.file_lock import open_locked
 from sport.runtime.motion.controller import TEMPERATURE
 from sport.runtime.prompts.gpt.settings import has_credentials
 from sport.runtime.safe_read import is_text, parse_json, read_bounded
@@ -22,6 +25,7 @@ LARGEST = 1e300  # of a number: what no float can hold is refused, as NaN is
 MAX_LIST = 50  # entries of a list
 MAX_TEXT = 4096  # characters of a text
 FILE_NAME = "settings.json"
+LOCK_NAME = "settings.lock"
 MAPPINGS_NAME = "gamecontrollerdb.txt"
 
 
@@ -137,39 +141,47 @@ def config_directory(environment: dict[str, str] | None = None) -> Path:
     return Path(base).expanduser() / "sport-viewer"
 
 
+def state_directory(environment: dict[str, str] | None = None) -> Path:
+    """Where takes lie that are not exported: $SPORT_CONFIG_DIR, else $XDG_STATE_HOME/sport-viewer, else ~/.local/state/…."""
+    env = os.environ if environment is None else environment
+    if env.get("SPORT_CONFIG_DIR"):
+        return Path(env["SPORT_CONFIG_DIR"])
+    return Path(os.path.expanduser(env.get("XDG_STATE_HOME") or "~/.local/state")) / "sport-viewer"
+
+
 def load_settings(directory: Path) -> tuple[Settings, list[str]]:
     """Settings from `directory` and the complaints about it; whatever cannot be read keeps its default."""
     path = directory / FILE_NAME
     try:
-        content = parse_json(read_bounded(path, MAX_BYTES))
+        content = _read(path)
     except FileError as error:
-        if isinstance(error.__cause__, FileNotFoundError):
-            return Settings(), []
         return Settings(), [f"{error.problem} The default settings are used."]
-    except ValueError:
-        content = None
-    if not isinstance(content, dict):
-        return Settings(), [
-            f"{path}: not a settings file (expected a JSON object); the default settings are used."
-        ]
-    return _settings_of(content, path)
-
-
-def _settings_of(content: dict[str, Any], path: Path) -> tuple[Settings, list[str]]:
-    """Settings from a JSON object, each unusable value replaced by its default, and a complaint for each."""
-    settings, complaints = Settings(), []
+    settings, unusable = Settings(), []
     for entry in dataclasses.fields(Settings):
         if entry.name not in content:
             continue
         default = getattr(settings, entry.name)
         value = _checked(entry.name, content[entry.name], default)
         if value is None:
-            complaints.append(
-                f"{path}: field {entry.name} has the unusable value {str(content[entry.name])[:40]!a}; {default!r} is used."
-            )
+            unusable.append(f"{entry.name} ({ascii(reprlib.repr(content[entry.name]))[1:-1]})")
         else:
             setattr(settings, entry.name, value)
-    return settings, complaints
+    if unusable:
+        return settings, [f"{path}: unusable values of {', '.join(unusable)}; the defaults are used."]
+    return settings, []
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """The fields of the file, of any type; none without a file. FileError when it holds no settings."""
+    if not os.path.lexists(path):
+        return {}
+    try:
+        content = parse_json(read_bounded(path, MAX_BYTES))
+    except ValueError:
+        content = None
+    if not isinstance(content, dict):
+        raise FileError(f"{path}: not a settings file (expected a JSON object).", "Remove it.")
+    return content
 
 
 def _checked(name: str, value: Any, default: Any) -> Any:
@@ -187,12 +199,61 @@ def _is_text(value: Any) -> bool:
     return is_text(value) and len(value) < MAX_TEXT and "\0" not in value
 
 
-def save_settings(settings: Settings, directory: Path) -> None:
+def save_settings(settings: Settings, directory: Path, before: Settings | None = None) -> None:
     """Write settings so that the file is whole or the old one; FileError when it cannot be written.
 
-    An address that may hold credentials is left out.
+    With `before`, what this run began with, only what it changed is written over what the file holds by now: another
+    run may have been closed since. An address that may hold credentials is left out.
     """
     values = dataclasses.asdict(settings)
     if has_credentials(settings.gpt_base_url):
         values["gpt_base_url"] = ""
-    write_atomic(directory / FILE_NAME, json.dumps(values, indent=2) + "\n")
+    path = directory / FILE_NAME
+    if before is None:
+        write_atomic(path, json.dumps(values, indent=2) + "\n")
+        return
+    if not _merged(path, values, before)[1]:
+        return  # nothing to write, nothing to complain about where nothing can be written
+    with _held(directory):
+        merged, _ = _merged(path, values, before)
+        write_atomic(path, json.dumps(merged, indent=2) + "\n")
+
+
+def _merged(path: Path, values: dict[str, Any], before: Settings) -> tuple[dict[str, Any], bool]:
+    """The content of the file with this run's changes, and whether it differs from what is there."""
+    try:
+        content = _read(path)
+    except FileError:
+        content = {}  # said at the start
+    merged = {**content, **_changes(values, dataclasses.asdict(before), content)}
+    return merged, merged != content
+
+
+def _changes(values: dict[str, Any], before: dict[str, Any], content: dict[str, Any]) -> dict[str, Any]:
+    """What is to be written over the content of a file: changed fields, and those that it has unusable."""
+    found = {}
+    for name, value in values.items():
+        theirs = _checked(name, content[name], value) if name in content else before[name]
+        if theirs is None:
+            found[name] = value
+        elif value != before[name]:
+            added = [t for t in theirs if t not in before[name]] if isinstance(value, list) else []
+            rest = [t for t in added if t not in value]
+            found[name] = [*value, *rest][:MAX_LIST] if rest else value
+    return found
+
+
+@contextlib.contextmanager
+def _held(directory: Path) -> Iterator[None]:
+    """Nobody else writes the settings within it; where no lock can be had, the last one to write wins."""
+    path = directory / LOCK_NAME
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        handle = open_locked(path, create=True, wait=True)
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror or error}.", "Make the folder writable.") from error
+    try:
+        yield
+    finally:
+        if handle is not None:
+            os.close(handle)

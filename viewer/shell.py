@@ -9,7 +9,7 @@ from pathlib import Path
 
 from sport.viewer.gl_bindings import imgui
 from sport.viewer.gui import help, status, theme, widgets
-from sport.viewer.gui.layout import Layout, Rect, arrange, view_centre
+from sport.viewer.gui.layout import Layout, Rect, arrange, framing
 from sport.viewer.gui.theme import ICON, Fonts
 from sport.viewer.gui.widgets import px
 from sport.viewer.input.bindings import Action
@@ -22,7 +22,8 @@ from sport.viewer.prompt.style_edit import Side
 from sport.viewer.stage import panel as scene_panel
 from sport.viewer.stage.stage import Stage
 from sport.viewer.takes import panel as clips_panel
-from sport.viewer.takes import transport
+from sport.viewer.takes import transport, words_panel
+from sport.viewer.takes.editing import TakeEditing
 from sport.viewer.takes.takes import Takes
 
 _FIXED = (
@@ -68,6 +69,7 @@ class Shell:
     prompt: PromptRoom
     stage: Stage
     takes: Takes
+    editing: TakeEditing
     open_files: Callable[[list[Path]], None]
     fonts: Fonts = field(default_factory=theme.load_fonts)
     _scale: float = 0.0
@@ -92,7 +94,11 @@ class Shell:
 
     def focus_prompt(self) -> None:
         """Begin to type a prompt."""
-        self.state.panels_open = self.prompt.state.boxes[Side.A].focus_requested = True
+        self.state.panels_open = True
+        if self.takes.state.playback is not None:
+            self.takes.state.timeline.focus_requested = True
+        else:
+            self.prompt.state.boxes[Side.A].focus_requested = True
 
     def _cancel(self) -> None:
         """Leave the innermost thing that is open."""
@@ -107,31 +113,40 @@ class Shell:
             theme.apply_style(scale)
             self._scale, self._scene_height = scale, 0.0
         size, playing = imgui.get_io().display_size, self.takes.state.playback is not None
-        self._layout = arrange(size.x, size.y, scale, self.state.panels_open, playing, self._scene_height)
+        parts = self.takes.state.timeline.part_tracks
+        panels = self.state.panels_open
+        self._layout = arrange(size.x, size.y, scale, panels, playing, self._scene_height, parts)
 
     @property
-    def view_centre(self) -> float:
-        """Middle of what the panels leave free, from -1 (left edge of the window) to 1."""
-        return view_centre(self._layout)
+    def framing(self) -> tuple[float, float, float]:
+        """Where the panels leave the view free, see `layout.framing`."""
+        return framing(self._layout)
 
     def draw(self) -> None:
         """Draw every panel."""
         layout = self._layout
         self._undo_keys()
-        one = _Contents("Prompt", ICON.prompt, lambda: prompt_panel.draw(self.prompt))
-        one.tools, one.tools_width = lambda: prompt_panel.tools(self.prompt), prompt_panel.TOOLS_WIDTH
+        one = self._words()
         two = _Contents("Scene", ICON.scene, self._draw_scene)
         three = _Contents("Clips", ICON.clips, lambda: clips_panel.draw(self.takes))
         for panel, rect in ((one, layout.prompt), (two, layout.scene), (three, layout.clips)):
             _window(panel.name, rect, partial(self._titled, panel))
         _window("Right", layout.right_tabs, lambda: _tabs((two, three)))
         _window("Tabs", layout.tabs, lambda: _tabs((one, two, three)))
-        _window("Transport", layout.transport, lambda: transport.draw(self.takes))
+        _window("Transport", layout.transport, lambda: transport.draw(self.editing))
         if not self.state.bare:
             self._status(layout)
         self._badge(layout.view)
         if self.state.help_open and help.draw(self.fonts):
             self.state.help_open = False
+
+    def _words(self) -> _Contents:
+        """The live prompt, or that of the take that plays."""
+        if self.takes.state.playback is not None:
+            return _Contents("Prompt", ICON.prompt, lambda: words_panel.draw(self.editing))
+        one = _Contents("Prompt", ICON.prompt, lambda: prompt_panel.draw(self.prompt))
+        one.tools, one.tools_width = lambda: prompt_panel.tools(self.prompt), prompt_panel.TOOLS_WIDTH
+        return one
 
     def _draw_scene(self) -> None:
         scene_panel.draw(self.stage, self.open_files)
@@ -144,10 +159,11 @@ class Shell:
         if imgui.get_io().want_text_input:
             return
         undo, redo = field_panel.pressed_undo()
+        of = self.editing if self.takes.state.playback is not None else self.prompt.prompting
         if undo:
-            self.prompt.prompting.undo()
+            of.undo()
         elif redo:
-            self.prompt.prompting.redo()
+            of.redo()
 
     def _titled(self, panel: _Contents) -> None:
         top, start = imgui.get_cursor_pos(), imgui.get_content_region_avail().x

@@ -19,7 +19,7 @@ _OFFSCREEN_HINT = "Without a display, `sport view --offscreen --screenshot out.p
 
 _PLAIN_KEYS = (
     "SPACE", "ENTER", "ESCAPE", "BACKSPACE", "TAB", "LEFT", "RIGHT", "UP", "DOWN", "HOME", "PAGE_UP", "PAGE_DOWN",
-    "EQUAL", "MINUS",
+    "EQUAL", "MINUS", "COMMA", "PERIOD", "DELETE",
 )  # fmt: skip
 KEY_NAMES: dict[int, str] = {
     **{glfw.KEY_A + i: chr(ord("a") + i) for i in range(26)},
@@ -126,10 +126,13 @@ class Window:
 
     def poll(self, wait_seconds: float = 0.0) -> None:
         """Deliver events; waits up to `wait_seconds` for one."""
-        if wait_seconds > 0.0:
-            glfw.wait_events_timeout(wait_seconds)
-        else:
-            glfw.poll_events()
+        try:
+            if wait_seconds > 0.0:
+                glfw.wait_events_timeout(wait_seconds)
+            else:
+                glfw.poll_events()
+        except UnicodeDecodeError:  # glfw decodes the names of dropped files, and of nothing else here
+            _LOG.warning("A dropped file's name is not UTF-8. Rename it, or open it from the command line.")
 
     def begin_frame(self, dt: float | None = None) -> None:
         """Match the framebuffer to the window and begin an ImGui frame; `dt` overrides the clock."""

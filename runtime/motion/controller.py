@@ -144,6 +144,10 @@ class Controller:
         if transition_seconds <= 0:
             self._style, self._blend = folded, 1.0
 
+    def twin(self) -> Controller:
+        """Another character of the same model, at the start of the same ground: to make a take again beside this one."""
+        return Controller(self.model, self.terrain, self.seed, self.temperature, self.strength)
+
     @property
     def strength(self) -> float:
         """How far styles go from neutral walking: 0 is neutral, 1 as the model shows them, more exaggerates."""
@@ -152,6 +156,8 @@ class Controller:
     @strength.setter
     def strength(self, value: float) -> None:
         _check(strength=value)
+        if value == self.strength:  # asked for in every frame: a blend under way goes on as it is
+            return
         self._folder = StyleFolder(self.model.fold_style, value)
         self._to_style = self._folder.fold(self._to)
         if self._blend < 1.0:

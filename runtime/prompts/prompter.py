@@ -16,6 +16,7 @@ from sport.runtime.prompts.content import PromptEncoder
 from sport.runtime.prompts.english.library import LibraryExpander
 from sport.runtime.prompts.expander import Expander, Expansion
 from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.prompts.shares import shares_of
 from sport.runtime.prompts.text_encoder import library_encoder, text_encoder_of
 
 if TYPE_CHECKING:
@@ -28,8 +29,8 @@ class Prompter:
     """Turns prompts, descriptions and blends of them into codes for `model`; files are read at the first of them.
 
     `expander` is one of EXPANDERS, `text_encoder` the folder of the one that the model was trained with, where it is
-    neither shipped nor in the model folder. `report` gets what expansions remark, such as how near the library came,
-    `expanded` each prompt with its six descriptions. UsageError or ModelError names what cannot be used.
+    neither shipped nor in the model folder. `report` gets what expansions remark, such as how near the library came and
+    what the model hardly shows, `expanded` each prompt with its six descriptions. UsageError or ModelError names what cannot be used.
     """
 
     def __init__(
@@ -44,6 +45,7 @@ class Prompter:
         self.encoder = PromptEncoder(self.text_encoder, model.prompt_path)
         self._expander = self._open(expander)
         self._report, self._expanded = report, expanded
+        self._shares = shares_of(model.name)
 
     @cached_property
     def library(self) -> LibraryExpander:
@@ -54,8 +56,9 @@ class Prompter:
         """Six descriptions of a prompt; PromptError when it cannot be used."""
         expansion = self._expander.expand(prompt)
         self._expanded(prompt, expansion.descriptions)
-        if expansion.note:
-            self._report(f"“{prompt}”: {expansion.note}")
+        note = f"{expansion.note} {self._shares.note(expansion.descriptions)}".strip()
+        if note:
+            self._report(f"“{prompt}”: {note}")
         return expansion
 
     @overload
@@ -68,8 +71,11 @@ class Prompter:
         """Z^t `(6, 64)`, or the mix of a blend; PromptError when the words cannot be used."""
         if isinstance(words, BlendedPrompt):
             return mix_of_parts(self(words.a), self(words.b), words.weights)
-        descriptions = words if isinstance(words, PartDescriptions) else self.expand(words).descriptions
-        return self.encoder.encode(descriptions)
+        if isinstance(words, PartDescriptions):
+            if note := self._shares.note(words):
+                self._report(note)
+            return self.encoder.encode(words)
+        return self.encoder.encode(self.expand(words).descriptions)
 
     def _open(self, name: str) -> Expander:
         if name == "library":

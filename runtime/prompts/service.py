@@ -75,6 +75,15 @@ class PromptWorker:
         with self._condition:
             self._replace(None if self._closed else _Job(prompt))
 
+    def answer(self, prompt: Request) -> PromptResult:
+        """The final answer, on the caller's thread and beside what `submit` asked; raises its error."""
+        with self._condition:
+            expander = self._expander
+        result = list(self._answers(_Job(prompt), expander))[-1]
+        if result.error is not None:
+            raise result.error
+        return result
+
     def withdraw(self) -> None:
         """Forget the request, and an answer that was not polled yet."""
         with self._condition:

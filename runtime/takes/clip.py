@@ -7,13 +7,15 @@ from collections import deque
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from sport.runtime import rotations
-from sport.runtime.atomic import write_atomic
+from sport.runtime.atomic import write_atomic, write_new
 from sport.runtime.errors import FileError, UsageError
 from sport.runtime.pose import Pose
+from sport.runtime.safe_read import printable
 from sport.runtime.skeleton import SPORT_SKELETON, J
 from sport.runtime.takes.bvh import BvhMotion, check_size, format_bvh, read_bvh
 from sport.runtime.takes.metadata import (
@@ -118,7 +120,7 @@ class Clip:
             hips_positions=self.hips_positions[keep],
             local_rotations=self.local_rotations[keep],
             contacts=self.contacts[keep],
-            prompts=_shift_prompts(self.prompts, first / self.fps, (last - first) / self.fps),
+            prompts=shift_prompts(self.prompts, first / self.fps, (last - first) / self.fps),
         )
 
     def resampled(self, fps: float) -> Clip:
@@ -147,6 +149,16 @@ class Clip:
         return hips.astype(np.float32), local.astype(np.float32), contacts.astype(np.float32)
 
 
+class Journal(Protocol):
+    """What is told of every frame and prompt as it is recorded; it must answer at once."""
+
+    def add_row(self, row: Array) -> None:
+        """One frame, as in `ClipRecorder.add_row`."""
+
+    def mark_prompt(self, event: PromptEvent) -> None:
+        """A prompt that holds from the next frame on."""
+
+
 class ClipRecorder:
     """Always on: keeps the last `max_seconds`, so that a take can begin in the past, and the whole of a running take.
 
@@ -163,11 +175,22 @@ class ClipRecorder:
         self._first = 0  # number of the oldest frame kept; frames count from 0 since the program's start
         self._begin: int | None = None  # number of the take's first frame
         self._prompts: deque[tuple[int, PromptEvent]] = deque()
+        self.journal: Journal | None = None  # where frames and prompts are written down as well
 
     @property
     def recording(self) -> bool:
         """Whether a take is running."""
         return self._begin is not None
+
+    @property
+    def next_frame(self) -> int:
+        """Number of the frame that comes next, counted since the program's start."""
+        return self._first + len(self._frames)
+
+    @property
+    def first_frame(self) -> int:
+        """Number of the oldest frame kept."""
+        return self._first
 
     @property
     def take_seconds(self) -> float:
@@ -182,7 +205,13 @@ class ClipRecorder:
     def add(self, pose: Pose, gait: int = -1) -> None:
         """Remember the pose of one simulated frame, and the gait that was asked for (-1: not known)."""
         row = np.concatenate([pose.hips_position, np.ravel(pose.local_rotations), pose.contacts, [gait]])
-        self._frames.append(row.astype(np.float32))
+        self.add_row(row.astype(np.float32))
+
+    def add_row(self, row: Array) -> None:
+        """Remember one frame as `(132,)` float32: hips, local rotations, contacts, gait. It must not be changed later."""
+        self._frames.append(row)
+        if self.journal is not None:
+            self.journal.add_row(row)
         keep = self._keep
         if self._begin is not None:
             keep = min(max(keep, self._first + len(self._frames) - self._begin), self._limit)
@@ -200,6 +229,8 @@ class ClipRecorder:
         Of live changes within `LIVE_SECONDS` only the last is kept, at the time of the first.
         """
         event = PromptEvent(0.0, prompt, transition_seconds, words, typed)
+        if self.journal is not None:
+            self.journal.mark_prompt(event)
         frame = self._first + len(self._frames)
         if self._prompts and _is_live(event):
             before, last = self._prompts[-1]
@@ -207,6 +238,15 @@ class ClipRecorder:
                 self._prompts[-1] = (before, event)
                 return
         self._prompts.append((frame, event))
+
+    @property
+    def prompt_in_force(self) -> PromptEvent | None:
+        """The prompt of the next frame, with what is left of its transition."""
+        if not self._prompts:
+            return None
+        frame, event = self._prompts[-1]
+        past = (self._first + len(self._frames) - frame) / self.fps
+        return replace(event, transition_seconds=max(event.transition_seconds - past, 0.0))
 
     def start(self) -> None:
         """Begin a take with the next frame; a running take goes on."""
@@ -241,7 +281,7 @@ class ClipRecorder:
             hips_positions=table[:, :3],
             local_rotations=table[:, 3:-5].reshape(-1, J, 4),
             contacts=table[:, -5:-1],
-            prompts=_shift_prompts(events, 0.0, len(rows) / self.fps),
+            prompts=shift_prompts(events, 0.0, len(rows) / self.fps),
             terrain=terrain,
             origin=origin or UNKNOWN,
             gait_seconds=tuple(gait_seconds(gaits, self.fps).items()),
@@ -265,9 +305,12 @@ def check_bvh_length(seconds: float, fps: float) -> None:
     check_size(J, math.ceil(frames) if frames >= 0.0 else 0, f"{seconds:g} s at {fps:g} frames per second")
 
 
-def save_bvh(clip: Clip, path: str | Path, fps: float = 60.0, unit: str = "cm", order: str = "ZYX") -> Path:
+def save_bvh(
+    clip: Clip, path: str | Path, fps: float = 60.0, unit: str = "cm", order: str = "ZYX", new: bool = False
+) -> Path:
     """Write a BVH that appears whole or not at all, and its `sidecar_path`; the BVH's path.
 
+    With `new` no file is replaced: a name that is taken becomes name-2, name-3, … .
     `fps` resamples the clip, `unit` is "cm" or "m", `order` one of `ROTATION_ORDERS`. UsageError or FileError.
     """
     check_bvh_options(fps, unit, order)
@@ -284,13 +327,21 @@ def save_bvh(clip: Clip, path: str | Path, fps: float = 60.0, unit: str = "cm", 
         end_offsets=END_OFFSETS,
     )
     path = Path(path)
-    write_take_text(clip, path, text)
+    if new:
+        path = write_new(path, text)
+    else:
+        write_atomic(path, text)
+    _write_sidecar(clip, path, text)
     return path
 
 
 def write_take_text(clip: Clip, path: Path, text: str) -> None:
     """Write the BVH text of a clip and what is known of the clip beside it."""
     write_atomic(path, text)
+    _write_sidecar(clip, path, text)
+
+
+def _write_sidecar(clip: Clip, path: Path, text: str) -> None:
     metadata = format_metadata(
         text,
         clip.name,
@@ -339,7 +390,7 @@ def load_clip_bvh(path: str | Path) -> Clip:
         raise FileError(f"{path}: the hips are further than {MAX_DISTANCE_M / 1000:.0f} km away.", remedy)
     made = read_metadata(path)
     return Clip(
-        name=path.stem,
+        name=printable(path.stem),
         fps=fps,
         hips_positions=hips.astype(np.float32),
         local_rotations=local,
@@ -387,7 +438,7 @@ def _is_live(event: PromptEvent) -> bool:
     return 0.0 < event.transition_seconds <= LIVE_SECONDS
 
 
-def _shift_prompts(events: tuple[PromptEvent, ...], start: float, length: float) -> tuple[PromptEvent, ...]:
+def shift_prompts(events: tuple[PromptEvent, ...], start: float, length: float) -> tuple[PromptEvent, ...]:
     """Events seen from `start` on: the one in force there, and those within `length` seconds after it."""
     before = [e for e in events if e.seconds <= start]
     within = [e for e in events if start < e.seconds <= start + length]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sport.runtime.controls import Controls, Gait
 from sport.runtime.errors import FileError, SportError
-from sport.runtime.safe_read import is_text, parse_json, read_bounded
+from sport.runtime.safe_read import is_text, parse_json, printable, read_bounded
 from sport.runtime.takes.bvh import MAX_FILE_BYTES
 
 MAX_BYTES = 16 * 1024 * 1024
@@ -116,9 +116,9 @@ def format_metadata(
     value = {
         "format": _FORMAT,
         "bvh_sha256": hashlib.sha256(bvh_text.encode("utf-8")).hexdigest(),
-        "name": name,
+        "name": printable(name),
         "seconds": round(seconds, 4),
-        "terrain": Path(terrain).name,
+        "terrain": printable(Path(terrain).name),
         "gait_seconds": {gait: round(length, 3) for gait, length in gaits.items()},
         "gaits": [[round(seconds, 4), gait] for seconds, gait in gait_changes],
         "placed": None if placed is None else [round(value, 6) for value in placed],
@@ -164,10 +164,10 @@ def read_metadata(bvh: Path) -> TakeMetadata:
         _LOG.warning("%s: only the first %d of %d prompts are used.", path, MAX_EVENTS, len(events))
     return TakeMetadata(
         terrain=_text(value, "terrain", "flat"),
-        prompts=tuple(_event(e) for e in events[:MAX_EVENTS] if isinstance(e, dict))
+        prompts=tuple(event_from(e) for e in events[:MAX_EVENTS] if isinstance(e, dict))
         if isinstance(events, list)
         else (),
-        origin=_origin(value),
+        origin=origin_from(value),
         gait_seconds=tuple(
             (gait.name.lower(), _number(gaits, gait.name.lower(), 0.0))
             for gait in Gait
@@ -249,14 +249,15 @@ def describe(
     if origin != UNKNOWN:
         seed = "" if origin.seed is None else f", seed {origin.seed}"
         shown.append(f"model {origin.model} {origin.model_sha256[:8]}{seed}, ground {Path(terrain).name}")
-    return "\n".join(shown)
+    return printable("\n".join(shown))
 
 
 def _object(words: str) -> Any:
     return json.loads(words) if words else None
 
 
-def _event(value: dict[str, Any]) -> PromptEvent:
+def event_from(value: dict[str, Any]) -> PromptEvent:
+    """An event of JSON that nobody vouches for; fields of another type have their defaults."""
     return PromptEvent(
         _number(value, "seconds", 0.0),
         _text(value, "prompt", ""),
@@ -275,7 +276,7 @@ def _words(value: Any) -> str:
     return words if is_text(words) else ""
 
 
-def _origin(value: dict[str, Any]) -> Origin:
+def origin_from(value: dict[str, Any]) -> Origin:
     """Each field by its type: text, whole number or number."""
     found: dict[str, Any] = {}
     for field in fields(Origin):

@@ -11,6 +11,7 @@ from sport.commands.export_arguments import MOTION_FPS
 from sport.commands.film import film_options, write_film
 from sport.runtime.atomic import check_target
 from sport.runtime.errors import UsageError
+from sport.runtime.safe_read import printable
 from sport.runtime.takes.clip import Clip
 from sport.runtime.takes.endings import ending_of
 from sport.runtime.takes.export import check_export, save_motion
@@ -84,15 +85,15 @@ def write_take(
 ) -> None:
     """Write a take into one file, and its ground beside it where that is asked; says what was written."""
     if ending_of(path).kind == "film":
-        print(write_film(clip, terrain, path, replace(options, fps=clip.fps), arguments))
+        print(printable(write_film(clip, terrain, path, replace(options, fps=clip.fps), arguments)))
         if arguments.ground_out is None:
             return
         from sport.runtime.takes.export import save_ground_of
 
-        print(save_ground_of(clip, arguments.ground_out, options, terrain).text)
+        print(printable(save_ground_of(clip, arguments.ground_out, options, terrain).text))
         return
     for written in save_motion(clip, path, options, terrain, arguments.ground_out):
-        print(written.text)
+        print(printable(written.text))
 
 
 def numbered(path: Path, number: int) -> Path:
@@ -102,4 +103,4 @@ def numbered(path: Path, number: int) -> Path:
 
 def note(text: str) -> None:
     """A remark on stderr, as every other one of the command."""
-    print(f"sport: {text}", file=sys.stderr)
+    print(f"sport: {printable(text)}", file=sys.stderr)

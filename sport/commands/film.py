@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from sport.commands.arguments import size
 from sport.commands.export_arguments import FILM_FPS
+from sport.runtime.safe_read import printable
 from sport.runtime.takes.clip import Clip
 from sport.runtime.takes.options import ExportOptions
 from sport.runtime.terrain.height_map import Terrain
@@ -53,7 +54,7 @@ def write_film(
     joint_map = None if export.joint_map is None else read_joint_map(export.joint_map)
     character = None if export.character is None else load_character(export.character, joint_map)
     total = count_frames(take.clip, options.fps)
-    print(f"sport: {path}: a film of {total / options.fps:.1f} s, {total} frames", file=sys.stderr)
+    print(f"sport: {printable(path)}: a film of {total / options.fps:.1f} s, {total} frames", file=sys.stderr)
     done = make_film(take.clip, terrain, path, options, character=character, progress=_shown(path))
     text = f"{path}: {done.frames} frames at {options.fps:g} fps, {done.seconds:.1f} s"
     return text if take.loop is None else f"{text}; {take.loop.describe()}"
@@ -67,8 +68,13 @@ def _shown(path: Path) -> Progress:
         tenth = done * 10 // total != (done - 1) * 10 // total
         if terminal:
             end = "\n" if done == total else ""
-            print(f"\rsport: {path.name}: {done} of {total} frames", end=end, file=sys.stderr, flush=True)
+            print(
+                f"\rsport: {printable(path.name)}: {done} of {total} frames",
+                end=end,
+                file=sys.stderr,
+                flush=True,
+            )
         elif tenth:
-            print(f"sport: {path.name}: {done} of {total} frames", file=sys.stderr)
+            print(f"sport: {printable(path.name)}: {done} of {total} frames", file=sys.stderr)
 
     return show

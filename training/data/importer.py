@@ -16,6 +16,7 @@ from sport.training.data.catalog import SOURCES, ClipSource, Refusal, list_clips
 from sport.training.data.clip_import import ImportJob, import_clip, load
 from sport.training.data.report import ClipSummary, Report
 from sport.training.data.retarget import FootCalibration, calibrate_feet
+from sport.training.data.source_comparison import section
 
 CALIBRATION_CLIPS = 40  # of each source, evenly spread
 MAX_ARCHIVE_BYTES = 4 << 30  # unpacked
@@ -109,7 +110,8 @@ def main() -> None:
     options = parser.parse_args()
     report = import_all(options.data, options.out, options.workers)
     if options.report:
-        options.report.write_text(report.markdown(), encoding="utf-8")
+        compared = section(unpack(options.data, options.out / "unpacked"), options.out / "clips")
+        options.report.write_text(report.markdown() + "\n" + compared, encoding="utf-8")
     print(report.text())
 
 

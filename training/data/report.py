@@ -132,7 +132,8 @@ The root translation of some `100style` clips (tier `estimated_root`) was estima
 **Held out.** Takes of 100STYLE and JLPM longer than 20 s give their last 8 % (2 s apart from the rest); elsewhere whole
 clips, about 8 %, never the only one of its style and content. Copies and mirror images follow their original.
 
-**Credits.** The 100STYLE Dataset - Ian Mason (CC BY 4.0). Bandai Namco Research Motiondataset (CC BY-NC 4.0). CMU: the
+**Credits.** Copyright (c) Contributors to the Open 3D Engine Project (Apache-2.0 or MIT). ACCAD, The Ohio State University
+(CC BY 3.0). fair_zombie: Copyright (c) Meta Platforms, Inc. and affiliates (MIT). The 100STYLE Dataset - Ian Mason (CC BY 4.0). Bandai Namco Research Motiondataset (CC BY-NC 4.0). CMU: the
 data used in this project was obtained from mocap.cs.cmu.edu; the database was created with funding from NSF
 EIA-0196217. JLPM: José Luis Pontón (MIT). PFNN: Holden et al. 2017 (academic and non-commercial).
 """

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 from sport.runtime.assets import asset_path
-from sport.runtime.errors import FileError, run_command
+from sport.runtime.errors import FileError, UsageError, run_command
 from sport.training.evaluation import gait
 
 SECONDS = 12.0
@@ -119,12 +119,13 @@ def table(raw: dict[str, Measures], models: dict[str, dict[str, Measures]]) -> s
     lines = [head + "".join(f" {n} |" for n in names), "| --- " * (2 + len(names)) + "|"]
     for row in ROWS:
         unit = f"{row.low:+g} to {row.high:+g}" if row.difference else f"{row.low:g} to {row.high:g}"
-        cells = [_cell(row, raw, models[n]) for n in names]
+        cells = [cell(row, raw, models[n]) for n in names]
         lines.append(f"| {row.title} | {unit} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 
-def _cell(row: Row, raw: dict[str, Measures], ours: dict[str, Measures]) -> str:
+def cell(row: Row, raw: dict[str, Measures], ours: dict[str, Measures]) -> str:
+    """Median over the styles, and how many of them are within the bar."""
     values = compared(row, raw, ours)
     if not len(values):
         return "no walk"
@@ -163,21 +164,25 @@ def write_between(path: Path, text: str, begin: str = BEGIN, end: str = END) -> 
 def main(argv: list[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--data", type=Path, required=True, help="folder with the unpacked archives")
+    parser.add_argument("--data", type=Path, help="folder with the unpacked archives")
     parser.add_argument(
         "--model", action="append", default=[], metavar="NAME=DIR", help="a model (default: the shipped one)"
     )
-    parser.add_argument("--known", type=Path, help="JSON of an earlier run: its models are shown beside")
+    parser.add_argument("--known", type=Path, help="JSON of an earlier run: raw walks and other models")
     parser.add_argument(
         "--speed", type=float, default=1.0, help="of the stick; ratios are to the raw walk at 1"
     )
     parser.add_argument("--json", type=Path, help="also write all measures to this file")
     parser.add_argument("--out", type=Path, help="document whose section between the markers is exchanged")
     args = parser.parse_args(argv)
-    raw = raw_walks(args.data)
     models: dict[str, dict[str, Measures]] = {}
     if args.known is not None:
-        models |= json.loads(args.known.read_text("utf-8"))["models"]
+        known = json.loads(args.known.read_text("utf-8"))
+        raw, models = known["raw"], known["models"]
+    elif args.data is not None:
+        raw = raw_walks(args.data)
+    else:
+        raise UsageError("gait_table: neither --data nor --known is given.", "Give one of them.")
     chosen: list[tuple[str, Path | None]] = [_named(text) for text in args.model]
     for name, folder in chosen or [("compact", None)]:
         models[name] = our_walks(folder, raw, args.speed)

@@ -1,6 +1,6 @@
 """The model card that travels with the exported networks.
 
-    python -m sport.training.export.model_card FOLDER --soak soak.json --text text.json --motion evaluation.json
+    python -m sport.training.export.model_card FOLDER --soak soak.json --text text.json --motion evaluation.json --gait gait.json
 
 puts measured figures into an exported model's metadata and card.
 """
@@ -15,14 +15,14 @@ from typing import Any
 from sport.runtime.atomic import write_atomic
 from sport.runtime.errors import FileError, run_command
 
-_LIMITS = """- Trained on about 35 captured styles, on recombinations of their parts, and on parametric edits of parts; a prompt far
+_LIMITS = """- Trained on about 40 captured styles, on recombinations of their parts, and on parametric edits of parts; a prompt far
   from them is composed from the nearest ones, part by part.
 - A left foot drags when it is told to, a right one (never shown in training) by a quarter of that.
 - Nodding is hardly there; looking around, waving and flapping beat with the steps, and a hand told to wave while
   the character stands is mostly held up still.
 - Terrain is known from distilled rollouts of PFNN and from flat capture laid over hills and stairs; there is only about
   a minute of captured stairs and uneven ground, and no capture of climbing over walls.
-- Jumping was seen in the neutral style only."""
+- Jumping was seen in neutral styles only."""
 
 
 def model_card(metadata: dict[str, Any], curves: dict[str, str]) -> str:
@@ -108,11 +108,20 @@ def motion_metrics(motion: dict[str, Any]) -> list[str]:
     return [f"- {bar.name}: {bar.met} of {bar.cases} cases" for bar in found]
 
 
+def gait_metrics(gait: dict[str, Any]) -> list[str]:
+    """Lines from the JSON of `sport.training.evaluation.gait_table`, of its last model."""
+    from sport.training.evaluation.gait_table import ROWS, cell
+
+    ours = gait["models"][list(gait["models"])[-1]]
+    found = [f"{row.title} {cell(row, gait['raw'], ours)}" for row in ROWS]
+    return ["- straight walks, ours beside raw capture, median; styles within the bar: " + ", ".join(found)]
+
+
 def main(argv: list[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description="Put measured figures into a model's card.")
     parser.add_argument("model", type=Path, help="folder of an exported model")
-    sources = {"soak": soak_metrics, "text": text_metrics, "motion": motion_metrics}
+    sources = {"soak": soak_metrics, "text": text_metrics, "motion": motion_metrics, "gait": gait_metrics}
     for name in sources:
         parser.add_argument(f"--{name}", type=Path, help=f"JSON of the {name} measurement")
     args = parser.parse_args(argv)

@@ -33,6 +33,7 @@ from sport.training.layering import recipes
 from sport.training.layering.apply import apply
 from sport.training.layering.catalog import EDITS
 from sport.training.layering.cycle import axes, cycle_frames, cycle_mean
+from sport.training.layering.effects import rhythm_section
 from sport.training.layering.pose_edits import Motion
 from sport.training.layering.recombine import UPPER_PARTS, cut, recombine
 
@@ -304,7 +305,7 @@ def build_layers(clips: Path, out: Path, count: int, seed: int = 0) -> dict[str,
     return entries
 
 
-def report(entries: dict[str, dict], captured: int) -> str:
+def report(entries: dict[str, dict], captured: int, rhythm: str = "") -> str:
     """How many styles are captured, recombined and parametric, and how often each occurs, as Markdown."""
     edits = Counter(e for entry in entries.values() for e in entry["edits"])
     mixed = Counter(" + ".join(e["recombined"]) for e in entries.values() if e["recombined"])
@@ -327,6 +328,7 @@ def report(entries: dict[str, dict], captured: int) -> str:
         "| --- | --- | --- |",
         *(f"| {k} | {v} | {next(iter(EDITS[k].phrases.values()))[0]} |" for k, v in sorted(edits.items())),
         "",
+        rhythm,
         "| Recombined parts | clips |",
         "| --- | --- |",
         *(f"| {k} | {v} |" for k, v in sorted(mixed.items())),
@@ -353,7 +355,9 @@ def main(argv: list[str] | None = None) -> None:
     else:
         entries = build_layers(args.clips, out, args.count, args.seed)
     if args.report is not None:
-        args.report.write_text(report(entries, len(Pool(args.clips).by_style)), encoding="utf-8")
+        args.report.write_text(
+            report(entries, len(Pool(args.clips).by_style), rhythm_section(args.clips)), encoding="utf-8"
+        )
 
 
 if __name__ == "__main__":

@@ -41,6 +41,11 @@ class PartEdit:
         return self.moves_feet or self.kind in ("landing", "bob", "hips", "shoulders", "rock")
 
     @property
+    def rhythm(self) -> bool:
+        """Whether the evaluation counts it as rhythm and weight, and not as posture."""
+        return self.of_steps or self.kind == "swing"
+
+    @property
     def scales(self) -> bool:
         """Whether it scales what the captured motion does, so that a body which does not do it shows nothing."""
         return self.kind in ("swing", "bob", "hips", "shoulders")

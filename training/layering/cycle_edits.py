@@ -110,7 +110,7 @@ def rock(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
 def landing(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
     """How feet come down. `lift`: metres that they rise more before it, late; `drop`: metres that knees give after it.
 
-    `soft`: share of the last half of a swing's height that is gone early, so that the foot arrives slowly.
+    `soft`: share of a swing's height that is gone by two thirds of it, so that the foot arrives slowly.
     """
     p: dict[str, Any] = edit.parameters
     size = random.normal(1.0, 0.06)
@@ -121,7 +121,7 @@ def landing(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Moti
             ankles[:, column, 1] += size * p["lift"] * _late(standing)
         if "soft" in p:
             high = height_in_swing(ankles[:, column, 1], standing)
-            ankles[:, column, 1] -= p["soft"] * high * _second_half(standing)
+            ankles[:, column, 1] -= p["soft"] * high * _early(standing)
     lower = size * float(p.get("drop", 0.0)) * _jolts(motion)
     moved = with_feet(motion, motion.hips - lower[:, None] * _UP, ankles, feet)
     if "bob" in p:
@@ -145,11 +145,12 @@ def _late(standing: NDArray[np.bool_]) -> Array:
     return result
 
 
-def _second_half(standing: NDArray[np.bool_]) -> Array:
+def _early(standing: NDArray[np.bool_]) -> Array:
+    """Of every swing: nothing in its first third, one from two thirds on."""
     result = np.zeros(len(standing))
     for a, b in swings(standing):
-        x = np.clip(2.0 * (np.arange(a, b) - a + 0.5) / (b - a) - 1.0, 0.0, 1.0)
-        result[a:b] = np.minimum(x * x * (3.0 - 2.0 * x) * 2.0, 1.0) * (1.0 - x**8)
+        x = np.clip(((np.arange(a, b) - a + 0.5) / (b - a) - 0.3) / 0.35, 0.0, 1.0)
+        result[a:b] = x * x * (3.0 - 2.0 * x)
     return result
 
 

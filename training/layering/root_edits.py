@@ -42,6 +42,7 @@ _WINDOW = 75  # frames before and after in which the path passes a foot
 _END = 12  # frames whose mean change goes on beyond an end
 _HEEL = np.radians(np.arange(0.0, 41.0, 5.0))  # by which a heel rises behind to let a stride be longer
 _PAUSE_SIGMA = 2.5  # frames of the capture over which a pause is spread
+_HIGHEST = 0.06  # m that hips rise for short steps
 _VARIATION_GONE = 0.7  # of the stance width, where one is asked for
 _STEP_SHARE = 0.6  # of an unequal rate that becomes an unequal step length; the rest is an uneven speed
 
@@ -185,8 +186,30 @@ def steps(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion
         )
         motion = turn_joints(motion, more, {0: 1.0}, feet_of(motion)[0])
     if length != 1.0:
-        motion = on_path(motion, scaled_path(motion, length))
+        moved = on_path(motion, scaled_path(motion, length))
+        motion = _as_straight(motion, moved) if length < 1.0 else moved
     return motion if cadence == 1.0 else at_rate(motion, np.full(len(motion.hips), cadence))
+
+
+def _as_straight(before: Motion, after: Motion) -> Motion:
+    """`after` with its hips raised so far that the legs that stand are as long as in `before`: short steps, high hips."""
+    sockets = SPORT_SKELETON.offsets[ik.LEG_THIGHS].astype(np.float64)
+    ankles, _, feet = feet_of(after)
+    room = np.full((len(after.hips), 2), np.inf)
+    for column in range(2):
+        leg = [
+            m.hips + rotations.rotate(m.local[:, 0].astype(np.float64), sockets[column]) - a[:, column]
+            for m, a in ((before, feet_of(before)[0]), (after, ankles))
+        ]
+        across = np.linalg.norm(leg[1][:, [0, 2]], axis=1)
+        high = np.sqrt(np.maximum(np.sum(leg[0] ** 2, axis=1) - across**2, 0.0))
+        room[:, column] = np.where(down(after, column), high - leg[1][:, 1], np.inf)
+    rise = room.min(1)
+    known = np.isfinite(rise)
+    if not known.any():
+        return after
+    rise = np.interp(np.arange(len(rise)), np.flatnonzero(known), np.clip(rise[known], 0.0, _HIGHEST))
+    return with_feet(after, after.hips + smooth(rise[:, None], 4.0) * np.array([0.0, 1.0, 0.0]), ankles, feet)
 
 
 def line(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:

@@ -117,8 +117,8 @@ def stage2_loss(data: MotionData, target: Tensor, predicted: Tensor, supervised:
 
 
 CONTACT_WEIGHT = 0.1
-UNREST_WEIGHT = 1.0
-SETTLED_FRAMES = 20  # a rollout that began in another pose than its clip's has to move towards it first
+UNREST_WEIGHT = 0.3
+SETTLED_FRAMES = 10  # a rollout that began in another pose than its clip's has to move towards it first
 NOISE = 0.12  # of captured frames' inputs: more makes the network trust its own pose less, and swings shrink
 LANES = 0.5  # share of a batch that goes on from the network's own output
 LANE_FRAMES = 45.0  # mean length of such a rollout
@@ -154,15 +154,15 @@ def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes, noise: floa
     return MixedBatch(rows, patch, z, x, target, supervised)
 
 
-def unrest_loss(
-    data: MotionData, lanes: RolloutLanes, before: Tensor, mixed: MixedBatch, y: Tensor
-) -> Tensor:
-    """`losses.unrest` of the lanes that go on from their own pose; `before` is `lanes.error_before()`, y the prediction."""
-    count, field, normal = len(lanes.rows), OUTPUT["joint_positions"], data.normal
-    after = (y - mixed.target)[-count:, field] * normal.y_deviation[field]
-    scale = normal.y_deviation[OUTPUT["joint_velocities"]] / FPS
+def unrest_loss(data: MotionData, lanes: RolloutLanes, mixed: MixedBatch, y: Tensor) -> Tensor:
+    """`losses.unrest` of the lanes that go on from their own pose; y `(B, n)` is the normalised prediction."""
+    count, normal = len(lanes.rows), data.normal
+    own = y[-count:] * normal.y_deviation + normal.y_mean
+    moved = (own[:, OUTPUT["joint_positions"]] - lanes.previous_joints().flatten(1)) * FPS
     settled = (lanes.age >= SETTLED_FRAMES).float()[:, None]
-    return terms.unrest(before, after, scale, mixed.supervised[-count:, field] * settled)
+    field = OUTPUT["joint_velocities"]
+    kept = mixed.supervised[-count:, field] * settled
+    return terms.unrest(moved, own[:, field], normal.y_deviation[field], kept)
 
 
 def run_stage2(
@@ -176,31 +176,51 @@ def run_stage2(
     """Train everything but the diffusion decoder; AdamWR: cosine annealing with warm restarts (Sec. III-G)."""
     torch.manual_seed(session.seed + 2)
     module = Generator(config).to(session.device)
-    if (session.out / START).exists():  # weights of an earlier model, unpacked by sport.training.checkpoint
+    fine_tuned = (session.out / START).exists()
+    if fine_tuned:  # weights of an earlier model, unpacked by sport.training.checkpoint
         module.load_state_dict(load_checkpoint(session.out / START)["module"])
+        _without_dropout(module)
     parameters = [p for n, p in module.named_parameters() if not n.startswith("denoiser")]
     optimizer = torch.optim.AdamW(parameters, lr=1e-3, weight_decay=1e-4)
-    state = StageState(module, optimizer, MovingAverage(module, 0.9995))
+    state = StageState(module, optimizer, MovingAverage(module, _decay(steps)))
     rows = random_rows(data.weights, batch, 1, data.frames.last, session.batch_generator(4))
     fresh = random_rows(data.weights, batch, 2, data.frames.last, session.batch_generator(8))
     lanes = RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh, config.part_swaps)
 
     def losses(item: object, step: int) -> dict[str, Tensor]:
         assert isinstance(item, Tensor)
-        mixed, before = mixed_batch(data, item, lanes, NOISE), lanes.error_before()
+        mixed = mixed_batch(data, item, lanes, NOISE)
         y = module.decode_mixture(mixed.x, mixed.z)[0].float()
         result = stage2_loss(data, mixed.target, y, mixed.supervised)
-        result["unrest"] = unrest_loss(data, lanes, before, mixed, y)
+        result["unrest"] = unrest_loss(data, lanes, mixed, y)
         lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
         total = terms.stage2(result["rec"], result["contact"], CONTACT_WEIGHT)
         return result | {"total": total + UNREST_WEIGHT * result["unrest"]}
 
-    train(session, "stage2", state, rows, losses, steps, _warm_restarts(steps, 1e-3), batch, max_minutes)
+    cycles = 3 if steps >= SHORT_STEPS else 1
+    rate = _warm_restarts(steps, 5e-4 if fine_tuned else 1e-3, cycles)
+    train(session, "stage2", state, rows, losses, steps, rate, batch, max_minutes)
     module.load_state_dict(state.average.values)
     save_checkpoint(
         session.out / "stage2_final.pt", {"module": module.state_dict(), "config": asdict(config)}
     )
     return module
+
+
+def _without_dropout(module: torch.nn.Module) -> None:
+    """Weights that have learnt to do without their neighbours go on with them: swings are no longer averaged smaller,
+    and rollouts tremble only as far as they will in use."""
+    for part in module.modules():
+        if isinstance(part, torch.nn.Dropout):
+            part.p = 0.0
+
+
+SHORT_STEPS = 6000  # of a stage: fewer leave no time for restarts
+
+
+def _decay(steps: int) -> float:
+    """Of the moving average of the weights: a fifth of the stage, at most 2000 steps."""
+    return min(0.9995, 1.0 - 5.0 / max(steps, 10))
 
 
 def _warm_restarts(steps: int, peak: float, cycles: int = 3) -> Callable[[int], float]:
@@ -249,13 +269,13 @@ def run_stage3(
     """Train the denoiser on `target_codes` (Eq. 14), then also with stage-2 supervision of the blended output."""
     torch.manual_seed(session.seed + 3)
     measure_codes(module, data, session)
-    if config.residual_diffusion:  # so it begins as E_d
+    if config.residual_diffusion and not (session.out / START).exists():  # so it begins as E_d
         torch.nn.init.zeros_(module.denoiser.head.weight)
         torch.nn.init.zeros_(module.denoiser.head.bias)
     module.requires_grad_(False)
     module.denoiser.requires_grad_(True)
     optimizer = torch.optim.AdamW(module.denoiser.parameters(), lr=1e-3, weight_decay=1e-4)
-    state = StageState(module, optimizer, MovingAverage(module, 0.9995))
+    state = StageState(module, optimizer, MovingAverage(module, _decay(steps)))
     schedule = Schedule.linear(config.diffusion_steps)
     tau = torch.as_tensor(schedule.subsequence(config.inference_steps), device=session.device)
     rows = random_rows(data.weights, batch, 1, data.frames.last, session.batch_generator(6))
@@ -266,7 +286,7 @@ def run_stage3(
         assert isinstance(item, Tensor)
         module.eval()  # dropout stays off in the frozen part; the denoiser has none
         with torch.no_grad():
-            mixed, before = mixed_batch(data, item, lanes, NOISE), lanes.error_before()
+            mixed = mixed_batch(data, item, lanes, NOISE)
             e, alpha = module.embed(mixed.x, mixed.z)
             codes = module.target_codes(e, alpha, mixed.target)
             n = tau[torch.randint(len(tau), (batch,), device=item.device)]
@@ -275,7 +295,7 @@ def run_stage3(
             noisy = add_noise(schedule, codes.float(), n, torch.randn(codes.shape, device=item.device))
         predicted = module.denoiser(noisy, e, n).float()
         y = blend_codes(module.clean_codes(predicted, e.float()), alpha.float())
-        unrest = unrest_loss(data, lanes, before, mixed, y)
+        unrest = unrest_loss(data, lanes, mixed, y)
         lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
         result = {"codes": terms.codes(codes.float(), predicted, mixed.supervised[:, None])}
         total = result["codes"]

@@ -8,7 +8,9 @@ MARGIN = 10.0  # all lengths at scale 1
 STATUS_HEIGHT = 30.0
 LEFT_WIDTH, RIGHT_WIDTH = 316.0, 296.0
 SCENE_MIN_WIDTH = 240.0  # of the free view between the columns
-TRANSPORT_HEIGHT = 88.0
+TIMELINE_HEIGHT = 196.0  # two rows of buttons, the ruler and the tracks
+PART_TRACKS_HEIGHT = 110.0  # more, with a track for each body part
+MAX_TIMELINE_SHARE = 0.45  # of the height above the status line
 SCENE_PANEL_HEIGHT = 330.0  # before its contents were measured
 CLIPS_MIN_HEIGHT, CLIPS_MAX_HEIGHT = 210.0, 460.0
 PROMPT_MAX_HEIGHT = 770.0  # what the six fields fill
@@ -49,6 +51,7 @@ def arrange(
     panels: bool = True,
     transport: bool = False,
     scene_height: float = 0.0,
+    part_tracks: bool = False,
 ) -> Layout:
     """Lay the panels out in a window of `width` x `height` screen units.
 
@@ -59,18 +62,18 @@ def arrange(
     column_height = height - status_height - 2 * m
     full = Rect(0.0, 0.0, width, max(height - status_height, 1.0))
     if not panels or column_height < 80 * scale:
-        bar = _transport(full, scale) if transport else None
+        bar = _timeline(full, scale, part_tracks) if transport else None
         return Layout(status, None, None, None, None, None, bar, full)
     if width < (LEFT_WIDTH + RIGHT_WIDTH + SCENE_MIN_WIDTH + 4 * MARGIN) * scale:
         tabs_width = min(LEFT_WIDTH * scale, width - 2 * m)
         tabs = Rect(m, m, tabs_width, column_height)
         view = Rect(tabs_width + 2 * m, 0.0, max(width - tabs_width - 2 * m, 1.0), full.height)
-        bar = _transport(view, scale) if transport else None
+        bar = _timeline(view, scale, part_tracks) if transport else None
         return Layout(status, None, None, None, tabs, None, bar, view)
     prompt = Rect(m, m, LEFT_WIDTH * scale, min(column_height, PROMPT_MAX_HEIGHT * scale))
     right = width - m - RIGHT_WIDTH * scale
     view = Rect(prompt.x + prompt.width, 0.0, right - prompt.x - prompt.width, full.height)
-    bar = _transport(view, scale) if transport else None
+    bar = _timeline(view, scale, part_tracks) if transport else None
     scene_height = scene_height or SCENE_PANEL_HEIGHT * scale
     rest = column_height - m - scene_height
     if rest < CLIPS_MIN_HEIGHT * scale:
@@ -81,17 +84,26 @@ def arrange(
     return Layout(status, prompt, scene, clips, None, None, bar, view)
 
 
-def view_centre(layout: Layout) -> float:
-    """Middle of the free view from -1 (left edge of the window) to 1; 0 where hardly anything is free."""
-    width = layout.status.width
-    if layout.view.width < MIN_VIEW_SHARE * width:
-        return 0.0
-    return 2.0 * (layout.view.x + layout.view.width / 2) / max(width, 1.0) - 1.0
+def framing(layout: Layout) -> tuple[float, float, float]:
+    """Middle of the free view, from -1 (left, bottom of the window) to 1, and the share of the height that it fills.
+
+    0 to the side where hardly anything is free.
+    """
+    width, height = layout.status.width, layout.status.y + layout.status.height
+    across = 2.0 * (layout.view.x + layout.view.width / 2) / max(width, 1.0) - 1.0
+    across = across if layout.view.width >= MIN_VIEW_SHARE * width else 0.0
+    if layout.transport is None:
+        return across, 0.0, 1.0
+    share = layout.transport.y / max(height, 1.0)
+    return across, 1.0 - share, share
 
 
-def _transport(view: Rect, scale: float) -> Rect | None:
-    m, height = MARGIN * scale, TRANSPORT_HEIGHT * scale
-    width = min(view.width - 2 * m, 720 * scale)
-    if width < 180 * scale or view.height < height + 2 * m:
+def _timeline(view: Rect, scale: float, part_tracks: bool) -> Rect | None:
+    """Under the view, which it takes from: `framing` shows the character above it."""
+    m = MARGIN * scale
+    wanted = (TIMELINE_HEIGHT + (PART_TRACKS_HEIGHT if part_tracks else 0.0)) * scale
+    height = min(wanted, MAX_TIMELINE_SHARE * view.height)
+    width = view.width - 2 * m
+    if width < 180 * scale or height < 88 * scale:
         return None
-    return Rect(view.x + (view.width - width) / 2, view.y + view.height - height - m, width, height)
+    return Rect(view.x + m, view.y + view.height - height - m, width, height)

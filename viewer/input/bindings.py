@@ -37,6 +37,8 @@ class Action(Enum):
     RECORD = auto()
     SAVE_LAST = auto()
     PLAY = auto()
+    FRAME_BACK = auto()
+    FRAME_ON = auto()
     RESET = auto()
     CAMERA = auto()
     HELP = auto()
@@ -79,6 +81,8 @@ BINDINGS = (
     Binding(Action.RECORD, ("r",), "y"),
     Binding(Action.SAVE_LAST, ("t",), "x"),
     Binding(Action.PLAY, ("p",)),
+    Binding(Action.FRAME_BACK, ("comma",)),
+    Binding(Action.FRAME_ON, ("period",)),
     Binding(Action.RESET, ("home",), "left_thumb"),
     Binding(Action.CAMERA, ("f",), "right_thumb"),
     Binding(Action.HELP, ("f1",), "start"),
@@ -112,6 +116,7 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
         ("Start or stop", "R", "Y"),
         ("Keep the last seconds", "T", "X"),
         ("Play or pause the clip", "P", ""),
+        ("One frame back, one on", "Comma, full stop", ""),
         ("Screenshot", "F12", ""),
     )),
     ("Show", (

@@ -9,14 +9,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from sport.runtime.errors import SportError
-from sport.runtime.prompts.blend import ALL_A, Weights, write_words
+from sport.runtime.errors import PromptError, SportError
+from sport.runtime.prompts.blend import ALL_A, Weights
 from sport.runtime.prompts.expander import Expander
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.takes.clip import LIVE_SECONDS
 from sport.viewer.messages import Messages
 from sport.viewer.prompt.messages import answer_message
-from sport.viewer.prompt.state import PromptState, Question
+from sport.viewer.prompt.state import PromptState, Question, Request
 from sport.viewer.prompt.style_edit import Answer, Side, StyleEdit, UndoStack
 from sport.viewer.prompt.suggestions import remember
 from sport.viewer.services import ControllerLike, PromptWorkerLike
@@ -38,7 +38,7 @@ class Prompting:
     messages: Messages
     controller: Callable[[], ControllerLike | None]  # the one in use
     # hears what comes into force, for the recorder
-    mark: Callable[[str, float, str, str], None] = lambda *_: None
+    mark: Callable[[StyleEdit, float], None] = lambda *_: None
     blocking: bool = False  # offscreen: an answer arrives in the same frame
     first_error: SportError | None = None
     history: UndoStack = field(default_factory=UndoStack)
@@ -171,6 +171,18 @@ class Prompting:
             self._show(edit, self.settings.blend_seconds)
             self.messages.note(f"{verb}: {label}.")
 
+    def adopt(self, edit: StyleEdit, label: str) -> None:
+        """Show an edit that the character moves by already, as a step of undo."""
+        self._show(edit, 0.0)
+        self._due_seconds = None
+        self.history.push(label, edit)
+
+    def answer(self, request: Request) -> Answer:
+        """The final answer to a prompt or six descriptions, for a take: waits, on a worker thread."""
+        if self.workers is None:
+            raise PromptError("No model is loaded that could read a prompt.", "Wait until it is there.")
+        return Answer.of(self.workers[Side.A].answer(request), 0)
+
     def _show(self, edit: StyleEdit, seconds: float) -> None:
         """Put an edit into force, and its words into the fields where nothing newer stands."""
         old, self.state.edit = self.state.edit, edit
@@ -291,8 +303,7 @@ class Prompting:
         except SportError as error:
             self._fail(error)
             return
-        edit = self.state.edit
-        self.mark(write_words(edit.replayable()), seconds, edit.spelled_out(), edit.typed())
+        self.mark(self.state.edit, seconds)
 
     def _fail(self, error: SportError) -> None:
         self.messages.error(error)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from sport.runtime.motion.style_mix import StyleMix
-from sport.runtime.prompts.blend import ALL_A, BlendedPrompt, Weights, Words, mix_of_parts
+from sport.runtime.prompts.blend import ALL_A, BlendedPrompt, Weights, Words, mix_of_parts, write_words
 from sport.runtime.prompts.expander import Expansion
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.skeleton import PART_NAMES
@@ -136,6 +136,11 @@ class StyleEdit:
         return (
             " + ".join(side.prompt or "own words" for side in sides) if any(s.prompt for s in sides) else ""
         )
+
+    @property
+    def prompt_text(self) -> str:
+        """`replayable` as the text that a take keeps."""
+        return write_words(self.replayable())
 
     def spelled_out(self) -> str:
         """The six descriptions, or a blend of two times six, as text that needs no library: what a take keeps too."""

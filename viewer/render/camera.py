@@ -67,13 +67,21 @@ class Camera:
         self.pitch = pitch
         self.distance = distance
         self.fov_y = FOV_Y
-        self.shift = 0.0  # where the target shows, -1 (left edge) to 1: panels may cover a side
+        # where the target shows, -1 (left, bottom) to 1, and the share of the window's height that the view fills:
+        # panels may cover a side, and a timeline the ground
+        self.shift = self.shift_up = 0.0
+        self.fit = 1.0
 
     @property
     def forward(self) -> Array:
         """Unit direction `(3,)` of the boom, from where the camera would be without any lift to the target."""
         c = math.cos(self.pitch)
         return np.array([math.sin(self.yaw) * c, -math.sin(self.pitch), math.cos(self.yaw) * c])
+
+    @property
+    def half_height(self) -> float:
+        """Half the height of what the window shows, at a distance of 1."""
+        return math.tan(self.fov_y / 2) / self.fit
 
     @property
     def position(self) -> Array:
@@ -86,8 +94,8 @@ class Camera:
 
     def projection_matrix(self, aspect: float) -> Array:
         """Camera to clip space, `(4, 4)`, for width / height `aspect`."""
-        projection = perspective(self.fov_y, aspect, NEAR_M, FAR_M)
-        projection[0, 2] = -self.shift
+        projection = perspective(2 * math.atan(self.half_height), aspect, NEAR_M, FAR_M)
+        projection[:2, 2] = -self.shift, -self.shift_up
         return projection
 
 
@@ -105,7 +113,7 @@ class OrbitCamera(Camera):
 
     def pan(self, dx_px: float, dy_px: float, viewport_height_px: float) -> None:
         """Drag the target in the plane of the view; what lies at its depth stays under the pointer."""
-        metres = 2.0 * self.distance * math.tan(self.fov_y / 2) / max(viewport_height_px, 1.0)
+        metres = 2.0 * self.distance * self.half_height / max(viewport_height_px, 1.0)
         right, up = self.view_matrix()[:2, :3].astype(float)
         self.target = self.target + (-dx_px * right + dy_px * up) * metres
 

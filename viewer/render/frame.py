@@ -65,13 +65,13 @@ def make_frame(
     view_projection = (projection @ view).astype(np.float32)
     cast = _shadow_points(poses)
     shadow = _fit_shadow(poses, camera.target, shadow_reach_m, shadow_texels)
-    half_height = math.tan(camera.fov_y / 2)
+    half_height = camera.half_height
     scale = max(1.0, 0.14 * camera.distance)
     vectors = np.zeros((7, 4), np.float32)
     vectors[0, :3] = eye
     vectors[1, :3] = view[0, :3] * half_height * aspect
     vectors[2, :3] = view[1, :3] * half_height
-    vectors[3, :3] = -view[2, :3] - camera.shift * vectors[1, :3]
+    vectors[3, :3] = -view[2, :3] - camera.shift * vectors[1, :3] - camera.shift_up * vectors[2, :3]
     vectors[4, :3] = SUN_DIRECTION
     vectors[5] = size[0], size[1], 1 / size[0], 1 / size[1]
     vectors[6] = camera.target[0], camera.target[2], FOG_BEGIN_M * scale, FOG_END_M * scale

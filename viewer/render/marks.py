@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from sport.runtime.pose import Pose
 from sport.runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
 from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.render.overlays import TrajectoryOverlay
+from sport.viewer.render.overlays import PathOverlay, TrajectoryOverlay
 
 Array = NDArray[np.floating]
 Strokes = NDArray[np.void]
@@ -25,6 +25,8 @@ DOT_RADIUS_M = 0.038
 TICK_RADIUS_M = 0.013
 TICK_LENGTH_M = 0.20
 CONTACT_RADIUS_M = 0.075
+PATH_RADIUS_M = 0.02
+PATH_STEP_M = 0.25
 BONE_RADIUS_PX = 1.6
 JOINT_RADIUS_PX = 3.2
 OUTLINE_PX = 1.3
@@ -68,6 +70,26 @@ def trajectory_strokes(trajectory: TrajectoryOverlay, terrain: Terrain) -> Strok
         ]
     )
     strokes["normal"] = np.tile(terrain.normal(x, z, reach_m=0.15), (2, 1))
+    return strokes
+
+
+def path_strokes(path: PathOverlay, terrain: Terrain) -> Strokes:
+    """The legs of a path laid on the terrain, and a dot at each point, a larger one where it is selected."""
+    corners = np.asarray(path.points, np.float32)
+    lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
+    even = np.linspace(0.0, lengths[-1], 2 + int(lengths[-1] / PATH_STEP_M))
+    x, z = (np.interp(even, lengths, corners[:, k]) for k in (0, 1))
+    line, dots = _on_terrain(x, z, terrain), _on_terrain(corners[:, 0], corners[:, 1], terrain)
+    strokes = np.concatenate(
+        [
+            make_strokes(line[:-1], line[1:], PATH_RADIUS_M, (*FUTURE, 0.8)),
+            make_strokes(dots, dots, 2.4 * DOT_RADIUS_M, (*FUTURE, 1.0)),
+        ]
+    )
+    if path.selected >= 0:
+        strokes["radius"][len(line) - 1 + path.selected, 0] = 3.6 * DOT_RADIUS_M
+    places = strokes["end"]
+    strokes["normal"] = terrain.normal(places[:, 0], places[:, 2], reach_m=0.15)
     return strokes
 
 

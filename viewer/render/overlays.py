@@ -21,6 +21,14 @@ class TrajectoryOverlay:
 
 
 @dataclass(frozen=True)
+class PathOverlay:
+    """Points of a path on the ground; one may be selected."""
+
+    points: Array  # (n, 2) x and z, metres
+    selected: int = -1
+
+
+@dataclass(frozen=True)
 class Overlays:
     """Toggles and extra figures of one frame; `Overlays()` shows the grid and nothing else."""
 
@@ -29,5 +37,6 @@ class Overlays:
     show_skeleton: bool = False
     show_contacts: bool = False
     show_grid: bool = True
+    path: PathOverlay | None = None
     ghosts: list[Pose] = field(default_factory=list)  # translucent, for comparison
     extra_poses: list[Pose] = field(default_factory=list)  # drawn like the main character

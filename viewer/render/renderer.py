@@ -15,6 +15,7 @@ from sport.viewer.render.marks import (
     contact_dots,
     contact_strokes,
     feet_of,
+    path_strokes,
     skeleton_strokes,
     trajectory_strokes,
 )
@@ -98,6 +99,8 @@ class Renderer:
         scene.depth_mask = False
         if overlays.show_trajectory and overlays.trajectory is not None:
             self._overlays.draw_on_ground(trajectory_strokes(overlays.trajectory, self._ground))
+        if overlays.path is not None:
+            self._overlays.draw_on_ground(path_strokes(overlays.path, self._ground))
         if overlays.show_contacts and pose is not None:
             self._overlays.draw_on_ground(contact_strokes(pose, self._ground))
         scene.depth_mask = True

@@ -23,7 +23,7 @@ class CameraControl:
     mode: str = "follow"
     follow: FollowCamera = field(default_factory=FollowCamera)
     orbit: OrbitCamera = field(default_factory=OrbitCamera)
-    _shift: float | None = None
+    _framing: tuple[float, float, float] | None = None
 
     @property
     def current(self) -> OrbitCamera:
@@ -42,11 +42,14 @@ class CameraControl:
         if isinstance(new, FollowCamera):
             new.snap(old.target)
 
-    def centre_in(self, shift: float, dt: float) -> None:
-        """Glide so that the target shows at `shift` (-1 left to 1 right): the middle of what the panels leave free."""
+    def frame_in(self, framing: tuple[float, float, float], dt: float) -> None:
+        """Glide to the place (-1 left to 1 right, -1 bottom to 1 top) and the share of the height that panels leave free."""
         share = 1.0 - 0.5 ** (dt / SHIFT_HALF_LIFE)
-        self._shift = shift if self._shift is None else self._shift + (shift - self._shift) * share
-        self.current.shift = self._shift
+        old = framing if self._framing is None else self._framing
+        right, up, fit = (a + (b - a) * share for a, b in zip(old, framing, strict=True))
+        self._framing = right, up, fit
+        camera = self.current
+        camera.shift, camera.shift_up, camera.fit = right, up, fit
 
     def drag(self, dx: float, dy: float, pan: bool, height: float) -> None:
         """Mouse drag in pixels: turns, or with `pan` shifts the orbit camera in a view of this height."""

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from sport.runtime.safe_read import printable
 from sport.viewer.gl_bindings import imgui
 from sport.viewer.gui import setting_widgets, widgets
 from sport.viewer.gui.theme import ICON
 from sport.viewer.gui.widgets import px
 from sport.viewer.settings import CAMERAS, QUALITIES, Settings
+from sport.viewer.stage import path_panel
 from sport.viewer.stage.stage import Stage
 
 
@@ -21,17 +23,18 @@ def draw(stage: Stage, open_files: Callable[[list[Path]], None]) -> None:
     mode = widgets.segmented("camera", list(CAMERAS.items()), stage.camera.mode)
     if mode != stage.camera.mode:
         stage.use_camera(mode)
+    path_panel.draw(stage)
     widgets.label("Show")
     _toggles(stage.settings)
     _drawing(stage)
 
 
 def _terrain(stage: Stage) -> None:
-    state, spec = stage.state, stage.state.terrain_spec
+    state, spec = stage.state, printable(stage.state.terrain_spec)
     widgets.label("Ground")
     reset_width = imgui.get_frame_height() + px(4)
     imgui.set_next_item_width(imgui.get_content_region_avail().x - reset_width - px(4))
-    shown = f"Loading {state.loading}…" if state.loading else _short(spec)
+    shown = f"Loading {printable(state.loading)}…" if state.loading else _short(spec)
     if imgui.begin_combo("##terrain", shown, imgui.ComboFlags_.height_largest):
         for name in state.terrain_names:
             if imgui.selectable(_short(name), name == spec)[0] and name != spec:

@@ -93,6 +93,11 @@ class Simulation:
             float(self.current.root_position[0]), float(self.current.root_position[2]), self.current.root_yaw
         )
 
+    def go_on_from(self, pose: Pose) -> None:
+        """The controller was put into another state, whose pose this is; failures are forgotten."""
+        self._failures, self._left_s, self.problem = 0, 0.0, ""
+        self.previous = self.current = pose
+
     def reset(self, x: float, z: float, yaw: float) -> None:
         """Stand at a place and forget failures."""
         self._failures, self._left_s, self.problem = 0, 0.0, ""

@@ -9,8 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from sport.runtime.controls import Controls
+from sport.runtime.motion.paths import Place
+from sport.runtime.motion.snapshot import Snapshot
 from sport.runtime.pose import Pose
 from sport.runtime.prompts.gpt.settings import GptSettings
+from sport.runtime.takes.drive import DriveRecorder, GroundChange
 from sport.runtime.terrain.files import SUFFIXES as GROUNDS
 from sport.runtime.terrain.height_map import Terrain
 from sport.viewer.input.bindings import Action
@@ -19,6 +22,7 @@ from sport.viewer.messages import Messages
 from sport.viewer.services import Loaded, Services
 from sport.viewer.settings import Settings
 from sport.viewer.stage.camera_control import CameraControl
+from sport.viewer.stage.path_tool import PathTool
 from sport.viewer.stage.simulation import Simulation
 from sport.viewer.stage.state import StageState
 
@@ -34,9 +38,14 @@ class Stage:
     services: Services
     ctx: Any  # OpenGL context
     renderer: Any
+    drives: DriveRecorder  # hears what changes the controller
     camera: CameraControl = field(default_factory=CameraControl)
     character_path: Path | None = None
     _character: Any = None
+    path: PathTool = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.path = PathTool(self.messages)
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
@@ -72,12 +81,20 @@ class Stage:
             simulation.controller.strength = self.settings.strength
         poses = simulation.advance(seconds, controls)
         if simulation.problem:
+            self.drives.forget()
             self.messages.error(simulation.problem)
         return poses
+
+    def led(self, own: Controls, dt: float) -> Controls:
+        """The user's controls, or those of the path that is walked."""
+        pose = self.state.simulation.current
+        place = Place(float(pose.root_position[0]), float(pose.root_position[2]), pose.root_yaw)
+        return self.path.controls(own, place, dt)
 
     def reset_character(self) -> None:
         """Put the character back to the start, facing +Z."""
         if self.state.controller is not None:
+            self.drives.mark_restart(0.0, 0.0, 0.0)
             self.state.simulation.reset(0.0, 0.0, 0.0)
         else:
             self.state.simulation = Simulation.standing(self.state.terrain)
@@ -101,15 +118,30 @@ class Stage:
 
     def _take_terrain(self, spec: str, terrain: Terrain) -> None:
         self._stop_loading()
-        self.renderer.set_terrain(terrain)
-        self.state.terrain, self.state.terrain_spec = terrain, spec
+        self._show_terrain(spec, terrain)
         if spec in self.state.terrain_names:
             self.settings.terrain = spec
-        if self.state.controller is not None:
-            self.state.controller.set_terrain(terrain)
         self.reset_character()
         if terrain.note:
             self.messages.note(terrain.note)
+
+    def _show_terrain(self, spec: str, terrain: Terrain) -> None:
+        self.renderer.set_terrain(terrain)
+        self.state.terrain, self.state.terrain_spec = terrain, spec
+        self.drives.mark_ground(spec, terrain)
+        if self.state.controller is not None:
+            self.state.controller.set_terrain(terrain)
+
+    def go_on_from(self, snapshot: Snapshot, pose: Pose, ground: GroundChange | None) -> None:
+        """Let the live character go on from a state of a take, on the take's ground."""
+        controller = self.state.controller
+        if controller is None:
+            return
+        if ground is not None and ground.terrain is not self.state.terrain:
+            self._show_terrain(ground.name, ground.terrain)
+        snapshot.restore(controller)  # type: ignore[arg-type]
+        self.state.simulation.go_on_from(pose)
+        self.drives.forget()
 
     def _stop_loading(self) -> None:
         self.state.loading = ""
@@ -162,6 +194,7 @@ class Stage:
         """Let another model move the character."""
         loaded.controller.set_terrain(self.state.terrain)  # it may have changed while the model was loading
         self.state.simulation.use(loaded.controller)
+        self.drives.forget()
         self.state.model_name, self.state.provider = loaded.name, loaded.provider
         if loaded.notice:
             self.messages.note(loaded.notice)

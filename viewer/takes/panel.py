@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from sport.runtime.safe_read import printable
 from sport.viewer.gl_bindings import imgui
 from sport.viewer.gui import setting_widgets, theme, widgets
 from sport.viewer.gui.theme import ICON
 from sport.viewer.gui.widgets import px
+from sport.viewer.takes import recovery_panel
 from sport.viewer.takes.takes import Takes
 
 
 def draw(takes: Takes) -> None:
     """Contents of the panel."""
     _record(takes)
+    recovery_panel.draw(takes.journals)
     export_height = _export_height() if takes.state.current is not None else 0.0
     minimum = imgui.get_frame_height_with_spacing() * 2
     height = max(imgui.get_content_region_avail().y - export_height, minimum)
@@ -78,7 +81,7 @@ def _row(takes: Takes, i: int) -> None:
         takes.select(i)
     hovered = imgui.is_item_hovered()
     if hovered:
-        saved = f"Saved as {item.saved}" if item.saved else "Not exported yet"
+        saved = f"Saved as {printable(item.saved)}" if item.saved else "Not exported yet"
         widgets.tooltip("\n".join(filter(None, (saved, item.clip.describe()))))
     if hovered or clips.selected == i:
         fill = theme.ACCENT_DIM if clips.selected == i else theme.FIELD

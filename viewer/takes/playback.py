@@ -27,6 +27,7 @@ class Playback:
     time_s: float = 0.0
     playing: bool = True
     loop: bool = True
+    speed: float = 1.0
     first: int = 0
     last: int = -1
 
@@ -63,7 +64,7 @@ class Playback:
         """Let time pass; at the end begin again, or stop."""
         if not self.playing:
             return
-        self.time_s += seconds
+        self.time_s += seconds * self.speed
         if self.time_s < self.start_s:
             self.time_s = self.start_s
         if self.time_s <= self.end_s:
@@ -84,14 +85,26 @@ class Playback:
         self.playing = False
         self.time_s = min(max(frame, 0), self.frames - 1) / self.clip.fps
 
-    def trim_in(self) -> None:
-        """Keep the clip from the frame shown."""
-        self.first = min(self.frame, self.last - MIN_FRAMES + 1)
-        self.first = max(self.first, 0)
+    def step(self, frames: int) -> None:
+        """Go so many frames on, or back, and pause; at an end, on from the other when the clip loops."""
+        wanted = self.frame + frames
+        if self.loop and not 0 <= wanted < self.frames:
+            wanted %= self.frames
+        self.seek(wanted)
 
-    def trim_out(self) -> None:
-        """Keep the clip up to the frame shown."""
-        self.last = min(max(self.frame, self.first + MIN_FRAMES - 1), self.frames - 1)
+    def show(self, clip: Clip) -> None:
+        """Another version of the clip, of the same length, at the same time."""
+        self.clip = clip
+
+    def trim_in(self, frame: int | None = None) -> None:
+        """Keep the clip from a frame, the one shown by default."""
+        wanted = self.frame if frame is None else frame
+        self.first = max(min(wanted, self.last - MIN_FRAMES + 1), 0)
+
+    def trim_out(self, frame: int | None = None) -> None:
+        """Keep the clip up to a frame, the one shown by default."""
+        wanted = self.frame if frame is None else frame
+        self.last = min(max(wanted, self.first + MIN_FRAMES - 1), self.frames - 1)
 
     def pose(self) -> Pose:
         """The pose at the current time, standing on the terrain shown."""

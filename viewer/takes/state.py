@@ -1,4 +1,4 @@
-"""The takes room's slice of the state: recording, the clip list and what is played back."""
+"""The takes room's slice of the state: recording, the clip list, what is played back, and how its timeline looks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,21 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sport.runtime.takes.clip import Clip
+    from sport.runtime.takes.drive import Drive
+    from sport.runtime.takes.journal import FoundJournal, TakeJournal
+    from sport.viewer.services import ControllerLike
     from sport.viewer.takes.playback import Playback
+    from sport.viewer.takes.tracks import Tracks
+
+
+@dataclass(frozen=True)
+class TakeVersion:
+    """A take as it was before an edit or after it; `label` says which edit made it."""
+
+    clip: Clip
+    drive: Drive | None
+    saved: Path | None
+    label: str
 
 
 @dataclass
@@ -18,16 +32,90 @@ class ClipItem:
     clip: Clip
     saved: Path | None = None
     recorded: bool = False  # here, not opened from a file
+    journal: TakeJournal | FoundJournal | None = None  # holds it until it is exported
+    drive: Drive | None = None  # None: it cannot be driven again
+    maker: ControllerLike | None = None  # what moved it
+    label: str = ""  # the edit that made this version
+    older: list[TakeVersion] = field(default_factory=list)
+    newer: list[TakeVersion] = field(default_factory=list)
+
+    def drop_journal(self) -> None:
+        """The take is exported, or not wanted: nothing is left to recover."""
+        journal, self.journal = self.journal, None
+        if journal is not None:
+            journal.delete()
 
     @property
     def name(self) -> str:
         """The clip's name."""
         return self.clip.name
 
+    @property
+    def undo_label(self) -> str:
+        """The edit that undo would take back; "" when there is none."""
+        return self.label if self.older else ""
+
+    @property
+    def redo_label(self) -> str:
+        """The edit that redo would do again; "" when there is none."""
+        return self.newer[-1].label if self.newer else ""
+
+    def edit(self, clip: Clip, drive: Drive, label: str) -> None:
+        """Show a new version; the one before is kept."""
+        self.older.append(self._version())
+        self.newer.clear()
+        self._show(TakeVersion(clip, drive, None, label))
+
+    def undo(self) -> None:
+        """Show the version before the last edit."""
+        if self.older:
+            self.newer.append(self._version())
+            self._show(self.older.pop())
+
+    def redo(self) -> None:
+        """Show the version that was undone last."""
+        if self.newer:
+            self.older.append(self._version())
+            self._show(self.newer.pop())
+
+    def _version(self) -> TakeVersion:
+        return TakeVersion(self.clip, self.drive, self.saved, self.label)
+
+    def _show(self, version: TakeVersion) -> None:
+        self.clip, self.drive, self.saved = version.clip, version.drive, version.saved
+        self.label = version.label
+
+
+@dataclass(frozen=True)
+class Drag:
+    """What the mouse holds on a track: a span's `part` ("body", "start" or "end") since the frame `grabbed`."""
+
+    track: str
+    index: int
+    part: str
+    grabbed: int
+    start: int  # where the span would go
+    end: int
+    moved: bool = False
+
+
+@dataclass
+class TimelineState:
+    """How the timeline of the take that plays is shown, and what is typed into it."""
+
+    part_tracks: bool = False
+    drag: Drag | None = None
+    new_prompt: str = ""
+    focus_requested: bool = False  # of the take's prompt
+    shown: object = None  # the prompt's span in the fields
+    prompt: str = ""
+    parts: dict[str, str] = field(default_factory=dict)
+    tracks: Tracks | None = None  # of the clip that plays
+
 
 @dataclass
 class TakesState:
-    """What the clips panel and the transport show."""
+    """What the clips panel and the timeline show."""
 
     items: list[ClipItem] = field(default_factory=list)
     selected: int = -1
@@ -37,8 +125,17 @@ class TakesState:
     playback: Playback | None = None
     export_path: str = ""
     counter: int = 0  # for clip names
+    cut_off: list[FoundJournal] = field(default_factory=list)  # takes of runs that did not end well
+    timeline: TimelineState = field(default_factory=TimelineState)
 
     @property
     def current(self) -> ClipItem | None:
         """The selected clip."""
         return self.items[self.selected] if 0 <= self.selected < len(self.items) else None
+
+    @property
+    def played(self) -> ClipItem | None:
+        """The clip that plays."""
+        playback = self.playback
+        known = playback is not None and 0 <= playback.index < len(self.items)
+        return self.items[playback.index] if playback is not None and known else None

@@ -13,17 +13,22 @@ from typing import TYPE_CHECKING
 from sport.runtime.controls import Controls
 from sport.runtime.errors import SportError, UsageError
 from sport.runtime.pose import Pose
+from sport.runtime.safe_read import printable
 from sport.runtime.takes.metadata import Origin, gait_of, origin_of
 from sport.viewer.input.bindings import Action
 from sport.viewer.jobs import Jobs
 from sport.viewer.messages import Messages
+from sport.viewer.prompt.style_edit import StyleEdit
 from sport.viewer.settings import Settings
 from sport.viewer.stage.state import StageState
+from sport.viewer.takes.journals import Journals
 from sport.viewer.takes.playback import Playback
+from sport.viewer.takes.rescue import Rescue
 from sport.viewer.takes.state import ClipItem, TakesState
 
 if TYPE_CHECKING:
     from sport.runtime.takes.clip import Clip, ClipRecorder
+    from sport.runtime.takes.drive import DriveRecorder, StyleChange
 
 MAX_NAME = 60
 
@@ -38,8 +43,15 @@ class Takes:
     stage: StageState  # what is recorded, and where it is shown again
     jobs: Jobs
     recorder: ClipRecorder
+    drives: DriveRecorder
+    folder: Path  # the state folder: journals, and takes that cannot be written elsewhere
+    trouble: bool = False  # a take was lost, or is elsewhere than asked
     _writers: dict[Path, ClipItem] = field(default_factory=dict)  # whose clip a file of this session holds
     _proposed: str | None = None  # what was put into the export field, until something else is typed
+    _target: Path | None = None  # the file that it means: a name may hold what no field can show
+
+    def __post_init__(self) -> None:
+        self.journals = Journals(self.state, self.messages, self.jobs, self.folder / "journals", self._add)
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
@@ -48,6 +60,8 @@ class Takes:
             Action.RECORD: self.toggle_recording,
             Action.SAVE_LAST: self.save_last,
             Action.PLAY: self.play_or_pause,
+            Action.FRAME_BACK: lambda: self.step(-1),
+            Action.FRAME_ON: lambda: self.step(1),
         }
 
     @property
@@ -55,41 +69,78 @@ class Takes:
         """What opens a file, by its suffix."""
         return {".bvh": self.open}
 
+    def before_steps(self) -> None:
+        """Keep the controller's state when it is time; call once a frame before it is simulated."""
+        if self.stage.controller is not None:
+            self.drives.before_steps(self.stage.controller)
+
+    def mark_style(self, edit: StyleEdit, seconds: float) -> None:
+        """A style came into force for the next frame."""
+        z, prompt, words = edit.style(), edit.prompt_text, edit.spelled_out()
+        self.recorder.mark_prompt(prompt, seconds, words, edit.typed())
+        if z is not None:
+            self.drives.mark_style(z, seconds, prompt, words, edit)
+
+    def mark_held(self, style: StyleChange) -> None:
+        """A style of a take holds in the live controller already."""
+        event = style.event
+        self.recorder.mark_prompt(event.prompt, 0.0, event.words, event.typed)
+        self.drives.mark_style(style.z, style.seconds, event.prompt, event.words, style.note, holds=True)
+
     def add_poses(self, poses: list[Pose], controls: Controls) -> None:
         """Remember simulated poses, as they are shown, and what was asked for; call once a frame."""
         for pose in poses:
             self.recorder.add(pose, gait_of(controls))
+            if self.stage.controller is not None:
+                self.drives.add(controls, self.stage.controller)
+        self.drives.drop_before(self.recorder.first_frame)
         clips = self.state
         clips.memory_s = self.recorder.seconds
         clips.recorded_s = self.recorder.take_seconds
+        self.journals.watch()
 
     def toggle_recording(self) -> None:
         """Start a take, or stop it and put it into the list."""
         if not self.recorder.recording:
             self.close_playback()
             self.recorder.start()
+            ground = self.stage.terrain_spec
+            origin = origin_of(self.stage.controller, ground)
+            self.journals.begin(self.recorder, f"Take {self.state.counter + 1}", ground, origin)
         else:
-            self._keep("Take", self.recorder.stop)
+            journal = self.journals.end(self.recorder)
+            item = self._keep("Take", self.recorder.stop)
+            if item is not None:
+                item.journal = journal
+            elif journal is not None:
+                journal.delete()
         self.state.recording = self.recorder.recording
 
     def save_last(self) -> None:
         """Put the last seconds into the list, recording or not."""
         seconds = self.settings.keep_seconds
-        self._keep("Last seconds", lambda *about: self.recorder.last(seconds, *about))
+        item = self._keep("Last seconds", lambda *about: self.recorder.last(seconds, *about))
+        if item is not None:
+            item.journal = self.journals.keep(item.clip)
 
-    def _keep(self, kind: str, cut: Callable[[str, str, Origin], Clip]) -> None:
-        """Add what `cut(name, terrain, origin)` makes of the memory to the list."""
+    def _keep(self, kind: str, cut: Callable[[str, str, Origin], Clip]) -> ClipItem | None:
+        """Add what `cut(name, terrain, origin)` makes of the memory to the list; None without any frame."""
         clips, ground = self.state, self.stage.terrain_spec
         origin = origin_of(self.stage.controller, ground)
         try:
             clip = cut(f"{kind} {clips.counter + 1}", ground, origin)
         except SportError as error:
             self.messages.warn(str(error))
-            return
+            return None
         clips.counter += 1
-        clips.items.append(ClipItem(clip, recorded=True))
-        self.select(len(clips.items) - 1)
+        drive = self.drives.cut(self.recorder.next_frame - len(clip))
+        self._add(item := ClipItem(clip, None, True, drive=drive, maker=self.stage.controller))
         self.messages.note(f"{clip.name}: {clip.seconds:.1f} s in the clip list. Export writes it as BVH.")
+        return item
+
+    def _add(self, item: ClipItem) -> None:
+        self.state.items.append(item)
+        self.select(len(self.state.items) - 1)
 
     def open(self, path: Path) -> None:
         """Add a BVH file to the list and play it."""
@@ -120,7 +171,8 @@ class Takes:
         else:
             folder = Path(self.settings.export_folder)
             proposal = folder / free_path(folder.expanduser() / f"{file_stem(item.name)}.bvh").name
-        self.state.export_path = self._proposed = str(proposal)
+        self._target = proposal.expanduser()
+        self.state.export_path = self._proposed = printable(proposal)
 
     def remove(self, index: int) -> None:
         """Take a clip out of the list; files stay."""
@@ -129,6 +181,7 @@ class Takes:
             return
         self.close_playback()
         item = clips.items.pop(index)
+        item.drop_journal()
         self._writers = {path: writer for path, writer in self._writers.items() if writer is not item}
         clips.selected = min(index, len(clips.items) - 1)
         self.select(clips.selected)
@@ -146,6 +199,7 @@ class Takes:
                     f"{item.name} was recorded on the ground {item.clip.terrain!r}, not on this one."
                 )
             clips.playback = Playback(clips.items[index].clip, self.stage.terrain, index)
+            clips.timeline.shown = clips.timeline.drag = None
             self.select(index)
 
     def play_row(self, index: int) -> None:
@@ -164,6 +218,11 @@ class Takes:
         elif clips.current is not None:
             self.play(clips.selected)
 
+    def step(self, frames: int) -> None:
+        """Go so many frames on in the clip that plays, or back."""
+        if self.state.playback is not None:
+            self.state.playback.step(frames)
+
     def close_playback(self) -> None:
         """Back to the live character."""
         self.state.playback = None
@@ -179,18 +238,23 @@ class Takes:
         item = clips.current
         if item is None:
             return
-        if clips.export_path == self._proposed:
-            self._propose(item)  # another program may have taken the name since
-        else:
-            self._proposed = None  # typed: whatever is typed from now on is meant
+        new = False  # whether the name must be a free one
         try:
-            path = export_target(clips.export_path)
+            if clips.export_path == self._proposed and self._target is not None:
+                self._propose(item)  # another program may have taken the name since
+                path = self._target
+                new = self._writers.get(path) is not item
+            else:
+                self._proposed = None  # typed: whatever is typed from now on is meant
+                path = export_target(clips.export_path)
         except SportError as error:
             self.messages.error(error)
             return
         from sport.runtime.takes.clip import save_bvh
 
-        write = partial(save_bvh, self._trimmed(item), path, settings.export_fps, settings.export_unit)
+        write = partial(
+            save_bvh, self._trimmed(item), path, settings.export_fps, settings.export_unit, new=new
+        )
         self.jobs.submit(f"export {item.name}", write, lambda done: self._exported(item, done))
 
     def _trimmed(self, item: ClipItem) -> Clip:
@@ -201,6 +265,7 @@ class Takes:
 
     def _exported(self, item: ClipItem, path: Path) -> None:
         item.saved = path
+        item.drop_journal()
         self._writers[path] = item
         self.settings.export_folder = str(path.parent)
         self.messages.note(f"Saved {path}")
@@ -211,21 +276,28 @@ class Takes:
         return [item for item in self.state.items if item.saved is None]
 
     def rescue(self) -> list[Path]:
-        """Write every unsaved clip into the export folder: when the program ends, nothing recorded is lost."""
-        from sport.runtime.takes.clip import save_bvh
+        """Write every unsaved clip into the export folder, or where there is room: what is recorded outlives the program.
 
+        `trouble` says afterwards whether anything was lost or went elsewhere than asked.
+        """
         if self.recorder.recording:
             self.toggle_recording()
-        written = []
-        folder = Path(self.settings.export_folder).expanduser()
+        rescue = Rescue(
+            self.messages, lambda: Path(self.settings.export_folder).expanduser(), self.folder, self._save
+        )
         for item in self.unsaved:
-            try:
-                path = free_path(folder / f"{file_stem(item.name)}.bvh")
-                item.saved = save_bvh(item.clip, path, self.settings.export_fps, self.settings.export_unit)
-                written.append(item.saved)
-            except SportError as error:
-                self.messages.error(error)
-        return written
+            rescue.keep(item)
+        self.trouble = self.trouble or rescue.trouble
+        return rescue.written
+
+    def _save(self, item: ClipItem, folder: Path) -> Path:
+        from sport.runtime.takes.clip import save_bvh
+
+        path = folder / f"{file_stem(item.name)}.bvh"
+        fps, unit = self.settings.export_fps, self.settings.export_unit
+        item.saved = save_bvh(item.clip, path, fps, unit, new=True)
+        item.drop_journal()
+        return item.saved
 
 
 def export_target(text: str) -> Path:

@@ -1,88 +1,145 @@
-"""The transport bar under the view while a clip plays: scrub, trim, loop, back to live."""
+"""The bar under the view while a take plays: buttons over the tracks of the timeline."""
 
 from __future__ import annotations
 
+from sport.runtime.controls import Gait
 from sport.viewer.gl_bindings import imgui
 from sport.viewer.gui import theme, widgets
 from sport.viewer.gui.theme import ICON
 from sport.viewer.gui.widgets import px
+from sport.viewer.takes import timeline
+from sport.viewer.takes.editing import TakeEditing
 from sport.viewer.takes.playback import Playback
-from sport.viewer.takes.takes import Takes
+
+SPEEDS = (0.1, 2.0)
+WIDE = 520.0  # pixels at scale 1: words beside the icons
+TINY = 400.0  # in less only what has no other way stays
+PROMPT_POPUP, GAIT_POPUP = "new prompt", "new gait"
+GAITS = (Gait.STAND, Gait.WALK, Gait.JOG, Gait.CROUCH, Gait.JUMP)
 
 
-def draw(takes: Takes) -> None:
+def draw(editing: TakeEditing) -> None:
     """Contents of the bar."""
-    playback = takes.state.playback
+    playback = editing.state.playback
     if playback is None:
         return
-    _buttons(playback, takes)
-    _timeline(playback)
+    width = imgui.get_content_region_avail().x
+    wide, tiny = width >= px(WIDE), width < px(TINY)
+    if not wide:
+        editing.state.timeline.part_tracks = False  # its button is not there
+    _playing(playback, editing, wide, tiny)
+    _editing(playback, editing, wide, tiny)
+    timeline.draw(editing, playback)
 
 
-def _buttons(playback: Playback, takes: Takes) -> None:
-    square = px(32)
-    narrow = imgui.get_content_region_avail().x < px(400)
+def _playing(playback: Playback, editing: TakeEditing, wide: bool, tiny: bool) -> None:
+    """Time: play, single steps, loop, speed, the frame, and back to live."""
+    square, gap = px(30), px(4)
     if widgets.button(ICON.start, square, "To the first frame kept"):
         playback.seek(playback.first)
-    imgui.same_line(0, px(4))
-    if widgets.button(
-        ICON.pause if playback.playing else ICON.play, square, "Play or pause (P)", primary=True
-    ):
+    imgui.same_line(0, gap)
+    if widgets.button(f"{ICON.back}##frame back", square, "One frame back (comma key)"):
+        playback.step(-1)
+    imgui.same_line(0, gap)
+    icon = ICON.pause if playback.playing else ICON.play
+    if widgets.button(f"{icon}###play", square, "Play or pause (P)", primary=True):
         playback.toggle()
-    imgui.same_line(0, px(4))
-    playback.loop = widgets.toggle(ICON.loop, playback.loop, square, "Begin again at the end")
-    imgui.same_line(0, px(14))
-    if widgets.button("[ In", px(44), "Keep the clip from this frame"):
-        playback.trim_in()
-    imgui.same_line(0, px(4))
-    if widgets.button("Out ]", px(50), "Keep the clip up to this frame"):
-        playback.trim_out()
-    live = ICON.person if narrow else f"{ICON.person} Live"
+    imgui.same_line(0, gap)
+    if widgets.button(f"{ICON.on}##frame on", square, "One frame on (full stop key)"):
+        playback.step(1)
+    if not tiny:
+        imgui.same_line(0, gap)
+        playback.loop = widgets.toggle(ICON.loop, playback.loop, square, "Begin again at the end")
+        imgui.same_line(0, px(8))
+        imgui.set_next_item_width(px(96 if wide else 72))
+        _, playback.speed = widgets.slider("##speed", playback.speed, *SPEEDS, "%.2f x", logarithmic=True)
+        widgets.tooltip("Playback speed; Ctrl+click types it")
+    live = f"{ICON.person} Live" if wide else ICON.person
     live_width = imgui.calc_text_size(live).x + 2 * imgui.get_style().frame_padding.x
     right = imgui.get_window_width() - imgui.get_style().window_padding.x - live_width
-    imgui.same_line(0, px(14))
+    imgui.same_line(0, px(8))
     imgui.align_text_to_frame_padding()
-    items = takes.state.items
-    item = items[playback.index].name if playback.index < len(items) else ""
-    time = f"{widgets.clock(playback.time_s)} / {widgets.clock((playback.frames - 1) / playback.clip.fps)}"
-    space = right - imgui.get_cursor_pos_x() - px(8)
-    full = f"{time}   {item}"
-    widgets.muted(widgets.elided(full if imgui.calc_text_size(time).x < space else time, max(space, 0)))
+    _time(playback, editing, right - imgui.get_cursor_pos_x() - px(8))
     imgui.same_line(right)
-    if widgets.button(live, live_width, "Back to the live character (Esc, or just move)"):
-        takes.close_playback()
+    if widgets.button(f"{live}###live", live_width, "Back to the live character (Esc, or just move)"):
+        editing.takes.close_playback()
 
 
-def _timeline(playback: Playback) -> None:
-    """A track with the kept part lit; click or drag anywhere to scrub."""
-    width, height = imgui.get_content_region_avail().x, px(22)
-    corner = imgui.get_cursor_screen_pos()
-    imgui.invisible_button("timeline", imgui.ImVec2(max(width, 1), height))
-    last = max(playback.frames - 1, 1)
-    if imgui.is_item_active():
-        share = (imgui.get_io().mouse_pos.x - corner.x) / max(width, 1)
-        playback.seek(round(min(max(share, 0.0), 1.0) * last))
+def _time(playback: Playback, editing: TakeEditing, space: float) -> None:
+    """The frame, then as much more as there is space for."""
+    frame = f"{playback.frame} / {playback.frames - 1}"
+    clock = widgets.clock(playback.time_s)
+    item = editing.state.played
+    more = "" if item is None else item.name + (f", version {len(item.older) + 1}" if item.older else "")
+    choices = (f"{frame}   {clock} s   {more}", f"{frame}   {clock} s", frame)
+    fitting = [text for text in choices if imgui.calc_text_size(text).x <= space]
+    widgets.muted(fitting[0] if fitting else "")
 
-    def x(frame: float) -> float:
-        return float(corner.x + frame / last * width)
 
-    top, bottom = corner.y + height * 0.3, corner.y + height * 0.7
-    drawing = imgui.get_window_draw_list()
+def _editing(playback: Playback, editing: TakeEditing, wide: bool, tiny: bool) -> None:
+    """What lies on the tracks: trim, new spans, undo, and going on from here."""
+    gap, item, fixed = px(4), editing.state.played, editing.fixed
+    if not tiny:  # the handles of the ruler do the same
+        if widgets.button("[ In", px(44), "Keep the clip from this frame"):
+            playback.trim_in()
+        imgui.same_line(0, gap)
+        if widgets.button("Out ]", px(50), "Keep the clip up to this frame"):
+            playback.trim_out()
+        imgui.same_line(0, px(8))
+    imgui.begin_disabled(bool(fixed))
+    if widgets.button("+ Prompt", 0.0, fixed or "Another prompt from this frame on"):
+        editing.state.timeline.new_prompt = ""
+        imgui.open_popup(PROMPT_POPUP)
+    imgui.same_line(0, gap)
+    if widgets.button(
+        "+ Gait", 0.0, fixed or "Another gait from this frame to the end of the one that is there"
+    ):
+        imgui.open_popup(GAIT_POPUP)
+    imgui.end_disabled()
+    _popups(editing)
+    imgui.same_line(0, gap)
+    undo, redo = (item.undo_label, item.redo_label) if item is not None else ("", "")
+    if widgets.icon_button(ICON.undo, "take undo", f"Undo {undo} (Ctrl+Z)", theme.TEXT, bool(undo)):
+        editing.undo()
+    imgui.same_line(0, 0)
+    if widgets.icon_button(ICON.redo, "take redo", f"Redo {redo} (Ctrl+Y)", theme.TEXT, bool(redo)):
+        editing.redo()
+    if wide:
+        imgui.same_line(0, gap)
+        state = editing.state.timeline
+        hint = "A track for what each body part does"
+        state.part_tracks = widgets.toggle("Parts", state.part_tracks, px(52), hint)
+    _go_on(editing, fixed, "Go on from here" if wide else "" if tiny else "Go on")
 
-    def bar(left: float, right: float, color: theme.Color) -> None:
-        packed = imgui.get_color_u32(imgui.ImVec4(*color))
-        drawing.add_rect_filled(
-            imgui.ImVec2(left, top), imgui.ImVec2(max(right, left + 1), bottom), packed, px(3)
+
+def _go_on(editing: TakeEditing, fixed: str, words: str) -> None:
+    text = f"{ICON.walk} {words}".rstrip()
+    width = imgui.calc_text_size(text).x + 2 * imgui.get_style().frame_padding.x
+    imgui.same_line(imgui.get_window_width() - imgui.get_style().window_padding.x - width)
+    imgui.begin_disabled(bool(fixed))
+    if widgets.button(
+        f"{text}###go on", width, fixed or "Drive the live character from this frame of the take"
+    ):
+        editing.go_on()
+    imgui.end_disabled()
+
+
+def _popups(editing: TakeEditing) -> None:
+    state = editing.state.timeline
+    if imgui.begin_popup(PROMPT_POPUP):
+        if imgui.is_window_appearing():
+            imgui.set_keyboard_focus_here()
+        imgui.set_next_item_width(px(260))
+        flags = imgui.InputTextFlags_.enter_returns_true
+        entered, state.new_prompt = imgui.input_text_with_hint(
+            "##new prompt", "How does it go on? Enter drives it", state.new_prompt, flags
         )
-
-    shown = min(max(playback.time_s * playback.clip.fps, 0.0), float(last))
-    bar(x(0), x(last), theme.FIELD)
-    bar(x(playback.first), x(playback.last), theme.FIELD_ACTIVE)
-    bar(x(playback.first), x(max(shown, playback.first)), theme.ACCENT)
-    handle = imgui.get_color_u32(imgui.ImVec4(*theme.TEXT))
-    drawing.add_rect_filled(
-        imgui.ImVec2(x(shown) - px(2), corner.y),
-        imgui.ImVec2(x(shown) + px(2), corner.y + height),
-        handle,
-        px(2),
-    )
+        if entered:
+            editing.insert_prompt(state.new_prompt)
+            imgui.close_current_popup()
+        imgui.end_popup()
+    if imgui.begin_popup(GAIT_POPUP):
+        for gait in GAITS:
+            if imgui.selectable(f"{gait.name.capitalize()}##gait", False)[0]:
+                editing.insert_gait(gait)
+        imgui.end_popup()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +23,13 @@ _PRECEDENCE = {name: 1.0 + 0.03 * rank for rank, name in enumerate(_ORDER.split(
 _PAIRS = {"arms": ("left_arm", "right_arm"), "legs": ("left_leg", "right_leg")}
 _GROUPS = {**_PAIRS, "torso": ("torso",), "head": ("head",)}
 
+Worth = Callable[[int, str], float]  # of an entry's sentence of a part, up to 1: how much of it a walk shows
+
+
+def worth_alike(_entry: int, _part: str) -> float:
+    """Nothing is known of what is shown."""
+    return 1.0
+
 
 @dataclass(frozen=True)
 class Composition:
@@ -37,10 +44,11 @@ def compose_elements(
     entries: tuple[LibraryEntry, ...],
     embeddings: LibraryEmbeddings,
     neutral: int,
+    worth: Worth = worth_alike,
 ) -> Composition:
     """Figures, moods, loads and grounds on one body: each part from the strongest entry that tells it.
 
-    Without a figure the strongest entry moves the whole body, unless it is asked for "slightly".
+    Of entries alike in strength the one whose sentence is shown wins. Without a figure the strongest entry moves the whole body, unless it is asked for "slightly".
     """
     chosen = _without_mentioned([e for e in elements if not e.only], entries)
     figures = [e for e in chosen if len(entries[e.entry].tells) >= BROAD]
@@ -54,7 +62,8 @@ def compose_elements(
     for part in PART_NAMES:
         telling = [e for e in modifiers if part in entries[e.entry].tells]
         if telling:
-            sources[part] = max(telling, key=lambda e: _strength(e, entries)).entry
+            strength = [_strength(e, entries) * worth(e.entry, part) for e in telling]
+            sources[part] = telling[int(np.argmax(strength))].entry
     _show_all(sources, modifiers, entries)
     for element in elements:
         sources.update(dict.fromkeys(element.only, element.entry))
@@ -105,16 +114,20 @@ def _figure_parts(
 
 
 def compose_neighbours(
-    ranked: Sequence[tuple[int, float]], entries: tuple[LibraryEntry, ...], embeddings: LibraryEmbeddings
+    ranked: Sequence[tuple[int, float]],
+    entries: tuple[LibraryEntry, ...],
+    embeddings: LibraryEmbeddings,
+    worth: Worth = worth_alike,
 ) -> Composition:
-    """For each part the words that the neighbours (entry, similarity) agree on most, weighted by similarity."""
+    """For each part the words that the neighbours (entry, similarity) agree on most, weighted by similarity and worth."""
     indices = [i for i, _ in ranked]
     weights = softmax(np.array([s for _, s in ranked], np.float32) / TEMPERATURE)
     vectors = embeddings.parts[indices]  # (k, 6, D)
     sources = {}
     for p, part in enumerate(PART_NAMES):
         agreement = weights * (vectors[:, p] @ (vectors[:, p].T @ weights))
-        sources[part] = indices[int(np.argmax(agreement))]
+        shown = np.array([worth(i, part) for i in indices])
+        sources[part] = indices[int(np.argmax(agreement * shown))]
     return Composition(_words(sources, entries), sources)
 
 

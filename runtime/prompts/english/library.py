@@ -30,6 +30,7 @@ from sport.runtime.prompts.english.spelling import Spelling
 from sport.runtime.prompts.english.words import PERSONS, PLACES, Word, words_of
 from sport.runtime.prompts.expander import Expansion, check_prompt
 from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.prompts.shares import PhraseShares, shares_of
 from sport.runtime.prompts.text_encoder import TextEncoderLike
 from sport.runtime.skeleton import PART_NAMES
 
@@ -44,6 +45,7 @@ ONE_WORD = 0.72  # the same where that is a single word, whose neighbours are ma
 CLOSE = 0.8  # so near an entry a prompt is about a body, whatever the bodily score
 PLAIN = 0.2  # neutral walks are like everything that "walks": what is asked for by a style is none
 ANIMAL = 0.25  # how far below 0 the bodily score may lie where an animal is named: "a dog that has just had a bath"
+UNSEEN = 0.15  # by which a sentence that no walk shows counts less than one that is shown whole
 NEIGHBOURS = 4  # entries that vote for each part between FAR and NEAR
 MAX_STRETCHES = 4  # embedded for one prompt
 LIMP = "limping on the {s} leg"  # an entry of the library
@@ -68,12 +70,19 @@ class _Library:
 class LibraryExpander:
     """Expands prompts by the library at `library_path` (with styles.json and library.npz beside it).
 
+    Of sentences alike it takes those that a walk shows, by `shares` (default: those of the shipped model).
     Files are read at the first `expand`; without fitting stored embeddings they are computed then.
     """
 
-    def __init__(self, encoder: TextEncoderLike, library_path: Path | None = None) -> None:
+    def __init__(
+        self,
+        encoder: TextEncoderLike,
+        library_path: Path | None = None,
+        shares: PhraseShares | None = None,
+    ) -> None:
         self._encoder = encoder
         self._path = library_path
+        self._measured = shares
 
     def expand(self, prompt: str) -> Expansion:
         """Six descriptions for any prompt; PromptError when it is empty, over-long or has control characters."""
@@ -141,7 +150,9 @@ class LibraryExpander:
         better = not named and ranked[0][1] >= NEAR and asked * ranked[0][1] >= explained + WHOLE
         if not elements or (better and not by_words):
             return self._by_neighbours(text, ranked, stated, note, side)
-        made = compose_elements(elements, self._entries_on(side), library.embeddings, library.neutral)
+        made = compose_elements(
+            elements, self._entries_on(side), library.embeddings, library.neutral, self._worth
+        )
         similarity = {e.entry: e.similarity for e in elements}
         if len(set(made.sources.values())) > 1:
             note = f"{sources_note(made.sources, library.entries, similarity)}. {note}".strip()
@@ -161,7 +172,7 @@ class LibraryExpander:
             return self._neutral(near, stated, f"{reason} {note}".strip())
         if best >= NEAR:
             return _expansion(entries[ranked[0][0]].descriptions, near, stated, note)
-        made = compose_neighbours(ranked[:NEIGHBOURS], entries, library.embeddings)
+        made = compose_neighbours(ranked[:NEIGHBOURS], entries, library.embeddings, self._worth)
         parts = sources_note(made.sources, library.entries, dict(ranked))
         note = f"Composed from the nearest prompts, {best:.0%} like it at best: {parts}. {note}".strip()
         return _expansion(made.descriptions, near, stated, note)
@@ -227,6 +238,15 @@ class LibraryExpander:
         return any(word.text in PERSONS for word in words) or any(
             e.only or self._library.entries[e.entry].category in people for e in elements
         )
+
+    def _worth(self, entry: int, part: str) -> float:
+        """How much a sentence of an entry counts beside others: all, or less where walks do not show it."""
+        share = self._shares.of(getattr(self._library.entries[entry].descriptions, part), part)
+        return 1.0 if share is None else 1.0 - UNSEEN * (1.0 - share)
+
+    @cached_property
+    def _shares(self) -> PhraseShares:
+        return shares_of() if self._measured is None else self._measured
 
     def _says_nothing(self, text: str, best: float, margin: float) -> str:
         """Why a prompt says nothing about a way of moving, or ""."""

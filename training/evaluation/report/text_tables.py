@@ -37,6 +37,7 @@ def bars(results: dict[str, Any]) -> list[tuple[str, str, bool | None]]:
         ):
             name = f"zero-shot part edits that {asked}: at least {100 * bar:.0f} %"
             found.append((name, f"{100 * zero[key]:.0f} % of {zero['cases']}", zero[key] >= bar))
+        found += _rhythm_bars(results["edits"]["summary"].get(part_edits.HELD_OUT_RHYTHM))
         ratio = results["independence"]["by_slot"]["all"]["ratio"]
         name = f"other parts change by at most {100 * text_independence.BAR:.0f} % of the described part's change"
         found.append((name, f"{100 * ratio:.0f} %", ratio <= text_independence.BAR))
@@ -52,6 +53,23 @@ def bars(results: dict[str, Any]) -> list[tuple[str, str, bool | None]]:
         late = max(r["first_frame_worst"] for r in results["timing"]["response"].values())
         found.append(("the next frame answers a new prompt", f"frame {late + 1:.0f} after it", late == 0))
     return found
+
+
+def _rhythm_bars(scores: dict[str, float] | None) -> list[tuple[str, str, bool | None]]:
+    if scores is None:
+        return []
+    right, enough = part_edits.RHYTHM_RIGHT_BAR, part_edits.RHYTHM_ENOUGH_BAR
+    return [
+        (
+            f"held-out edits of rhythm and weight that {asked}: at least {100 * bar:.0f} %",
+            f"{100 * scores[key]:.0f} % of {scores['cases']}",
+            scores[key] >= bar,
+        )
+        for key, asked, bar in (
+            ("right_way", "change the described way", right),
+            ("enough", "reach at least half the described change", enough),
+        )
+    ]
 
 
 def _retrieval_bars(scores: dict[str, Any]) -> list[tuple[str, str, bool | None]]:
@@ -147,8 +165,10 @@ def _edits(found: dict[str, Any]) -> list[str]:
     for kind, title in (
         ("held out", "Held-out edits"),
         ("pair", "Held-out pairs"),
+        (part_edits.HELD_OUT_RHYTHM, "Held-out edits of rhythm and weight"),
         ("free words", "Free words"),
         ("trained", "Trained edits"),
+        (part_edits.TRAINED_RHYTHM, "Trained edits of rhythm and weight"),
     ):
         rows = [_edit_row(r) for r in found["rows"] if r["kind"] == kind]
         if rows:

@@ -28,6 +28,9 @@ JOINTS: dict[str, tuple[int, ...]] = {
 }
 
 
+RHYTHM = "rhythm"  # slot of edits of rhythm and weight
+
+
 def part_changes(before: Summary, after: Summary) -> dict[str, float]:
     """Degrees by which the joints of each part move differently, their mean."""
     change = np.degrees(rotation_change(before, after))
@@ -63,7 +66,7 @@ def independence(
     return {
         "name": case.name,
         "kind": case.kind,
-        "slot": case.edits[0].split(".")[0],
+        "slot": RHYTHM if "rhythm" in case.kind else case.edits[0].split(".")[0],
         "own": float(own),
         "others": float(others),
         "most": float(most),
@@ -77,21 +80,25 @@ def independence(
 
 
 def by_slot(rows: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
-    """Of each slot and of "all": mean changes, their ratio, the edits' own ratio, and how many edits keep the bar."""
+    """Of each slot and of "all": mean changes, their ratio, the edits' own ratio, and how many edits keep the bar.
+
+    Rhythm has a row of its own, which "all" does not count: another step changes what every part does in it.
+    """
     slots = [*dict.fromkeys(r["slot"] for r in rows), "all"]
-    return {slot: _summary([r for r in rows if slot in (r["slot"], "all")]) for slot in slots}
+    found = {s: [r for r in rows if r["slot"] == s or (s == "all" and r["slot"] != RHYTHM)] for s in slots}
+    return {slot: _summary(own) for slot, own in found.items() if own}
 
 
 def _summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
     mean = {k: float(np.mean([r[k] for r in rows])) for k in rows[0] if isinstance(rows[0][k], float)}
-    own = mean["own"] or float("nan")
+    own, edit_own = mean["own"] or float("nan"), mean["edit_own"] or float("nan")
     return {
         "edits": len(rows),
         **mean,
         "ratio": mean["others"] / own,
         "most_ratio": mean["most"] / own,
-        "edit_ratio": mean["edit_others"] / mean["edit_own"],
-        "edit_most_ratio": mean["edit_most"] / mean["edit_own"],
+        "edit_ratio": mean["edit_others"] / edit_own,
+        "edit_most_ratio": mean["edit_most"] / edit_own,
         "within": float(np.mean([r["own"] > 0.0 and r["others"] <= BAR * r["own"] for r in rows])),
     }
 

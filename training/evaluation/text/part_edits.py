@@ -22,6 +22,8 @@ Target = tuple[str, str]  # part, field of its measures
 
 RIGHT_WAY, ENOUGH = 0.1, 0.5  # shares of the described change; under a tenth is no change
 RIGHT_BAR, ENOUGH_BAR = 0.8, 0.5  # shares of the held-out edits and pairs
+RHYTHM_RIGHT_BAR, RHYTHM_ENOUGH_BAR = 0.9, 0.7  # of those of rhythm and weight
+HELD_OUT_RHYTHM, TRAINED_RHYTHM = "held-out rhythm", "trained rhythm"
 SEEDS = 3
 REFERENCE_WALKS = 3  # captured neutral walks of each data set
 MIN_FRAMES, MAX_FRAMES = 240, 480
@@ -39,7 +41,7 @@ class Case:
     """What is asked for: `variants` are descriptions that all ask for `edits`."""
 
     name: str
-    kind: str  # "held out", "pair", "trained" or "free words"
+    kind: str  # "held out", "pair", "trained", "held-out rhythm", "trained rhythm" or "free words"
     edits: tuple[str, ...]
     variants: tuple[PartDescriptions, ...]
     seeds: tuple[int, ...]  # of each variant's walk
@@ -73,17 +75,24 @@ def value(summary: Summary, target: Target) -> float:
 
 def catalogue_cases(neutral: PartDescriptions, trained: bool = True) -> list[Case]:
     """Held-out edits and pairs with every phrase, at least three walks each; trained edits with their first phrase."""
-    cases = [_case(name, "held out", (name,), neutral, SEEDS) for name in EDITS if name in HELD_OUT]
+    cases = [_case(name, _kind(name), (name,), neutral, SEEDS) for name in EDITS if name in HELD_OUT]
     cases += [_case(name, "pair", pair, neutral, SEEDS) for name, pair in HELD_OUT_PAIRS.items()]
     if trained:
-        cases += [_case(name, "trained", (name,), neutral, 1) for name in EDITS if name not in HELD_OUT]
+        cases += [_case(name, _kind(name), (name,), neutral, 1) for name in EDITS if name not in HELD_OUT]
     return cases
+
+
+def _kind(name: str) -> str:
+    rhythm = EDITS[name].rhythm
+    if name in HELD_OUT:
+        return HELD_OUT_RHYTHM if rhythm else "held out"
+    return TRAINED_RHYTHM if rhythm else "trained"
 
 
 def _case(name: str, kind: str, edits: tuple[str, ...], neutral: PartDescriptions, least: int) -> Case:
     """Variant k takes the k-th phrase of every part; phrases count round where an edit has fewer."""
     phrases = {part: texts for e in edits for part, texts in EDITS[e].phrases.items()}
-    count = 1 if kind == "trained" else max(least, *(len(t) for t in phrases.values()))
+    count = 1 if kind in ("trained", TRAINED_RHYTHM) else max(least, *(len(t) for t in phrases.values()))
     variants = []
     for k in range(count):
         words = neutral

@@ -1,0 +1,49 @@
+"""A file that this process alone holds: the system lets go of the lock when the process ends, however it ends."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+_FAR = 0x7FFF0000  # Windows locks bytes, and locked ones cannot be read: one that no file of ours reaches
+
+
+def open_locked(path: Path, create: bool = False, wait: bool = False) -> int | None:
+    """A descriptor of `path`, open for reading and writing and locked; None when another process holds it.
+
+    `create` makes a file that is not there yet, `wait` waits for the other process. OSError when it cannot be opened.
+    Close the descriptor to let go.
+    """
+    flags = (
+        os.O_RDWR | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    )
+    handle = os.open(path, flags | (os.O_CREAT if create else 0), 0o600)
+    try:
+        # another process may have removed the file between the opening and the lock
+        if _lock(handle, wait) and os.path.samestat(os.fstat(handle), os.stat(path)):
+            return handle
+    except FileNotFoundError:
+        pass
+    except BaseException:
+        os.close(handle)
+        raise
+    os.close(handle)
+    return None
+
+
+def _lock(handle: int, wait: bool) -> bool:
+    try:
+        if sys.platform == "win32":
+            import msvcrt
+
+            os.lseek(handle, _FAR, os.SEEK_SET)
+            msvcrt.locking(handle, msvcrt.LK_LOCK if wait else msvcrt.LK_NBLCK, 1)
+            os.lseek(handle, 0, os.SEEK_SET)
+        else:
+            import fcntl
+
+            fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+    except OSError:
+        return False
+    return True

@@ -1,0 +1,108 @@
+"""How much of what a sentence says a model shows: measured once on walks, shipped as `shares.json`.
+
+The file has, for every model by name and for arm, leg, torso and head, shares (0 to 1) of whole sentences and of single
+clauses; limbs are told of the left side. `python -m sport.training.evaluation.text.phrase_shares` writes it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from sport.runtime.assets import asset_path
+from sport.runtime.errors import FileError
+from sport.runtime.prompts.parts import PartDescriptions, mirror_text
+from sport.runtime.skeleton import PART_NAMES
+
+HARDLY = 0.3  # share under which a sentence is said to be hardly shown
+FILE = "prompts/shares.json"
+DEFAULT_MODEL = "compact"
+
+
+@dataclass(frozen=True)
+class PhraseShares:
+    """Shares of one model: `sentences` and `clauses` map (group, words) to 0 to 1; group is arm, leg, torso or head."""
+
+    sentences: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    clauses: Mapping[tuple[str, str], float] = field(default_factory=dict)
+
+    def of(self, sentence: str, part: str) -> float | None:
+        """Share of what `sentence` says of `part` that a walk shows; None where it was not measured.
+
+        A sentence that is not in the table has the mean of its clauses, if any is.
+        """
+        group, words = told_of_left(sentence, part)
+        whole = self.sentences.get((group, words))
+        if whole is not None:
+            return whole
+        known = [
+            self.clauses[key] for key in ((group, c.strip()) for c in words.split(",")) if key in self.clauses
+        ]
+        return sum(known) / len(known) if known else None
+
+    def hardly_shown(self, descriptions: PartDescriptions) -> dict[str, float]:
+        """Parts whose sentences are shown by less than `HARDLY`, with their shares."""
+        found = {part: self.of(getattr(descriptions, part), part) for part in PART_NAMES}
+        return {part: share for part, share in found.items() if share is not None and share < HARDLY}
+
+    def note(self, descriptions: PartDescriptions) -> str:
+        """A sentence for the user about what is hardly shown, or ""."""
+        weak = self.hardly_shown(descriptions)
+        if not weak:
+            return ""
+        told = (
+            f"{part.replace('_', ' ')} “{getattr(descriptions, part)}” ({weak[part]:.0%})" for part in weak
+        )
+        return f"Hardly shown by this model: {'; '.join(told)}."
+
+
+def told_of_left(sentence: str, part: str) -> tuple[str, str]:
+    """Group of a part, and its sentence as it would be told of the left limb; ValueError for an unknown part."""
+    if part not in PART_NAMES:
+        raise ValueError(f"unknown body part {part!r}")
+    side, _, limb = part.partition("_")
+    text = " ".join(sentence.lower().split())
+    return (limb or side), (mirror_text(text) if side == "right" else text)
+
+
+def phrase_share(sentence: str, part: str, model: str = DEFAULT_MODEL) -> float | None:
+    """Share (0 to 1) of what `sentence` says of `part` that `model` shows on a walk; None where it was not measured."""
+    return shares_of(model).of(sentence, part)
+
+
+def shares_of(model: str = DEFAULT_MODEL) -> PhraseShares:
+    """The shipped table of a model by its name; empty where it has none. FileError when the file is malformed."""
+    return _load(asset_path(FILE)).get(model, PhraseShares())
+
+
+def load_shares(path: Path) -> dict[str, PhraseShares]:
+    """Tables by model; none where there is no file. FileError when it is malformed."""
+    if not path.is_file():
+        return {}
+    try:
+        values: dict[str, Any] = json.loads(path.read_text("utf-8"))
+        return {
+            model: PhraseShares(_table(tables["sentences"]), _table(tables["clauses"]))
+            for model, tables in values.items()
+        }
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise FileError(f"{path}: not a table of shares ({error!r}).", "Restore the file.") from error
+
+
+def _table(groups: Mapping[str, Mapping[str, Any]]) -> dict[tuple[str, str], float]:
+    rows: Iterable[tuple[str, str, Any]] = (
+        (group, words, share) for group, own in groups.items() for words, share in own.items()
+    )
+    found = {(group, words): float(share) for group, words, share in rows}
+    if not all(0.0 <= share <= 1.0 for share in found.values()):
+        raise ValueError("a share is not between 0 and 1")
+    return found
+
+
+@lru_cache(maxsize=2)
+def _load(path: Path) -> dict[str, PhraseShares]:
+    return load_shares(path)

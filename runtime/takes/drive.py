@@ -1,0 +1,329 @@
+"""What a take was driven by: the stick of every frame and what changed, from which its frames can be made again.
+
+A take is driven again by the recorded stick after an edit (`drive_edits`): what lies before the edit stays as it is, bit
+by bit, and so does what follows when nothing was changed. Keyframes hold the controller's state every few seconds, so that
+no take has to be made again from its start.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.controls import Controls
+from sport.runtime.motion.snapshot import Snapshot, take_snapshot
+from sport.runtime.motion.style_mix import StyleMix
+from sport.runtime.pose import Pose
+from sport.runtime.takes.clip import LIVE_SECONDS, Clip, shift_prompts
+from sport.runtime.takes.metadata import PromptEvent, gait_of, gait_seconds
+from sport.runtime.terrain.height_map import Terrain
+
+Array = NDArray[np.floating]
+FPS = 60.0
+KEYFRAME_STEPS = 300  # between two keyframes: 5 s are made again in about half a second
+
+
+class Drivable(Protocol):
+    """What is driven: `sport.runtime.motion.controller.Controller`, or a stand-in whose state a snapshot takes."""
+
+    temperature: float
+    strength: float
+
+    def step(self, controls: Controls) -> Pose:
+        """Simulate 1/60 s."""
+
+    def set_style(self, z: Any, transition_seconds: float) -> None:
+        """Blend to the style code `(6, 64)`, or to a mix of codes."""
+
+    def set_terrain(self, terrain: Terrain) -> None:
+        """Walk on another ground."""
+
+    def reset(self, x: float, z: float, yaw: float) -> Any:
+        """Stand at a place."""
+
+
+@dataclass(frozen=True)
+class DrivenFrame:
+    """What one simulated step was asked for, and the settings that may change while it runs."""
+
+    controls: Controls
+    temperature: float
+    strength: float
+
+
+@dataclass(frozen=True, eq=False)
+class StyleChange:
+    """From `frame` on the character blends to `z` `(6, 64)`, or to a mix, within `seconds`.
+
+    `event` says by which words; `note` is whatever the recording program keeps with them.
+    """
+
+    frame: int
+    z: Array | StyleMix
+    seconds: float
+    event: PromptEvent
+    note: Any = None
+
+    def apply(self, controller: Drivable) -> None:
+        """Hand the style over."""
+        controller.set_style(self.z, self.seconds)
+
+
+@dataclass(frozen=True, eq=False)
+class GroundChange:
+    """From `frame` on the character walks on another ground."""
+
+    frame: int
+    name: str  # or the path of its file
+    terrain: Terrain
+
+    def apply(self, controller: Drivable) -> None:
+        """Put the ground under the character."""
+        controller.set_terrain(self.terrain)
+
+
+@dataclass(frozen=True, eq=False)
+class Restart:
+    """Before `frame` the character was put to a place (metres, radians) and stood for a step that no take holds."""
+
+    frame: int
+    x: float
+    z: float
+    yaw: float
+
+    def apply(self, controller: Drivable) -> None:
+        """Put the character there."""
+        controller.reset(self.x, self.z, self.yaw)
+        controller.step(Controls())
+
+
+Change = StyleChange | GroundChange | Restart
+
+
+@dataclass(frozen=True, eq=False)
+class Keyframe:
+    """The controller's state right before the step of `frame`, after the changes of that frame."""
+
+    frame: int
+    snapshot: Snapshot
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """Frames count from the clip's first one; what led to it has negative numbers.
+
+    `frames` begin with that of the first keyframe, at or before the clip's first one, and end with the clip's last.
+    """
+
+    frames: tuple[DrivenFrame, ...]
+    changes: tuple[Change, ...]  # in the order in which they happened
+    keyframes: tuple[Keyframe, ...]
+
+    @property
+    def start(self) -> int:
+        """The number of the first frame, 0 or less."""
+        return self.keyframes[0].frame
+
+    def __len__(self) -> int:
+        """Frames of the clip."""
+        return len(self.frames) + self.start
+
+    def frame(self, number: int) -> DrivenFrame:
+        """What frame `number` was asked for."""
+        return self.frames[number - self.start]
+
+    def ground(self, number: int) -> GroundChange | None:
+        """The ground of a frame; None where it is the controller's own."""
+        found = [c for c in self.changes if isinstance(c, GroundChange) and c.frame <= number]
+        return found[-1] if found else None
+
+    def gaits(self) -> NDArray[np.int8]:
+        """What was asked for in each frame of the clip `(T,)`, as `gait_of` counts gaits."""
+        return np.array([gait_of(f.controls) for f in self.frames[-self.start :]], np.int8)
+
+    def prompts(self) -> tuple[PromptEvent, ...]:
+        """The clip's prompts with their times; of live changes in quick succession the last, at the time of the first."""
+        kept: list[tuple[int, PromptEvent]] = []
+        for change in self.changes:
+            if not isinstance(change, StyleChange):
+                continue
+            at = change.frame
+            if kept and follows_live(kept[-1], change):
+                at = kept.pop()[0]
+            kept.append((at, replace(change.event, seconds=at / FPS, transition_seconds=change.seconds)))
+        return shift_prompts(tuple(event for _, event in kept), 0.0, len(self) / FPS)
+
+
+def follows_live(before: tuple[int, PromptEvent], change: StyleChange) -> bool:
+    """Whether a style change continues a slider's movement that began with the event `before` at its frame."""
+    frame, event = before
+    live = 0.0 < event.transition_seconds <= LIVE_SECONDS and 0.0 < change.seconds <= LIVE_SECONDS
+    return live and change.frame - frame < round(LIVE_SECONDS * FPS)
+
+
+def redrive(
+    drive: Drive, controller: Drivable, first_frame: int, last_frame: int | None = None
+) -> tuple[list[Pose], tuple[Keyframe, ...]]:
+    """Poses of the frames `first_frame` to `last_frame` (the end by default), and the drive's keyframes with new ones.
+
+    Nothing of `drive` may have been changed before `first_frame`. `controller` has the model of the take and is left
+    after the last frame. About 1 ms a frame, and up to `KEYFRAME_STEPS` frames before the first.
+    """
+    key = keyframe_for(drive, first_frame)
+    end = len(drive) if last_frame is None else last_frame + 1
+    ground = drive.ground(key.frame)
+    if ground is not None:
+        controller.set_terrain(ground.terrain)
+    key.snapshot.restore(controller)  # type: ignore[arg-type]
+    keyframes = [k for k in drive.keyframes if k.frame < first_frame]
+    later: dict[int, list[Change]] = {}
+    for change in drive.changes:
+        # a keyframe holds the changes of its own frame, unless one of them is what was edited
+        again = key.frame == first_frame == change.frame and isinstance(change, StyleChange)
+        if change.frame > key.frame or again:
+            later.setdefault(change.frame, []).append(change)
+    poses: list[Pose] = []
+    for number in range(key.frame, end):
+        for change in later.get(number, ()):
+            change.apply(controller)
+        if number >= first_frame and (not keyframes or number - keyframes[-1].frame >= KEYFRAME_STEPS):
+            keyframes.append(Keyframe(number, take_snapshot(controller)))  # type: ignore[arg-type]
+        pose = _step(controller, drive.frame(number))
+        if number >= first_frame:
+            poses.append(pose)
+    return poses, tuple(keyframes)
+
+
+def keyframe_for(drive: Drive, frame: int) -> Keyframe:
+    """The last keyframe before a frame, or the first one of all."""
+    before = [k for k in drive.keyframes if k.frame < frame]
+    return before[-1] if before else drive.keyframes[0]
+
+
+def _step(controller: Drivable, frame: DrivenFrame) -> Pose:
+    if controller.temperature != frame.temperature:
+        controller.temperature = frame.temperature
+    if controller.strength != frame.strength:  # setting it folds the style anew
+        controller.strength = frame.strength
+    return controller.step(frame.controls)
+
+
+def played_again(clip: Clip, drive: Drive, controller: Drivable, first_frame: int) -> tuple[Clip, Drive]:
+    """The take of an edited drive: frames before `first_frame` from `clip`, the rest by the recorded stick."""
+    poses, keyframes = redrive(drive, controller, first_frame)
+    made = replace(drive, keyframes=keyframes)
+    gaits = made.gaits()
+    return (
+        replace(
+            clip,
+            hips_positions=_joined(clip.hips_positions, first_frame, [p.hips_position for p in poses]),
+            local_rotations=_joined(clip.local_rotations, first_frame, [p.local_rotations for p in poses]),
+            contacts=_joined(clip.contacts, first_frame, [p.contacts for p in poses]),
+            prompts=made.prompts(),
+            gaits=gaits,
+            gait_seconds=tuple(gait_seconds(gaits, clip.fps).items()),
+        ),
+        made,
+    )
+
+
+def _joined(old: Array, first: int, new: Sequence[Array]) -> Array:
+    return np.concatenate([old[:first], np.stack(new).astype(np.float32)]) if new else old.copy()
+
+
+class DriveRecorder:
+    """Beside a `ClipRecorder`, whose frame numbers it shares: keeps what the kept frames were driven by.
+
+    Per frame call `before_steps`, step, then `add` for each step; the marks in between, as things happen.
+    """
+
+    def __init__(self) -> None:
+        self._first = 0  # number of the oldest frame kept
+        self._frames: deque[DrivenFrame] = deque()
+        self._changes: list[Change] = []
+        self._keyframes: deque[Keyframe] = deque()
+
+    @property
+    def next_frame(self) -> int:
+        """Number of the frame that comes next, counted since the program's start."""
+        return self._first + len(self._frames)
+
+    def before_steps(self, controller: Drivable) -> None:
+        """Keep the state of `controller` when it is time."""
+        number = self.next_frame
+        if not self._keyframes or number - self._keyframes[-1].frame >= KEYFRAME_STEPS:
+            self._keyframes.append(Keyframe(number, take_snapshot(controller)))  # type: ignore[arg-type]
+
+    def add(self, controls: Controls, controller: Drivable) -> None:
+        """Remember what one simulated step of `controller` was asked for."""
+        self._frames.append(DrivenFrame(controls, controller.temperature, controller.strength))
+
+    def mark_style(
+        self,
+        z: Array | StyleMix,
+        seconds: float,
+        prompt: str,
+        words: str,
+        note: Any = None,
+        holds: bool = False,
+    ) -> None:
+        """A style came into force, see `StyleChange`; or it `holds` already in the controller's state."""
+        event, frame = PromptEvent(0.0, prompt, seconds, words), self.next_frame - holds
+        if holds:
+            self._changes = [c for c in self._changes if not isinstance(c, StyleChange)]
+        kept = z if isinstance(z, StyleMix) else np.array(z, np.float32)
+        self._changes.append(StyleChange(frame, kept, seconds, event, note))
+
+    def mark_ground(self, name: str, terrain: Terrain) -> None:
+        """Another ground came under the character."""
+        self._changes.append(GroundChange(self.next_frame, name, terrain))
+
+    def mark_restart(self, x: float, z: float, yaw: float) -> None:
+        """The character was put to a place, see `Restart`."""
+        self._changes.append(Restart(self.next_frame, x, z, yaw))
+
+    def forget(self) -> None:
+        """Something happened that cannot be made again: takes that began before it cannot be driven again."""
+        self._first = self.next_frame
+        self._frames.clear()
+        self._keyframes.clear()
+        self._changes = self._still_holding(self._first)
+
+    def drop_before(self, frame: int) -> None:
+        """Frames before this number are no longer needed."""
+        popped = False
+        while len(self._keyframes) > 1 and self._keyframes[1].frame <= frame:
+            self._keyframes.popleft()
+            popped = True
+        if popped:
+            first = self._keyframes[0].frame
+            while self._first < first:
+                self._frames.popleft()
+                self._first += 1
+            self._changes = self._still_holding(first) + [c for c in self._changes if c.frame > first]
+
+    def _still_holding(self, frame: int) -> list[Change]:
+        """The last style and ground up to a frame."""
+        last = {type(c): c for c in self._changes if c.frame <= frame and not isinstance(c, Restart)}
+        return list(last.values())
+
+    def cut(self, first_frame: int) -> Drive | None:
+        """The drive of a clip from `first_frame` to the newest frame; None when its state there is not known."""
+        keys = [k for k in self._keyframes if k.frame <= first_frame]
+        if not keys or first_frame >= self.next_frame:
+            return None
+        start = keys[-1].frame
+        return Drive(
+            tuple(islice(self._frames, start - self._first, None)),
+            tuple(replace(c, frame=c.frame - first_frame) for c in self._changes),
+            tuple(
+                replace(k, frame=k.frame - first_frame)
+                for k in self._keyframes
+                if k.frame == start or k.frame > first_frame
+            ),
+        )

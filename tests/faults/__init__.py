@@ -1,0 +1,1 @@
+"""Faults of process, display and disk, made for real: `python -m tests.faults --times 20`."""

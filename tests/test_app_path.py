@@ -1,0 +1,59 @@
+"""The real application without a display: a path is drawn on the ground by mouse, changed, and walked."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from app_driver import Start, click, click_on, controller, message, press, run
+from sport.runtime.controls import Gait
+from sport.viewer.app import App
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.stage.path_tool import on_screen
+
+
+def screen(app: App, x: float, z: float) -> tuple[float, float]:
+    point = np.array([x, float(app.state.stage.terrain.height(x, z)), z])
+    found = on_screen(app.stage.camera.current, point, imgui.get_io().display_size)
+    assert found is not None
+    return found
+
+
+def test_a_path_is_drawn_changed_and_walked(start: Start) -> None:
+    app = start(terrain="hills")
+    run(app, 5)
+    yaw = app.stage.camera.current.yaw
+    click_on(app, "Draw a path")
+    for place in ((0.0, 2.0), (0.6, 3.0), (-0.5, 3.5)):
+        click(app, *screen(app, *place))
+    tool = app.stage.path
+    assert [(p.x, p.z) for p in tool.points] == [
+        (pytest.approx(x, abs=0.02), pytest.approx(z, abs=0.1))
+        for x, z in ((0.0, 2.0), (0.6, 3.0), (-0.5, 3.5))
+    ]
+    assert app.stage.camera.current.yaw == yaw  # the camera stays
+    click(app, *screen(app, 0.6, 3.0))  # takes the point that is there
+    assert (len(tool.points), tool.selected) == (3, 1)
+    x, y = screen(app, 0.6, 3.0)
+    app.window.inject_mouse(x, y, 0, True)
+    run(app, 2)
+    app.window.inject_mouse(*screen(app, 1.0, 3.0))
+    run(app, 2)
+    app.window.inject_mouse(*screen(app, 1.0, 3.0), 0, False)
+    run(app, 2)
+    assert tool.points[1].x == pytest.approx(1.0, abs=0.05)
+    click_on(app, "Jog")
+    assert tool.points[1].gait is Gait.JOG
+    press(app, "delete")
+    assert len(tool.points) == 2
+    click_on(app, "Walk it")
+    run(app, 300)
+    assert message(app) == "The path is walked."
+    assert np.hypot(controller(app).x + 0.5, controller(app).z - 3.5) < 0.5
+    click_on(app, "Walk it")
+    assert tool.walk is not None
+    app.window.inject_key("w", True)
+    run(app, 2)
+    assert tool.walk is None  # the user's own stick
+    app.window.inject_key("w", False)
+    click_on(app, "Clear")
+    assert tool.points == []

@@ -1,0 +1,247 @@
+"""The real application without a display: the timeline of a take, its edits, and going on from a frame of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from app_driver import Start, click_on, message, place, press, prompt, run, type_prompt
+from sport.runtime.controls import Gait
+from sport.runtime.takes.clip import Clip
+from sport.viewer.app import App
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.services import Services
+from sport.viewer.takes.state import ClipItem
+
+
+def record(app: App, frames: int = 40) -> ClipItem:
+    """Two prompts, each for so many frames of walking; then the take plays, paused at its start."""
+    run(app, 2)
+    app.prompting.submit_prompt("a proud king")
+    run(app, 2)
+    app.takes.toggle_recording()
+    app.window.inject_key("w", True)
+    run(app, frames)
+    app.prompting.submit_prompt("an old king")
+    run(app, frames)
+    app.window.inject_key("w", False)
+    app.takes.toggle_recording()
+    app.takes.play(0)
+    seek(app, 0)
+    return app.state.takes.items[0]
+
+
+def seek(app: App, frame: int) -> None:
+    assert app.state.takes.playback is not None
+    app.state.takes.playback.seek(frame)
+    run(app, 2)
+
+
+def frame(app: App) -> int:
+    assert app.state.takes.playback is not None
+    return app.state.takes.playback.frame
+
+
+def drag(app: App, label: str, first: float, last: float, down: float = 0.5) -> None:
+    """Drag on a track from one share of its width to another, at a share of its height."""
+    left, y = place(app, label, share=first)
+    right, _ = place(app, label, share=last)
+    top = place(app, label)[1]
+    y = top + (down - 0.5) * 26.0
+    app.window.inject_mouse(left, y)
+    run(app, 2)
+    app.window.inject_mouse(left, y, 0, True)
+    run(app, 2)
+    for share in (0.5, 1.0):
+        app.window.inject_mouse(left + (right - left) * share, y)
+        run(app, 2)
+    app.window.inject_mouse(right, y, 0, False)
+    run(app, 3)
+
+
+def same(a: Clip, b: Clip, first: int = 0, last: int | None = None) -> bool:
+    return np.array_equal(a.hips_positions[first:last], b.hips_positions[first:last]) and np.array_equal(
+        a.local_rotations[first:last], b.local_rotations[first:last]
+    )
+
+
+def prompts(item: ClipItem) -> list[tuple[str, int]]:
+    return [(event.prompt, round(event.seconds * 60)) for event in item.clip.prompts]
+
+
+def test_single_steps_speed_and_loop(start: Start) -> None:
+    app = start()
+    record(app)
+    click_on(app, "##frame on")
+    assert frame(app) == 1
+    press(app, "period")
+    press(app, "comma")
+    press(app, "comma")
+    assert frame(app) == 0
+    click_on(app, "##frame back")
+    assert frame(app) == len(app.state.takes.items[0].clip) - 1  # it loops
+    playback = app.state.takes.playback
+    assert playback is not None
+    playback.speed = 0.1
+    seek(app, 0)
+    press(app, "p")
+    run(app, 18)
+    assert frame(app) == 2
+
+
+def test_the_words_shown_are_those_of_the_take_that_plays(start: Start) -> None:
+    app = start()
+    record(app)
+    app.prompting.submit_prompt("proud peacock")
+    seek(app, 5)
+    assert app.state.takes.timeline.prompt == "a proud king"
+    seek(app, 60)
+    assert app.state.takes.timeline.prompt == "an old king"
+    assert app.state.takes.timeline.parts["torso"] == "torso of an old king"
+    press(app, "escape")
+    run(app, 2)
+    assert prompt(app) == "proud peacock"  # live again
+
+
+def test_trim_handles_are_dragged(start: Start) -> None:
+    app = start()
+    record(app)
+    drag(app, "##timeline", 0.0, 0.25, down=0.8)
+    playback = app.state.takes.playback
+    assert playback is not None
+    assert 18 <= playback.first <= 22
+    drag(app, "##timeline", 0.995, 0.5, down=0.8)
+    assert 37 <= playback.last <= 42
+    drag(app, "##timeline", 0.6, 0.3, down=0.2)  # the upper half scrubs
+    assert 21 <= playback.frame <= 26
+
+
+def test_another_prompt_is_inserted_by_mouse_and_keys_and_undone(start: Start) -> None:
+    app = start()
+    item = record(app)
+    before = item.clip
+    seek(app, 20)
+    click_on(app, "+ Prompt")
+    run(app, 2)
+    app.window.inject_text("a zombie")
+    run(app, 2)
+    press(app, "enter")
+    run(app, 3)
+    assert prompts(item) == [("a proud king", 0), ("a zombie", 20), ("an old king", 40)]
+    assert "a zombie" in message(app)
+    assert app.state.takes.timeline.prompt == "a zombie"
+    press(app, "ctrl", "z")
+    run(app, 2)
+    assert item.clip is before
+    press(app, "ctrl", "y")
+    assert len(item.clip.prompts) == 3
+
+
+def test_a_prompt_is_moved_reworded_and_one_part_of_it_changed(start: Start) -> None:
+    app = start()
+    item = record(app)
+    drag(app, "##prompts", 0.505, 0.25)  # by its beginning
+    assert [p for p, _ in prompts(item)] == ["a proud king", "an old king"]
+    assert 17 <= prompts(item)[1][1] <= 22
+    seek(app, 60)
+    press(app, "enter")
+    run(app, 3)
+    assert imgui.get_io().want_text_input
+    press(app, "ctrl", "a")
+    app.window.inject_text("a goose")
+    run(app, 2)
+    press(app, "enter")
+    run(app, 3)
+    assert [p for p, _ in prompts(item)] == ["a proud king", "a goose"]
+    app.editing.reword_part(1, "head", "looking up")
+    run(app, 2)
+    assert app.state.takes.timeline.parts["head"] == "looking up"
+    assert app.state.takes.timeline.parts["torso"] == "torso of a goose"
+    assert len(item.older) == 3
+
+
+def test_a_gait_is_inserted_and_the_stick_goes_on(start: Start) -> None:
+    app = start()
+    item = record(app)
+    before = item.clip
+    seek(app, 30)
+    click_on(app, "+ Gait")
+    run(app, 2)
+    click_on(app, "Jog")
+    run(app, 3)
+    assert same(item.clip, before, 0, 30)
+    assert item.clip.gaits is not None
+    assert set(item.clip.gaits[30:]) == {Gait.JOG}
+    ends = [float(np.linalg.norm(c.hips_positions[-1] - c.hips_positions[30])) for c in (before, item.clip)]
+    assert ends[1] > 1.8 * ends[0]  # it jogs as far as the stick says
+    assert len(item.clip) == len(before)
+
+
+def test_driving_goes_on_from_a_frame_of_a_take(start: Start) -> None:
+    app = start()
+    item = record(app)
+    app.prompting.submit_prompt("proud peacock")
+    app.stage.load_terrain("stairs")
+    run(app, 3)
+    seek(app, 25)
+    click_on(app, "Go on from here")
+    run(app, 1)
+    assert app.state.takes.playback is None
+    assert prompt(app) == "a proud king"
+    assert app.state.stage.terrain.name == "flat"  # the take's ground
+    at = app.state.stage.simulation.current.hips_position
+    assert np.linalg.norm(at - item.clip.hips_positions[25]) < 0.1
+    app.takes.toggle_recording()
+    run(app, 10)
+    app.takes.toggle_recording()
+    again = app.state.takes.items[-1]
+    assert [event.prompt for event in again.clip.prompts] == ["a proud king"]
+    assert again.drive is not None
+
+
+def test_a_take_from_a_file_says_why_it_cannot_be_edited(start: Start, tmp_path: object) -> None:
+    app = start()
+    record(app)
+    app.state.takes.export_path = f"{tmp_path}/walk.bvh"
+    app.takes.export()
+    run(app)
+    app.takes.open(app.state.takes.items[0].saved)  # type: ignore[arg-type]
+    seek(app, 10)
+    assert [bar.text for bar in app.editing.tracks.prompts] == ["a proud king", "an old king"]  # type: ignore[union-attr]
+    assert "comes from a file" in app.editing.fixed
+    app.editing.insert_prompt("a zombie")
+    assert "comes from a file" in message(app)
+    assert len(app.state.takes.items[-1].older) == 0
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (800, 500)])
+def test_the_feet_stand_above_the_bar(start: Start, size: tuple[int, int]) -> None:
+    app = start(width=size[0], height=size[1])
+    item = record(app, 20)
+    app.state.takes.timeline.part_tracks = True
+    run(app, 60)  # the camera glides
+    camera = app.stage.camera.current
+    matrix = camera.projection_matrix(size[0] / size[1]) @ camera.view_matrix()
+    points = item.clip.pose(frame(app)).positions
+    clip = np.concatenate([points, np.ones((len(points), 1))], axis=1) @ matrix.T
+    bottom = size[1] * (0.5 - 0.5 * float((clip[:, 1] / clip[:, 3]).min()))
+    assert bottom < place(app, "##timeline")[1] - 90.0  # buttons stand between
+
+
+def test_a_new_prompt_leaves_the_frames_before_it_as_they_were(start: Start) -> None:
+    """With the shipped model."""
+    app = start(services={"load_model": Services().load_model})
+    item = record(app)
+    before = item.clip
+    seek(app, 50)
+    app.editing.insert_prompt("a zombie")
+    run(app, 2)
+    assert same(item.clip, before, 0, 50)
+    assert not same(item.clip, before, 52)
+    press(app, "ctrl", "z")
+    assert item.clip is before
+    app.editing.reword(1, "an old king")  # the same words again
+    run(app, 2)
+    assert item.clip is not before
+    assert same(item.clip, before)
+    type_prompt(app, "x")
+    assert imgui.get_io().want_text_input

@@ -1,0 +1,22 @@
+"""Real processes that record and are killed, interrupted or find no room; all of them: `python -m tests.faults`."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from faults import faults
+from faults.faults import Outcome
+
+pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="signals of POSIX")
+QUICK = ("killed by SIGKILL", "display gone", "Ctrl+C four times", "disk full", "two runs end at once")
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_at_most_the_last_second_is_lost(name: str, tmp_path: Path) -> None:
+    fault: Callable[[Path, float], Outcome] | None = faults.all_faults().get(name)
+    if fault is None:
+        pytest.skip("no Xvfb here")
+    assert fault(tmp_path / "run", 1.2).problems == []

@@ -1,0 +1,104 @@
+"""Restless rollouts, the pace of straight walks, and the bounds of the Analytic-DPM variance."""
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from sport.runtime.controls import Gait  # noqa: E402
+from sport.runtime.motion import features  # noqa: E402
+from sport.runtime.motion.features import INPUT, INPUT_SIZE, MOTION_INPUT_SIZE, OUTPUT, OUTPUT_SIZE, L  # noqa: E402
+from sport.training import losses  # noqa: E402
+from sport.training.batches import Normalisation  # noqa: E402
+from sport.training.frames import LAYERED, FrameTable  # noqa: E402
+from sport.training.natural_pace import captured_paces, straight_speeds  # noqa: E402
+from sport.training.networks.generator import Generator  # noqa: E402
+from sport.training.presets import preset  # noqa: E402
+from sport.training.rollouts import RolloutLanes  # noqa: E402
+from sport.training.session import Session  # noqa: E402
+from sport.training.stages.motion import MotionData, StyleTable, _decay, estimate_variance  # noqa: E402
+from test_training import _frames, clips  # noqa: E402, F401
+
+
+def test_steps_that_are_the_velocity_are_no_unrest_and_trembling_is():
+    velocity, scale, kept = torch.full((4, 6), 0.8), torch.full((6,), 0.5), torch.ones(4, 6)
+    assert losses.unrest(velocity.clone(), velocity, scale, kept) == 0.0
+    assert torch.isclose(losses.unrest(velocity + 0.5, velocity, scale, kept), torch.tensor(1.0))
+    assert losses.unrest(velocity + 0.5, velocity, scale, torch.zeros(4, 6)) == 0.0
+
+
+def test_a_lane_that_predicts_the_truth_moves_by_its_velocity(clips, monkeypatch):  # noqa: F811
+    monkeypatch.setattr("sport.training.rollouts.FOREIGN_POSE", 0.0)
+    frames = _frames(clips)
+    rows = torch.tensor([100, 620])  # on a floor, and up a slope
+    lanes = RolloutLanes(frames, 2, 1e9, iter([rows, rows, rows]))
+    for k in range(3):
+        assert lanes.age.tolist() == [k, k]
+        truth = frames.outputs(rows + k, lanes.patch)
+        moved = truth[:, OUTPUT["joint_positions"]] - lanes.previous_joints().flatten(1)
+        assert torch.allclose(moved * features.FPS, truth[:, OUTPUT["joint_velocities"]], atol=0.15)
+        lanes.advance(truth)
+
+
+def walk(speed: float, sideways: float = 0.0, frames: int = 240) -> tuple[np.ndarray, np.ndarray]:
+    """x and y of a clip that goes on at one velocity; only what the pace is read from is filled."""
+    x, y = np.zeros((frames, MOTION_INPUT_SIZE), np.float16), np.zeros((frames, OUTPUT_SIZE), np.float16)
+    x[:, INPUT["gait"]].reshape(frames, L, -1)[:, :, Gait.WALK] = 1.0
+    y[:, OUTPUT["root"]] = (sideways, speed, 0.0)
+    return x, y
+
+
+def table(items: list[tuple[str, str, float, float]]) -> FrameTable:
+    parts = [walk(speed, sideways) for *_, speed, sideways in items]
+    x, y = (np.concatenate(values) for values in zip(*parts, strict=True))
+    count = len(items)
+    nothing = np.zeros((len(x), 1), np.float32)
+    return FrameTable(
+        x, y, np.zeros((len(x), 1, 36), np.float16), nothing, nothing,
+        np.repeat(np.arange(count, dtype=np.int32), 240), 240 * np.arange(count + 1),
+        [style for style, *_ in items], ["100style"] * count, [content for _, content, *_ in items],
+        [str(k) for k in range(count)], np.zeros(count, bool), np.zeros(count, bool), np.ones(count, int),
+    )  # fmt: skip
+
+
+def test_a_style_is_as_fast_as_its_straight_forward_walk():
+    clips_of = table(
+        [
+            ("angry", "walk forward", 1.375, 0.0),
+            ("angry", "walk sideways", 0.0, 0.5),
+            ("angry", "mixed transitions", 0.75, 0.0),
+            ("angry", LAYERED, 2.0, 0.0),
+            ("sad", "mixed walk jog", 0.625, 0.0),
+        ]
+    )
+    found = straight_speeds(clips_of, Gait.WALK)
+    np.testing.assert_allclose(found[[0, 2, 3, 4]], [1.375, 0.75, 2.0, 0.625], rtol=1e-3)
+    assert np.isnan(found[1])
+    assert captured_paces(clips_of, Gait.WALK) == {"angry": pytest.approx(1.375), "sad": pytest.approx(0.625)}
+
+
+def test_the_variance_of_a_denoiser_that_knows_nothing_is_kept_within_its_bounds(clips, tmp_path):  # noqa: F811
+    config = preset("tiny")
+    torch.manual_seed(0)
+    module = Generator(config).eval()
+    frames = _frames(clips)
+    normal = Normalisation(
+        torch.zeros(INPUT_SIZE), torch.ones(INPUT_SIZE), torch.zeros(OUTPUT_SIZE), torch.ones(OUTPUT_SIZE)
+    )
+    style = StyleTable([torch.zeros(1, 64)] * 6, torch.zeros((4, 8, 6), dtype=torch.long))
+    weights = np.ones(len(frames.x)) / len(frames.x)
+    data = MotionData(frames, normal, style, weights)
+    found = estimate_variance(Session(tmp_path, half=False), config, data, module, batches=1)
+    assert found.shape == (config.inference_steps,)
+    assert (found >= 0.0).all()
+    with torch.no_grad():
+        rows = torch.arange(1, len(frames.x) - 1)
+        patch = torch.zeros_like(rows)
+        e, alpha = module.embed(data.input(rows, patch), data.styles(frames.clip[rows]))
+        spread = module.target_codes(e, alpha, data.output(rows, patch)).var(0).mean()
+    assert found.max() <= 1.5 * float(spread)
+
+
+def test_a_short_stage_averages_over_a_fifth_of_its_steps():
+    assert _decay(20000) == 0.9995
+    assert _decay(1000) == pytest.approx(0.995)

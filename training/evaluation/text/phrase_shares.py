@@ -1,0 +1,212 @@
+"""Walk every phrase once and measure what the body does: `assets/prompts/shares.json`.
+
+    python -m sport.training.evaluation.text.phrase_shares --model FOLDER [--out FILE]
+
+Every entry of the prompt library and every phrase of the layering catalogue is walked straight ahead on flat ground for some
+seconds. A sentence of the catalogue is compared with what its edit does to the model's own neutral walk, any other
+with the claims of `sport.training.text.claims`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from sport.runtime.assets import asset_path
+from sport.runtime.atomic import check_target, write_atomic
+from sport.runtime.errors import UsageError, run_command
+from sport.runtime.generate import simulate
+from sport.runtime.motion.controller import Controller
+from sport.runtime.motion.features import FPS
+from sport.runtime.motion.model import MotionModel, load_model
+from sport.runtime.motion.paths import control_script
+from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.prompts.prompter import Prompter
+from sport.runtime.prompts.shares import FILE, told_of_left
+from sport.runtime.skeleton import PART_NAMES
+from sport.runtime.terrain.height_map import Terrain
+from sport.training.evaluation.motion.driving import flat_ground
+from sport.training.evaluation.text.command import PLAIN_PROMPT
+from sport.training.evaluation.text.part_edits import targets, value
+from sport.training.evaluation.text.walks import LEAD_SECONDS, Summary, Walk, Walker, summarise
+from sport.training.layering.apply import apply
+from sport.training.layering.catalog import EDITS
+from sport.training.layering.pose_edits import Motion
+from sport.training.text.claims import clause_share, clauses
+from sport.training.text.measure import BodyMeasures
+
+log = logging.getLogger("sport.evaluate")
+
+SECONDS = 3.0  # walked and measured for each phrase
+_HAND = ("hand_front", "hand_out", "hand_level")
+_LEVEL_M = 0.45  # metres of one unit of hand_level
+
+
+@dataclass
+class Found:
+    """Shares by (group, words), of sentences and of their clauses, each with all walks that said them."""
+
+    sentences: dict[tuple[str, str], list[float]] = field(default_factory=lambda: defaultdict(list))
+    clauses: dict[tuple[str, str], list[float]] = field(default_factory=lambda: defaultdict(list))
+
+    def add(self, part: str, sentence: str, neutral: BodyMeasures, walked: BodyMeasures) -> None:
+        """What a walk shows of a sentence by the claims of its clauses."""
+        shares: list[tuple[float, bool]] = []
+        for clause in clauses(told_of_left(sentence, part)[1] if "_" in part else sentence.lower()):
+            share = clause_share(part, clause, neutral, walked)
+            if share is not None:
+                shares.append(share)
+                self.clauses[told_of_left(part, part)[0], clause].append(share[0])
+        if shares:
+            # what neutral does not do already is what the sentence is there for
+            told = [share for share, changes in shares if changes] or [share for share, _ in shares]
+            self.sentences[told_of_left(sentence, part)].append(float(np.mean(told)))
+
+    def add_edit(self, part: str, phrase: str, share: float) -> None:
+        """What a walk shows of a phrase of the catalogue."""
+        self.sentences[told_of_left(phrase, part)].append(share)
+        self.clauses[told_of_left(phrase, part)].append(share)
+
+    def table(self) -> dict[str, dict[str, dict[str, float]]]:
+        """Medians over the walks, as the file has them."""
+        return {"sentences": _medians(self.sentences), "clauses": _medians(self.clauses)}
+
+
+def measure_shares(
+    model: MotionModel,
+    prompter: Prompter,
+    walker: Walker,
+    entries: Sequence[PartDescriptions],
+    every: int = 1,
+) -> Found:
+    """Walk the library's `entries` and the catalogue's phrases once each, or one in `every`."""
+    neutral = prompter.expand(PLAIN_PROMPT).descriptions
+    asked: list[tuple[PartDescriptions, str]] = [(d, "") for d in entries] + list(_phrases(neutral))
+    asked = asked[::every]
+    log.info("%d walks", len(asked) + 1)
+    walks = [Walk.of(prompter(d), 0) for d in (neutral, *(d for d, _ in asked))]
+    plain, *made = walker.make(walks)
+    motion = _neutral_motion(model, prompter(neutral))
+    found, described = Found(), _described(motion)
+    for (descriptions, edit), walked in zip(asked, made, strict=True):
+        if not edit:
+            for part in PART_NAMES:
+                found.add(part, getattr(descriptions, part), plain.body, walked.body)
+            continue
+        share = edit_share(edit, described[edit], plain, walked)
+        for part in EDITS[edit].phrases:
+            found.add_edit(part, getattr(descriptions, part), share)
+    return found
+
+
+def edit_share(edit: str, example: tuple[Summary, Summary], plain: Summary, walked: Summary) -> float:
+    """How much of what an edit does to the neutral walk (`example`: before, after) a walk does, 0 to 1.
+
+    Of a held hand it is the way of the hand to its place.
+    """
+    before, after = example
+    if EDITS[edit].kind == "hand" and "wave" not in EDITS[edit].parameters:
+        part = EDITS[edit].slot
+        place = [_hand(s, part) for s in (before, after, plain, walked)]
+        wanted, way = place[1] - place[0], place[3] - place[2]
+        return float(
+            np.clip(1.0 - np.linalg.norm(wanted - way) / max(np.linalg.norm(wanted), 0.05), 0.0, 1.0)
+        )
+    shares = []
+    for target in targets((edit,)):
+        amount = value(after, target) - value(before, target)
+        if abs(amount) > 1e-6:
+            shares.append((value(walked, target) - value(plain, target)) / amount)
+    return float(np.clip(min(shares), 0.0, 1.0)) if shares else 0.0
+
+
+def _hand(summary: Summary, part: str) -> np.ndarray:
+    arm = getattr(summary.body, part)
+    place = np.array([getattr(arm, name) for name in _HAND])
+    return place * np.array([1.0, 1.0, _LEVEL_M])
+
+
+def _phrases(neutral: PartDescriptions) -> Iterable[tuple[PartDescriptions, str]]:
+    """Every phrase of the catalogue on a neutral walk, with its edit; the sides in turn, as limbs are told of the left."""
+    for name, edit in EDITS.items():
+        if edit.slot in ("right_arm", "right_leg"):
+            continue
+        for k in range(max(len(texts) for texts in edit.phrases.values())):
+            words = neutral
+            for part, texts in edit.phrases.items():
+                words = words.replace(part, texts[k % len(texts)])
+            yield words, name
+
+
+def _described(motion: Motion) -> dict[str, tuple[Summary, Summary]]:
+    """Of every edit of the left and the middle: the neutral walk before and after it."""
+    before = summarise(motion.hips, motion.local, motion.contacts)
+    found = {}
+    for name, edit in EDITS.items():
+        if edit.slot not in ("right_arm", "right_leg"):
+            changed = apply(motion, edit, np.random.default_rng(0))
+            found[name] = before, summarise(changed.hips, changed.local, changed.contacts)
+    return found
+
+
+def _neutral_motion(model: MotionModel, z: Any) -> Motion:
+    """A neutral walk of the model, to apply edits to."""
+    controller = Controller(model, flat_ground(), 0)
+    lead, frames = round(LEAD_SECONDS * FPS), round(2 * SECONDS * FPS)
+    script = control_script("forward", "walk")
+    poses = simulate(controller, script, [(0.0, z)], lead + frames)[lead:]
+    return Motion(
+        np.stack([p.hips_position for p in poses]).astype(np.float64),
+        np.stack([p.local_rotations for p in poses]).astype(np.float64),
+        (np.stack([p.contacts for p in poses]) > 0.5).astype(np.uint8),
+        Terrain.flat(size_m=200.0),
+    )
+
+
+def _medians(values: dict[tuple[str, str], list[float]]) -> dict[str, dict[str, float]]:
+    groups: dict[str, dict[str, float]] = {}
+    for (group, words), shares in sorted(values.items()):
+        groups.setdefault(group, {})[words] = round(float(np.median(shares)), 2)
+    return groups
+
+
+def write_shares(path: Path, model: str, table: dict[str, Any]) -> None:
+    """Put a model's table into the file, keeping those of others."""
+    tables = json.loads(path.read_text("utf-8")) if path.is_file() else {}
+    tables[model] = table
+    write_atomic(path, json.dumps(tables, indent=0, ensure_ascii=False, sort_keys=True) + "\n")
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description="Measure on walks what every phrase of the library shows.")
+    parser.add_argument("--model", type=Path, default=asset_path("models/compact"), metavar="DIR")
+    parser.add_argument("--out", type=Path, default=Path("assets") / FILE, metavar="FILE")
+    parser.add_argument("--workers", type=int, default=2, metavar="N")
+    parser.add_argument("--every", type=int, default=1, metavar="N", help="walk one in N: a trial")
+    args = parser.parse_args(argv)
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    check_target(args.out)
+    if args.every < 1:
+        raise UsageError(f"--every {args.every}: expected at least 1.", "Choose another number.")
+    from sport.runtime.prompts.english.library_data import load_library, load_styles
+
+    model = load_model(args.model)
+    prompter = Prompter(model)
+    entries = load_library(asset_path("prompts/library.json"), load_styles(asset_path("prompts/styles.json")))
+    walker = Walker(args.model, args.workers, SECONDS)
+    found = measure_shares(model, prompter, walker, [e.descriptions for e in entries], args.every)
+    write_shares(args.out, model.name, found.table())
+    shares = [np.median(v) for v in found.sentences.values()]
+    print(f"{args.out}: {len(shares)} sentences, {np.mean(np.array(shares) < 0.3):.0%} of them under 0.3")
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_command("phrase shares", main))

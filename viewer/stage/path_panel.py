@@ -1,0 +1,60 @@
+"""The path's part of the scene panel: draw it, speed and gait of the selected leg, walk it."""
+
+from __future__ import annotations
+
+from sport.runtime.controls import Gait
+from sport.runtime.motion.paths import Place
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.gui import widgets
+from sport.viewer.gui.theme import ICON
+from sport.viewer.gui.widgets import px
+from sport.viewer.stage.path_tool import PathTool
+from sport.viewer.stage.stage import Stage
+
+GAITS = [(Gait.WALK, "Walk"), (Gait.JOG, "Jog"), (Gait.CROUCH, "Crouch")]
+
+
+def draw(stage: Stage) -> None:
+    """Contents of this part."""
+    tool = stage.path
+    widgets.label("Path")
+    half = (imgui.get_content_region_avail().x - px(4)) / 2
+    hint = "Click on the ground: a point. Drag moves one, Delete removes it."
+    tool.active = widgets.toggle("Draw a path", tool.active, half, hint)
+    imgui.same_line(0, px(4))
+    imgui.begin_disabled(not tool.points)
+    if tool.walk is not None:
+        if widgets.button(f"{ICON.stop} Stop###walk path", half, "Give the stick back"):
+            tool.stop()
+    elif widgets.button(
+        f"{ICON.walk} Walk it###walk path", half, "From where the character stands; any key of yours ends it"
+    ):
+        pose = stage.state.simulation.current
+        tool.start(Place(float(pose.root_position[0]), float(pose.root_position[2]), pose.root_yaw))
+    imgui.end_disabled()
+    if tool.active:
+        _selected(tool)
+
+
+def _selected(tool: PathTool) -> None:
+    """Speed and gait of the leg that leads to the selected point."""
+    if not 0 <= tool.selected < len(tool.points):
+        widgets.muted("Click on the ground to set points.", wrap=True)
+        return
+    point = tool.points[tool.selected]
+    gait = widgets.segmented("path gait", GAITS, point.gait)
+    width = imgui.get_content_region_avail().x
+    imgui.set_next_item_width(width - 2 * px(62) - 2 * px(4))
+    text = f"to point {tool.selected + 1}: %.0f %%%%"
+    moved, speed = widgets.slider(
+        "##path speed", point.speed * 100.0, 10.0, 100.0, text.replace("%%%%", "%%")
+    )
+    widgets.tooltip("How far the stick is pushed on the way to this point")
+    if gait != point.gait or moved:
+        tool.change(gait=gait, speed=speed / 100.0)
+    imgui.same_line(0, px(4))
+    if widgets.button("Delete", px(62), "Remove this point (Delete)"):
+        tool.delete()
+    imgui.same_line(0, px(4))
+    if widgets.button("Clear", px(62), "Remove every point"):
+        tool.clear()

@@ -1,0 +1,271 @@
+"""Edits of the take that plays: its prompts and gaits change, and the recorded stick drives it again from there."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from sport.runtime.controls import Gait
+from sport.runtime.errors import SportError
+from sport.runtime.motion.snapshot import Snapshot, take_snapshot
+from sport.runtime.motion.style_mix import StyleMix
+from sport.runtime.pose import Pose
+from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.takes.metadata import PromptEvent, title
+from sport.viewer.messages import Messages
+from sport.viewer.prompt.prompting import Prompting
+from sport.viewer.prompt.state import Request
+from sport.viewer.prompt.style_edit import Answer, StyleEdit
+from sport.viewer.stage.stage import Stage
+from sport.viewer.takes.state import ClipItem, TakesState
+from sport.viewer.takes.takes import Takes
+from sport.viewer.takes.tracks import Tracks, tracks_of, words_of
+
+if TYPE_CHECKING:
+    from sport.runtime.takes.clip import Clip
+    from sport.runtime.takes.drive import Drive, StyleChange
+    from sport.runtime.takes.drive_edits import Edit, PromptSpan
+
+SLOT = "driving a take"
+MAX_LABEL = 32  # characters of a prompt in the name of an edit
+Edited = tuple["Clip", "Drive"]
+
+
+@dataclass
+class TakeEditing:
+    """Actions of the timeline."""
+
+    takes: Takes
+    stage: Stage
+    prompting: Prompting
+
+    @property
+    def state(self) -> TakesState:
+        """The room's slice of the state."""
+        return self.takes.state
+
+    @property
+    def messages(self) -> Messages:
+        """The status line."""
+        return self.takes.messages
+
+    @property
+    def busy(self) -> bool:
+        """Whether a take is being driven again."""
+        return self.takes.jobs.busy(SLOT)
+
+    @property
+    def fixed(self) -> str:
+        """Why the take that plays cannot be edited; "" when it can."""
+        item = self.state.played
+        if item is None:
+            return "No take plays."
+        if item.drive is None or item.maker is None:
+            return (
+                "This motion comes from a file: it can be trimmed and exported."
+                if not item.recorded
+                else "This take cannot be driven again: a model was loaded or failed, or a take was gone on from, in it."
+            )
+        return "It is being driven again…" if self.busy else ""
+
+    @property
+    def tracks(self) -> Tracks | None:
+        """What lies on the tracks of the take that plays."""
+        item, timeline = self.state.played, self.state.timeline
+        if item is None:
+            return None
+        if timeline.tracks is None or timeline.tracks.clip is not item.clip:
+            timeline.tracks = tracks_of(item.clip, item.drive)
+        return timeline.tracks
+
+    # --- prompts
+
+    def reword(self, index: int, request: Request) -> None:
+        """Other words for a prompt of the take, by its place; empty ones change nothing."""
+        bar = self.tracks and self.tracks.prompts[index]
+        if not bar or (isinstance(request, str) and not request.strip()):
+            return
+        known = _answer_of(bar.span.changes[-1])  # type: ignore[attr-defined]
+        label = f"words of {_short(title(bar.span.event))}"  # type: ignore[attr-defined]
+
+        def edit(drive: Drive) -> Edit:
+            from sport.runtime.takes import drive_edits
+
+            style = self._style(bar.span.start, request, known)
+            return drive_edits.reworded(drive, drive_edits.prompt_spans(drive)[index], style)
+
+        self._again(label, edit)
+
+    def reword_part(self, index: int, part: str, text: str) -> None:
+        """Other words for one part of a prompt of the take."""
+        bar = self.tracks and self.tracks.prompts[index]
+        words = bar and words_of(bar.span.event)  # type: ignore[attr-defined]
+        if not words:
+            return
+        try:
+            changed = PartDescriptions.from_mapping({**words.to_mapping(), part: text})
+        except SportError as error:
+            self.messages.error(error)
+            return
+        if changed != words:
+            self.reword(index, changed)
+
+    def insert_prompt(self, text: str) -> None:
+        """Another prompt from the frame shown to the next prompt."""
+        playback = self.state.playback
+        if playback is None or not text.strip():
+            return
+        frame = playback.frame
+
+        def edit(drive: Drive) -> Edit:
+            from sport.runtime.takes import drive_edits
+
+            return drive_edits.with_prompt(drive, self._style(frame, text, None))
+
+        self._again(f"prompt {_short(text)}", edit)
+
+    def _style(self, frame: int, request: Request, known: Answer | None) -> StyleChange:
+        """The style of a request from a frame on; waits for the answer."""
+        from sport.runtime.takes.drive import StyleChange
+
+        answer, seconds = self.prompting.answer(request), self.takes.settings.blend_seconds
+        if isinstance(request, PartDescriptions):
+            base = known or dataclasses.replace(answer, prompt="")
+            answer = dataclasses.replace(base, words=answer.words, z=answer.z)
+        style = StyleEdit((answer, None))
+        event = PromptEvent(0.0, style.prompt_text, seconds, style.spelled_out())
+        return StyleChange(frame, np.array(answer.z, np.float32), seconds, event, style)
+
+    # --- spans
+
+    def insert_gait(self, gait: Gait) -> None:
+        """Another gait from the frame shown to the end of the gait there."""
+        playback, tracks = self.state.playback, self.tracks
+        if playback is None or tracks is None:
+            return
+        frame = playback.frame
+        end = next((b.span.end for b in tracks.gaits if b.span.start <= frame < b.span.end), playback.frames)
+
+        def edit(drive: Drive) -> Edit:
+            from sport.runtime.takes import drive_edits
+
+            return drive_edits.with_gait(drive, frame, end - 1, gait)
+
+        self._again(f"gait {gait.name.lower()}", edit)
+
+    def move(self, track: str, index: int, start: int, end: int) -> None:
+        """A span of the track "prompts" or "gaits" goes to other frames, at the cost of its neighbours."""
+
+        def edit(drive: Drive) -> Edit:
+            from sport.runtime.takes import drive_edits
+
+            change = drive_edits.move_prompt if track == "prompts" else drive_edits.move_gait
+            return change(drive, index, start, end)
+
+        self._again("move of a prompt" if track == "prompts" else "move of a gait", edit)
+
+    # --- driving again
+
+    def _again(self, label: str, edit: Callable[[Drive], Edit]) -> None:
+        """Drive the take that plays again by the recorded stick, on a worker thread."""
+        item = self.state.played
+        if item is None or item.drive is None or item.maker is None or self.busy:
+            self.messages.warn(self.fixed)
+            return
+        clip, drive, maker = item.clip, item.drive, item.maker
+
+        def work() -> Edited:
+            from sport.runtime.takes.drive import played_again
+
+            made = edit(drive)
+            return played_again(clip, made.drive, maker.twin(), made.first)
+
+        self.takes.jobs.submit(SLOT, work, lambda made: self._take(item, clip, made, label))
+
+    def _take(self, item: ClipItem, before: Clip, made: Edited, label: str) -> None:
+        if item.clip is before:  # not undone meanwhile
+            item.edit(*made, label)
+            self._shown(item)
+            self.messages.note(f"{item.name}: {label}. Ctrl+Z brings the version before back.")
+
+    def undo(self) -> None:
+        """Back to the version before the last edit of the take that plays."""
+        item = self.state.played
+        if item is not None and item.undo_label:
+            label = item.undo_label
+            item.undo()
+            self._shown(item)
+            self.messages.note(f"{item.name}: undone: {label}.")
+
+    def redo(self) -> None:
+        """On to the version that was undone last."""
+        item = self.state.played
+        if item is not None and item.redo_label:
+            item.redo()
+            self._shown(item)
+            self.messages.note(f"{item.name}: done again: {item.label}.")
+
+    def _shown(self, item: ClipItem) -> None:
+        playback = self.state.playback
+        if playback is not None and self.state.played is item:
+            playback.show(item.clip)
+
+    # --- going on
+
+    def go_on(self) -> None:
+        """Drive the live character from the frame shown, with the take's ground and prompt."""
+        item, playback = self.state.played, self.state.playback
+        if item is None or playback is None or self.fixed:
+            self.messages.warn(self.fixed)
+            return
+        if item.maker is not self.stage.state.controller:
+            self.messages.warn(f"{item.name} was made with another model than the one that is loaded.")
+            return
+        drive, maker, frame = item.drive, item.maker, playback.frame
+
+        def work() -> tuple[Snapshot, Pose]:
+            from sport.runtime.takes.drive import redrive
+
+            assert drive is not None
+            assert maker is not None
+            twin = maker.twin()
+            poses, _ = redrive(drive, twin, frame, frame)
+            return take_snapshot(twin), poses[-1]  # type: ignore[arg-type]
+
+        self.takes.jobs.submit(SLOT, work, lambda made: self._go_on(item, frame, *made))
+
+    def _go_on(self, item: ClipItem, frame: int, snapshot: Snapshot, pose: Pose) -> None:
+        if item.drive is None:
+            return
+        self.stage.go_on_from(snapshot, pose, item.drive.ground(frame))
+        style = _style_at(item.drive, frame)
+        if style is not None:
+            self.prompting.adopt(style.note or StyleEdit((_answer_of(style), None)), f"take {item.name}")
+            self.takes.mark_held(style)
+        self.state.playback = None
+        self.messages.note(f"Live from frame {frame} of {item.name}.")
+
+
+def _style_at(drive: Drive, frame: int) -> StyleChange | None:
+    from sport.runtime.takes.drive_edits import prompt_spans
+
+    spans: list[PromptSpan] = [s for s in prompt_spans(drive) if s.start <= frame]
+    changes = [c for c in spans[-1].changes if c.frame <= frame] if spans else []
+    return changes[-1] if changes else None
+
+
+def _answer_of(style: StyleChange) -> Answer | None:
+    """The answer that a style came from; from its six descriptions where nothing else was kept."""
+    if isinstance(style.note, StyleEdit):
+        return style.note.a if style.note.b is None else None
+    words = words_of(style.event)
+    if words is None or isinstance(style.z, StyleMix):
+        return None
+    return Answer(title(style.event), words, words, np.array(style.z, np.float32))
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= MAX_LABEL else text[: MAX_LABEL - 1] + "…"

@@ -1,0 +1,297 @@
+"""The tracks of the take that plays: a ruler with trim handles, prompts, body parts, gaits, ground and foot contacts."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from sport.runtime.skeleton import PART_NAMES
+from sport.runtime.takes.drive_edits import Span, fitted
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.gui import theme, widgets
+from sport.viewer.gui.theme import Color
+from sport.viewer.gui.widgets import px
+from sport.viewer.takes.editing import TakeEditing
+from sport.viewer.takes.playback import Playback
+from sport.viewer.takes.state import Drag
+from sport.viewer.takes.tracks import Bar, Tracks
+
+NAMES_WIDTH = 62.0  # pixels at scale 1
+NAMES_FROM = 420.0  # in a narrower bar the tracks have no names
+RULER, PROMPTS, ROW, FEET = 26.0, 21.0, 15.0, 6.0  # heights at scale 1
+EDGE = 4.0  # beside both ends of a row, for half a handle
+GRIP = 7.0  # how near to an end of a span or to a handle the mouse takes it
+TICK_STEPS = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 3600, 7200, 18000, 36000)
+TICK_WIDTH = 56.0  # at least, between two numbers
+SMALL = theme.FONT_SIZE * 0.8
+PROMPT_TINTS = (theme.ACCENT_FILL, (0.36, 0.55, 0.78, 0.42))
+GAIT_TINT: Color = (0.78, 0.62, 0.34, 0.42)
+GROUND_TINT: Color = (0.55, 0.58, 0.62, 0.35)
+PART_TINT: Color = (0.36, 0.55, 0.78, 0.28)
+
+
+@dataclass(frozen=True)
+class _Row:
+    """One track on the screen: where it lies, and how frames map to it."""
+
+    left: float
+    top: float
+    width: float
+    height: float
+    frames: int
+
+    def x(self, frame: float) -> float:
+        """Screen position of a frame."""
+        return self.left + frame / max(self.frames - 1, 1) * self.width
+
+    def frame_at(self, x: float) -> int:
+        """The frame under a screen position, within the clip."""
+        share = min(max((x - self.left) / max(self.width, 1.0), 0.0), 1.0)
+        return round(share * max(self.frames - 1, 1))
+
+
+def draw(editing: TakeEditing, playback: Playback) -> None:
+    """The tracks, one below the other; in less height than they need they scroll."""
+    tracks = editing.tracks
+    if tracks is None:
+        return
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(3)))
+    _ruler(playback, _scrollbar(editing.state.timeline.part_tracks))
+    if imgui.begin_child("tracks", imgui.ImVec2(0, 0)):
+        top = imgui.get_cursor_screen_pos().y
+        _spans("Prompts", "prompts", tracks.prompts, PROMPTS, editing, playback)
+        if editing.state.timeline.part_tracks:
+            for part in PART_NAMES:
+                _still(part.replace("_", " ").capitalize(), tracks.parts[part], PART_TINT, playback)
+        _spans("Gait", "gaits", tracks.gaits, ROW, editing, playback)
+        _still("Ground", tracks.grounds, GROUND_TINT, playback)
+        _feet(tracks, playback)
+        bottom = imgui.get_cursor_screen_pos().y
+        row = _row("", 0.0, playback.frames)
+        _rect(_at(row, playback), top, _at(row, playback) + px(1), bottom, theme.TEXT, 0.0)
+    imgui.end_child()
+    imgui.pop_style_var()
+
+
+def _scrollbar(part_tracks: bool) -> float:
+    """Width that the tracks lose to a scroll bar, so that the ruler above them is as wide."""
+    rows = [PROMPTS, ROW, ROW, 2 * FEET + 2, *([ROW] * len(PART_NAMES) if part_tracks else ())]
+    needed = sum(px(height) + imgui.get_style().item_spacing.y for height in rows)
+    left = imgui.get_content_region_avail().y - px(RULER) - imgui.get_style().item_spacing.y
+    return float(imgui.get_style().scrollbar_size) if needed > left + 1 else 0.0
+
+
+def _row(name: str, height: float, frames: int, less: float = 0.0) -> _Row:
+    """The next row; its name stands on the left where there is room."""
+    width, corner = imgui.get_content_region_avail().x - less, imgui.get_cursor_screen_pos()
+    names = px(NAMES_WIDTH) if width + less >= px(NAMES_FROM) else 0.0
+    if names and name:
+        y = corner.y + (px(height) - SMALL * imgui.get_style().font_scale_dpi) / 2
+        _text(corner.x, y, name, theme.MUTED, names - px(4))
+    edge = px(EDGE)
+    return _Row(corner.x + names + edge, corner.y, width - names - 2 * edge, px(height), frames)
+
+
+def _button(name: str, row: _Row) -> None:
+    """Makes a row take the mouse, and a little beside its ends."""
+    edge = px(EDGE)
+    imgui.set_cursor_screen_pos(imgui.ImVec2(row.left - edge, row.top))
+    imgui.invisible_button(f"##{name}", imgui.ImVec2(max(row.width, 1.0) + 2 * edge, max(row.height, 1.0)))
+
+
+# --- ruler
+
+
+def _ruler(playback: Playback, less: float) -> None:
+    """Frame numbers, the part that is kept with its handles, and the frame shown; drag to scrub."""
+    row = _row("Frame", RULER, playback.frames, less)
+    _scrub(row, playback)
+    base = row.top + row.height * 0.62
+    bottom = row.top + row.height
+    _rect(row.x(0), base, row.x(playback.frames - 1), bottom, theme.FIELD)
+    _rect(row.x(playback.first), base, row.x(playback.last), bottom, theme.ACCENT_FILL)
+    per_frame = row.width / max(playback.frames - 1, 1)
+    step = next((s for s in TICK_STEPS if s * per_frame >= px(TICK_WIDTH)), TICK_STEPS[-1])
+    for number in range(0, playback.frames, step):
+        x = row.x(number)
+        _rect(x, base - px(4), x + 1, base, theme.MUTED, 0.0)
+        if x + px(28) < row.left + row.width or not number:
+            _text(x + px(3), row.top, str(number), theme.MUTED, px(60))
+    for frame, side in ((playback.first, 1), (playback.last, -1)):
+        x = row.x(frame)
+        _rect(min(x, x + side * px(5)), base - px(1), max(x, x + side * px(5)), bottom, theme.ACCENT, px(2))
+    x = _at(row, playback)
+    _rect(x - px(1.5), row.top, x + px(1.5), bottom, theme.TEXT, px(1))
+
+
+def _scrub(row: _Row, playback: Playback) -> None:
+    imgui.push_id("ruler")
+    _button("timeline", row)
+    held, hovered = imgui.is_item_active(), imgui.is_item_hovered()
+    mouse, storage, key = imgui.get_io().mouse_pos, imgui.get_state_storage(), imgui.get_id("held")
+    lower = mouse.y >= row.top + row.height * 0.5
+    near = 0
+    if lower and abs(mouse.x - row.x(playback.first)) <= px(GRIP):
+        near = 1
+    elif lower and abs(mouse.x - row.x(playback.last)) <= px(GRIP):
+        near = 2
+    if imgui.is_item_activated():
+        storage.set_int(key, near)
+    near = storage.get_int(key) if held else near
+    if near and (held or hovered):
+        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
+    if held:
+        frame = row.frame_at(mouse.x)
+        if near == 1:
+            playback.trim_in(frame)
+        elif near == 2:
+            playback.trim_out(frame)
+        else:
+            playback.seek(frame)
+    elif hovered and near:
+        widgets.tooltip("Drag: only what lies between the handles plays and is exported")
+    imgui.pop_id()
+
+
+# --- tracks
+
+
+def _spans(
+    name: str, key: str, bars: Sequence[Bar], height: float, editing: TakeEditing, playback: Playback
+) -> None:
+    """A track whose spans can be dragged; a click goes to its frame."""
+    row = _row(name, height, playback.frames)
+    _button(key, row)
+    state = editing.state.timeline
+    hovered, mouse = imgui.is_item_hovered(), imgui.get_io().mouse_pos
+    found = _grabbed(row, bars, mouse.x)
+    if imgui.is_item_activated() and found is not None:
+        index, part = found
+        span = bars[index].span
+        state.drag = Drag(key, index, part, row.frame_at(mouse.x), span.start, span.end)
+    drag = state.drag if state.drag is not None and state.drag.track == key else None
+    if drag is not None:
+        drag = state.drag = _dragged(
+            drag, row.frame_at(mouse.x), [bar.span for bar in bars], bool(editing.fixed)
+        )
+        if imgui.is_item_deactivated():
+            state.drag = None
+            _drop(drag, row.frame_at(mouse.x), bars, editing, playback)
+    elif hovered and found is not None:
+        widgets.tooltip(bars[found[0]].hint or bars[found[0]].text)
+    if (hovered and found is not None and found[1] != "body" and not editing.fixed) or (drag and drag.moved):
+        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
+    for i, bar in enumerate(_moved(bars, drag)):
+        tint = GAIT_TINT if key == "gaits" else PROMPT_TINTS[i % 2]
+        _bar(row, bar, tint, bar.span.start <= playback.frame < bar.span.end)
+
+
+def _grabbed(row: _Row, bars: Sequence[Bar], x: float) -> tuple[int, str] | None:
+    """Which span is under the mouse, and which part of it."""
+    for i, bar in enumerate(bars):
+        left, right = row.x(bar.span.start), row.x(bar.span.end)
+        if (left <= x or i == 0) and (x < right or i == len(bars) - 1):
+            grip = min(px(GRIP), (right - left) / 4)
+            if i > 0 and x - left <= grip:
+                return i, "start"
+            return i, "end" if i < len(bars) - 1 and right - x <= grip else "body"
+    return None
+
+
+def _dragged(drag: Drag, frame: int, spans: Sequence[Span], fixed: bool) -> Drag:
+    """The drag with the span where the mouse holds it."""
+    by = frame - drag.grabbed
+    if fixed or (by == 0 and not drag.moved):
+        return drag
+    span = spans[drag.index]
+    start = span.start + (by if drag.part != "end" else 0)
+    end = span.end + (by if drag.part != "start" else 0)
+    start, end = fitted(spans, drag.index, start, end)
+    return dataclasses.replace(drag, start=start, end=end, moved=True)
+
+
+def _drop(drag: Drag, frame: int, bars: Sequence[Bar], editing: TakeEditing, playback: Playback) -> None:
+    span = bars[drag.index].span
+    if not drag.moved:
+        playback.seek(frame)
+    elif (drag.start, drag.end) != (span.start, span.end):
+        editing.move(drag.track, drag.index, drag.start, drag.end)
+
+
+def _moved(bars: Sequence[Bar], drag: Drag | None) -> list[Bar]:
+    """The spans as they would lie after the drag in hand."""
+    shown = list(bars)
+    if drag is None or not drag.moved:
+        return shown
+
+    def put(i: int, start: int, end: int) -> None:
+        if 0 <= i < len(shown):
+            shown[i] = dataclasses.replace(shown[i], span=Span(start, end))
+
+    i = drag.index
+    put(i, drag.start, drag.end)
+    if i > 0:
+        put(i - 1, bars[i - 1].span.start, drag.start)
+    if i + 1 < len(bars):
+        put(i + 1, drag.end, bars[i + 1].span.end)
+    return shown
+
+
+def _still(name: str, bars: Sequence[Bar], tint: Color, playback: Playback) -> None:
+    """A track that is only looked at."""
+    row = _row(name, ROW, playback.frames)
+    _button(f"track {name}", row)
+    if imgui.is_item_hovered():
+        found = _grabbed(row, bars, imgui.get_io().mouse_pos.x)
+        if found is not None:
+            widgets.tooltip(bars[found[0]].hint or bars[found[0]].text)
+    for bar in bars:
+        _bar(row, bar, tint, False)
+
+
+def _feet(tracks: Tracks, playback: Playback) -> None:
+    """When the left foot (above) and the right one bear the character."""
+    row = _row("Feet", 2 * FEET + 2, playback.frames)
+    _button("feet", row)
+    widgets.tooltip("When a foot bears the character: the left one above, the right one below")
+    for i, spans in enumerate(tracks.contacts):
+        top = row.top + i * px(FEET + 2)
+        _rect(row.left, top, row.left + row.width, top + px(FEET), theme.FIELD, px(1))
+        for span in spans:
+            right = min(row.x(span.end), row.left + row.width)
+            _rect(row.x(span.start), top, right, top + px(FEET), theme.ACCENT, px(1))
+
+
+# --- drawing
+
+
+def _at(row: _Row, playback: Playback) -> float:
+    """Where the time shown lies."""
+    return row.x(min(max(playback.time_s * playback.clip.fps, 0.0), playback.frames - 1.0))
+
+
+def _bar(row: _Row, bar: Bar, tint: Color, lit: bool) -> None:
+    left, right = row.x(bar.span.start), min(row.x(bar.span.end), row.left + row.width)
+    right = max(right - px(1), left + 1)
+    fill = (*tint[:3], min(tint[3] + (0.25 if lit else 0.0), 1.0))
+    _rect(left, row.top, right, row.top + row.height, theme.FIELD, px(3))
+    _rect(left, row.top, right, row.top + row.height, fill, px(3))
+    y = row.top + (row.height - SMALL * imgui.get_style().font_scale_dpi) / 2
+    _text(left + px(5), y, bar.text, theme.TEXT, right - left - px(8))
+
+
+def _rect(left: float, top: float, right: float, bottom: float, tint: Color, rounding: float = 2.0) -> None:
+    low, high = imgui.ImVec2(left, top), imgui.ImVec2(right, bottom)
+    imgui.get_window_draw_list().add_rect_filled(low, high, widgets.packed(tint), rounding)
+
+
+def _text(x: float, y: float, text: str, tint: Color, width: float) -> None:
+    """Small words, cut to a width; none where not even the first fits."""
+    if width < px(12):
+        return
+    imgui.push_font(None, SMALL)
+    imgui.get_window_draw_list().add_text(
+        imgui.ImVec2(x, y), widgets.packed(tint), widgets.elided(text, width)
+    )
+    imgui.pop_font()

@@ -1,0 +1,132 @@
+"""What lies on the tracks of a timeline, as plain data: prompts, the words of each part, gaits, grounds, foot contacts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.controls import Gait
+from sport.runtime.errors import SportError
+from sport.runtime.prompts.blend import BlendedPrompt, Words, read_words
+from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.skeleton import PART_NAMES
+from sport.runtime.takes.clip import Clip
+from sport.runtime.takes.drive import Drive, GroundChange, StyleChange
+from sport.runtime.takes.drive_edits import GaitSpan, PromptSpan, Span, gait_spans, prompt_spans
+from sport.runtime.takes.metadata import PromptEvent, title
+
+CONTACT = 0.5  # of a heel or toe: it bears the character
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A labelled span; `hint` is what the mouse finds out about it."""
+
+    span: Span
+    text: str
+    hint: str = ""
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Everything on the timeline of one version of a take."""
+
+    clip: Clip
+    prompts: tuple[Bar, ...]
+    parts: dict[str, tuple[Bar, ...]]
+    gaits: tuple[Bar, ...]
+    grounds: tuple[Bar, ...]
+    contacts: tuple[tuple[Span, ...], tuple[Span, ...]]  # left foot, right foot
+
+    def prompt_at(self, frame: int) -> int:
+        """Which prompt holds in a frame; -1 for none."""
+        return next((i for i, b in enumerate(self.prompts) if b.span.start <= frame < b.span.end), -1)
+
+
+def tracks_of(clip: Clip, drive: Drive | None) -> Tracks:
+    """The tracks of a clip; without a drive, what its file tells."""
+    spans = _read_spans(clip) if drive is None else prompt_spans(drive)
+    return Tracks(
+        clip,
+        tuple(Bar(s, title(s.event), _hint(s.event)) for s in spans),
+        {part: _part(spans, part) for part in PART_NAMES},
+        tuple(Bar(s, _gait(s)) for s in _gaits(clip)),
+        _grounds(clip, drive),
+        (_contacts(clip.contacts[:, :2]), _contacts(clip.contacts[:, 2:])),
+    )
+
+
+def words_of(event: PromptEvent) -> PartDescriptions | None:
+    """The six descriptions that a prompt meant; None for a blend, or where they are not known."""
+    words = _words(event)
+    return words if isinstance(words, PartDescriptions) else None
+
+
+def _words(event: PromptEvent) -> Words | BlendedPrompt | None:
+    try:
+        return read_words(event.words) if event.words else None
+    except SportError:  # of a file that somebody wrote by hand
+        return None
+
+
+def _read_spans(clip: Clip) -> list[PromptSpan]:
+    starts = [max(round(event.seconds * clip.fps), 0) for event in clip.prompts]
+    ends = [*starts[1:], len(clip)]
+    return [
+        PromptSpan(start, end, (StyleChange(start, np.zeros(0), event.transition_seconds, event),))
+        for start, end, event in zip(starts, ends, clip.prompts, strict=True)
+        if end > start
+    ]
+
+
+def _hint(event: PromptEvent) -> str:
+    words = words_of(event)
+    if words is None:
+        return title(event)
+    lines = [f"{name.replace('_', ' ')}: {said}" for name, said in words.to_mapping().items()]
+    return "\n".join([title(event), *lines])
+
+
+def _part(spans: list[PromptSpan], part: str) -> tuple[Bar, ...]:
+    """Spans of one part's words; neighbours that say the same are one."""
+    bars: list[Bar] = []
+    for span in spans:
+        words = _words(span.event)
+        text = (
+            str(getattr(words, part)) if isinstance(words, PartDescriptions) else "a blend" if words else ""
+        )
+        if bars and bars[-1].text == text:
+            bars[-1] = Bar(Span(bars[-1].span.start, span.end), text, text)
+        else:
+            bars.append(Bar(Span(span.start, span.end), text, text))
+    return tuple(bar for bar in bars if bar.text)
+
+
+def _gaits(clip: Clip) -> list[GaitSpan]:
+    return [] if clip.gaits is None else [s for s in gait_spans(clip.gaits) if s.gait >= 0]
+
+
+def _gait(span: GaitSpan) -> str:
+    return Gait(span.gait).name.capitalize()
+
+
+def _grounds(clip: Clip, drive: Drive | None) -> tuple[Bar, ...]:
+    changes = [c for c in drive.changes if isinstance(c, GroundChange)] if drive is not None else []
+    if not changes:
+        return (Bar(Span(0, len(clip)), _short(clip.terrain), clip.terrain),)
+    starts = [max(change.frame, 0) for change in changes]
+    spans = zip(starts, [*starts[1:], len(clip)], changes, strict=True)
+    return tuple(Bar(Span(a, b), _short(c.name), c.name) for a, b, c in spans if b > a)
+
+
+def _short(spec: str) -> str:
+    return Path(spec).name.replace("_", " ").capitalize() if "." not in spec else Path(spec).name
+
+
+def _contacts(feet: NDArray[np.floating]) -> tuple[Span, ...]:
+    """Frames in which a heel or a toe of one foot bears the character."""
+    down = np.concatenate([[False], (feet > CONTACT).any(axis=1), [False]])
+    edges = np.flatnonzero(np.diff(down.astype(np.int8)))
+    return tuple(Span(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True))

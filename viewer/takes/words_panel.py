@@ -1,0 +1,89 @@
+"""The words of the take that plays, in the place of the live prompt: those that hold in the frame shown."""
+
+from __future__ import annotations
+
+from sport.runtime.skeleton import PART_NAMES
+from sport.runtime.takes.metadata import title
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.gui import theme, widgets
+from sport.viewer.gui.theme import ICON
+from sport.viewer.prompt.field_panel import WRAPPED
+from sport.viewer.takes.editing import TakeEditing
+from sport.viewer.takes.tracks import Bar, words_of
+
+
+def draw(editing: TakeEditing) -> None:
+    """Contents of the panel."""
+    tracks, playback, state = editing.tracks, editing.state.playback, editing.state.timeline
+    if tracks is None or playback is None:
+        return
+    index = tracks.prompt_at(playback.frame)
+    if index < 0:
+        state.shown = None
+        widgets.muted("Nothing is known of the prompts of this motion.", wrap=True)
+        return
+    bar = tracks.prompts[index]
+    if state.shown is not bar:
+        _fill(editing, bar)
+    item = editing.state.played
+    of = "" if item is None else f"{item.name}, frames {bar.span.start} to {bar.span.end - 1}"
+    widgets.muted(of)
+    imgui.begin_disabled(bool(editing.fixed))
+    _prompt(editing, index)
+    imgui.end_disabled()
+    fixed = editing.fixed
+    widgets.muted(fixed or "Enter drives the take again from there with the recorded stick.", wrap=True)
+    _parts(editing, index, bar)
+
+
+def _fill(editing: TakeEditing, bar: Bar) -> None:
+    """Put the span's words into the fields."""
+    state, event = editing.state.timeline, bar.span.event  # type: ignore[attr-defined]
+    words = words_of(event)
+    state.shown, state.prompt = bar, title(event)
+    state.parts = dict.fromkeys(PART_NAMES, "") if words is None else dict(words.to_mapping())
+
+
+def _prompt(editing: TakeEditing, index: int) -> None:
+    state = editing.state.timeline
+    if state.focus_requested:
+        imgui.set_keyboard_focus_here()
+    state.focus_requested = False
+    size = imgui.ImVec2(
+        imgui.get_content_region_avail().x,
+        2 * imgui.get_text_line_height() + 2 * imgui.get_style().frame_padding.y,
+    )
+    entered, state.prompt = imgui.input_text_multiline("##take prompt", state.prompt, size, WRAPPED)
+    _hold(editing)
+    if widgets.button(f"{ICON.wand} Apply to the take", -1, primary=True) or entered:
+        editing.reword(index, state.prompt)
+
+
+def _parts(editing: TakeEditing, index: int, bar: Bar) -> None:
+    """The six descriptions; each can be changed on its own where they are known."""
+    state = editing.state.timeline
+    if words_of(bar.span.event) is None:  # type: ignore[attr-defined]
+        widgets.muted(
+            "A blend, or descriptions that are not known: give it one prompt to edit its parts.", wrap=True
+        )
+        return
+    if imgui.begin_child("take parts", imgui.ImVec2(0, 0)):
+        imgui.begin_disabled(bool(editing.fixed))
+        height = 2 * imgui.get_text_line_height() + 2 * imgui.get_style().frame_padding.y
+        for part in PART_NAMES:
+            widgets.label(part.replace("_", " ").capitalize(), theme.MUTED)
+            size = imgui.ImVec2(imgui.get_content_region_avail().x, height)
+            entered, state.parts[part] = imgui.input_text_multiline(
+                f"##take {part}", state.parts[part], size, WRAPPED
+            )
+            _hold(editing)
+            if entered:
+                editing.reword_part(index, part, state.parts[part])
+        imgui.end_disabled()
+    imgui.end_child()
+
+
+def _hold(editing: TakeEditing) -> None:
+    """Playing on would put other words under the hand that types."""
+    if imgui.is_item_active() and editing.state.playback is not None:
+        editing.state.playback.playing = False

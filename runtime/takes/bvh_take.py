@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 from sport.runtime import rotations
+from sport.runtime.atomic import write_atomic
 from sport.runtime.skeleton import SPORT_SKELETON, Skeleton
 from sport.runtime.takes.bvh import format_bvh
-from sport.runtime.takes.clip import END_OFFSETS, UNITS_PER_METRE, write_take_text
+from sport.runtime.takes.clip import END_OFFSETS, UNITS_PER_METRE
 from sport.runtime.takes.options import ExportOptions
 from sport.runtime.takes.prepare import PreparedTake
+from sport.runtime.takes.sidecar import write_sidecar
 
 ROOT = "Root"
 
@@ -29,7 +31,8 @@ def save_take_bvh(take: PreparedTake, path: Path, options: ExportOptions) -> Pat
         )
     else:
         text = _rooted(take, scale)
-    write_take_text(clip, path, text)
+    write_atomic(path, text)
+    write_sidecar(clip, path, text)
     return path
 
 

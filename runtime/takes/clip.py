@@ -24,13 +24,11 @@ from sport.runtime.takes.metadata import (
     Origin,
     PromptEvent,
     describe,
-    format_metadata,
-    gait_changes,
     gait_numbers,
     gait_seconds,
     read_metadata,
-    sidecar_path,
 )
+from sport.runtime.takes.sidecar import write_sidecar
 
 __all__ = ["Clip", "ClipRecorder", "PromptEvent", "check_bvh_options", "load_clip_bvh", "save_bvh"]
 
@@ -331,29 +329,8 @@ def save_bvh(
         path = write_new(path, text)
     else:
         write_atomic(path, text)
-    _write_sidecar(clip, path, text)
+    write_sidecar(clip, path, text)
     return path
-
-
-def write_take_text(clip: Clip, path: Path, text: str) -> None:
-    """Write the BVH text of a clip and what is known of the clip beside it."""
-    write_atomic(path, text)
-    _write_sidecar(clip, path, text)
-
-
-def _write_sidecar(clip: Clip, path: Path, text: str) -> None:
-    metadata = format_metadata(
-        text,
-        clip.name,
-        clip.seconds,
-        clip.terrain,
-        clip.prompts,
-        clip.origin,
-        dict(clip.gait_seconds),
-        gait_changes(clip.gaits, clip.fps),
-        clip.placed,
-    )
-    write_atomic(sidecar_path(path), metadata)
 
 
 def load_clip_bvh(path: str | Path) -> Clip:

@@ -108,7 +108,7 @@ def generate_clip(
 
     if not 1.0 / FPS <= seconds <= MAX_SECONDS:
         raise UsageError(
-            f" {seconds}: expected up to {MAX_SECONDS:.0f}.", "Choose a shorter time.", "seconds"
+            f" {seconds:g}: expected {1.0 / FPS:.3f} (one frame) to {MAX_SECONDS:.0f}.", "Try 10.", "seconds"
         )
     if not 0.0 <= transition_seconds <= 60.0:
         raise UsageError(f" {transition_seconds}: expected 0 to 60 seconds.", "Try 1.", "transition_seconds")

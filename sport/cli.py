@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import NoReturn
 
-from sport.commands import bench, generate, training, view
+from sport.commands import bench, convert, generate, training, view
 from sport.runtime.errors import UsageError, run_command
 
 _DESCRIPTION = "Type a prompt, drive the character over uneven ground, take home the clip as BVH."
@@ -18,11 +18,13 @@ _EXAMPLES = """examples:
   sport generate --prompt "a proud walk" --path circle --seconds 12 --out proud.bvh
   sport generate --prompts "0:walk calmly; 4:drunk" --terrain hills --out change.bvh
   sport generate --prompt "a proud walk" --blend drunk --blend-weights torso=1,head=0.5 --out blend.bvh
+  sport generate --character me.glb --loop --out walk.glb
+  sport convert proud.bvh proud.glb proud.mp4
   sport bench --json bench.json
   sport train all --preset compact --data DIR --out DIR     needs pip install -e '.[train]'
 """
 # parameters of functions whose argument on the command line has another name
-_FLAGS = {"transition_seconds": "transition"}
+_FLAGS = {"transition_seconds": "transition", "start_s": "range", "ground": "ground-out"}
 MAX_MESSAGE = 400  # characters of what a parser says
 
 
@@ -69,7 +71,7 @@ def build_parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (view, generate, bench):
+    for command in (view, generate, convert, bench):
         command.add(commands)
     for name, (_, text) in training.COMMANDS.items():
         commands.add_parser(name, help=text, add_help=False)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from app_driver import InjectedPads, Start, controller, message, run
+from PIL import Image
 from sport.runtime.assets import asset_path
 from sport.runtime.errors import SportError
 from sport.viewer.app import App
@@ -141,3 +143,15 @@ def test_a_failing_model_leaves_the_last_good_pose(start: Start, broken: str) ->
     app.window.inject_key("w", True)
     run(app, 3)
     assert fake.z > 0.0
+
+
+@pytest.mark.parametrize("panels", [True, False])
+def test_without_panels_saved_frames_hold_the_scene_alone(start: Start, tmp_path: Path, panels: bool) -> None:
+    app = start(
+        real_renderer=True, width=640, height=360, panels=panels, frames_directory=tmp_path / "frames"
+    )
+    run(app, 3)
+    frame = np.asarray(Image.open(tmp_path / "frames" / "frame_00002.png")).astype(int)
+    status, above = frame[-26:], frame[-80:-40]
+    dark = above[:, 330:].mean() - status.mean()
+    assert (dark > 60) if panels else (abs(dark) < 25), dark

@@ -34,6 +34,7 @@ HEAVY = (
     "torch",
     "onnx",
     "av",
+    "bpy",
     "openai",
 )
 WINDOW = ("imgui_bundle", "glfw", "moderngl")
@@ -53,12 +54,12 @@ ROOMS = {
     ),
     "viewer": (
         "gl_bindings", "signals", "messages", "jobs", "settings", "options", "input", "render", "services", "gui",
-        "prompt", "stage", "takes", "tools", "shell", "state", "window", "app",
+        "prompt", "stage", "takes", "filming", "tools", "shell", "state", "window", "app",
     ),
 }  # fmt: skip
 LIBRARIES = {
-    "runtime": {"numpy", "onnxruntime", "tokenizers", "pygltflib", "PIL", "trimesh", "openai"},
-    "viewer": {"numpy", "PIL", *WINDOW},
+    "runtime": {"numpy", "onnxruntime", "tokenizers", "pygltflib", "PIL", "trimesh", "openai", "bpy"},
+    "viewer": {"numpy", "PIL", "av", *WINDOW},
     "benchmarks": {"numpy", "bvhio", "bpy"},
 }
 TEXT_SUFFIXES = {".json", ".md", ".txt", ".toml", ".py", ".glsl", ".vert", ".frag", ".sh", ""}

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
 from sport.runtime.assets import PROJECT_ROOT, asset_path
 from sport.runtime.errors import ModelError
 from sport.runtime.motion.model_files import INT8_GRAPH, read_metadata
@@ -58,11 +57,6 @@ def damaged_png(folder: Path) -> Path:
     data = asset_path("terrains/bowl.png").read_bytes()
     (folder / "cut.png").write_bytes(data[: len(data) // 2])
     return folder / "cut.png"
-
-
-def colour_png(folder: Path) -> Path:
-    Image.new("RGB", (64, 64)).save(folder / "colour.png")
-    return folder / "colour.png"
 
 
 def damaged_glb(folder: Path) -> Path:
@@ -208,7 +202,6 @@ def test_a_mistake_is_one_sentence(case: str, tmp_path: Path, capsys: pytest.Cap
 GROUNDS: dict[str, tuple[Callable[[Path], Path], tuple[str, ...]]] = {
     "damaged PNG": (damaged_png, ("cut.png", "not a readable PNG", "Save it again")),
     "text as PNG": (text_file("map.png"), ("map.png", "not a readable PNG", "Save it again")),
-    "colour PNG": (colour_png, ("colour.png", "RGB", "grey PNG")),
     "text as NPY": (text_file("map.npy"), ("map.npy", "not a readable NPY", "numpy.save")),
     "text as mesh": (text_file("map.ply"), ("map.ply", "not a readable mesh", "Export the ground")),
 }

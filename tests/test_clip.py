@@ -248,6 +248,7 @@ def test_a_file_tells_how_it_was_made(tmp_path):
         "prompt": "drunk",
         "transition_seconds": 0.25,
         "words": PARTS,
+        "typed": "",
     }
     back = load_clip_bvh(path)
     assert (back.origin, back.prompts, back.terrain) == (ORIGIN, clip.prompts, "hills")

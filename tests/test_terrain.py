@@ -149,10 +149,21 @@ def test_rasterising_leaves_gaps_at_the_lowest_height():
     np.testing.assert_allclose(heights, [[1, 2, 3], [1, 2, 1], [1, 1, 1], [1, 1, 1]])
 
 
+@pytest.mark.parametrize("mode", ["RGB", "RGBA", "P", "LA"])
+def test_colours_are_read_as_grey_with_a_note(mode, tmp_path):
+    ramp = np.tile(np.linspace(0, 255, 16).astype(np.uint8), (8, 1))
+    grey = Image.fromarray(ramp)
+    (grey.convert("RGB").convert("P") if mode == "P" else grey.convert(mode)).save(tmp_path / "map.png")
+    grey.save(tmp_path / "grey.png")
+    read, wanted = load_terrain(tmp_path / "map.png"), load_terrain(tmp_path / "grey.png")
+    assert np.allclose(read.heights, wanted.heights, atol=0.45 if mode == "P" else 1e-5)
+    assert "map.png" in read.note
+    assert "grey" in read.note
+    assert wanted.note == ""
+
+
 def write_bad(kind, path):
-    if kind == "colour.png":
-        Image.new("RGB", (4, 4)).save(path)
-    elif kind == "cut.png":
+    if kind == "cut.png":
         write_height_png(path, np.random.default_rng(0).uniform(size=(64, 64)))
         path.write_bytes(path.read_bytes()[:600])
     elif kind == "wide.png":
@@ -181,7 +192,7 @@ def write_bad(kind, path):
 
 @pytest.mark.parametrize(
     "kind",
-    ["missing.png", "colour.png", "cut.png", "wide.png", "text.png", "nan.npy", "pickle.npy", "deep.npy", "wide.npy",
+    ["missing.png", "cut.png", "wide.png", "text.png", "nan.npy", "pickle.npy", "deep.npy", "wide.npy",
      "high.npy", "text.npy", "empty.obj", "huge.obj", "text.glb"],
 )  # fmt: skip
 def test_bad_files_are_named_with_a_remedy(kind, tmp_path):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -15,19 +15,19 @@ from sport.runtime.errors import FileError
 from sport.runtime.motion.features import OUTPUT_SIZE
 from sport.runtime.prompts.text_encoder import SHIPPED, TextEncoder
 from sport.training import parallel
+from sport.training.arguments import STAGES, build_parser
 from sport.training.batches import Frames, Normalisation
-from sport.training.export.ablation import DECODERS
 from sport.training.export.half_storage import store_model_in_half
 from sport.training.export.model import Trained, export_model
 from sport.training.export.quantize import quantize_model
 from sport.training.frames import FrameTable, load_frames, sampling_weights
 from sport.training.history import History
-from sport.training.layering.build import COUNT, LAYERS, build_layers
+from sport.training.layering.build import LAYERS, build_layers
 from sport.training.natural_pace import neutral_style, start_state, style_speeds
 from sport.training.networks.content import ContentEncoder
 from sport.training.networks.diffusion import Schedule, reverse_steps
 from sport.training.networks.generator import Generator
-from sport.training.presets import ABLATIONS, PRESETS, ModelConfig, ablation, preset
+from sport.training.presets import ModelConfig, ablation, preset
 from sport.training.session import Session, load_checkpoint, save_checkpoint
 from sport.training.stages import (
     content as stage_content,
@@ -45,7 +45,6 @@ from sport.training.styles import StyleTexts, load_style_texts
 
 log = logging.getLogger("sport.train")
 
-STAGES = ("import", "layer", "phase", "content", "words", "stage2", "stage3", "export")
 CREDITS = {
     "o3de": "Copyright (c) Contributors to the Open 3D Engine Project (Apache-2.0 or MIT)",
     "accad": "ACCAD, The Ohio State University (CC BY 3.0)",
@@ -58,54 +57,6 @@ CREDITS = {
     "pfnn": "Holden et al. 2017, Phase-Functioned Neural Networks (academic, non-commercial)",
     "pfnn_rollouts": "Rollouts of the published PFNN, Holden et al. 2017 (academic, non-commercial)",
 }
-
-
-@dataclass
-class Steps:
-    """Optimiser steps (0: skip by loading what exists) and time limits in minutes of each stage."""
-
-    phase: int = 1200
-    content: int = 1200
-    words: int = stage_words.STEPS
-    stage2: int = 18000
-    stage3: int = 5500
-    batch: int = 1024
-
-
-def build_parser() -> argparse.ArgumentParser:
-    """Arguments of `sport train`."""
-    parser = argparse.ArgumentParser(
-        prog="sport train", description="Train the networks from motion capture; every stage can be resumed."
-    )
-    parser.add_argument("stage", choices=("all", *STAGES))
-    parser.add_argument("--preset", default="compact", help=f"one of {', '.join(PRESETS)}")
-    parser.add_argument(
-        "--decoder",
-        choices=DECODERS,
-        default="diffusion",
-        help="of the export: mixture is stage 2 without diffusion, written to OUT/model-mixture",
-    )
-    parser.add_argument("--ablation", help=f"change the preset: {', '.join(ABLATIONS)}")
-    parser.add_argument("--layers", type=int, default=COUNT, help="layered clips to make (stage layer)")
-    parser.add_argument("--data", type=Path, help="folder with the motion data archives (for import)")
-    parser.add_argument("--clips", type=Path, help="folder of imported clips (default: OUT/clips)")
-    parser.add_argument(
-        "--out", type=Path, required=True, help="folder for checkpoints and the exported model"
-    )
-    parser.add_argument("--styles", type=Path, help="style descriptions (default: the shipped ones)")
-    parser.add_argument(
-        "--text-encoder", type=Path, metavar="DIR", help="folder of a text encoder (default: the shipped one)"
-    )
-    parser.add_argument("--device", default="", help="cpu or cuda (default: cuda where there is one)")
-    parser.add_argument("--no-half", action="store_true", help="no bf16 mixed precision")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--limit", type=int, help="use at most this many clips (for a trial)")
-    for name, value in vars(Steps()).items():
-        parser.add_argument(
-            f"--{name}-steps" if name != "batch" else "--batch", dest=name, type=int, default=value
-        )
-    parser.add_argument("--max-minutes", type=float, help="time limit of each stage")
-    return parser
 
 
 def main(argv: list[str] | None = None) -> int:

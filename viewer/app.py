@@ -161,6 +161,8 @@ class App:
         state.stage.quality = stage.renderer.quality.name
         self.prompt.load_library(self.jobs, stage.services)
         state.shell.panels_open = options.panels
+        saved = options.offscreen or options.screenshot is not None or options.frames_directory is not None
+        state.shell.bare = saved and not options.panels
         stage.camera.use(options.camera or state.settings.camera)
         stage.renderer.set_terrain(state.stage.terrain)
         stage.load_character(options.character)

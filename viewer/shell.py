@@ -57,6 +57,7 @@ class ShellState:
     crouching: bool = False  # the toggle is on
     help_open: bool = False
     panels_open: bool = True
+    bare: bool = False  # no status line either: frames that are saved without panels
 
 
 @dataclass
@@ -133,7 +134,8 @@ class Shell:
         _window("Right", layout.right_tabs, lambda: _tabs((two, three)))
         _window("Tabs", layout.tabs, lambda: _tabs((one, two, three)))
         _window("Transport", layout.transport, lambda: transport.draw(self.editing))
-        self._status(layout)
+        if not self.state.bare:
+            self._status(layout)
         self._badge(layout.view)
         if self.state.help_open and help.draw(self.fonts):
             self.state.help_open = False

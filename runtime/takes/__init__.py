@@ -1,1 +1,1 @@
-"""Takes: clips, BVH, and what a take was made with."""
+"""Takes on their way out: what is exported, in which form, and on which ground."""

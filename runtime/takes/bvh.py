@@ -267,26 +267,34 @@ def format_bvh(
     units_per_metre: float = 100.0,
     order: str = "ZYX",
     end_offsets: dict[int, Array] | None = None,
+    moving: dict[int, Array] | None = None,
 ) -> str:
-    """BVH text of a motion: `hips_positions` `(T, 3)` in metres, `local_rotations` `(T, J, 4)`."""
+    """BVH text of a motion: `hips_positions` `(T, 3)` in metres, `local_rotations` `(T, J, 4)`.
+
+    `moving` has positions `(T, 3)` against the parent, in metres, of joints other than the first that move against it.
+    """
     lines = ["HIERARCHY"]
     joints: list[int] = []
-    _write_joint(skeleton, 0, 0, lines, joints, units_per_metre, order, end_offsets or {})
+    places = {0: np.asarray(hips_positions), **(moving or {})}
+    _write_joint(skeleton, 0, 0, lines, joints, units_per_metre, order, end_offsets or {}, set(places))
     lines += ["MOTION", f"Frames: {len(hips_positions)}", f"Frame Time: {1.0 / fps:.10f}", ""]
-    rotation, turned = None, None  # of the frame before, from which quaternions and angles go on
+    rotation, unwrapped = None, None  # of the frame before, from which quaternions and angles go on
     blocks = ["\n".join(lines)]
     for first in range(0, len(hips_positions), _WRITTEN_FRAMES):
         rows = slice(first, first + _WRITTEN_FRAMES)
         local: Array = np.asarray(local_rotations[rows], np.float64)[:, joints]
         local = rotations.continuous(local if rotation is None else np.concatenate([rotation, local]))
         angles: Array = rotations.to_euler(local, order)
-        if turned is not None:
-            angles[0] = turned
+        if unwrapped is not None:
+            angles[0] = unwrapped
         angles = np.unwrap(angles, axis=0)
-        rotation, turned = local[-1:], angles[-1]
+        rotation, unwrapped = local[-1:], angles[-1]
         angles = np.rad2deg(angles[len(angles) - len(hips_positions[rows]) :])
-        hips = np.asarray(hips_positions[rows]) * units_per_metre
-        values = np.concatenate([hips, angles.reshape(len(angles), -1)], axis=1)
+        columns: list[Array] = []
+        for k, j in enumerate(joints):
+            columns += [places[j][rows] * units_per_metre] if j in places else []
+            columns.append(angles[:, k])
+        values = np.concatenate(columns, axis=1)
         blocks.append("".join(" ".join(f"{v:.5f}" for v in row) + "\n" for row in values.tolist()))
     return "".join(blocks)
 
@@ -300,6 +308,7 @@ def _write_joint(
     scale: float,
     order: str,
     end_offsets: dict[int, Array],
+    moving: set[int],
 ) -> None:
     pad = "  " * depth
     joints.append(j)
@@ -307,10 +316,10 @@ def _write_joint(
     rotation_channels = " ".join(f"{axis}rotation" for axis in order.upper())
     lines += [f"{pad}{'JOINT' if depth else 'ROOT'} {skeleton.names[j]}", f"{pad}{{"]
     lines += [f"{pad}  OFFSET {x:.5f} {y:.5f} {z:.5f}"]
-    position_channels = "" if depth else "Xposition Yposition Zposition "
-    lines += [f"{pad}  CHANNELS {3 if depth else 6} {position_channels}{rotation_channels}"]
+    position_channels = "Xposition Yposition Zposition " if j in moving else ""
+    lines += [f"{pad}  CHANNELS {6 if j in moving else 3} {position_channels}{rotation_channels}"]
     for child in skeleton.children[j]:
-        _write_joint(skeleton, child, depth + 1, lines, joints, scale, order, end_offsets)
+        _write_joint(skeleton, child, depth + 1, lines, joints, scale, order, end_offsets, moving)
     if not skeleton.children[j]:
         x, y, z = (float(v) * scale for v in end_offsets.get(j, np.zeros(3)))
         lines += [f"{pad}  End Site", f"{pad}  {{", f"{pad}    OFFSET {x:.5f} {y:.5f} {z:.5f}"]

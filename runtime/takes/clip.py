@@ -20,14 +20,15 @@ from sport.runtime.skeleton import SPORT_SKELETON, J
 from sport.runtime.takes.bvh import BvhMotion, check_size, format_bvh, read_bvh
 from sport.runtime.takes.metadata import (
     UNKNOWN,
+    UNMOVED,
     Origin,
     PromptEvent,
     describe,
-    format_metadata,
+    gait_numbers,
     gait_seconds,
     read_metadata,
-    sidecar_path,
 )
+from sport.runtime.takes.sidecar import write_sidecar
 
 __all__ = ["Clip", "ClipRecorder", "PromptEvent", "check_bvh_options", "load_clip_bvh", "save_bvh"]
 
@@ -65,7 +66,9 @@ class Clip:
     terrain: str = "flat"  # name or file of the ground it was made on
     origin: Origin = UNKNOWN  # model, seed and settings
     gait_seconds: tuple[tuple[str, float], ...] = ()  # how long each gait was asked for
-    gaits: NDArray[np.int8] | None = None  # (T,) asked for in each frame; None for takes from files
+    gaits: NDArray[np.int8] | None = None  # (T,) asked for in each frame; None where not known
+    # yaw and x, y, z by which the take was moved from its place on its ground; None: it no longer goes over it
+    placed: tuple[float, ...] | None = UNMOVED
 
     def __post_init__(self) -> None:
         n = len(self.hips_positions)
@@ -126,8 +129,10 @@ class Clip:
             return self
         count = math.floor(self.seconds * fps + 1e-6) + 1
         hips, local, contacts = self._at(np.arange(count) / fps)
+        at = np.minimum(np.round(np.arange(count) / fps * self.fps).astype(np.int64), len(self) - 1)
+        gaits = None if self.gaits is None else self.gaits[at]
         return replace(
-            self, fps=fps, hips_positions=hips, local_rotations=local, contacts=contacts, gaits=None
+            self, fps=fps, hips_positions=hips, local_rotations=local, contacts=contacts, gaits=gaits
         )
 
     def _at(self, seconds: Array) -> tuple[Array, Array, Array]:
@@ -214,12 +219,14 @@ class ClipRecorder:
         while len(self._prompts) > 1 and self._prompts[1][0] <= self._first:
             self._prompts.popleft()  # no frame that is kept was made by it
 
-    def mark_prompt(self, prompt: str, transition_seconds: float = 0.0, words: str = "") -> None:
+    def mark_prompt(
+        self, prompt: str, transition_seconds: float = 0.0, words: str = "", typed: str = ""
+    ) -> None:
         """Note that `prompt` holds from the next frame on; see `PromptEvent`.
 
         Of live changes within `LIVE_SECONDS` only the last is kept, at the time of the first.
         """
-        event = PromptEvent(0.0, prompt, transition_seconds, words)
+        event = PromptEvent(0.0, prompt, transition_seconds, words, typed)
         if self.journal is not None:
             self.journal.mark_prompt(event)
         frame = self._first + len(self._frames)
@@ -322,10 +329,7 @@ def save_bvh(
         path = write_new(path, text)
     else:
         write_atomic(path, text)
-    metadata = format_metadata(
-        text, clip.name, clip.seconds, clip.terrain, clip.prompts, clip.origin, dict(clip.gait_seconds)
-    )
-    write_atomic(sidecar_path(path), metadata)
+    write_sidecar(clip, path, text)
     return path
 
 
@@ -348,23 +352,32 @@ def load_clip_bvh(path: str | Path) -> Clip:
         raise FileError(f"{path}: joint {', '.join(missing[:4])}{more} is missing.", remedy)
     order = [motion.skeleton.index(name) for name in SPORT_SKELETON.names]
     scale = _metres_per_unit(motion, order, path)
-    if motion.skeleton.parents[order[0]] >= 0:
-        raise FileError(f"{path}: expected the joint Hips as ROOT.", remedy)
-    hips = motion.positions[:, order[0]] * scale
+    hips, local = motion.positions[:, order[0]], motion.local_rotations
+    if order != list(range(len(motion.skeleton))):
+        local = local[:, order]
+    above = motion.skeleton.parents[order[0]]
+    if above >= 0:  # a root on the ground: the clip has the hips in the world
+        if motion.skeleton.parents[above] >= 0:
+            raise FileError(f"{path}: expected the joint Hips as ROOT, or one joint above it.", remedy)
+        turn = motion.local_rotations[:, above]
+        hips = motion.positions[:, above] + rotations.rotate(turn, hips)
+        local[:, 0] = rotations.multiply(turn, local[:, 0])
+    hips = hips * scale
     if not np.abs(hips).max() <= MAX_DISTANCE_M:
         raise FileError(f"{path}: the hips are further than {MAX_DISTANCE_M / 1000:.0f} km away.", remedy)
-    plain = order == list(range(len(motion.skeleton)))
     made = read_metadata(path)
     return Clip(
         name=printable(path.stem),
         fps=fps,
         hips_positions=hips.astype(np.float32),
-        local_rotations=motion.local_rotations if plain else motion.local_rotations[:, order],
+        local_rotations=local,
         contacts=np.zeros((len(motion.positions), 4), np.float32),
         prompts=made.prompts,
         terrain=made.terrain,
         origin=made.origin,
         gait_seconds=made.gait_seconds,
+        gaits=gait_numbers(made.gait_changes, len(motion.positions), fps),
+        placed=made.placed,
     )
 
 

@@ -260,7 +260,7 @@ def read_journal(file: BinaryIO, path: Path) -> Clip:
     frames = 0
     for record in _records(file):
         if isinstance(record, PromptEvent):
-            recorder.mark_prompt(record.prompt, record.transition_seconds, record.words)
+            recorder.mark_prompt(record.prompt, record.transition_seconds, record.words, record.typed)
         elif _is_frame(record):
             recorder.add_row(record)
             frames += 1

@@ -9,7 +9,7 @@ import hashlib
 import json
 import logging
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -33,13 +33,15 @@ class PromptEvent:
     """A prompt that came into force `seconds` after the clip's first frame (0 or earlier: it held from the start).
 
     `words` are the six descriptions that it meant, or a blend of two times six, as `sport.runtime.prompts.blend.read_words`
-    reads them; "" where they are not known.
+    reads them; "" where they are not known. `typed` is what was typed where `prompt` is no longer that, as when a
+    part was edited afterwards.
     """
 
     seconds: float
     prompt: str
     transition_seconds: float = 0.0
     words: str = ""
+    typed: str = ""
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,7 @@ class Origin:
 
 
 UNKNOWN = Origin()
+UNMOVED = (0.0, 0.0, 0.0, 0.0)  # a take that stands where it was made
 
 
 def origin_of(controller: Any, terrain: str) -> Origin:
@@ -103,8 +106,13 @@ def format_metadata(
     prompts: tuple[PromptEvent, ...],
     origin: Origin,
     gaits: Mapping[str, float],
+    gait_changes: Sequence[tuple[float, str]] = (),
+    placed: tuple[float, ...] | None = UNMOVED,
 ) -> str:
-    """The JSON text for a BVH of this text; a ground from a file goes by the file's name alone."""
+    """The JSON text for a BVH of this text; a ground from a file goes by the file's name alone.
+
+    `gait_changes` and `placed` are those of `Clip`.
+    """
     value = {
         "format": _FORMAT,
         "bvh_sha256": hashlib.sha256(bvh_text.encode("utf-8")).hexdigest(),
@@ -112,6 +120,8 @@ def format_metadata(
         "seconds": round(seconds, 4),
         "terrain": printable(Path(terrain).name),
         "gait_seconds": {gait: round(length, 3) for gait, length in gaits.items()},
+        "gaits": [[round(seconds, 4), gait] for seconds, gait in gait_changes],
+        "placed": None if placed is None else [round(value, 6) for value in placed],
         **asdict(origin),
         "prompts": [{**asdict(event), "words": _object(event.words)} for event in prompts],
     }
@@ -126,6 +136,8 @@ class TakeMetadata:
     prompts: tuple[PromptEvent, ...] = ()
     origin: Origin = UNKNOWN
     gait_seconds: tuple[tuple[str, float], ...] = ()
+    gait_changes: tuple[tuple[float, str], ...] = ()
+    placed: tuple[float, ...] | None = UNMOVED
 
 
 def read_metadata(bvh: Path) -> TakeMetadata:
@@ -161,11 +173,56 @@ def read_metadata(bvh: Path) -> TakeMetadata:
             for gait in Gait
             if isinstance(gaits, dict) and gait.name.lower() in gaits
         ),
+        gait_changes=_gait_changes(value.get("gaits")),
+        placed=_placed(value),
     )
 
 
+def gait_changes(gaits: NDArray[np.integer] | None, fps: float) -> tuple[tuple[float, str], ...]:
+    """When each gait began to be asked for, and its name, from gait numbers `(T,)`; unknown ones are left out."""
+    if gaits is None or len(gaits) == 0:
+        return ()
+    begins = np.concatenate([[0], np.flatnonzero(np.diff(gaits)) + 1])
+    known = {int(gait): gait.name.lower() for gait in Gait}
+    return tuple((int(i) / fps, known[int(gaits[i])]) for i in begins if int(gaits[i]) in known)
+
+
+def gait_numbers(changes: Sequence[tuple[float, str]], frames: int, fps: float) -> NDArray[np.int8] | None:
+    """Gait numbers `(frames,)`, -1 before the first change; None without any. Inverse of `gait_changes`."""
+    if not changes:
+        return None
+    numbers = np.full(frames, -1, np.int8)
+    for seconds, name in changes:
+        numbers[max(round(seconds * fps), 0) :] = Gait[name.upper()]
+    return numbers
+
+
+def _gait_changes(value: Any) -> tuple[tuple[float, str], ...]:
+    names = {gait.name.lower() for gait in Gait}
+    pairs = (
+        [pair for pair in value if isinstance(pair, list) and len(pair) == 2]
+        if isinstance(value, list)
+        else []
+    )
+    return tuple(
+        (float(seconds), name)
+        for seconds, name in pairs[:MAX_EVENTS]
+        if isinstance(seconds, int | float) and abs(seconds) < 1e9 and isinstance(name, str) and name in names
+    )
+
+
+def _placed(value: Mapping[str, Any]) -> tuple[float, ...] | None:
+    found = value.get("placed", list(UNMOVED))
+    if found is None:
+        return None
+    numbers = isinstance(found, list) and all(
+        isinstance(v, int | float) and not isinstance(v, bool) and abs(v) < 1e9 for v in found
+    )
+    return tuple(float(v) for v in found) if numbers and len(found) == len(UNMOVED) else UNMOVED
+
+
 def title(event: PromptEvent) -> str:
-    """A prompt in at most 60 characters; "own words" for six descriptions."""
+    """A prompt in at most 60 characters; "own words" for six descriptions, "(edited)" after what they came from."""
     from sport.runtime.prompts.blend import BlendedPrompt, read_words
     from sport.runtime.prompts.parts import PartDescriptions
 
@@ -176,6 +233,7 @@ def title(event: PromptEvent) -> str:
     if isinstance(words, BlendedPrompt):
         words = " + ".join(w if isinstance(w, str) else "own words" for w in (words.a, words.b))
     text = "own words" if isinstance(words, PartDescriptions) else words
+    text = f"{event.typed} (edited)" if event.typed else text
     return text if len(text) <= 60 else text[:59] + "…"
 
 
@@ -205,6 +263,7 @@ def event_from(value: dict[str, Any]) -> PromptEvent:
         _text(value, "prompt", ""),
         max(_number(value, "transition_seconds", 0.0), 0.0),
         _words(value.get("words")),
+        _text(value, "typed", ""),
     )
 
 

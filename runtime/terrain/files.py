@@ -20,6 +20,8 @@ Array = NDArray[np.floating]
 MAX_FILE_BYTES = 16 * MAX_SIDE * MAX_SIDE + (1 << 20)
 MAX_HEADER_BYTES = 4096  # of an NPY file; numpy writes 128
 MAX_HEIGHT_M = 1000.0
+_COLOUR_MODES = ("RGB", "RGBA", "P", "LA", "PA")
+_BRIGHTNESS = np.array([0.299, 0.587, 0.114])  # ITU-R BT.601, as Pillow's own
 _ROWS = 256  # of a height map that are converted at once
 SUFFIXES = (".png", ".npy", *MESH_SUFFIXES)
 
@@ -27,7 +29,8 @@ SUFFIXES = (".png", ".npy", *MESH_SUFFIXES)
 def read_terrain(path: str | Path, cell_m: float = 0.1, height_m: float = 2.0) -> Terrain:
     """Terrain of a PNG, NPY or mesh file, centred on the origin.
 
-    PNG: grey, 16 or 8 bits, black is 0 and white is `height_m`; columns go along +X, rows along +Z, `cell_m` apart.
+    PNG: grey, 16 or 8 bits, black is 0 and white is `height_m`; of colours their brightness counts, which the
+    terrain's note says; columns go along +X, rows along +Z, `cell_m` apart.
     NPY: `(nx, nz)` heights; floats are metres, unsigned integers are scaled like a PNG.
     Mesh: metres, Y up; its highest surface is sampled every `cell_m`, gaps take its lowest height.
     """
@@ -47,9 +50,13 @@ def read_terrain(path: str | Path, cell_m: float = 0.1, height_m: float = 2.0) -
     data = read_bounded(
         path, MAX_FILE_BYTES, "Use a smaller height map.", missing="Check the path of the terrain."
     )
-    heights = _read_png(path, data, height_m) if suffix == ".png" else _read_npy(path, data, height_m)
+    note = ""
+    if suffix == ".png":
+        heights, note = _read_png(path, data, height_m)
+    else:
+        heights = _read_npy(path, data, height_m)
     nx, nz = heights.shape
-    return _checked(path, heights, (-(nx // 2) * cell_m, -(nz // 2) * cell_m), cell_m)
+    return _checked(path, heights, (-(nx // 2) * cell_m, -(nz // 2) * cell_m), cell_m, note)
 
 
 def write_height_png(path: str | Path, heights: Array) -> None:
@@ -60,8 +67,8 @@ def write_height_png(path: str | Path, heights: Array) -> None:
     Image.fromarray(np.ascontiguousarray(values.T)).save(path)
 
 
-def _read_png(path: Path, data: bytes, height_m: float) -> Array:
-    """Heights `(columns, rows)` of a grey PNG, whose white is `height_m`."""
+def _read_png(path: Path, data: bytes, height_m: float) -> tuple[Array, str]:
+    """Heights `(columns, rows)` of a PNG, whose white is `height_m`, and a note where colours were read as grey."""
     from PIL import Image
 
     remedy = "Save it again as a grey PNG with 16 or 8 bits."
@@ -75,15 +82,29 @@ def _read_png(path: Path, data: bytes, height_m: float) -> Array:
                     "Scale the image.",
                 )
             full_scale = {"I;16": 65535.0, "I;16B": 65535.0, "I": 65535.0, "L": 255.0, "1": 1.0}
-            if image.mode not in full_scale:
-                raise FileError(f"{path}: expected a grey PNG, got colour mode {image.mode}.", remedy)
-            return _scaled(np.asarray(image).T, height_m, full_scale[image.mode])
+            if image.mode in full_scale:
+                return _scaled(np.asarray(image).T, height_m, full_scale[image.mode]), ""
+            if image.mode not in _COLOUR_MODES:
+                raise FileError(f"{path}: expected a grey PNG, got mode {image.mode}.", remedy)
+            note = (
+                f"{path.name}: colours ({image.mode}, 8 bits) were read as grey; a 16-bit grey PNG is finer."
+            )
+            return _scaled(_brightness(np.asarray(image.convert("RGB"))).T, height_m, 255.0), note
     except (
         OSError, ValueError, SyntaxError, EOFError, IndexError, KeyError, TypeError, AttributeError,
         OverflowError, struct.error, Image.DecompressionBombError,
     ) as error:  # fmt: skip
         # what Pillow's reader of PNG raises on chunks that are too short or wrong
         raise FileError(f"{path}: not a readable PNG ({reason(error)}).", remedy) from error
+
+
+def _brightness(colors: NDArray[np.uint8]) -> Array:
+    """Grey float32 `(rows, columns)` of colours `(rows, columns, 3)`, a few rows at a time."""
+    grey = np.empty(colors.shape[:2], np.float32)
+    for first in range(0, len(colors), _ROWS):
+        rows = slice(first, first + _ROWS)
+        grey[rows] = colors[rows] @ _BRIGHTNESS
+    return grey
 
 
 def _scaled(values: NDArray[np.generic], height_m: float, full_scale: float) -> Array:
@@ -138,7 +159,9 @@ def _npy_header(data: bytes) -> tuple[tuple[int, int], bool, np.dtype[Any], int]
     return (int(shape[1]), int(shape[2])), order[1] == "True", np.dtype(kind[1]), at + length
 
 
-def _checked(path: Path, heights: Array, origin: tuple[float, float], cell_m: float) -> Terrain:
+def _checked(
+    path: Path, heights: Array, origin: tuple[float, float], cell_m: float, note: str = ""
+) -> Terrain:
     if heights.ndim != 2 or min(heights.shape) < 2 or max(heights.shape) > MAX_SIDE:
         raise FileError(
             f"{path}: {heights.shape} samples; expected two dimensions of 2 to {MAX_SIDE}.",
@@ -151,7 +174,7 @@ def _checked(path: Path, heights: Array, origin: tuple[float, float], cell_m: fl
             f"{path}: expected finite heights within {MAX_HEIGHT_M:.0f} m.",
             "Replace NaN and infinite values, and check the unit.",
         )
-    return Terrain(path.stem, np.ascontiguousarray(heights, np.float32), cell_m, origin)
+    return Terrain(path.stem, np.ascontiguousarray(heights, np.float32), cell_m, origin, note)
 
 
 def main() -> None:

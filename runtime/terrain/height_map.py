@@ -23,6 +23,7 @@ class Terrain:
     heights: Array  # (nx, nz) float32
     cell_m: float
     origin: tuple[float, float]  # x, z of heights[0, 0], metres
+    note: str = ""  # what a user should know of how it was read
 
     def __post_init__(self) -> None:
         heights = self.heights

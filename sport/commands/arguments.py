@@ -26,3 +26,13 @@ def blend_weights(options: argparse.Namespace) -> tuple[float, ...]:
     if options.blend is None and options.blend_weights is not None:
         raise UsageError("--blend-weights: there is no second prompt.", "Add --blend.")
     return parse_weights("0.5" if options.blend_weights is None else options.blend_weights)
+
+
+def size(text: str | None) -> tuple[int | None, int | None]:
+    """Width and height in pixels of "1280x720", None twice without text; UsageError shows the form."""
+    if text is None:
+        return None, None
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(part.isdigit() for part in parts):
+        raise UsageError(f"--size {text}: expected WIDTHxHEIGHT in pixels.", "Write 1280x720.")
+    return int(parts[0]), int(parts[1])

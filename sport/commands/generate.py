@@ -1,21 +1,23 @@
-"""`sport generate`: a clip as BVH without a window."""
+"""`sport generate`: a clip as BVH, GLB, FBX or film, without a window."""
 
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
 from sport.commands.arguments import Subparsers, add_blend, blend_weights
+from sport.commands.export_arguments import OUT_HELP, add_export_arguments
 from sport.runtime.errors import UsageError
+
+MAX_VARIANTS = 1000
 
 
 def add(commands: Subparsers) -> None:
     """Declare the arguments."""
     generate = commands.add_parser(
         "generate",
-        help="write a clip as BVH without a window",
+        help="write a clip as BVH, GLB, FBX or film without a window",
         description="The same options and seed write the same file.",
     )
     generate.set_defaults(command=run)
@@ -59,8 +61,6 @@ def _add_course(generate: argparse.ArgumentParser) -> None:
 
 
 def _add_output(generate: argparse.ArgumentParser) -> None:
-    generate.add_argument("--fps", type=float, default=60.0, metavar="F", help="frames a second of the file")
-    generate.add_argument("--unit", default="cm", metavar="UNIT", help="cm or m")
     generate.add_argument("--model", type=Path, metavar="DIR", help="folder of an exported model")
     generate.add_argument(
         "--text-encoder",
@@ -68,39 +68,66 @@ def _add_output(generate: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="folder of the text encoder that the model was trained with",
     )
-    generate.add_argument("--out", type=Path, required=True, metavar="BVH")
+    generate.add_argument(
+        "--variants",
+        type=int,
+        default=1,
+        metavar="N",
+        help="N clips, name-1 to name-N, with seeds from --seed on",
+    )
+    generate.add_argument("--out", type=Path, required=True, metavar="FILE", help=OUT_HELP)
+    add_export_arguments(generate)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write the clip and say what was written."""
-    from sport.runtime.atomic import check_target
+    """Write the clip, or its variants, and say what was written."""
+    from sport.commands.export import check_outputs, export_options, note, write_take
     from sport.runtime.generate import generate_clip
-    from sport.runtime.safe_read import printable
-    from sport.runtime.takes.clip import check_bvh_options, save_bvh
+    from sport.runtime.terrain.library import load_terrain
 
-    check_bvh_options(options.fps, options.unit)
-    check_target(options.out)
-    if options.seed < 0:
-        raise UsageError(f"--seed {options.seed}: expected 0 or more.", "Choose another seed.")
-    clip = generate_clip(
-        _prompt(options),
-        options.terrain,
-        options.path,
-        options.gait,
-        options.seconds,
-        options.seed,
-        speed=options.speed,
-        transition_seconds=options.transition,
-        strength=options.strength,
-        model=options.model,
-        name=options.out.stem,
-        expander=options.expander,
-        text_encoder=options.text_encoder,
-        report=lambda remark: print(f"sport: {remark}", file=sys.stderr),
-    )
-    save_bvh(clip, options.out, options.fps, options.unit)
-    print(f"{printable(options.out)}: {len(clip)} frames, {len(clip) / clip.fps:.1f} s")
+    export = export_options(options)
+    outputs = _outputs(options)
+    prompt = _prompt(options)
+    check_outputs(outputs, export, options)
+    terrain = load_terrain(options.terrain)
+    if terrain.note:
+        note(terrain.note)
+    for k, out in enumerate(outputs):
+        clip = generate_clip(
+            prompt,
+            options.terrain,
+            options.path,
+            options.gait,
+            options.seconds,
+            options.seed + k,
+            speed=options.speed,
+            transition_seconds=options.transition,
+            strength=options.strength,
+            model=options.model,
+            name=out.stem,
+            expander=options.expander,
+            text_encoder=options.text_encoder,
+            report=note,
+        )
+        write_take(clip, out, export, options, terrain)
     return 0
+
+
+def _outputs(options: argparse.Namespace) -> list[Path]:
+    """The file, or one for each variant; UsageError."""
+    from sport.commands.export import numbered
+
+    if options.seed < 0:
+        raise UsageError(f" {options.seed}: expected 0 or more.", "Choose another seed.", "seed")
+    if not 1 <= options.variants <= MAX_VARIANTS:
+        raise UsageError(f" {options.variants}: expected 1 to {MAX_VARIANTS}.", "Try 3.", "variants")
+    if options.variants > 1 and options.ground_out is not None:
+        raise UsageError(
+            " with --variants: all stand on the same ground.", "Leave one of the two out.", "ground_out"
+        )
+    if options.variants == 1:
+        return [options.out]
+    return [numbered(options.out, number) for number in range(1, options.variants + 1)]
 
 
 def _prompt(options: argparse.Namespace) -> Any:

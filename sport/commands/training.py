@@ -16,6 +16,10 @@ COMMANDS = {
 def run(command: str, arguments: Sequence[str]) -> int:
     """Run a command of `COMMANDS` with its arguments; UsageError names a package that is not installed."""
     module = COMMANDS[command][0]
+    if command == "train" and {"-h", "--help"} & set(arguments):
+        from sport.training.arguments import build_parser  # needs no torch
+
+        build_parser().parse_args(["--help"])
     try:
         entry = importlib.import_module(module)
     except ModuleNotFoundError as error:

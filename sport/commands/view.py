@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from sport.commands.arguments import Subparsers, add_blend, blend_weights
-from sport.runtime.errors import UsageError
+from sport.commands.arguments import Subparsers, add_blend, blend_weights, size
 
 
 def add(commands: Subparsers) -> None:
@@ -40,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
     """Open the viewer; its exit code."""
     from sport.viewer.options import ViewOptions
 
-    width, height = _size(options.size)
+    width, height = size(options.size)
     view_options = ViewOptions(
         offscreen=options.offscreen,
         frames=options.frames,
@@ -66,12 +65,3 @@ def run(options: argparse.Namespace) -> int:
     from sport.viewer.app import run
 
     return run(view_options)
-
-
-def _size(text: str | None) -> tuple[int | None, int | None]:
-    if text is None:
-        return None, None
-    parts = text.lower().split("x")
-    if len(parts) != 2 or not all(part.isdigit() for part in parts):
-        raise UsageError(f"--size {text}: expected WIDTHxHEIGHT in pixels.", "Write 1280x720.")
-    return int(parts[0]), int(parts[1])

@@ -7,8 +7,6 @@ from sport.training.export.step import FrameGraph
 from sport.training.networks.generator import Generator
 from torch import Tensor
 
-DECODERS = ("diffusion", "mixture")
-
 
 class MixtureStepGraph(FrameGraph):
     """One frame by the one-layer MoE decoder E_d: the interface of `StepGraph`, but the noise changes nothing."""

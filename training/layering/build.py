@@ -23,6 +23,7 @@ from sport.runtime.motion import features
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.skeleton import PART_NAMES, SPORT_SKELETON
 from sport.runtime.terrain.height_map import Terrain
+from sport.training.arguments import COUNT
 from sport.training.data import relief
 from sport.training.data.clip_files import TrainingClip
 from sport.training.data.height_patches import Patches
@@ -39,7 +40,6 @@ from sport.training.layering.recombine import UPPER_PARTS, cut, recombine
 log = logging.getLogger("sport.train")
 
 SECONDS = (4.0, 7.0)
-COUNT = 4600  # layered clips
 PARAPHRASES = 4
 RECOMBINED = 0.3  # share of clips that first take parts of another style
 NEUTRAL = 0.45  # share of clips that are built on neutral motion, where an edit shows most clearly

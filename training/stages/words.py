@@ -17,6 +17,7 @@ import torch
 from sport.runtime.prompts.sentence_inputs import part_inputs
 from sport.runtime.prompts.text_encoder import TextEncoderLike
 from sport.runtime.skeleton import PART_NAMES
+from sport.training.arguments import WORD_STEPS
 from sport.training.layering.longer_phrases import LongerSentence, longer_sentences
 from sport.training.networks.content import ContentEncoder, PartTextEncoder
 from sport.training.presets import ModelConfig
@@ -25,7 +26,7 @@ from torch import Tensor
 
 log = logging.getLogger("sport.train")
 
-STEPS, BATCH = 2000, 128
+STEPS, BATCH = WORD_STEPS, 128
 WORD_NOISE = 0.1  # at most, of the length of a sentence's embedding
 
 

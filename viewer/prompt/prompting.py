@@ -37,9 +37,8 @@ class Prompting:
     settings: Settings
     messages: Messages
     controller: Callable[[], ControllerLike | None]  # the one in use
-    mark: Callable[[StyleEdit, float], None] = lambda *_: (
-        None
-    )  # hears what comes into force, for the recorder
+    # hears what comes into force, for the recorder
+    mark: Callable[[StyleEdit, float], None] = lambda *_: None
     blocking: bool = False  # offscreen: an answer arrives in the same frame
     first_error: SportError | None = None
     history: UndoStack = field(default_factory=UndoStack)

@@ -128,6 +128,15 @@ class StyleEdit:
             return "" if self.a is None else self.a.replayable
         return BlendedPrompt(self.a.replayable, self.b.replayable, self.weights)
 
+    def typed(self) -> str:
+        """What was typed, where `replayable` keeps descriptions in its place; "" where it keeps the prompt itself."""
+        sides = [side for side in ((self.a, self.b) if self.blended else (self.a,)) if side is not None]
+        if all(side.replayable == side.prompt for side in sides):
+            return ""
+        return (
+            " + ".join(side.prompt or "own words" for side in sides) if any(s.prompt for s in sides) else ""
+        )
+
     @property
     def prompt_text(self) -> str:
         """`replayable` as the text that a take keeps."""

@@ -122,6 +122,8 @@ class Stage:
         if spec in self.state.terrain_names:
             self.settings.terrain = spec
         self.reset_character()
+        if terrain.note:
+            self.messages.note(terrain.note)
 
     def _show_terrain(self, spec: str, terrain: Terrain) -> None:
         self.renderer.set_terrain(terrain)

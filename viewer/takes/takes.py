@@ -77,14 +77,14 @@ class Takes:
     def mark_style(self, edit: StyleEdit, seconds: float) -> None:
         """A style came into force for the next frame."""
         z, prompt, words = edit.style(), edit.prompt_text, edit.spelled_out()
-        self.recorder.mark_prompt(prompt, seconds, words)
+        self.recorder.mark_prompt(prompt, seconds, words, edit.typed())
         if z is not None:
             self.drives.mark_style(z, seconds, prompt, words, edit)
 
     def mark_held(self, style: StyleChange) -> None:
         """A style of a take holds in the live controller already."""
         event = style.event
-        self.recorder.mark_prompt(event.prompt, 0.0, event.words)
+        self.recorder.mark_prompt(event.prompt, 0.0, event.words, event.typed)
         self.drives.mark_style(style.z, style.seconds, event.prompt, event.words, style.note, holds=True)
 
     def add_poses(self, poses: list[Pose], controls: Controls) -> None:

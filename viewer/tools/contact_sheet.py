@@ -30,8 +30,8 @@ def draw_sheet(
     turn: float = FRONT_TURN,
 ) -> NDArray[np.uint8]:
     """Frames `(H, W, 3)`: row r is clip r at `columns` moments from `start_seconds` on."""
+    from sport.viewer.filming.studio import studio
     from sport.viewer.render.camera import Camera
-    from sport.viewer.tools.studio import studio
 
     if not clips:
         raise UsageError("contact sheet: no clips.", "Name at least one BVH file.")
@@ -65,12 +65,13 @@ def label_rows(sheet: NDArray[np.uint8], labels: Sequence[str]) -> NDArray[np.ui
 def main(argv: Sequence[str] | None = None) -> int:
     """Draw a sheet of BVH files."""
     from sport.runtime.takes.clip import load_clip_bvh
-    from sport.runtime.terrain.library import load_terrain
+    from sport.runtime.takes.ground_of import ground_of
+    from sport.runtime.takes.prepare import on_its_ground
     from sport.viewer.render.capture import save_png
 
     parser = argparse.ArgumentParser(prog="python -m sport.viewer.tools.contact_sheet", description=__doc__)
     parser.add_argument("clips", nargs="+", type=Path, metavar="BVH")
-    parser.add_argument("--terrain", default="flat")
+    parser.add_argument("--terrain", help="default: the ground that stands beside each clip, in its JSON")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--labels", nargs="*", help="default: the file names")
     parser.add_argument("--behind", action="store_true", help="look from behind (for stairs and hills)")
@@ -80,7 +81,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = parser.parse_args(argv)
     clips = [load_clip_bvh(path) for path in args.clips]
     turn = BACK_TURN if args.behind else FRONT_TURN
-    sheet = draw_sheet(clips, load_terrain(args.terrain), args.columns, args.interval, args.start, turn=turn)
+    rows = [
+        draw_sheet(
+            [on_its_ground(clip)],
+            ground_of(clip, path, args.terrain),
+            args.columns,
+            args.interval,
+            args.start,
+            turn=turn,
+        )
+        for clip, path in zip(clips, args.clips, strict=True)
+    ]
+    sheet = np.concatenate(rows, axis=0)
     save_png(label_rows(sheet, args.labels or [p.stem for p in args.clips]), args.out)
     return 0
 

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from sport.runtime.atomic import check_target
 from sport.runtime.errors import FileError, UsageError, run_command
 from sport.runtime.motion import features
-from sport.runtime.takes.clip import Clip, PromptEvent
-from sport.runtime.takes.metadata import title
+from sport.runtime.takes.clip import Clip
 from sport.runtime.terrain.height_map import Terrain
+from sport.viewer.filming.captions import Captions, caption
 
 Image = NDArray[np.uint8]
 
@@ -25,7 +25,6 @@ FORMATS = {".webp": "WEBP", ".gif": "GIF"}
 DEFAULT_FPS = 20.0
 MAX_FRAMES = 1200
 MAX_SIDE = 2048
-SMALLEST = 8  # of the captions' letters, pixels
 TURN = 2.7  # radians from where the character looks: from the front, a little from the side
 
 
@@ -39,8 +38,8 @@ def draw_frames(
     turn: float = TURN,
 ) -> Iterator[Image]:
     """Frames `(H, W, 3)` of a clip from `start` on; the camera follows, at `turn` radians from the facing."""
+    from sport.viewer.filming.studio import studio
     from sport.viewer.render.camera import FollowCamera
-    from sport.viewer.tools.studio import studio
 
     first = clip.sample(start)
     yaw = float(features.facing_yaw(first.positions)) + turn
@@ -74,36 +73,13 @@ def _middle(hips: NDArray[np.floating], terrain: Terrain) -> NDArray[np.floating
     return np.array([x, float(terrain.height(x, z)) + 0.86, z])
 
 
-def caption(prompts: Sequence[PromptEvent], seconds: float) -> str:
-    """The prompt in force at a moment, in quotation marks; "" before the first."""
-    begun = [event for event in prompts if event.seconds <= seconds]
-    return f"“{title(begun[-1])}”" if begun else ""
-
-
 def write_caption(frame: Image, text: str) -> Image:
-    """The frame with a line of text over its lower edge, as large as fits, cut where even small letters do not."""
-    from PIL import Image as Images
-    from PIL import ImageDraw, ImageFont
-
+    """The frame with a line of text over its lower edge."""
     if not text:
         return frame
-    image = Images.fromarray(frame)
-    draw = ImageDraw.Draw(image, "RGBA")
-
-    def width(size: int) -> float:
-        return draw.textlength(text, ImageFont.load_default(size)) + 2.2 * size
-
-    size = max(SMALLEST, image.height // 18)
-    while size > SMALLEST and width(size) > 0.96 * image.width:
-        size -= 1
-    while len(text) > 1 and width(size) > 0.96 * image.width:
-        text = text[:-2] + "…"
-    font = ImageFont.load_default(size)
-    half, middle = width(size) / 2, image.height - 1.6 * size
-    box = (image.width / 2 - half, middle - size, image.width / 2 + half, middle + size)
-    draw.rounded_rectangle(box, radius=size, fill=(20, 28, 40, 170))
-    draw.text((image.width / 2, middle), text, fill=(240, 244, 250, 255), font=font, anchor="mm")
-    return np.asarray(image)
+    written = frame.copy()
+    Captions((frame.shape[1], frame.shape[0])).write(written, text)
+    return written
 
 
 def save_film(path: Path, frames: Sequence[Image], fps: float) -> None:
@@ -158,13 +134,15 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
 def main(argv: Sequence[str] | None = None) -> int:
     """Draw a film of a BVH file."""
     from sport.runtime.takes.clip import load_clip_bvh
-    from sport.runtime.terrain.library import load_terrain
+    from sport.runtime.takes.ground_of import ground_of
+    from sport.runtime.takes.prepare import on_its_ground
 
     args = _options(argv)
     clip = load_clip_bvh(args.clip)
+    ground, clip = ground_of(clip, args.clip, args.terrain), on_its_ground(clip)
     frames = draw_frames(
         clip,
-        load_terrain(args.terrain or clip.terrain),
+        ground,
         tuple(args.size),
         args.fps,
         args.start,

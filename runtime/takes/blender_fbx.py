@@ -1,0 +1,56 @@
+"""Run inside Blender, or by a Python that has `bpy`: a GLB of a take becomes an FBX. Arguments: GLB, FBX, frames a second.
+
+blender --background --factory-startup --python blender_fbx.py -- take.glb take.fbx 60
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from typing import Any
+
+
+def convert(source: str, target: str, fps: float) -> None:
+    """Import `source` at the take's rate and export it with a key in every frame and its textures inside."""
+    import bpy
+
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.render.fps = max(1, math.ceil(fps - 1e-6))
+    scene.render.fps_base = scene.render.fps / fps
+    # bones keep the axes of the character's own joints, and no shape is drawn for them
+    bpy.ops.import_scene.gltf(filepath=source, bone_heuristic="BLENDER", disable_bone_shape=True)
+    _note_markers(bpy.data.objects, scene)
+    last = max((action.frame_range[1] for action in bpy.data.actions), default=0.0)
+    scene.frame_start, scene.frame_end = 0, round(last)
+    bpy.ops.export_scene.fbx(
+        filepath=target,
+        object_types={"ARMATURE", "MESH", "EMPTY"},
+        add_leaf_bones=False,
+        use_custom_props=True,
+        bake_anim=True,
+        bake_anim_use_all_bones=True,
+        bake_anim_use_nla_strips=False,
+        bake_anim_use_all_actions=False,
+        bake_anim_step=1.0,
+        bake_anim_simplify_factor=0.0,
+        path_mode="COPY",
+        embed_textures=True,
+    )
+
+
+def _note_markers(objects: Any, scene: Any) -> None:
+    """What the GLB tells of the take goes to its armature: FBX has no properties of a scene."""
+    import json
+
+    if "sport" not in scene:
+        return
+    text = json.dumps(scene["sport"].to_dict(), ensure_ascii=False)
+    for thing in objects:
+        if thing.type == "ARMATURE":
+            thing["sport"] = text
+
+
+if __name__ == "__main__":
+    arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
+    convert(arguments[0], arguments[1], float(arguments[2]))

@@ -1,0 +1,76 @@
+"""A take as FBX: written as GLB first, then by Blender, which runs as a process of its own."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from sport.runtime.atomic import atomic_path
+from sport.runtime.errors import FileError, UsageError
+from sport.runtime.takes.glb import save_glb
+from sport.runtime.takes.options import ExportOptions
+from sport.runtime.takes.prepare import PreparedTake
+from sport.runtime.terrain.height_map import Terrain
+
+BLENDER_VARIABLE = "SPORT_BLENDER"
+TIMEOUT_S = 600.0
+_SCRIPT = Path(__file__).with_name("blender_fbx.py")
+
+
+def find_blender() -> list[str] | None:
+    """The command that runs a script in Blender, as far as the script; None where there is no Blender.
+
+    The variable SPORT_BLENDER (a Blender, or a Python that has `bpy`) comes first, then `bpy` in this Python, then the
+    command `blender`.
+    """
+    named = os.environ.get(BLENDER_VARIABLE)
+    if named:
+        return [named] if "python" in Path(named).name.lower() else _headless(named)
+    if importlib.util.find_spec("bpy") is not None:
+        return [sys.executable]
+    found = shutil.which("blender")
+    return None if found is None else _headless(found)
+
+
+def _headless(blender: str) -> list[str]:
+    return [blender, "--background", "--factory-startup", "--python-exit-code", "1", "--python"]
+
+
+def check_fbx(path: Path) -> list[str]:
+    """The command of `find_blender`; UsageError says how to get FBX where there is none."""
+    command = find_blender()
+    if command is None:
+        raise UsageError(
+            f"{path}: FBX is written by Blender, and neither the Python module bpy nor a command blender is here.",
+            "Run pip install -e '.[fbx]' with Python 3.11, install Blender 4.2 or later, name one in"
+            f" {BLENDER_VARIABLE}, or write a .glb.",
+        )
+    return command
+
+
+def save_fbx(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None = None) -> Path:
+    """Write a prepared take as FBX; UsageError without Blender, FileError when it fails."""
+    command = check_fbx(path)
+    with tempfile.TemporaryDirectory(prefix="sport-fbx-") as folder, atomic_path(path) as target:
+        glb, fbx = Path(folder) / "take.glb", Path(folder) / "take.fbx"
+        save_glb(take, glb, options, terrain)
+        separator = ["--"] if len(command) > 1 else []
+        arguments = [*command, str(_SCRIPT), *separator, str(glb), str(fbx), repr(take.clip.fps)]
+        try:
+            done = subprocess.run(
+                arguments, capture_output=True, text=True, errors="replace", timeout=TIMEOUT_S, check=False
+            )
+        except (OSError, subprocess.TimeoutExpired) as error:
+            raise FileError(
+                f"{path}: {command[0]} did not run ({error}).", "Write a .glb instead."
+            ) from error
+        if done.returncode or not fbx.is_file():
+            said = (done.stderr or done.stdout).strip().splitlines() or ["it said nothing"]
+            raise FileError(f"{path}: Blender wrote no FBX ({said[-1][:200]}).", "Write a .glb instead.")
+        target.write_bytes(fbx.read_bytes())
+    return path

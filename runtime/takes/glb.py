@@ -1,0 +1,113 @@
+"""A take as GLB: the character's own mesh, materials, textures and skin, moved on its own skeleton."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime import rotations
+from sport.runtime.assets import asset_path
+from sport.runtime.character.character import load_character, read_joint_map
+from sport.runtime.character.mesh import read_meshes
+from sport.runtime.character.read import open_gltf
+from sport.runtime.takes.glb_buffer import GlbBuffer
+from sport.runtime.takes.glb_skeleton import (
+    Rig,
+    joint_worlds,
+    local_rest,
+    nearest_rotation,
+    open_rig,
+    set_local,
+)
+from sport.runtime.takes.ground import add_ground
+from sport.runtime.takes.markers import take_extras
+from sport.runtime.takes.options import ExportOptions
+from sport.runtime.takes.prepare import PreparedTake
+from sport.runtime.terrain.height_map import Terrain
+
+Array = NDArray[np.floating]
+
+MANNEQUIN = "character/mannequin.glb"
+CHUNK = 1800  # frames worked on at once, so that an hour does not fill the memory
+STILL = 1e-6  # metres: a joint that moves less against its parent has no translation track
+
+
+def save_glb(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None = None) -> Path:
+    """Write a prepared take as GLB with the character of `options`, and with the `terrain` where they ask for it.
+
+    FileError when the character cannot be used or the file not be written.
+    """
+    source = asset_path(MANNEQUIN) if options.character is None else Path(options.character)
+    joint_map = None if options.joint_map is None else read_joint_map(options.joint_map)
+    character = load_character(source, joint_map)
+    file = open_gltf(source)
+    data = read_meshes(file)
+    buffer = GlbBuffer.of_file(file)
+    gltf = buffer.gltf
+    gltf.asset.generator = "SPORT viewer"
+    rig = open_rig(buffer, file, character, data, options.ground_root)
+    _animate(rig, buffer, take)
+    if options.with_ground and terrain is not None:
+        add_ground(buffer, terrain, take)
+    gltf.scenes[0].extras = {"sport": take_extras(take)}
+    buffer.save(path)
+    return path
+
+
+def _animate(rig: Rig, buffer: GlbBuffer, take: PreparedTake) -> None:
+    """Put the take as the only animation into the document."""
+    import pygltflib as g
+
+    nodes = buffer.gltf.nodes
+    animated = [*rig.joints, *([rig.root_node] if rig.root_node not in (-1, *rig.joints) else [])]
+    scales = {node: set_local(nodes[node], local_rest(rig, node))[1] for node in animated}
+    tracks = _tracks(rig, take, scales)
+    frames = len(take.clip)
+    times = buffer.add((np.arange(frames) / take.clip.fps).astype(np.float32)[:, None], bounds=True)
+    animation = g.Animation(name=take.clip.name, extras={"sport": take_extras(take)})
+
+    def add(node: int, path: str, values: Array) -> None:
+        sampler = g.AnimationSampler(input=times, output=buffer.add(values), interpolation="LINEAR")
+        animation.samplers.append(sampler)
+        target = g.AnimationChannelTarget(node=node, path=path)
+        animation.channels.append(g.AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
+
+    for node, (translations, quaternions) in tracks.items():
+        add(node, "rotation", quaternions[:, [1, 2, 3, 0]])
+        unit = (
+            float(np.abs(np.linalg.det(rig.rest[rig.parents[node], :3, :3]))) ** (1 / 3)
+            if rig.parents[node] >= 0
+            else 1.0
+        )
+        if np.abs(translations - np.array(nodes[node].translation)).max() * unit > STILL:
+            add(node, "translation", translations)
+    buffer.gltf.animations = [animation]
+
+
+def _tracks(rig: Rig, take: PreparedTake, scales: dict[int, Array]) -> dict[int, tuple[Array, Array]]:
+    """Translations `(T, 3)` and quaternions `(T, 4)` against the parent of every animated node, float32."""
+    parts: dict[int, list[tuple[Array, Array]]] = {node: [] for node in scales}
+    for start in range(0, len(take.clip), CHUNK):
+        frames = slice(start, min(start + CHUNK, len(take.clip)))
+        worlds = joint_worlds(rig, take, frames)
+        for node in scales:
+            parent = rig.parents[node]
+            local = worlds[node] if parent < 0 else np.linalg.inv(_world(rig, parent, worlds)) @ worlds[node]
+            turn = nearest_rotation(local[:, :3, :3] / scales[node])
+            parts[node].append((local[:, :3, 3].astype(np.float32), turn))
+    return {
+        node: (
+            np.concatenate([t for t, _ in pieces]),
+            rotations.continuous(np.concatenate([q for _, q in pieces])).astype(np.float32),
+        )
+        for node, pieces in parts.items()
+    }
+
+
+def _world(rig: Rig, node: int, worlds: dict[int, Array]) -> Array:
+    """World matrices `(n, 4, 4)` or `(4, 4)` of a node: those between joints move with the joint above them."""
+    if node in worlds:
+        return worlds[node]
+    parent = rig.parents[node]
+    return rig.rest[node] if parent < 0 else _world(rig, parent, worlds) @ local_rest(rig, node)

@@ -1,0 +1,142 @@
+"""A glTF document with one binary buffer to which arrays are added."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.atomic import write_atomic
+from sport.runtime.character.read import (
+    REMEDY,
+    STRUCTURE_ERRORS,
+    GltfFile,
+    buffer_view_bytes,
+    read_uri,
+)
+from sport.runtime.errors import FileError
+from sport.runtime.safe_read import reason
+
+if TYPE_CHECKING:
+    from pygltflib import GLTF2
+
+Array = NDArray[Any]
+
+ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963
+_COMPONENT_TYPES = {"uint8": 5121, "uint16": 5123, "uint32": 5125, "float32": 5126}
+_ELEMENT_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+_IMAGE_TYPES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
+
+
+class GlbBuffer:
+    """A document and the bytes of its only buffer; `add` appends arrays, `save` writes a GLB."""
+
+    def __init__(self, gltf: GLTF2) -> None:
+        self.gltf = gltf
+        self._blob = bytearray()
+
+    @staticmethod
+    def of_file(file: GltfFile) -> GlbBuffer:
+        """The document of a file with all its buffers and images inside one buffer, without its animations.
+
+        FileError when something is missing or damaged.
+        """
+        gltf, dead = _document(file)
+        made = GlbBuffer(gltf)
+        for index, view in enumerate(gltf.bufferViews):
+            data: bytes | memoryview = b"\0" * 4
+            if index in dead:
+                view.byteLength, view.byteStride = len(data), None
+            else:
+                data = buffer_view_bytes(file, index, f"buffer view {index}")
+            view.byteOffset, view.buffer = made._append(data), 0
+        for image in gltf.images:
+            if image.uri is None:
+                continue
+            data = read_uri(file.path, image.uri, "image")
+            image.mimeType = next(
+                (t for head, t in _IMAGE_TYPES.items() if data.startswith(head)), image.mimeType
+            )
+            image.bufferView, image.uri = made.add_view(data), None
+        return made
+
+    def _append(self, data: bytes | memoryview) -> int:
+        self._blob.extend(b"\0" * (-len(self._blob) % 4))
+        start = len(self._blob)
+        self._blob.extend(data)
+        return start
+
+    def add_view(self, data: bytes, target: int | None = None) -> int:
+        """The index of a new buffer view that holds `data`."""
+        import pygltflib as g
+
+        start = self._append(data)
+        self.gltf.bufferViews.append(
+            g.BufferView(buffer=0, byteOffset=start, byteLength=len(data), target=target)
+        )
+        return len(self.gltf.bufferViews) - 1
+
+    def add(self, values: Array, target: int | None = None, *, bounds: bool = False) -> int:
+        """The index of a new accessor that holds `values` `(count, width)`; floats are written as float32."""
+        import pygltflib as g
+
+        values = np.ascontiguousarray(values, np.float32 if values.dtype.kind == "f" else values.dtype)
+        accessor = g.Accessor(
+            bufferView=self.add_view(values.tobytes(), target),
+            componentType=_COMPONENT_TYPES[values.dtype.name],
+            count=len(values),
+            type=_ELEMENT_TYPES[values.shape[1]],
+        )
+        if bounds:
+            accessor.min, accessor.max = values.min(axis=0).tolist(), values.max(axis=0).tolist()
+        self.gltf.accessors.append(accessor)
+        return len(self.gltf.accessors) - 1
+
+    def save(self, path: Path) -> None:
+        """Write the GLB whole or not at all; FileError when it cannot be written."""
+        import pygltflib as g
+
+        self._blob.extend(b"\0" * (-len(self._blob) % 4))
+        self.gltf.buffers = [g.Buffer(byteLength=len(self._blob))]
+        self.gltf.set_binary_blob(bytes(self._blob))
+        write_atomic(path, b"".join(self.gltf.save_to_bytes()))
+
+
+def _document(file: GltfFile) -> tuple[GLTF2, set[int]]:
+    """A document of its own to be changed and written, without animations, and the buffer views that this empties."""
+    import pygltflib as g
+
+    try:
+        gltf = g.GLTF2.gltf_from_json(json.dumps(file.gltf))
+        return gltf, _drop_animations(gltf)
+    except STRUCTURE_ERRORS as error:
+        raise FileError(f"{file.name}: damaged glTF document ({reason(error)}).", REMEDY) from error
+
+
+def _drop_animations(gltf: GLTF2) -> set[int]:
+    """Take the animations out; their accessors become empty, and the buffer views that nothing else uses are returned.
+
+    Numbers of accessors and views stay, since extensions may name them.
+    """
+    kept: set[int | None] = {skin.inverseBindMatrices for skin in gltf.skins or []}
+    for mesh in gltf.meshes or []:
+        for primitive in mesh.primitives:
+            kept |= {primitive.indices, *vars(primitive.attributes).values()}
+            for target in primitive.targets or []:
+                kept |= set((target if isinstance(target, dict) else vars(target)).values())
+    samplers = [sampler for animation in gltf.animations or [] for sampler in animation.samplers]
+    empty = {index for sampler in samplers for index in (sampler.input, sampler.output)} - kept
+    empty &= set(range(len(gltf.accessors or [])))
+    users: dict[int, list[bool]] = {}
+    for index, accessor in enumerate(gltf.accessors or []):
+        if accessor.bufferView is not None:
+            users.setdefault(accessor.bufferView, []).append(index in empty)
+    for index in empty:
+        accessor = gltf.accessors[index]
+        accessor.bufferView = accessor.byteOffset = accessor.min = accessor.max = accessor.sparse = None
+        accessor.count = 1
+    gltf.animations = []
+    images = {image.bufferView for image in gltf.images or []}
+    return {view for view, by in users.items() if all(by)} - images

@@ -1,0 +1,213 @@
+"""The nodes of a user's character as a take moves them: its own skeleton, put on the ground of the take."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime import rotations
+from sport.runtime.character.character import Character
+from sport.runtime.character.mesh import MeshData
+from sport.runtime.character.nodes import ancestors, node_world_matrices
+from sport.runtime.character.read import GltfFile, read_accessor
+from sport.runtime.skeleton import SPORT_SKELETON
+from sport.runtime.takes.glb_buffer import GlbBuffer
+from sport.runtime.takes.prepare import PreparedTake
+
+if TYPE_CHECKING:
+    from pygltflib import GLTF2, Node
+
+Array = NDArray[np.floating]
+
+ROOT_NAMES = ("Root", "GroundRoot", "SportGroundRoot")
+SAME = 1e-4  # a character that needs less scaling and turning than this stands in our space already
+
+
+@dataclass
+class Rig:
+    """A character's nodes with what moves them.
+
+    `joints` maps nodes to joints of the character, `space` `(4, 4)` carries the file's space to the take's (metres,
+    Y up, facing +Z), `parents` are the nodes' parents, `rest` their world matrices in the take's space.
+    """
+
+    character: Character
+    gltf: GLTF2
+    joints: dict[int, int]
+    parents: list[int]
+    rest: Array
+    space: Array
+    ground_point: Array  # (3,) under the hips on the level of the soles, rest pose, take's space
+    root_node: int = -1  # the node on the ground, where there is one
+
+
+def open_rig(
+    buffer: GlbBuffer, file: GltfFile, character: Character, data: MeshData, ground_root: bool
+) -> Rig:
+    """The rig of a character's document: its scene holds the character alone, in the take's space."""
+    joints: dict[int, int] = {}
+    for k, node in enumerate(data.joint_nodes):
+        joints.setdefault(node, k)  # a joint of several skins moves as the first of them
+    hips = int(np.flatnonzero(character.sport_joints == SPORT_SKELETON.index("Hips"))[0])
+    space = np.eye(4)
+    space[:3, :3] = character.alignment.basis[hips] @ np.linalg.inv(data.rest_world[hips, :3, :3])
+    order, parents = ancestors(file)
+    rest = space @ node_world_matrices(file, order, parents)
+    soles = float((data.rest_positions() @ space[:3, :3].T)[:, 1].min())
+    x, _, z = rest[data.joint_nodes[hips], :3, 3]
+    rig = Rig(character, buffer.gltf, joints, parents, rest, space, np.array([x, soles, z]))
+    _set_scene(rig)
+    if ground_root:
+        _add_root(rig, buffer, file, data.joint_nodes[hips])
+    return rig
+
+
+def _set_scene(rig: Rig) -> None:
+    """Only what belongs to the character stays in the scene, in the take's space."""
+    import pygltflib as g
+
+    gltf, tops = rig.gltf, [i for i, parent in enumerate(rig.parents) if parent < 0]
+    moved = [top for top in tops if any(_within(rig.parents, node, top) for node in rig.joints)]
+    skinned = [
+        top
+        for top in tops
+        if top not in moved and gltf.nodes[top].skin is not None and not gltf.nodes[top].children
+    ]
+    if not np.allclose(rig.space, np.eye(4), atol=SAME):
+        turn, scale = _split(rig.space)
+        node = g.Node(name="Character", children=moved, rotation=_xyzw(turn), scale=scale.tolist())
+        gltf.nodes.append(node)
+        for top in moved:
+            rig.parents[top] = len(gltf.nodes) - 1
+        rig.parents.append(-1)
+        rig.rest = np.concatenate([rig.rest, rig.space[None]])
+        moved = [len(gltf.nodes) - 1]
+    else:
+        rig.space = np.eye(4)
+    gltf.scenes = [g.Scene(name="take", nodes=[*moved, *skinned])]
+    gltf.scene = 0
+
+
+def _within(parents: Sequence[int], node: int, top: int) -> bool:
+    while node >= 0 and node != top:
+        node = parents[node]
+    return node == top
+
+
+def _add_root(rig: Rig, buffer: GlbBuffer, file: GltfFile, hips: int) -> None:
+    """A joint above the hips that stays on the ground: the character's own uppermost joint, or a new one."""
+    import pygltflib as g
+
+    top = node = hips
+    while node >= 0:
+        top = node if node in rig.joints else top
+        node = rig.parents[node]
+    if top != hips:
+        rig.root_node = top
+        return
+    above, gltf = rig.parents[hips], rig.gltf
+    frame = rig.rest[above].copy() if above >= 0 else np.eye(4)
+    frame[:3, 3] = rig.ground_point
+    rig.root_node = len(gltf.nodes)
+    taken = {node.name for node in gltf.nodes}
+    gltf.nodes.append(
+        g.Node(name=next((n for n in ROOT_NAMES if n not in taken), ROOT_NAMES[-1]), children=[hips])
+    )
+    siblings = gltf.nodes[above].children if above >= 0 else gltf.scenes[0].nodes
+    siblings[siblings.index(hips)] = rig.root_node
+    rig.parents.append(above)
+    rig.parents[hips] = rig.root_node
+    rig.rest = np.concatenate([rig.rest, frame[None]])
+    for node in (rig.root_node, hips):
+        set_local(gltf.nodes[node], local_rest(rig, node))
+    for index, skin in enumerate(gltf.skins):
+        if hips in skin.joints:
+            _add_joint(buffer, file, index, rig.root_node, np.linalg.inv(np.linalg.inv(rig.space) @ frame))
+
+
+def _add_joint(buffer: GlbBuffer, file: GltfFile, skin_index: int, node: int, inverse_bind: Array) -> None:
+    skin = buffer.gltf.skins[skin_index]
+    if skin.inverseBindMatrices is None:
+        matrices = np.tile(np.eye(4).reshape(1, 16), (len(skin.joints), 1))
+    else:
+        matrices = read_accessor(
+            file, skin.inverseBindMatrices, f"inverse bind matrices of skin {skin_index}"
+        )
+    inverse_bind[3] = (0.0, 0.0, 0.0, 1.0)
+    matrices = np.concatenate([matrices[: len(skin.joints)], inverse_bind.T.reshape(1, 16)])
+    skin.inverseBindMatrices = buffer.add(matrices.astype(np.float32))
+    skin.joints.append(node)
+    skin.skeleton = None
+
+
+def local_rest(rig: Rig, node: int) -> Array:
+    """Rest transform `(4, 4)` of a node relative to its parent."""
+    parent = rig.parents[node]
+    return rig.rest[node] if parent < 0 else np.linalg.inv(rig.rest[parent]) @ rig.rest[node]
+
+
+def set_local(node: Node, matrix: Array) -> tuple[Array, Array]:
+    """Give a node a transform as translation, rotation and scale; the rotation `(4,)` and scale `(3,)`."""
+    turn, scale = _split(matrix)
+    node.matrix, node.translation, node.rotation = None, matrix[:3, 3].tolist(), _xyzw(turn)
+    node.scale = None if np.allclose(scale, 1.0, atol=1e-6) else scale.tolist()
+    return turn, scale
+
+
+def _split(matrix: Array) -> tuple[Array, Array]:
+    linear = matrix[:3, :3]
+    scale = np.linalg.norm(linear, axis=0) * (1.0 if np.linalg.det(linear) >= 0.0 else -1.0)
+    return nearest_rotation(linear / scale), scale
+
+
+def _xyzw(turn: Array) -> list[float]:
+    return [float(v) for v in turn[[1, 2, 3, 0]]]
+
+
+def nearest_rotation(linear: Array) -> Array:
+    """Quaternions `(..., 4)` of the rotations nearest to matrices `(..., 3, 3)`."""
+    left, _, right = np.linalg.svd(linear)
+    sign = np.linalg.det(left @ right)
+    left = left * np.stack([np.ones_like(sign), np.ones_like(sign), sign], -1)[..., None, :]
+    return rotations.normalize(rotations.from_matrix(left @ right))
+
+
+def joint_worlds(rig: Rig, take: PreparedTake, frames: slice) -> dict[int, Array]:
+    """World matrices `(n, 4, 4)` in the take's space of every joint node in some frames of a take."""
+    clip, character = take.clip, rig.character
+    hips = np.asarray(clip.hips_positions[frames], np.float64)
+    skeleton_positions, world = SPORT_SKELETON.forward_kinematics(
+        hips, np.asarray(clip.local_rotations[frames], np.float64)
+    )
+    pivots, turns = character.joint_transforms(skeleton_positions, world)
+    linear = rotations.to_matrix(turns) @ character.alignment.basis
+    result: dict[int, Array] = {}
+    first = frames.start == 0 and take.rest_frame
+    for node, k in rig.joints.items():
+        matrices: Array = np.tile(np.eye(4), (len(hips), 1, 1))
+        matrices[:, :3, :3], matrices[:, :3, 3] = linear[:, k], pivots[:, k]
+        if first:
+            matrices[0] = _rest_place(rig, take) @ rig.rest[node]
+        result[node] = matrices
+    if rig.root_node >= 0:
+        result[rig.root_node] = _root_worlds(rig, take, frames)
+    return result
+
+
+def _rest_place(rig: Rig, take: PreparedTake) -> Array:
+    """What carries the rest pose to where the take begins."""
+    place = np.eye(4)
+    place[:3, :3] = rotations.to_matrix(rotations.from_yaw(take.root.yaw[0]))
+    place[:3, 3] = take.root.positions[0] - place[:3, :3] @ rig.ground_point
+    return place
+
+
+def _root_worlds(rig: Rig, take: PreparedTake, frames: slice) -> Array:
+    yaw, positions = take.root.yaw[frames], take.root.positions[frames]
+    matrices = np.tile(np.eye(4), (len(yaw), 1, 1))
+    matrices[:, :3, :3] = rotations.to_matrix(rotations.from_yaw(yaw)) @ rig.rest[rig.root_node, :3, :3]
+    matrices[:, :3, 3] = positions
+    return matrices

@@ -1,0 +1,106 @@
+"""The ground of a take as triangles, in the take's coordinates: a node of its GLB, or an OBJ or GLB beside it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.atomic import write_atomic
+from sport.runtime.errors import UsageError
+from sport.runtime.takes.clip import UNITS_PER_METRE
+from sport.runtime.takes.glb_buffer import ARRAY_BUFFER, ELEMENT_BUFFER, GlbBuffer
+from sport.runtime.takes.prepare import PreparedTake
+from sport.runtime.terrain.height_map import Terrain
+
+Array = NDArray[np.floating]
+
+GROUND_SUFFIXES = (".obj", ".glb")
+MAX_VERTICES = 500_000  # of a larger ground only the part about the take is written
+MARGIN_M = 10.0  # around the take, in that case
+LEVEL_M = 1e-5  # a ground whose heights differ by less is one quad
+COLOR = (0.42, 0.44, 0.40)  # linear RGB
+
+
+def ground_mesh(terrain: Terrain, take: PreparedTake) -> tuple[Array, NDArray[np.uint32]]:
+    """Vertices `(V, 3)` in metres where the take stands on them, and triangles `(F, 3)`, counter-clockwise from above.
+
+    Every sample of the height map is a vertex, so heights there are exact; a level ground is two triangles.
+    """
+    x, z = (
+        o + terrain.cell_m * np.arange(n) for o, n in zip(terrain.origin, terrain.heights.shape, strict=True)
+    )
+    heights = terrain.heights.astype(np.float64)
+    if np.ptp(heights) < LEVEL_M:
+        x, z, heights = x[[0, -1]], z[[0, -1]], heights[np.ix_([0, -1], [0, -1])]
+    if heights.size > MAX_VERTICES:
+        i, j = _near(x, take, 0), _near(z, take, 2)
+        x, z, heights = x[i], z[j], heights[i, j]
+        step = int(np.ceil(np.sqrt(heights.size / MAX_VERTICES)))
+        x, z, heights = x[::step], z[::step], heights[::step, ::step]
+    nx, nz = heights.shape
+    points = np.stack([np.broadcast_to(x[:, None], (nx, nz)), heights, np.broadcast_to(z, (nx, nz))], -1)
+    corner = (np.arange(nx - 1)[:, None] * nz + np.arange(nz - 1)).ravel()
+    quads = corner[:, None] + np.array([0, 1, nz, nz, 1, nz + 1])
+    return take.placement.points(points.reshape(-1, 3)), quads.reshape(-1, 3).astype(np.uint32)
+
+
+def _near(axis: Array, take: PreparedTake, component: int) -> slice:
+    """The part of a grid's axis that lies about the take as it was before its placement."""
+    turn = take.placement
+    back = np.linalg.inv(turn.matrix())
+    path = take.root.positions @ back[:3, :3].T + back[:3, 3]
+    low, high = path[:, component].min() - MARGIN_M, path[:, component].max() + MARGIN_M
+    first = int(np.clip(np.searchsorted(axis, low) - 1, 0, len(axis) - 2))
+    last = int(np.clip(np.searchsorted(axis, high) + 1, first + 2, len(axis)))
+    return slice(first, last)
+
+
+def save_ground(path: Path, terrain: Terrain, take: PreparedTake, unit: str = "m") -> Path:
+    """Write the ground as OBJ or GLB; `unit` is that of the take beside it. UsageError for another ending."""
+    suffix = path.suffix.lower()
+    if suffix not in GROUND_SUFFIXES:
+        raise UsageError(
+            f"{path}: a ground is written as {' or '.join(GROUND_SUFFIXES)}.", "Choose one of them."
+        )
+    if suffix == ".obj":
+        vertices, triangles = ground_mesh(terrain, take)
+        scaled = vertices * UNITS_PER_METRE[unit]
+        lines = [f"# ground {terrain.name}, {unit}, Y up", f"o ground_{Path(terrain.name).stem}"]
+        lines += [f"v {x:.6g} {y:.6g} {z:.6g}" for x, y, z in scaled.tolist()]
+        lines += [f"f {a} {b} {c}" for a, b, c in (triangles + 1).tolist()]
+        write_atomic(path, "\n".join(lines) + "\n")
+        return path
+    import pygltflib as g
+
+    buffer = GlbBuffer(g.GLTF2(asset=g.Asset(version="2.0", generator="SPORT viewer")))
+    buffer.gltf.scenes, buffer.gltf.scene = [g.Scene(name="ground", nodes=[])], 0
+    add_ground(buffer, terrain, take, UNITS_PER_METRE[unit])
+    buffer.save(path)
+    return path
+
+
+def add_ground(buffer: GlbBuffer, terrain: Terrain, take: PreparedTake, scale: float = 1.0) -> None:
+    """Add the ground as a node of its own to a document's scene."""
+    import pygltflib as g
+
+    gltf = buffer.gltf
+    vertices, triangles = ground_mesh(terrain, take)
+    normals = _normals(vertices, triangles)
+    attributes = g.Attributes(
+        POSITION=buffer.add(vertices, ARRAY_BUFFER, bounds=True), NORMAL=buffer.add(normals, ARRAY_BUFFER)
+    )
+    indices = buffer.add(triangles.reshape(-1, 1), ELEMENT_BUFFER)
+    surface = g.PbrMetallicRoughness(baseColorFactor=[*COLOR, 1.0], metallicFactor=0.0, roughnessFactor=1.0)
+    gltf.materials.append(g.Material(name="Ground", pbrMetallicRoughness=surface))
+    primitive = g.Primitive(attributes=attributes, indices=indices, material=len(gltf.materials) - 1)
+    gltf.meshes.append(g.Mesh(name="Ground", primitives=[primitive]))
+    node = g.Node(name="Ground", mesh=len(gltf.meshes) - 1, scale=None if scale == 1.0 else [scale] * 3)
+    gltf.nodes.append(node)
+    gltf.scenes[gltf.scene or 0].nodes.append(len(gltf.nodes) - 1)
+
+
+def _normals(vertices: Array, triangles: NDArray[np.uint32]) -> Array:
+    from sport.runtime.character.mesh import vertex_normals
+
+    return vertex_normals(vertices, triangles)

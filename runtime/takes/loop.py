@@ -1,0 +1,212 @@
+"""The best cycle of a steady walk, and its two ends blended into one pose so that it can be played without end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime import rotations
+from sport.runtime.errors import UsageError
+from sport.runtime.feet.ik import LEG_FEET, LEG_SHINS, LEG_THIGHS, LEG_TOES, solve_legs
+from sport.runtime.feet.skating import SOLE_POINTS
+from sport.runtime.motion import features
+from sport.runtime.takes.clip import Clip
+from sport.runtime.takes.root import RootTrack
+
+Array = NDArray[np.floating]
+
+MIN_CYCLE_S, MAX_CYCLE_S = 0.5, 3.0
+MIN_SPEED = 0.15  # metres a second of the root in a cycle
+VELOCITY_S = 0.1  # a metre a second of difference counts as much as this many metres
+SOLE_WEIGHT = 4.0  # of the height of ankles and toes: a foot that stands is to stand as high at both ends
+NEARLY = 1.25  # the shortest cycle within this factor of the best one is taken: one cycle, not two
+MAX_ENDS_M, MAX_ENDS_RADIANS = 0.15, np.deg2rad(40.0)  # of ends that can be blended
+MAX_STARTS = 1800  # first frames that are compared
+SWING_SHARE = 0.35  # of a foot's highest speed: above it, it swings
+_LEGS = np.concatenate([LEG_THIGHS, LEG_SHINS, LEG_FEET])
+_REMEDY = "Record, or choose with --range, at least two full cycles of a steady walk in one style."
+
+
+@dataclass(frozen=True)
+class LoopReport:
+    """The cycle that was found: frames of the exported range, how far its ends were apart, and what is left.
+
+    `step_cm` is how much the steps from frame to frame before and after the seam differ in the worst joint, and
+    `usual_step_cm` the same, in its worst place, inside the cycle.
+    """
+
+    first: int
+    last: int
+    seconds: float
+    ends_cm: float
+    ends_degrees: float
+    seam_cm: float
+    seam_degrees: float
+    step_cm: float
+    usual_step_cm: float
+
+    def describe(self) -> str:
+        """One line for the command and the status line."""
+        return (
+            f"loop of {self.seconds:.2f} s (frames {self.first} to {self.last}): the ends were {self.ends_cm:.1f} cm and"
+            f" {self.ends_degrees:.1f} degrees apart, the seam is {self.seam_cm:.2f} cm and {self.seam_degrees:.2f}"
+            f" degrees; steps over it change by {self.step_cm:.2f} cm, within the cycle by up to {self.usual_step_cm:.2f} cm"
+        )
+
+
+def make_loop(clip: Clip, root: RootTrack) -> tuple[Clip, RootTrack, LoopReport]:
+    """The best cycle as a clip whose last frame is its first one, moved along; UsageError when there is no steady walk."""
+    first, last = find_cycle(clip, root)
+    cycle, track = clip.trim(first, last), root.cut(first, last)
+    ends_m, ends_radians = seam_error(cycle, track)
+    if ends_m > MAX_ENDS_M or ends_radians > MAX_ENDS_RADIANS:
+        raise UsageError(
+            f": no steady walk; the most similar frames are {ends_m * 100:.0f} cm and"
+            f" {np.rad2deg(ends_radians):.0f} degrees apart.",
+            _REMEDY,
+            "loop",
+        )
+    closed = close_seam(cycle, track)
+    seam_m, seam_radians = seam_error(closed, track)
+    step, usual = seam_steps(closed, track)
+    report = LoopReport(
+        first,
+        last,
+        closed.seconds,
+        ends_m * 100.0,
+        float(np.rad2deg(ends_radians)),
+        seam_m * 100.0,
+        float(np.rad2deg(seam_radians)),
+        step * 100.0,
+        usual * 100.0,
+    )
+    return closed, track, report
+
+
+def find_cycle(clip: Clip, root: RootTrack) -> tuple[int, int]:
+    """First and last frame of the cycle whose ends are most alike; UsageError when the clip is too short or stands."""
+    lags = np.arange(round(MIN_CYCLE_S * clip.fps), min(round(MAX_CYCLE_S * clip.fps), len(clip) - 3) + 1)
+    if len(lags) == 0:
+        raise UsageError(f": the range lasts {clip.seconds:.1f} s.", _REMEDY, "loop")
+    shape = _shape(clip, root)
+    path = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(root.positions, axis=0), axis=1))])
+    costs, starts = np.full(len(lags), np.inf), np.zeros(len(lags), np.int64)
+    for k, lag in enumerate(lags.tolist()):
+        stride = max(1, (len(clip) - lag) // MAX_STARTS)
+        a = np.arange(1, len(clip) - lag - 1, stride)
+        cost = np.sqrt(np.mean((shape[a + lag] - shape[a]) ** 2, axis=(1, 2)))
+        cost += np.abs(root.yaw[a + lag] - root.yaw[a]) * 0.05
+        cost[path[a + lag] - path[a] < MIN_SPEED * lag / clip.fps] = np.inf
+        if len(a) and np.isfinite(cost).any():
+            costs[k], starts[k] = cost.min(), a[np.argmin(cost)]
+    if not np.isfinite(costs).any():
+        raise UsageError(": the character does not walk in this range.", _REMEDY, "loop")
+    good = costs <= costs.min() * NEARLY + 1e-4
+    shortest = np.flatnonzero(good)[0]
+    near = np.flatnonzero(good & (lags <= lags[shortest] * 1.15))  # the best of that cycle's neighbours
+    best = near[np.argmin(costs[near])]
+    return int(starts[best]), int(starts[best] + lags[best])
+
+
+def _shape(clip: Clip, root: RootTrack) -> Array:
+    """Joints as the root sees them and their velocities `(T, 31, 6)`, weighed against each other."""
+    positions, _ = clip.world()
+    positions = positions.astype(np.float64)
+    velocities = np.gradient(positions, axis=0) * clip.fps * VELOCITY_S
+    seen = features.to_root(positions - root.positions[:, None], root.yaw[:, None])
+    seen[:, list(SOLE_POINTS), 1] *= SOLE_WEIGHT
+    return np.concatenate([seen, features.to_root(velocities, root.yaw[:, None])], axis=-1)
+
+
+def seam_error(cycle: Clip, root: RootTrack) -> tuple[float, float]:
+    """Largest distance in metres and angle in radians of any joint between the last frame and the first, seen by the root."""
+    positions, world = cycle.world()
+    ends = [0, -1]
+    seen = features.to_root(positions[ends] - root.positions[ends][:, None], root.yaw[ends][:, None])
+    turned = rotations.multiply(rotations.from_yaw(-root.yaw[ends])[:, None], world[ends])
+    distance = np.linalg.norm(seen[1] - seen[0], axis=-1).max()
+    return float(distance), float(rotations.angle_between(turned[0], turned[1]).max())
+
+
+def seam_steps(cycle: Clip, root: RootTrack) -> tuple[float, float]:
+    """Change of the step from frame to frame over the seam, and its largest inside the cycle, metres in the worst joint."""
+    positions, _ = cycle.world()
+    steps = np.diff(positions.astype(np.float64), axis=0)
+    seen = features.to_root(steps, root.yaw[:-1, None])
+    first = features.to_root(steps[0], root.yaw[0])
+    last = features.to_root(steps[-1], root.yaw[-1])
+    inside = np.linalg.norm(np.diff(seen, axis=0), axis=-1).max() if len(seen) > 1 else 0.0
+    return float(np.linalg.norm(first - last, axis=-1).max()), float(inside)
+
+
+def close_seam(cycle: Clip, root: RootTrack) -> Clip:
+    """The cycle with its last frame made equal to its first.
+
+    What the ends differ by is added gradually: to the body over the whole cycle, to each foot only while it swings,
+    so that a foot on the ground keeps its place. The legs reach their feet by inverse kinematics.
+    """
+    hips, local = np.array(cycle.hips_positions, np.float64), np.array(cycle.local_rotations, np.float64)
+    positions, world = cycle.world()
+    n = len(cycle) - 1
+    body = _ease(np.arange(n + 1) / n)
+    turn = rotations.from_yaw(root.yaw[-1] - root.yaw[0])  # of the first frame into the place of the last
+
+    def goal(points: Array) -> Array:
+        return root.positions[-1] + rotations.rotate(turn, points - root.positions[0])
+
+    wanted = local[0].copy()
+    wanted[0] = rotations.multiply(turn, local[0, 0])
+    new_hips = hips + body[:, None] * (goal(hips[0]) - hips[-1])
+    new_local = _toward(local, wanted, np.tile(body[:, None], (1, local.shape[1])))
+    ankles, feet = positions[:, LEG_FEET].astype(np.float64), world[:, LEG_FEET].astype(np.float64)
+    swing = np.stack(
+        [_swing_ease(positions, ankle, toe) for ankle, toe in zip(LEG_FEET, LEG_TOES, strict=True)], 1
+    )
+    targets = ankles + swing[..., None] * (goal(ankles[0]) - ankles[-1])
+    feet_goal = _world_toward(feet, rotations.multiply(turn, feet[0]), swing)
+    new_local[:, LEG_TOES] = _toward(local[:, LEG_TOES], wanted[LEG_TOES], swing)
+    solved = solve_legs(new_hips, new_local, targets, feet_goal)
+    # what the solver alone changes, where it eases a leg that is almost straight, is taken back
+    eased = solve_legs(hips, local, ankles, feet)[:, _LEGS]
+    solved[:, _LEGS] = rotations.multiply(
+        solved[:, _LEGS], rotations.multiply(rotations.inverse(eased), local[:, _LEGS])
+    )
+    solved[-1], new_hips[-1] = wanted, goal(hips[0])
+    contacts = cycle.contacts.copy()
+    contacts[-1] = contacts[0]
+    return replace(
+        cycle,
+        hips_positions=new_hips.astype(np.float32),
+        local_rotations=rotations.normalize(solved).astype(np.float32),
+        contacts=contacts,
+    )
+
+
+def _ease(t: Array) -> Array:
+    t = np.clip(t, 0.0, 1.0)
+    return t * t * (3.0 - 2.0 * t)
+
+
+def _toward(q: Array, wanted: Array, share: Array) -> Array:
+    """Rotations `(T, n, 4)` with what the last frame lacks to `wanted` `(n, 4)` added by `share` `(T, n)`, from the right."""
+    lacks = rotations.to_rotation_vector(rotations.multiply(rotations.inverse(q[-1]), wanted))
+    return rotations.multiply(q, rotations.from_rotation_vector(share[..., None] * lacks))
+
+
+def _world_toward(q: Array, wanted: Array, share: Array) -> Array:
+    """The same from the left: about axes of the world."""
+    lacks = rotations.to_rotation_vector(rotations.multiply(wanted, rotations.inverse(q[-1])))
+    return rotations.multiply(rotations.from_rotation_vector(share[..., None] * lacks), q)
+
+
+def _swing_ease(positions: Array, ankle: int, toe: int) -> Array:
+    """From 0 to 1 over the longest stretch `(T,)` in which neither ankle nor toe of a foot rests."""
+    way = np.linalg.norm(np.diff(positions[:, [ankle, toe]][..., [0, 2]].astype(np.float64), axis=0), axis=-1)
+    speed = way.min(axis=1)
+    moving = np.concatenate([[False], speed > SWING_SHARE * max(float(speed.max()), 1e-6), [False]])
+    starts = np.flatnonzero(moving[1:] & ~moving[:-1])
+    ends = np.flatnonzero(~moving[1:] & moving[:-1])
+    longest = int(np.argmax(ends - starts)) if len(starts) else -1
+    first, last = (starts[longest], ends[longest]) if longest >= 0 else (0, len(speed))
+    return _ease((np.arange(len(positions)) - first) / max(last - first, 1))

@@ -1,0 +1,108 @@
+"""A take as its options ask for it, whatever format it goes to: rate, range, loop, place, and path of the root."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime import rotations
+from sport.runtime.errors import UsageError
+from sport.runtime.skeleton import REST_HIPS_HEIGHT, J
+from sport.runtime.takes.clip import Clip
+from sport.runtime.takes.loop import LoopReport, make_loop
+from sport.runtime.takes.metadata import UNMOVED
+from sport.runtime.takes.options import ExportOptions
+from sport.runtime.takes.root import Placement, RootTrack, root_track
+from sport.runtime.terrain.height_map import Terrain
+
+Array = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class PreparedTake:
+    """A clip ready to be written; `root` has one entry for each of its frames.
+
+    `placement` is where the ground goes with it, `loop` what the loop came to, and `rest_frame` says that frame 0 is
+    the rest pose.
+    """
+
+    clip: Clip
+    root: RootTrack
+    placement: Placement
+    loop: LoopReport | None
+    rest_frame: bool
+
+
+def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) -> PreparedTake:
+    """`clip` as `options` ask for it, on its `terrain` (None: on the level of its lowest sole). UsageError as in `check`."""
+    options.check()
+    at_rate, there = on_its_ground(clip).resampled(options.fps), placement_of(clip)
+    track = root_track(at_rate, terrain if clip.placed is not None else None)
+    first, last = _frames(at_rate, options)
+    taken, report = at_rate, None
+    if (first, last) != (0, len(at_rate) - 1):
+        taken, track = at_rate.trim(first, last), track.cut(first, last)
+    if options.loop:
+        taken, track, report = make_loop(taken, track)
+    placement = _to_origin(track) if options.at_origin else there
+    if not placement.identity:
+        taken, track = placement.clip(taken), track.moved(placement)
+    if options.in_place:
+        path = (track.positions - track.positions[0]).astype(np.float32)
+        taken = replace(taken, hips_positions=taken.hips_positions - path)
+        track = RootTrack(np.repeat(track.positions[:1], len(taken), axis=0), track.yaw)
+    if options.rest_frame:
+        taken, track = _with_rest_frame(taken, track)
+    lost = options.in_place or clip.placed is None
+    taken = replace(taken, placed=None if lost else (placement.yaw, *placement.offset))
+    return PreparedTake(taken, track, placement, report, options.rest_frame)
+
+
+def placement_of(clip: Clip) -> Placement:
+    """Where an export has moved a clip to from its place on its ground."""
+    yaw, x, y, z = clip.placed or UNMOVED
+    return Placement(yaw, (x, y, z))
+
+
+def on_its_ground(clip: Clip) -> Clip:
+    """The clip back in its place on its ground, whatever export moved it elsewhere; what lost its ground stays."""
+    placement = placement_of(clip)
+    return clip if placement.identity else replace(placement.inverse().clip(clip), placed=UNMOVED)
+
+
+def _frames(clip: Clip, options: ExportOptions) -> tuple[int, int]:
+    first = round(options.start_s * clip.fps)
+    last = len(clip) - 1 if options.end_s is None else min(round(options.end_s * clip.fps), len(clip) - 1)
+    if not 0 <= first <= last:
+        raise UsageError(
+            f" {options.start_s:g}: the clip lasts {clip.seconds:.1f} s.",
+            "Choose an earlier start.",
+            "start_s",
+        )
+    return first, last
+
+
+def _to_origin(track: RootTrack) -> Placement:
+    turn = Placement(0.0 - float(track.yaw[0]))
+    x, y, z = (0.0 - float(v) for v in turn.points(track.positions[0]))
+    return Placement(turn.yaw, (x, y, z))
+
+
+def _with_rest_frame(clip: Clip, track: RootTrack) -> tuple[Clip, RootTrack]:
+    """The rest pose where the clip begins, facing as it does, one frame before it."""
+    local = rotations.identity((1, J))
+    local[0, 0] = rotations.from_yaw(float(track.yaw[0]))
+    hips = (track.positions[:1] + np.array([0.0, REST_HIPS_HEIGHT, 0.0])).astype(np.float32)
+    later = 1.0 / clip.fps
+    begun = replace(
+        clip,
+        hips_positions=np.concatenate([hips, clip.hips_positions]),
+        local_rotations=np.concatenate([local.astype(np.float32), clip.local_rotations]),
+        contacts=np.concatenate([np.ones_like(clip.contacts[:1]), clip.contacts]),
+        gaits=None if clip.gaits is None else np.concatenate([clip.gaits[:1], clip.gaits]),
+        prompts=tuple(replace(event, seconds=event.seconds + later) for event in clip.prompts),
+    )
+    return begun, RootTrack(
+        np.concatenate([track.positions[:1], track.positions]), np.concatenate([track.yaw[:1], track.yaw])
+    )

@@ -1,0 +1,102 @@
+"""The root of a take: a point on the ground under the character that moves smoothly, and where it faces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime import rotations
+from sport.runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
+from sport.runtime.motion import features
+from sport.runtime.takes.clip import Clip
+from sport.runtime.terrain.height_map import Terrain
+
+Array = NDArray[np.floating]
+
+SMOOTHING_S = 0.3  # deviation of the Gaussian: steps and sway stay in the hips, turns in the root
+
+
+@dataclass(frozen=True)
+class RootTrack:
+    """The root in each frame: `positions` `(T, 3)` metres on the ground, `yaw` `(T,)` radians without jumps."""
+
+    positions: Array
+    yaw: Array
+
+    def cut(self, first: int, last: int) -> RootTrack:
+        """Frames `first` to `last`, both included."""
+        return RootTrack(self.positions[first : last + 1], self.yaw[first : last + 1])
+
+    def moved(self, placement: Placement) -> RootTrack:
+        """The track after a placement."""
+        return RootTrack(placement.points(self.positions), self.yaw + placement.yaw)
+
+
+@dataclass(frozen=True)
+class Placement:
+    """A turn about +Y by `yaw`, then a shift by `offset` `(3,)`: how a take, and its ground, are put elsewhere."""
+
+    yaw: float = 0.0
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def identity(self) -> bool:
+        """Whether everything stays where it is."""
+        return self == Placement()
+
+    def points(self, points: Array) -> Array:
+        """Points `(..., 3)` in their new place, float64."""
+        turned = rotations.rotate(rotations.from_yaw(self.yaw), np.asarray(points, np.float64))
+        return turned + np.array(self.offset)
+
+    def matrix(self) -> Array:
+        """The same as a `(4, 4)` matrix."""
+        result = np.eye(4)
+        result[:3, :3] = rotations.to_matrix(rotations.from_yaw(self.yaw))
+        result[:3, 3] = self.offset
+        return result
+
+    def inverse(self) -> Placement:
+        """The way back."""
+        turned = rotations.rotate(rotations.from_yaw(-self.yaw), np.array(self.offset))
+        x, y, z = (0.0 - float(v) for v in turned)
+        return Placement(-self.yaw, (x, y, z))
+
+    def clip(self, clip: Clip) -> Clip:
+        """The clip in its new place."""
+        local = np.array(clip.local_rotations, np.float64)
+        local[:, 0] = rotations.multiply(rotations.from_yaw(self.yaw), local[:, 0])
+        return replace(
+            clip,
+            hips_positions=self.points(clip.hips_positions).astype(np.float32),
+            local_rotations=local.astype(np.float32),
+        )
+
+
+def root_track(clip: Clip, terrain: Terrain | None = None) -> RootTrack:
+    """The root of a clip: hips and heading, smoothed, on the `terrain`, or on the level of its lowest sole without one."""
+    positions, _ = clip.world()
+    hips = np.asarray(clip.hips_positions, np.float64)
+    heading = np.unwrap(features.facing_yaw(positions).astype(np.float64))
+    track = smooth(np.column_stack([hips[:, [0, 2]], heading]), clip.fps)
+    x, z, yaw = track.T
+    if terrain is None:
+        soles = positions[:, list(SOLE_POINTS), 1] - np.array(SOLE_HEIGHTS)
+        ground = np.full(len(x), float(soles.min()))
+    else:
+        ground = smooth(terrain.height(x, z)[:, None].astype(np.float64), clip.fps)[:, 0]
+    return RootTrack(np.column_stack([x, ground, z]), yaw)
+
+
+def smooth(values: Array, fps: float) -> Array:
+    """Values `(T, n)` through a Gaussian of `SMOOTHING_S`; the ends go on as they came, so that they are met."""
+    reach = min(round(3.0 * SMOOTHING_S * fps), len(values) - 1)
+    if reach < 1:
+        return np.array(values, np.float64)
+    before = 2.0 * values[0] - values[reach:0:-1]
+    after = 2.0 * values[-1] - values[-2 : -reach - 2 : -1]
+    padded = np.concatenate([before, values, after])
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / (SMOOTHING_S * fps)) ** 2)
+    kernel /= kernel.sum()
+    return np.column_stack([np.convolve(column, kernel, "valid") for column in padded.T])

@@ -1,0 +1,45 @@
+"""`sport convert`: a take (BVH) as another file."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from sport.commands.arguments import Subparsers
+from sport.commands.export_arguments import OUT_HELP, add_export_arguments
+from sport.runtime.errors import UsageError
+
+
+def add(commands: Subparsers) -> None:
+    """Declare the arguments."""
+    convert = commands.add_parser(
+        "convert",
+        help="write a take (BVH) as GLB, FBX, film, ground or another BVH",
+        description="The ground is the one that the JSON beside the take names.",
+    )
+    convert.set_defaults(command=run)
+    convert.add_argument("take", type=Path, metavar="BVH")
+    convert.add_argument("out", type=Path, nargs="+", metavar="FILE", help=OUT_HELP)
+    convert.add_argument("--terrain", metavar="NAME|FILE", help="another ground than the take's own")
+    add_export_arguments(convert)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write every file and say what was written."""
+    from sport.commands.export import check_outputs, export_options, note, write_take
+    from sport.runtime.takes.clip import load_clip_bvh
+    from sport.runtime.takes.ground_of import ground_of
+
+    export = export_options(options)
+    if options.take.resolve() in [out.resolve() for out in options.out]:
+        raise UsageError(f"{options.take}: would be written over itself.", "Choose another name.")
+    if options.ground_out is not None and len(options.out) > 1:
+        raise UsageError(" with several files: their units may differ.", "Convert one by one.", "ground_out")
+    clip = load_clip_bvh(options.take)
+    terrain = ground_of(clip, options.take, options.terrain)
+    check_outputs(options.out, export, options)
+    if terrain.note:
+        note(terrain.note)
+    for out in options.out:
+        write_take(clip, out, export, options, terrain)
+    return 0

@@ -1,0 +1,49 @@
+"""Arguments of an export, for `sport generate` and `sport convert`; nothing heavy is imported for them."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from sport.runtime.takes.endings import ENDINGS
+
+MOTION_FPS, FILM_FPS = 60.0, 30.0
+OUT_HELP = "file to write; its ending says what: " + ", ".join(e.suffix for e in ENDINGS)
+
+
+def add_export_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments that every export has."""
+    form = parser.add_argument_group("form of the take")
+    form.add_argument(
+        "--fps",
+        type=float,
+        metavar="F",
+        help=f"frames a second (default: {MOTION_FPS:g}, films {FILM_FPS:g})",
+    )
+    form.add_argument("--unit", default="cm", metavar="UNIT", help="of BVH: cm or m (default: cm)")
+    form.add_argument("--character", type=Path, metavar="GLB", help="skinned character of GLB, FBX and film")
+    form.add_argument(
+        "--joint-map", type=Path, metavar="JSON", help="names of its joints, if they are not found"
+    )
+    form.add_argument("--range", default="", metavar="A:B", help="only these seconds, e.g. 2:6.5")
+    form.add_argument(
+        "--loop", action="store_true", help="only the best cycle of a steady walk, without a seam"
+    )
+    form.add_argument("--in-place", action="store_true", help="take the way over the ground out")
+    form.add_argument("--ground-root", action="store_true", help="a root joint on the ground, above the hips")
+    form.add_argument("--at-origin", action="store_true", help="begin at the origin, facing +Z")
+    form.add_argument("--rest-frame", action="store_true", help="the rest pose as first frame")
+    form.add_argument("--with-ground", action="store_true", help="the ground as a second node (GLB, FBX)")
+    form.add_argument(
+        "--ground-out", type=Path, metavar="FILE", help="the ground beside the take: .obj or .glb"
+    )
+    film = parser.add_argument_group("form of a film")
+    film.add_argument("--size", metavar="WxH", help="pixels (default: 1280x720)")
+    film.add_argument(
+        "--camera", default="front", metavar="NAME", help="front (default), follow, side, orbit or still"
+    )
+    film.add_argument("--distance", type=float, default=0.0, metavar="M", help="of the camera, metres")
+    film.add_argument("--no-captions", action="store_true", help="leave the prompts out")
+    film.add_argument(
+        "--quality", choices=("high", "software"), default="high", help="rendering (default: high)"
+    )

@@ -1,0 +1,62 @@
+"""Arguments of `sport train`: what can be asked for, read without torch."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+
+from sport.training.presets import ABLATIONS, PRESETS
+
+STAGES = ("import", "layer", "phase", "content", "words", "stage2", "stage3", "export")
+DECODERS = ("diffusion", "mixture")
+COUNT = 4600  # layered clips
+WORD_STEPS = 2000
+
+
+@dataclass
+class Steps:
+    """Optimiser steps (0: skip by loading what exists) and time limits in minutes of each stage."""
+
+    phase: int = 1200
+    content: int = 1200
+    words: int = WORD_STEPS
+    stage2: int = 18000
+    stage3: int = 5500
+    batch: int = 1024
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Arguments of `sport train`."""
+    parser = argparse.ArgumentParser(
+        prog="sport train", description="Train the networks from motion capture; every stage can be resumed."
+    )
+    parser.add_argument("stage", choices=("all", *STAGES))
+    parser.add_argument("--preset", default="compact", help=f"one of {', '.join(PRESETS)}")
+    parser.add_argument(
+        "--decoder",
+        choices=DECODERS,
+        default="diffusion",
+        help="of the export: mixture is stage 2 without diffusion, written to OUT/model-mixture",
+    )
+    parser.add_argument("--ablation", help=f"change the preset: {', '.join(ABLATIONS)}")
+    parser.add_argument("--layers", type=int, default=COUNT, help="layered clips to make (stage layer)")
+    parser.add_argument("--data", type=Path, help="folder with the motion data archives (for import)")
+    parser.add_argument("--clips", type=Path, help="folder of imported clips (default: OUT/clips)")
+    parser.add_argument(
+        "--out", type=Path, required=True, help="folder for checkpoints and the exported model"
+    )
+    parser.add_argument("--styles", type=Path, help="style descriptions (default: the shipped ones)")
+    parser.add_argument(
+        "--text-encoder", type=Path, metavar="DIR", help="folder of a text encoder (default: the shipped one)"
+    )
+    parser.add_argument("--device", default="", help="cpu or cuda (default: cuda where there is one)")
+    parser.add_argument("--no-half", action="store_true", help="no bf16 mixed precision")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--limit", type=int, help="use at most this many clips (for a trial)")
+    for name, value in vars(Steps()).items():
+        parser.add_argument(
+            f"--{name}-steps" if name != "batch" else "--batch", dest=name, type=int, default=value
+        )
+    parser.add_argument("--max-minutes", type=float, help="time limit of each stage")
+    return parser

@@ -1,0 +1,68 @@
+"""Captions: the prompt in force, over the lower edge of a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.takes.metadata import PromptEvent, title
+
+Frame = NDArray[np.uint8]
+
+SMALLEST = 8  # letters, pixels
+_BACK, _INK = (20, 28, 40, 170), (240, 244, 250, 255)
+
+
+def caption(prompts: Sequence[PromptEvent], seconds: float) -> str:
+    """The prompt in force at a moment, in quotation marks; "" before the first."""
+    begun = [event for event in prompts if event.seconds <= seconds + 1e-6]
+    return f"“{title(begun[-1])}”" if begun else ""
+
+
+@dataclass
+class Captions:
+    """Writes captions into frames of one size; each text is drawn once and then laid over frames."""
+
+    size: tuple[int, int]  # width, height
+    _drawn: dict[str, tuple[int, int, NDArray[np.float32]]] = field(default_factory=dict)
+
+    def write(self, frame: Frame, text: str) -> None:
+        """Lay `text` over a frame `(H, W, 3)`, in place."""
+        if not text:
+            return
+        if text not in self._drawn:
+            self._drawn[text] = draw_caption(self.size, text)
+        left, top, pixels = self._drawn[text]
+        height, width = pixels.shape[:2]
+        under = frame[top : top + height, left : left + width]
+        share = pixels[..., 3:] / 255.0
+        under[:] = np.round(under * (1.0 - share) + pixels[..., :3] * share).astype(np.uint8)
+
+
+def draw_caption(size: tuple[int, int], text: str) -> tuple[int, int, NDArray[np.float32]]:
+    """Left, top, and pixels `(h, w, 4)` of a caption for a frame: as large as fits, cut where even small letters do not."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    image = Image.new("RGBA", size, (0, 0, 0, 0))
+    draw = ImageDraw.Draw(image)
+
+    def width(letters: int) -> float:
+        return draw.textlength(text, ImageFont.load_default(letters)) + 2.2 * letters
+
+    letters = max(SMALLEST, image.height // 18)
+    while letters > SMALLEST and width(letters) > 0.96 * image.width:
+        letters -= 1
+    while len(text) > 1 and width(letters) > 0.96 * image.width:
+        text = text[:-2] + "…"
+    half, middle = width(letters) / 2, image.height - 1.6 * letters
+    box = (image.width / 2 - half, middle - letters, image.width / 2 + half, middle + letters)
+    draw.rounded_rectangle(box, radius=letters, fill=_BACK)
+    # letters are laid over the bar, not put in its place
+    ink = Image.new("RGBA", size, (0, 0, 0, 0))
+    font = ImageFont.load_default(letters)
+    ImageDraw.Draw(ink).text((image.width / 2, middle), text, fill=_INK, font=font, anchor="mm")
+    done = Image.alpha_composite(image, ink)
+    left, top, right, bottom = done.getbbox() or (0, 0, 1, 1)
+    return left, top, np.asarray(done.crop((left, top, right, bottom)), np.float32)

@@ -1,0 +1,187 @@
+"""A film of a take: drawing and writing side by side, with progress, and an end at any time."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.errors import UsageError
+from sport.runtime.pose import Pose
+from sport.runtime.takes.clip import Clip
+from sport.runtime.terrain.height_map import Terrain
+from sport.viewer.filming.captions import Captions, caption
+from sport.viewer.filming.shots import CameraPath, camera_path
+from sport.viewer.filming.writers import FrameWriter, check_writer, open_writer
+from sport.viewer.render.camera import Camera
+
+Frame = NDArray[np.uint8]
+Draw = Callable[[Camera, Pose], Frame]
+Progress = Callable[[int, int], None]  # frames done, frames in all
+
+MIN_SIDE, MAX_SIDE = 16, 4096
+MAX_FRAMES = 216_000  # an hour at 60 frames a second
+QUEUED = 6  # frames drawn ahead of the writer
+
+
+@dataclass(frozen=True)
+class FilmOptions:
+    """How a film looks; `fps` is that of the film, whatever the take's."""
+
+    width: int = 1280
+    height: int = 720
+    fps: float = 30.0
+    camera: str = "front"  # one of `shots.CAMERAS`
+    distance: float = 0.0  # metres of the camera, 0 for its usual one
+    captions: bool = True
+    quality: str = "high"  # or "software": faster without a graphics card
+
+    def check(self) -> None:
+        """UsageError names the option that cannot be used."""
+        if not 1.0 <= self.fps <= 60.0:
+            raise UsageError(f" {self.fps:g}: a film has 1 to 60.", "Try 30.", "fps")
+        if not all(MIN_SIDE <= side <= MAX_SIDE for side in (self.width, self.height)):
+            raise UsageError(
+                f" {self.width}x{self.height}: expected {MIN_SIDE} to {MAX_SIDE} pixels a side.",
+                "Try 1280x720.",
+                "size",
+            )
+        if not (self.distance == 0.0 or 0.5 <= self.distance <= 60.0):
+            raise UsageError(f" {self.distance:g}: expected 0.5 to 60 m.", "Try 4.", "distance")
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        return self.width, self.height
+
+
+OpenStudio = Callable[[FilmOptions, Terrain, Any], AbstractContextManager[Draw]]
+
+
+@dataclass(frozen=True)
+class FilmResult:
+    """What became of a film: frames written, or None of it where it was cancelled."""
+
+    path: Path
+    frames: int
+    seconds: float
+    cancelled: bool = False
+
+
+def count_frames(clip: Clip, fps: float) -> int:
+    """Frames of a film that lasts as long as the clip; UsageError when they are too many."""
+    count = max(1, round(len(clip) / clip.fps * fps))
+    if count > MAX_FRAMES:
+        raise UsageError(
+            f"{count} frames of film: expected {MAX_FRAMES} at most.", "Choose a shorter --range."
+        )
+    return count
+
+
+def film_frames(
+    clip: Clip, terrain: Terrain, options: FilmOptions, draw: Draw, camera: CameraPath | None = None
+) -> Iterator[Frame]:
+    """The frames of a film one by one, as `draw` draws a pose; `camera` in place of the one of the options.
+
+    The window may step through this on its own thread and with its own renderer; `make_film` does it with a renderer
+    of its own.
+    """
+    see = camera or camera_path(
+        options.camera, clip, terrain, options.fps, options.width / options.height, options.distance
+    )
+    captions = Captions(options.size)
+    for index in range(count_frames(clip, options.fps)):
+        seconds = index / options.fps
+        pose = clip.sample(seconds)
+        frame = draw(see(pose), pose)
+        if options.captions:
+            captions.write(frame, caption(clip.prompts, seconds))
+        yield frame
+
+
+def make_film(
+    clip: Clip,
+    terrain: Terrain,
+    path: Path,
+    options: FilmOptions,
+    *,
+    character: Any = None,
+    camera: CameraPath | None = None,
+    progress: Progress = lambda done, total: None,
+    cancel: threading.Event | None = None,
+    open_studio: OpenStudio | None = None,
+) -> FilmResult:
+    """Write a film of a clip on its ground; its length follows from the clip, its form from the ending of `path`.
+
+    `character` is a `sport.runtime.character.character.Character` (None: the mannequin). `progress` is called on the calling thread after
+    each drawn frame; when `cancel` is set, what was written is taken away. The OpenGL context is made on the calling
+    thread, which may be a worker. UsageError, FileError or DisplayError.
+    """
+    options.check()
+    total = count_frames(clip, options.fps)
+    check_writer(path, options.size, total)
+    try:
+        with (
+            open_writer(path, options.size, options.fps) as writer,
+            _Beside(writer) as beside,
+            (open_studio or _studio)(options, terrain, character) as draw,
+        ):
+            for done, frame in enumerate(film_frames(clip, terrain, options, draw, camera), 1):
+                beside.add(frame)
+                progress(done, total)
+                if cancel is not None and cancel.is_set():
+                    raise _Cancelled
+    except _Cancelled:
+        return FilmResult(path, 0, 0.0, cancelled=True)
+    return FilmResult(path, total, total / options.fps)
+
+
+def _studio(options: FilmOptions, terrain: Terrain, character: Any) -> AbstractContextManager[Draw]:
+    from sport.viewer.filming.studio import studio
+    from sport.viewer.render.quality import HIGH, SOFTWARE
+
+    return studio(options.size, terrain, character, SOFTWARE if options.quality == "software" else HIGH)
+
+
+class _Cancelled(Exception):
+    """The film is not wanted any more."""
+
+
+class _Beside:
+    """Hands frames to a writer that works on a thread of its own, while the next ones are drawn."""
+
+    def __init__(self, writer: FrameWriter) -> None:
+        self._writer = writer
+        self._frames: queue.Queue[Frame | None] = queue.Queue(QUEUED)
+        self._failure: BaseException | None = None
+        self._thread = threading.Thread(target=self._work, name="sport-film", daemon=True)
+
+    def __enter__(self) -> _Beside:
+        self._thread.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self._frames.put(None)
+        self._thread.join()
+        if kind is None and self._failure is not None:
+            raise self._failure
+
+    def add(self, frame: Frame) -> None:
+        """Queue a frame; raises what the writer met."""
+        if self._failure is not None:
+            raise self._failure
+        self._frames.put(frame)
+
+    def _work(self) -> None:
+        while (frame := self._frames.get()) is not None:
+            if self._failure is None:
+                try:
+                    self._writer.add(frame)
+                except BaseException as error:  # raised again on the thread that draws
+                    self._failure = error

@@ -1,0 +1,105 @@
+"""Cameras of films by name: what each frame is seen from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from sport.runtime.errors import UsageError
+from sport.runtime.motion import features
+from sport.runtime.pose import Pose
+from sport.runtime.takes.clip import Clip
+from sport.runtime.terrain.height_map import Terrain
+from sport.viewer.render.camera import FOV_Y, Camera, FollowCamera
+
+Array = NDArray[np.floating]
+CameraPath = Callable[[Pose], Camera]  # called once for each frame, in their order
+
+LOOK_HEIGHT_M = 0.86  # of the point looked at, over the ground
+ORBIT_SPEED = math.radians(24.0)  # per second
+MAX_PITCH = math.radians(70.0)
+CLEARANCE_M = 0.3  # of a still camera over the ground
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A camera that goes with the character: `turn` radians from its facing, `orbit` radians a second on top of that."""
+
+    turn: float
+    pitch: float
+    distance: float
+    orbit: float = 0.0
+
+
+SHOTS = {
+    "front": Shot(2.7, 0.16, 3.9),
+    "follow": Shot(0.0, 0.22, 4.0),
+    "side": Shot(0.5 * math.pi, 0.12, 3.9),
+    "orbit": Shot(2.7, 0.2, 4.2, ORBIT_SPEED),
+}
+STILL = "still"  # stands where it sees the whole way
+CAMERAS = (*SHOTS, STILL)
+
+
+def camera_path(
+    name: str, clip: Clip, terrain: Terrain, fps: float, aspect: float, distance: float = 0.0
+) -> CameraPath:
+    """The camera `name` of `CAMERAS` for a clip; `distance` in metres, 0 for its usual one. UsageError lists the names."""
+    if name == STILL:
+        camera = _still(clip, terrain, aspect, distance)
+        return lambda _: camera
+    if name not in SHOTS:
+        raise UsageError(f" {name[:40]}: there is no such camera.", f"Choose {', '.join(CAMERAS)}.", "camera")
+    return _moving(SHOTS[name], clip, terrain, fps, distance)
+
+
+def _moving(shot: Shot, clip: Clip, terrain: Terrain, fps: float, distance: float) -> CameraPath:
+    first = clip.sample(0.0)
+    camera = FollowCamera(
+        looked_at(first.hips_position, terrain),
+        float(features.facing_yaw(first.positions)) + shot.turn,
+        shot.pitch,
+        distance or shot.distance,
+    )
+    seconds = 0.0
+
+    def next_camera(pose: Pose) -> Camera:
+        nonlocal seconds
+        yaw = float(features.facing_yaw(pose.positions)) + shot.turn + shot.orbit * seconds
+        if shot.orbit:
+            camera.yaw = yaw
+        camera.update(looked_at(pose.hips_position, terrain), 1.0 / fps, terrain=terrain, align_yaw=yaw)
+        seconds += 1.0 / fps
+        return camera
+
+    return next_camera
+
+
+def _still(clip: Clip, terrain: Terrain, aspect: float, distance: float) -> Camera:
+    """A camera beside the way, far enough to see all of it, high enough to look over the ground between."""
+    path = np.asarray(clip.hips_positions, np.float64)
+    low, high = path.min(axis=0), path.max(axis=0)
+    target = looked_at(0.5 * (low + high), terrain)
+    along = path[-1] - path[0]
+    yaw = math.atan2(along[0], along[2]) + 0.5 * math.pi
+    across = math.hypot(high[0] - low[0], high[2] - low[2]) + 1.6
+    tangent = math.tan(FOV_Y / 2)
+    away = distance or max(across / (2.0 * tangent * aspect), 2.4 / (2.0 * tangent))
+    camera = Camera(target, yaw, 0.14, away)
+    while camera.pitch < MAX_PITCH and not _clear(camera, terrain):
+        camera.pitch += 0.03
+    return camera
+
+
+def _clear(camera: Camera, terrain: Terrain) -> bool:
+    points = camera.target + np.linspace(0.3, 1.0, 24)[:, None] * (camera.position - camera.target)
+    return bool(np.all(points[:, 1] > terrain.height(points[:, 0], points[:, 2]) + CLEARANCE_M))
+
+
+def looked_at(hips: Array, terrain: Terrain) -> Array:
+    """A point `(3,)` over the ground under the hips, so that steps do not shake the camera."""
+    x, _, z = (float(value) for value in hips)
+    return np.array([x, float(terrain.height(x, z)) + LOOK_HEIGHT_M, z])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import torch
 from sport.runtime.controls import Gait
@@ -13,13 +15,18 @@ STRAIGHT = np.deg2rad(20.0)  # of the velocity from the facing direction
 STEADY_TURN = 0.35  # rad/s of the root, smoothed over a second
 MIN_FRAMES = 90  # of a clip that go straight ahead, or it says nothing of its style's pace
 DRAWS = 240  # of words for each captured style, so that styles count alike
-LAYERED_SHARE = 0.15  # of the fit, against all captured styles: edits of steps have a pace of their own
-WALKING_SPEED = 0.4  # m/s: a forward take that is slower starts, stops or turns back
+LAYERED_SHARE = 0.05  # of the fit, against all captured styles: edits of steps have a pace of their own
 FALLBACKS = {Gait.WALK: 1.3, Gait.JOG: 2.6}  # m/s
+PLAIN_WEIGHT = (
+    4.0  # of the neutral walk, with which the program begins and whose words stand in many sentences
+)
 FORWARD_CONTENTS = {Gait.WALK: ("walk forward",), Gait.JOG: ("run forward", "jog forward")}
 
+# m/s: slower, a forward take starts, stops or turns back
+FORWARD_SPEEDS = {Gait.WALK: (0.55, 2.2), Gait.JOG: (1.2, 8.0)}
 
-def style_speeds(table: FrameTable, style: StyleTable, ridge: float = 0.02) -> np.ndarray:
+
+def style_speeds(table: FrameTable, style: StyleTable, ridge: float = 0.005) -> np.ndarray:
     """Ridge regression `(385, 2)` from Z^t to the speeds in m/s at which a style walks and jogs straight ahead.
 
     Side steps, turns, starts and stops are slower: fitted on them too, a full stick would be.
@@ -56,8 +63,9 @@ def forward_speeds(table: FrameTable, label: Gait) -> np.ndarray:
     """Median speed `(clips,)` of forward takes in a gait, starts and stops left out; nan of all other clips.
 
     Such a take goes straight ahead, or round the room at the same pace; of the short ones there is nothing to leave out.
+    A walk with springing steps is a walk by its take's name, whatever its frames are labelled.
     """
-    present = INPUT["gait"].start + len(Gait) * (L // 2)
+    lowest, highest = FORWARD_SPEEDS[label]
     result = np.full(len(table.styles), np.nan)
     for clip, content in enumerate(table.contents):
         part = slice(table.start[clip], table.start[clip + 1])
@@ -65,7 +73,7 @@ def forward_speeds(table: FrameTable, label: Gait) -> np.ndarray:
             continue
         root = smooth(table.y[part, OUTPUT["root"]][:, :2].astype(np.float32), 10.0)
         speed = np.linalg.norm(root, axis=1)
-        chosen = (table.x[part, present + label].astype(np.float32) > 0.5) & (speed > WALKING_SPEED)
+        chosen = (speed > lowest) & (speed < highest)
         if chosen.sum() >= FPS:
             result[clip] = np.median(speed[chosen])
     return result
@@ -83,9 +91,11 @@ def captured_paces(table: FrameTable, label: Gait) -> dict[str, float]:
         speeds = forward if np.isfinite(forward[own]).any() else straight
         chosen = own & np.isfinite(speeds)
         if chosen.any():
-            order = np.argsort(speeds[chosen])
-            share = np.cumsum(frames[chosen][order]) / frames[chosen].sum()
-            paces[name] = float(speeds[chosen][order][np.searchsorted(share, 0.5)])
+            takes: dict[str, tuple[int, float]] = {}  # of the parts of one take the longest says most
+            for clip in np.flatnonzero(chosen):
+                take = re.sub(r"_\d$", "", table.names[clip])
+                takes[take] = max(takes.get(take, (0, 0.0)), (int(frames[clip]), float(speeds[clip])))
+            paces[name] = float(np.median([speed for _, speed in takes.values()]))
     return paces
 
 
@@ -106,6 +116,7 @@ def _paces(table: FrameTable, label: Gait) -> tuple[np.ndarray, np.ndarray, np.n
     clips.append(made)
     targets.append(own_pace[made])
     weights = np.ones(captured + len(made))
+    weights[:captured][styles[np.concatenate(clips)[:captured]] == PLAIN] = PLAIN_WEIGHT
     if captured and len(made):
         weights[captured:] = LAYERED_SHARE / (1.0 - LAYERED_SHARE) * captured / len(made)
     return np.concatenate(clips).astype(np.int64), np.concatenate(targets), weights

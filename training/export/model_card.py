@@ -15,14 +15,14 @@ from typing import Any
 from sport.runtime.atomic import write_atomic
 from sport.runtime.errors import FileError, run_command
 
-_LIMITS = """- Trained on about 40 captured styles, on recombinations of their parts, and on parametric edits of parts; a prompt far
+_LIMITS = """- Trained on about 35 captured styles, on recombinations of their parts, and on parametric edits of parts; a prompt far
   from them is composed from the nearest ones, part by part.
 - A left foot drags when it is told to, a right one (never shown in training) by a quarter of that.
 - Nodding is hardly there; looking around, waving and flapping beat with the steps, and a hand told to wave while
   the character stands is mostly held up still.
 - Terrain is known from distilled rollouts of PFNN and from flat capture laid over hills and stairs; there is only about
   a minute of captured stairs and uneven ground, and no capture of climbing over walls.
-- Jumping was seen in neutral styles only."""
+- Jumping was seen in the neutral style only."""
 
 
 def model_card(metadata: dict[str, Any], curves: dict[str, str]) -> str:

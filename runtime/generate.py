@@ -56,12 +56,15 @@ def parse_prompts(script: str) -> tuple[PromptEvent, ...]:
     """Prompts with their times: "0:walk calmly; 4:drunk" are two; PromptError shows the form."""
     if len(script) > MAX_SCRIPT_CHARACTERS:
         raise PromptError(
-            f"Prompts with times: {len(script)} characters; expected at most {MAX_SCRIPT_CHARACTERS}.", "Use fewer."
+            f"Prompts with times: {len(script)} characters; expected at most {MAX_SCRIPT_CHARACTERS}.",
+            "Use fewer.",
         )
     events = []
     entries = script.split(";")
     if len(entries) > MAX_PROMPTS:
-        raise PromptError(f"Prompts with times: {len(entries)} prompts; expected at most {MAX_PROMPTS}.", "Use fewer.")
+        raise PromptError(
+            f"Prompts with times: {len(entries)} prompts; expected at most {MAX_PROMPTS}.", "Use fewer."
+        )
     for entry in entries:
         seconds, colon, prompt = (part.strip() for part in entry.partition(":"))
         if not colon or not prompt or not re.fullmatch(r"[0-9]{1,9}(\.[0-9]{1,9})?", seconds):
@@ -71,7 +74,8 @@ def parse_prompts(script: str) -> tuple[PromptEvent, ...]:
             )
         if float(seconds) > MAX_SECONDS:
             raise PromptError(
-                f"Prompts with times: {seconds} s; expected at most {MAX_SECONDS:.0f}.", "Choose an earlier time."
+                f"Prompts with times: {seconds} s; expected at most {MAX_SECONDS:.0f}.",
+                "Choose an earlier time.",
             )
         events.append(PromptEvent(float(seconds), prompt))
     return tuple(sorted(events, key=lambda event: event.seconds))

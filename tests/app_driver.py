@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from sport.runtime.motion.style_mix import StyleMix
 from sport.viewer.app import App
 from sport.viewer.gl_bindings import imgui
 from sport.viewer.input.gamepad import GamepadState
@@ -147,4 +148,8 @@ def prompt(app: App) -> str:
 
 
 def style(app: App) -> np.ndarray:
-    return controller(app).styles[-1][0]
+    """Z^t that the controller has; of a mix the mean of its codes."""
+    last = controller(app).styles[-1][0]
+    if isinstance(last, StyleMix):
+        return np.sum([share * code for share, code in zip(last.shares, last.codes, strict=True)], axis=0)
+    return last

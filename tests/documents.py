@@ -82,7 +82,10 @@ def check_help(
     if not options or importlib.util.find_spec(module.split(".")[0]) is None:
         return
     try:
-        main = importlib.import_module(module).main
+        imported = importlib.import_module(module)
+        main = (
+            importlib.import_module(f"{module}.__main__") if hasattr(imported, "__path__") else imported
+        ).main
     except ModuleNotFoundError as error:
         pytest.skip(f"{error.name} is not installed")
     subcommand = ["--text"] if options[0] == "--text" else []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from app_driver import Start, click_on, controller, place, press, run, style, words
-from sport.runtime.prompts.blend import read_words
+from sport.runtime.prompts.blend import read_words, write_words
 from sport.viewer.prompt.style_edit import Side
 from viewer_fakes import FakeEncoder, FakeLibrary
 
@@ -42,7 +42,7 @@ def test_a_blend_is_undone_swapped_dropped_and_kept_in_takes(start: Start) -> No
     app = start(prompt="a proud king")
     run(app, 2)
     marks: list[str] = []
-    app.prompting.mark = lambda text, *_: marks.append(text)
+    app.prompting.mark = lambda edit, _: marks.append(write_words(edit.replayable()))
     app.prompting.submit_prompt("a duck", Side.B)
     for weight in (0.1, 0.2, 0.3):  # one drag
         app.prompting.set_weight("torso", weight)

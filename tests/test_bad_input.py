@@ -338,8 +338,9 @@ def test_the_viewer_says_it_goes_on_and_loses_nothing(tmp_path: Path) -> None:
             play()
             assert all(word in shown() for word in words), (case, shown())
         for case, (make, words) in MODELS.items():
-            (tmp_path / case).mkdir()
-            app.load_model(make(tmp_path / case), 0)
+            folder = tmp_path / "models" / case
+            folder.mkdir(parents=True)
+            app.load_model(make(folder), 0)
             play(1)
             assert all(word in shown() for word in words), (case, shown())
             assert app.state.stage.simulation.controller is controller, case

@@ -73,7 +73,7 @@ def _words(event: PromptEvent) -> Words | BlendedPrompt | None:
 
 def _read_spans(clip: Clip) -> list[PromptSpan]:
     starts = [max(round(event.seconds * clip.fps), 0) for event in clip.prompts]
-    ends = [*starts[1:], len(clip)]
+    ends = [*starts, len(clip)][1:]
     return [
         PromptSpan(start, end, (StyleChange(start, np.zeros(0), event.transition_seconds, event),))
         for start, end, event in zip(starts, ends, clip.prompts, strict=True)

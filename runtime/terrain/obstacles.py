@@ -12,6 +12,7 @@ HIGHEST_STEP_M = 1.5  # up or down; a wall of 1.1 m can be climbed
 STEP_RUN_M = 0.5  # within which such a rise is a step and not a slope
 SPACING_M = 0.1
 HALF_WIDTH_M = 0.15  # of a walker's way
+FARTHEST_M = 10.0  # that is looked ahead, however fast a damaged network makes the root
 
 
 def step_ahead(terrain: Terrain, x: float, z: float, direction: Array, reach_m: float) -> tuple[float, float]:
@@ -19,6 +20,7 @@ def step_ahead(terrain: Terrain, x: float, z: float, direction: Array, reach_m: 
 
     `direction` `(2,)` is a unit vector in XZ. Infinity and 0 where there is none within `reach_m`.
     """
+    reach_m = min(reach_m, FARTHEST_M)
     along = np.arange(0.0, reach_m + STEP_RUN_M + SPACING_M, SPACING_M)
     across = np.array([-HALF_WIDTH_M, 0.0, HALF_WIDTH_M])[:, None]
     heights = terrain.height(

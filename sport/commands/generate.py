@@ -83,11 +83,14 @@ def run(options: argparse.Namespace) -> int:
     """Write the clip, or its variants, and say what was written."""
     from sport.commands.export import check_outputs, export_options, note, write_take
     from sport.runtime.generate import generate_clip
+    from sport.runtime.takes.clip import check_bvh_length
     from sport.runtime.terrain.library import load_terrain
 
     export = export_options(options)
     outputs = _outputs(options)
     prompt = _prompt(options)
+    if any(out.suffix.lower() == ".bvh" for out in outputs):
+        check_bvh_length(options.seconds, export.fps)
     check_outputs(outputs, export, options)
     terrain = load_terrain(options.terrain)
     if terrain.note:

@@ -64,7 +64,11 @@ def _take_name(temporary: Path, target: Path) -> Path:
                 os.close(os.open(candidate, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
             except FileExistsError:
                 continue
-            temporary.replace(candidate)  # the name is ours
+            try:
+                temporary.replace(candidate)  # the name is ours
+            except OSError:
+                candidate.unlink(missing_ok=True)
+                raise
         return candidate
     raise FileError(f"{target}: {MAX_NUMBER} files of this name exist.", "Choose another name.")
 

@@ -123,6 +123,37 @@ def test_rooms_use_only_what_lies_below_them(package: str) -> None:
                 assert rooms.index(other) <= rooms.index(here), f"{path} ({here}) imports {name} ({other})"
 
 
+def defined(module: str) -> set[str] | None:
+    """Names that a module of the project defines or imports at its top, submodules included; None where it is none."""
+    base = PROJECT_ROOT.joinpath(*module.removeprefix("sport.").split("."))
+    if module.split(".")[1:2] and not base.exists() and not base.with_suffix(".py").exists():
+        base = PROJECT_ROOT.joinpath(*module.split("."))
+    path = base / "__init__.py" if base.is_dir() else base.with_suffix(".py")
+    if not path.is_file():
+        return None
+    names = {p.stem for p in base.iterdir()} if base.is_dir() else set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.add(node.name)
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            names |= {(alias.asname or alias.name).split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            names.add(node.id)
+    return names
+
+
+@pytest.mark.parametrize("package", [*PACKAGES, "sport", "tests", "examples"])
+def test_every_import_of_the_project_leads_somewhere(package: str) -> None:
+    """Also those inside functions, which no test of the module itself meets."""
+    for path in sources(package):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("sport."):
+                names = defined(node.module or "")
+                assert names is not None, f"{path}:{node.lineno}: there is no {node.module}"
+                missing = {alias.name for alias in node.names} - names
+                assert not missing, f"{path}:{node.lineno}: {node.module} has no {missing}"
+
+
 WATCHED_IMPORT = """
 import importlib, json, sys, threading
 touched = []

@@ -14,7 +14,7 @@ from sport.training.data.heel import FOOT_OFFSET, heel_rise, pitched
 from sport.training.data.reference_pose import standing_rotations
 from sport.training.data.retarget import calibrate_feet, load_source, retarget
 from sport.training.data.source_skeletons import SourceJoint, SourceSkeleton, recognise
-from sport.training.evaluation import gait
+from sport.training.evaluation.metrics import gait
 from test_data_import import index, march
 
 LEG = 0.8351

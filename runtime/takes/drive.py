@@ -16,6 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 from sport.runtime.controls import Controls
+from sport.runtime.motion.features import FPS
 from sport.runtime.motion.snapshot import Snapshot, take_snapshot
 from sport.runtime.motion.style_mix import StyleMix
 from sport.runtime.pose import Pose
@@ -24,7 +25,7 @@ from sport.runtime.takes.metadata import PromptEvent, gait_of, gait_seconds
 from sport.runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
-FPS = 60.0
+
 KEYFRAME_STEPS = 300  # between two keyframes: 5 s are made again in about half a second
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sport.runtime import rotations
 from sport.runtime.feet.ik import solve_legs
+from sport.runtime.motion.features import FPS
 from sport.runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
 from sport.runtime.takes.bvh import BvhMotion
 from sport.training.data.heel import FOOT_OFFSET, heel_rise, pitched
@@ -15,7 +16,7 @@ from sport.training.data.source_skeletons import SourceJoint, SourceSkeleton
 
 Array = NDArray[np.floating]
 
-FPS = 60.0
+
 LEG_LENGTH = float(-(SPORT_SKELETON.offsets[3][1] + SPORT_SKELETON.offsets[4][1]))
 HIP_CENTRE = np.array(
     [0.0, *SPORT_SKELETON.offsets[2][1:]], np.float64

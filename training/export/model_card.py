@@ -109,8 +109,8 @@ def motion_metrics(motion: dict[str, Any]) -> list[str]:
 
 
 def gait_metrics(gait: dict[str, Any]) -> list[str]:
-    """Lines from the JSON of `sport.training.evaluation.gait_table`, of its last model."""
-    from sport.training.evaluation.gait_table import ROWS, cell
+    """Lines from the JSON of `sport.training.evaluation.motion.gait_table`, of its last model."""
+    from sport.training.evaluation.motion.gait_table import ROWS, cell
 
     ours = gait["models"][list(gait["models"])[-1]]
     found = [f"{row.title} {cell(row, gait['raw'], ours)}" for row in ROWS]

@@ -12,7 +12,6 @@ from sport.runtime.skeleton import SPORT_SKELETON
 from sport.training.layering.pose_edits import Motion, left_landings
 
 Array = NDArray[np.floating]
-FPS = 60.0
 USUAL_CYCLE = 66  # frames, where there are too few landings to tell
 
 

@@ -34,7 +34,7 @@ label: a pause is still a walk, so that words and not the label make it.
 
 def rhythm_section(clips: Path) -> str:
     """The definitions, and of every edit what it does to its measure on captured neutral walks, medians."""
-    from sport.training.evaluation.part_edits import load_reference, targets, value
+    from sport.training.evaluation.text.part_edits import load_reference, targets, value
 
     reference = load_reference(clips)
     rows = []

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sport.runtime import rotations
 from sport.runtime.feet import ik
 from sport.runtime.motion import features
+from sport.runtime.motion.features import FPS
 from sport.runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
 from sport.runtime.terrain.height_map import Terrain
 from sport.training.frames import smooth
@@ -19,7 +20,7 @@ from sport.training.layering.catalog import PartEdit
 
 Array = NDArray[np.floating]
 
-FPS = 60.0
+
 _REACH = 0.998  # of a leg, before the hips give way: seven degrees of the knee
 _AT = SPORT_SKELETON.index
 SIDES = {"left": (0, 1.0), "right": (1, -1.0)}  # column of contacts pairs and sign of X

@@ -11,12 +11,13 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 from sport.runtime import rotations
+from sport.runtime.motion.features import FPS
 from sport.runtime.skeleton import SPORT_SKELETON
 from sport.training.text import measure_rhythm
 from sport.training.text.measure_rhythm import closed, smoothed
 
 Array = NDArray[np.floating]
-FPS = 60
+
 _FACING_SECONDS = 0.5
 
 

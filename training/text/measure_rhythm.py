@@ -7,10 +7,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from sport.runtime import rotations
+from sport.runtime.motion.features import FPS
 from sport.runtime.skeleton import SPORT_SKELETON
 
 Array = NDArray[np.floating]
-FPS = 60
+
 CYCLE_SECONDS = 1.1  # about a gait cycle, which facing and path are averaged over
 _LANDING = 8  # frames before a landing in which a foot comes down
 _FLICKER = 6

@@ -1,9 +1,9 @@
 """Straight walks of every captured style at full stick beside the raw capture files: is the walk alive?
 
-    python -m sport.training.evaluation.gait_table --data DIR [--model NAME=FOLDER ...] [--out docs/evaluation.md]
+    python -m sport.training.evaluation.motion.gait_table --data DIR [--model NAME=FOLDER ...] [--out docs/results/walks.md]
 
 Each style walks by its prompt as `sport generate --gait walk --path forward` does, is written as BVH and measured by
-`sport.training.evaluation.gait`, and so are the source files of its forward walks. The table goes between the markers.
+`sport.training.evaluation.metrics.gait`, and so are the source files of its forward walks. The table goes between the markers.
 """
 
 from __future__ import annotations
@@ -17,12 +17,13 @@ from pathlib import Path
 
 import numpy as np
 from sport.runtime.assets import asset_path
-from sport.runtime.errors import FileError, UsageError, run_command
-from sport.training.evaluation import gait
+from sport.runtime.errors import UsageError, run_command
+from sport.training.evaluation.metrics import gait
+from sport.training.evaluation.report.markers import check_section, write_section
 
 SECONDS = 12.0
 RAW_FILES = 8  # of a style at most, evenly spread
-BEGIN, END = "<!-- gait:begin -->", "<!-- gait:end -->"
+SECTION = "straight walks"  # of a document, between its markers
 WALK = "walk forward"
 _CMU_FIRST_FRAME = 3
 
@@ -151,16 +152,6 @@ def by_style(raw: dict[str, Measures], ours: dict[str, Measures]) -> str:
     return "\n".join(lines)
 
 
-def write_between(path: Path, text: str, begin: str = BEGIN, end: str = END) -> None:
-    """Exchange what lies between two markers of a document; FileError when it lacks them."""
-    document = path.read_text(encoding="utf-8")
-    before, found, rest = document.partition(begin)
-    _, closed, after = rest.partition(end)
-    if not found or not closed:
-        raise FileError(f"{path}: lacks the markers {begin} and {end}.", "Put them where the table belongs.")
-    path.write_text(f"{before}{begin}\n{text}\n{end}{after}", encoding="utf-8")
-
-
 def main(argv: list[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
@@ -175,6 +166,8 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--json", type=Path, help="also write all measures to this file")
     parser.add_argument("--out", type=Path, help="document whose section between the markers is exchanged")
     args = parser.parse_args(argv)
+    if args.out is not None:
+        check_section(args.out, SECTION)
     models: dict[str, dict[str, Measures]] = {}
     if args.known is not None:
         known = json.loads(args.known.read_text("utf-8"))
@@ -190,7 +183,7 @@ def main(argv: list[str] | None = None) -> None:
     if args.json is not None:
         args.json.write_text(json.dumps({"raw": raw, "models": models}, indent=1), encoding="utf-8")
     if args.out is not None:
-        write_between(args.out, text)
+        write_section(args.out, SECTION, text)
     print(f"{text}\n\n{by_style(raw, models[list(models)[-1]])}")
 
 

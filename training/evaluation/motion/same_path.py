@@ -1,6 +1,6 @@
 """The same path at the same speed: does the character swing as far as the clip, and are its hands as calm?
 
-    python -m sport.training.evaluation.same_path --clips DIR --model FOLDER [--model FOLDER2 ...]
+    python -m sport.training.evaluation.motion.same_path --clips DIR --model FOLDER [--model FOLDER2 ...]
 
 Styles are led along their own walks (`driving.follow`), before foot lock; amplitudes are deviations over the clip's.
 """
@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from sport.runtime.controls import Gait
 from sport.runtime.errors import run_command
 from sport.runtime.motion.features import FPS
-from sport.training.evaluation.gait_table import write_between
 from sport.training.evaluation.motion.driving import follow
 from sport.training.evaluation.motion.motion import Motion, load_motion, original_clips
+from sport.training.evaluation.report.markers import check_section, write_section
 from sport.training.frames import root_motion, smooth
 
 Array = NDArray[np.floating]
@@ -27,7 +27,7 @@ Array = NDArray[np.floating]
 CLIPS = 16
 MAX_FRAMES = 6 * FPS
 FAST_HZ = 4.0
-BEGIN, END = "<!-- path:begin -->", "<!-- path:end -->"
+SECTION = "same path"  # of a document, between its markers
 _HANDS, _FEET, _HEAD = (20, 27), (4, 9), (16,)
 _HIPS, _SHOULDERS = (2, 7), (18, 25)
 
@@ -93,12 +93,12 @@ def amplitudes(positions: Array) -> dict[str, float]:
 def compare(model: Path, motions: list[Motion]) -> dict[str, float]:
     """Median over the walks of ours over the clip's, for every amplitude; and the speed."""
     from sport.runtime.assets import asset_path
-    from sport.runtime.generate import open_prompter
     from sport.runtime.motion.model import load_model
     from sport.runtime.prompts.english.library_data import load_styles
+    from sport.runtime.prompts.prompter import Prompter
 
     loaded = load_model(model)
-    to_style = open_prompter(loaded)
+    to_style = Prompter(loaded)
     styles = load_styles(asset_path("prompts/styles.json"))
     ratios: dict[str, list[float]] = {}
     for clip in motions:
@@ -118,6 +118,8 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--count", type=int, default=CLIPS)
     parser.add_argument("--out", type=Path, help="document whose section between the markers is exchanged")
     args = parser.parse_args(argv)
+    if args.out is not None:
+        check_section(args.out, SECTION)
     motions = walks(args.clips, args.count)
     found = {folder.name: compare(folder, motions) for folder in args.model}
     keys = list(next(iter(found.values())))
@@ -125,7 +127,7 @@ def main(argv: list[str] | None = None) -> None:
     lines.append("| --- " * (1 + len(keys)) + "|")
     lines += [f"| {n} | " + " | ".join(f"{r[k]:.2f}" for k in keys) + " |" for n, r in found.items()]
     if args.out is not None:
-        write_between(args.out, "\n".join(lines), BEGIN, END)
+        write_section(args.out, SECTION, "\n".join(lines))
     print("\n".join(lines))
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from sport.runtime.atomic import check_target, write_atomic
 from sport.runtime.errors import SportError, UsageError
 

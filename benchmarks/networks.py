@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.benchmarks.bandwidth import read_bandwidth
 from sport.benchmarks.bench import cpu_name
 from sport.runtime.assets import PROJECT_ROOT, asset_path

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from sport.runtime.generate import generate_clip
 from sport.runtime.takes.clip import save_bvh
 from sport.runtime.terrain.height_map import Terrain

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import trimesh
+
 from sport.runtime.assets import asset_path
 from sport.runtime.character.character import load_character, read_joint_map, skin_vertices
 from sport.runtime.generate import generate_clip

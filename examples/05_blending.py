@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from sport.runtime.controls import Controls
 from sport.runtime.generate import generate_clip
 from sport.runtime.motion.controller import Controller

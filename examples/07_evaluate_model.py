@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+
 from sport.runtime.controls import Controls, Gait
 from sport.runtime.motion.controller import Controller
 from sport.runtime.motion.model import MotionModel, load_model

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.errors import FileError, PromptError, SportError, UsageError
 from sport.runtime.motion.features import FPS
 from sport.runtime.motion.paths import GAITS, ControlScript, Place, control_script

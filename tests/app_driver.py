@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from viewer_fakes import FakeController
+
 from sport.runtime.motion.style_mix import StyleMix
 from sport.viewer.app import App
 from sport.viewer.gl_bindings import imgui
 from sport.viewer.input.gamepad import GamepadState
-from viewer_fakes import FakeController
 
 Start = Callable[..., App]
 WIDGETS = (

@@ -20,9 +20,10 @@ def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[
     import dataclasses
 
     from app_driver import InjectedPads
+    from viewer_fakes import fake_services
+
     from sport.viewer.app import App
     from sport.viewer.options import ViewOptions
-    from viewer_fakes import fake_services
 
     for name in ("OPENAI_API_KEY", "OPENAI_BASE_URL", "SPORT_GPT_MODEL", "SPORT_GPT_TIMEOUT"):
         monkeypatch.delenv(name, raising=False)

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from sport.runtime.assets import PROJECT_ROOT
 
 from sport import cli
 from sport.commands import training
+from sport.runtime.assets import PROJECT_ROOT
 
 ROOT = PROJECT_ROOT
 GUIDE = sorted((ROOT / "docs" / "guide").glob("*.md"))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from gltf_characters import _CENTRE, _LEFT, _MIXAMO_PARENTS, join_glb
 from PIL import Image
+
 from sport.runtime import rotations
 
 BONES = [name for name in _MIXAMO_PARENTS if name not in ("Armature", "HeadTop_End")]

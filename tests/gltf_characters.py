@@ -6,6 +6,7 @@ import json
 import struct
 
 import numpy as np
+
 from sport.runtime import rotations
 from sport.runtime.character.character import Character
 from sport.runtime.character.joints import align, match_joints

@@ -10,6 +10,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
 import pytest
+
 import sport.runtime.motion.model
 import sport.runtime.prompts.content
 import sport.runtime.prompts.gpt.expander

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+
 from sport.runtime import rotations
 from sport.runtime.pose import Pose
 from sport.runtime.skeleton import SPORT_SKELETON, J

@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.prompts.service import PromptWorker
 from sport.runtime.skeleton import PART_NAMES
 
 if TYPE_CHECKING:
     from app_driver import Start
+
     from sport.viewer.app import App
     from sport.viewer.services import Loaded
 
@@ -85,8 +87,9 @@ def model(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Model]:
 
 def load_model(directory: Any, terrain: Any, seed: int, gpt: Any) -> Loaded:
     """The fake model with real workers."""
-    from sport.viewer.services import Loaded, open_expander
     from viewer_fakes import FakeController, FakeEncoder, FakeLibrary
+
+    from sport.viewer.services import Loaded, open_expander
 
     library, encoder = FakeLibrary(), FakeEncoder()
     expander = library if gpt is None else open_expander(library, gpt)

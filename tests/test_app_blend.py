@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from app_driver import Start, click_on, controller, place, press, run, style, words
+from viewer_fakes import FakeEncoder, FakeLibrary
+
 from sport.runtime.prompts.blend import read_words, write_words
 from sport.viewer.prompt.style_edit import Side
-from viewer_fakes import FakeEncoder, FakeLibrary
 
 
 def test_a_blend_moves_each_part_by_its_share(start: Start) -> None:

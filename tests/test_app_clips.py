@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from app_driver import Start, message, run
+from viewer_fakes import fake_services
+
 from sport.runtime.errors import FileError
 from sport.runtime.motion.controller import TEMPERATURE
 from sport.runtime.takes.bvh import read_bvh
@@ -21,7 +23,6 @@ from sport.viewer.app import App
 from sport.viewer.input.bindings import Action
 from sport.viewer.options import ViewOptions
 from sport.viewer.takes.takes import Takes
-from viewer_fakes import fake_services
 
 
 def record(app: App, frames: int = 30) -> None:

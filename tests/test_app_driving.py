@@ -7,6 +7,7 @@ import math
 
 import pytest
 from app_driver import Start, click_prompt_box, controller, message, run
+
 from sport.viewer.input.gamepad import GamepadState
 from sport.viewer.prompt.style_edit import Side
 

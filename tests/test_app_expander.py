@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from app_driver import Start, click_on, message, press, run, run_until
 from slow_model import ANSWER, Model, load_model, source
+
 from sport.viewer.app import App
 from sport.viewer.jobs import Jobs
 from sport.viewer.prompt.style_edit import Side

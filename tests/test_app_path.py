@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from app_driver import Start, click, click_on, controller, message, press, run
+
 from sport.runtime.controls import Gait
 from sport.viewer.app import App
 from sport.viewer.gl_bindings import imgui

@@ -22,11 +22,12 @@ from app_driver import (
     typing,
     words,
 )
+from viewer_fakes import FakeEncoder, FakeLibrary
+
 from sport.runtime.prompts.blend import read_words
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.skeleton import PART_NAMES
 from sport.viewer.prompt.style_edit import Side
-from viewer_fakes import FakeEncoder, FakeLibrary
 
 # typing
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from app_driver import Start, click_on, drawn, message, run, run_until
+
 from sport.runtime.errors import FileError
 from sport.runtime.takes import clip as clip_module
 from sport.runtime.takes.clip import load_clip_bvh

@@ -5,9 +5,10 @@ from __future__ import annotations
 import threading
 
 from app_driver import Start, click_on, controller, press, prompt, run, run_until, type_prompt, typing
+from viewer_fakes import FakeLibrary
+
 from sport.viewer.prompt.style_edit import Side
 from sport.viewer.settings import load_settings, save_settings
-from viewer_fakes import FakeLibrary
 
 
 def test_suggestions_show_while_typing_and_are_taken_by_keys(start: Start) -> None:

@@ -7,11 +7,12 @@ from collections.abc import Callable
 import numpy as np
 from app_driver import run, run_until, style, words
 from slow_model import ANSWER, Model, source
+from viewer_fakes import FakeEncoder, FakeLibrary
+
 from sport.runtime.prompts.blend import BlendedPrompt
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.viewer.app import App
 from sport.viewer.prompt.style_edit import Side
-from viewer_fakes import FakeEncoder, FakeLibrary
 
 KING, DUCK = (FakeLibrary().expand(prompt).descriptions for prompt in ("a proud king", "a duck"))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from app_driver import Start, click_on, message, place, press, prompt, run, type_prompt
+
 from sport.runtime.controls import Gait
 from sport.runtime.takes.clip import Clip
 from sport.viewer.app import App

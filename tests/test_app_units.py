@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 from app_driver import Start, run
+from viewer_fakes import FakeController
+
 from sport.runtime.errors import UsageError
 from sport.runtime.terrain.height_map import Terrain
 from sport.viewer.gui.layout import Rect, arrange, framing
@@ -21,7 +23,6 @@ from sport.viewer.settings import Settings, config_directory, load_settings, sav
 from sport.viewer.stage.simulation import MAX_STEPS, Simulation, interpolate
 from sport.viewer.takes.playback import Playback
 from sport.viewer.takes.takes import export_target, file_stem, free_path
-from viewer_fakes import FakeController
 
 
 def test_settings_survive_and_damage_is_named(tmp_path: Path) -> None:

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 from app_driver import InjectedPads, Start, run
+from viewer_fakes import fake_services
+
 from sport.runtime.errors import DisplayError, UsageError
 from sport.viewer.app import App
 from sport.viewer.options import ViewOptions
 from sport.viewer.window import KEY_CODES
-from viewer_fakes import fake_services
 
 
 def test_first_frame_shows_scene_and_panels(start: Start) -> None:

@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from sport.runtime.assets import PROJECT_ROOT
 
 # lines of a file and of a function

@@ -15,6 +15,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from viewer_fakes import FakeRenderer
+
+from sport import cli
 from sport.runtime.assets import PROJECT_ROOT, asset_path
 from sport.runtime.errors import ModelError
 from sport.runtime.motion.model_files import INT8_GRAPH, read_metadata
@@ -22,9 +25,6 @@ from sport.runtime.motion.processor import exact_8_bit_products
 from sport.runtime.skeleton import REST_HIPS_HEIGHT
 from sport.runtime.takes.bvh import read_bvh
 from sport.runtime.takes.clip import Clip, load_clip_bvh, save_bvh
-from viewer_fakes import FakeRenderer
-
-from sport import cli
 
 MODEL = asset_path("models/compact")
 STEP = INT8_GRAPH if exact_8_bit_products() else "step"  # the step graph that is loaded here

@@ -4,10 +4,13 @@ import json
 
 import numpy as np
 import pytest
-import sport.runtime.generate as generate_module
-import sport.runtime.motion.model
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from walker import WalkerModel
+
+import sport.runtime.generate as generate_module
+import sport.runtime.motion.model
+from sport import cli
 from sport.runtime.errors import PromptError
 from sport.runtime.motion.model import Style
 from sport.runtime.motion.style_mix import StyleFolder
@@ -25,9 +28,6 @@ from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.prompts.prompter import Prompter
 from sport.runtime.skeleton import PART_NAMES
 from sport.runtime.takes.clip import PromptEvent
-from walker import WalkerModel
-
-from sport import cli
 
 settings.register_profile("blend", max_examples=40, deadline=None, derandomize=True)
 settings.load_profile("blend")

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from sport.runtime import rotations
 from sport.runtime.errors import FileError
 from sport.runtime.skeleton import SPORT_SKELETON, J

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from render_scene import hills
+
 from sport.runtime.spring import spring
 from sport.viewer.render.camera import Camera, FollowCamera, OrbitCamera
 from sport.viewer.render.frame import make_frame

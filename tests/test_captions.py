@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sport.runtime import rotations
 from sport.runtime.errors import FileError, UsageError
 from sport.runtime.prompts.parts import PartDescriptions

@@ -3,6 +3,7 @@
 import tomllib
 
 import pytest
+
 from sport.runtime.assets import asset_path
 
 pytest.importorskip("torch")

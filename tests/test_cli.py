@@ -5,15 +5,15 @@ import sys
 import types
 
 import pytest
+import test_generate
+from walker import WalkerModel
+
 import sport.runtime.generate as generate_module
 import sport.runtime.motion.model
-import test_generate
+from sport import cli
 from sport.runtime.assets import PROJECT_ROOT
 from sport.runtime.takes.bvh import read_bvh
 from sport.runtime.takes.clip import load_clip_bvh
-from walker import WalkerModel
-
-from sport import cli
 
 
 @pytest.fixture

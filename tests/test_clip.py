@@ -5,6 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from walker import walk
+
 from sport.runtime import rotations
 from sport.runtime.atomic import atomic_path, write_atomic
 from sport.runtime.controls import Controls, Gait
@@ -15,7 +17,6 @@ from sport.runtime.takes import metadata as take_metadata
 from sport.runtime.takes.bvh import read_bvh
 from sport.runtime.takes.clip import Clip, ClipRecorder, PromptEvent, load_clip_bvh, save_bvh
 from sport.runtime.takes.metadata import Origin, gait_of, origin_of, sidecar_path
-from walker import walk
 
 
 def make_clip(frames=61, **changes):

@@ -4,6 +4,7 @@ import hashlib
 
 import numpy as np
 import pytest
+
 from sport.runtime.prompts.content import PromptEncoder
 from sport.runtime.prompts.direction_words import GROUPS, PRESENT, direction_words, with_direction_words
 

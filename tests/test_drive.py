@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from sport.runtime.controls import Controls, Gait
 from sport.runtime.errors import UsageError
 from sport.runtime.motion.controller import Controller

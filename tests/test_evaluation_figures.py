@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from walker import WalkerModel
+
 from sport.runtime.motion import features
 from sport.runtime.motion.features import OUTPUT
 from sport.runtime.skeleton import SPORT_SKELETON, J
-from walker import WalkerModel
 
 pytest.importorskip("matplotlib")
 

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from walker import STRIDE_M, walk
+
 from sport.runtime import rotations
 from sport.runtime.feet import skating as feet
 from sport.runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, J
@@ -16,7 +18,6 @@ from sport.training.evaluation.metrics.terrain_feet import terrain_feet
 from sport.training.evaluation.metrics.window_sets import WindowSet, halves, joined
 from sport.training.evaluation.motion.courses import path_error, ring
 from sport.training.evaluation.motion.motion import RootFeatures, window_index, window_starts
-from walker import STRIDE_M, walk
 
 FLAT = Terrain.flat(size_m=100.0)
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from walker import WalkerModel, walk
+
 from sport.runtime import rotations
 from sport.runtime.controls import Gait
 from sport.runtime.errors import FileError, ModelError, UsageError
@@ -46,7 +48,6 @@ from sport.training.evaluation.text.walks import Walk, Walker, mean_rotation, ro
 from sport.training.layering.apply import apply
 from sport.training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
 from sport.training.layering.pose_edits import Motion
-from walker import WalkerModel, walk
 
 NEUTRAL = PartDescriptions(**{part: f"{part} as always" for part in PART_NAMES})
 FRAMES = 300

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from documents import ROOT, text_of
+
 from sport.runtime.takes.clip import load_clip_bvh
 from sport.runtime.terrain.library import load_terrain
 

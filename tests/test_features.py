@@ -3,6 +3,7 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+
 from sport.runtime import rotations
 from sport.runtime.motion import features
 from sport.runtime.skeleton import SPORT_SKELETON

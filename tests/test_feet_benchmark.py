@@ -6,11 +6,12 @@ import sys
 
 import numpy as np
 import pytest
+from walker import walk
+
 from sport.runtime.assets import PROJECT_ROOT
 from sport.runtime.errors import UsageError
 from sport.runtime.takes.clip import Clip, save_bvh
 from sport.training.evaluation.motion import feet
-from walker import walk
 
 
 def sliding(frames):

@@ -5,11 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from walker import walk
+
 from sport.runtime.errors import FileError, UsageError
 from sport.runtime.takes.clip import Clip, save_bvh
 from sport.runtime.takes.metadata import PromptEvent
 from sport.viewer.tools import film
-from walker import walk
 
 PROMPTS = (PromptEvent(0.0, "a proud queen"), PromptEvent(1.0, "walk like a drunk"))
 SIZE = ["--size", "96", "64"]

@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 from foreign_rigs import vrm_rig
 from PIL import Image
+from walker import walk
+
 from sport.runtime.character.character import load_character
 from sport.runtime.errors import FileError, UsageError
 from sport.runtime.takes.clip import Clip
@@ -24,7 +26,6 @@ from sport.viewer.filming.film import FilmOptions, FilmResult, count_frames, mak
 from sport.viewer.filming.shots import CAMERAS, camera_path
 from sport.viewer.filming.writers import open_writer
 from sport.viewer.render.camera import Camera
-from walker import walk
 
 FLAT = Terrain.flat()
 SMALL = FilmOptions(width=96, height=64, quality="software")

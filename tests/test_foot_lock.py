@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from walker import CYCLE_FRAMES, walk
+
 from sport.runtime import rotations
 from sport.runtime.feet.foot_lock import FootLock
 from sport.runtime.feet.settings import FootLockSettings
@@ -10,7 +12,6 @@ from sport.runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, J
 from sport.runtime.terrain.height_map import Terrain
 from sport.runtime.terrain.library import make_terrain
 from sport.training.evaluation.motion.feet import skating, sole_skating, toe_heights
-from walker import CYCLE_FRAMES, walk
 
 DT = 1 / 60
 TOES, ANKLES, KNEES = [5, 10], [4, 9], [3, 8]

@@ -14,6 +14,7 @@ pytest.importorskip("openai")
 from fuzz import files, models, words
 from fuzz.run import Tally, run
 from fuzz.target import Target
+
 from sport.runtime.assets import PROJECT_ROOT
 from sport.runtime.errors import FileError
 

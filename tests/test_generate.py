@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from walker import WALK_SPEED, WalkerModel
+
 import sport.runtime.generate as generate_module
 import sport.runtime.motion.model
 from sport.runtime.controls import Gait
@@ -12,7 +14,6 @@ from sport.runtime.motion.paths import GAITS, PATH_NAMES, Place, control_script
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.takes.clip import PromptEvent
 from sport.runtime.terrain.height_map import Terrain
-from walker import WALK_SPEED, WalkerModel
 
 
 def style_of(prompt):

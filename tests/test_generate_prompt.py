@@ -5,21 +5,21 @@ from __future__ import annotations
 import json
 
 import pytest
-import sport.runtime.generate as generate_module
-import sport.runtime.motion.model
-import sport.runtime.prompts.gpt.expander
-import sport.runtime.prompts.prompter
 from gpt_endpoint import (
     FIVE,
     PROUD,
     Encoder,
 )
+from walker import WalkerModel
+
+import sport.runtime.generate as generate_module
+import sport.runtime.motion.model
+import sport.runtime.prompts.gpt.expander
+import sport.runtime.prompts.prompter
+from sport import cli
 from sport.runtime.errors import UsageError
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.takes.bvh import read_bvh
-from walker import WalkerModel
-
-from sport import cli
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from gltf_characters import make_pose, split_glb, user_character
+
 from sport.runtime import rotations
 from sport.runtime.assets import asset_path
 from sport.runtime.character.character import Character, load_character, read_joint_map, skin_vertices

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from gltf_characters import join_glb, split_glb, user_character
+
 from sport.runtime.character.character import load_character, skin_vertices
 from sport.runtime.character.writer import write_character
 from sport.runtime.errors import FileError

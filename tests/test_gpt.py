@@ -34,6 +34,7 @@ from gpt_endpoint import (
     trickle,
     wait_for,
 )
+
 from sport.runtime.errors import FileError, PromptError
 from sport.runtime.prompts.expander import Expansion, PromptCancelledError
 from sport.runtime.prompts.gpt.client import retry_after

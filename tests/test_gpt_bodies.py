@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from gpt_endpoint import PROUD, Endpoint, completion, say
+
 from sport.runtime.prompts.gpt.bounded_http import MAX_BODY_BYTES
 from sport.runtime.prompts.gpt.client import ChatClient, EndpointError
 

@@ -19,6 +19,7 @@ from gpt_endpoint import (
     Library,
     fail,
 )
+
 from sport.runtime.errors import PromptError, UsageError
 from sport.runtime.prompts.expander import Expansion
 from sport.runtime.prompts.gpt.cache import AnswerCache, cache_directory

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from documents import DOCUMENTS, GUIDE, ROOT, blocks, check_command, commands, run_python, text_of
+
 from sport.runtime.motion.controller import TEMPERATURE
 from sport.runtime.motion.noise import PERIODS_S
 from sport.runtime.motion.paths import GAITS, PATH_NAMES

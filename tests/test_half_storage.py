@@ -8,6 +8,7 @@ import numpy as np
 import onnx
 import onnxruntime
 from onnx import TensorProto, helper, numpy_helper
+
 from sport.training.export.half_storage import store_in_half
 
 SIZE = 96

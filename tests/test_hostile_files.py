@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from gltf_characters import join_glb, split_glb, user_character
 from PIL import Image
+
 from sport.runtime.assets import PROJECT_ROOT
 from sport.runtime.character.character import load_character, read_joint_map
 from sport.runtime.character.writer import write_character

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
+from sport import cli
 from sport.runtime.controls import Controls, Gait
 from sport.runtime.errors import FileError, PromptError, TerrainError, UsageError
 from sport.runtime.generate import parse_prompts
@@ -18,8 +20,6 @@ from sport.runtime.takes.clip import Clip, load_clip_bvh, save_bvh
 from sport.runtime.terrain.files import read_terrain
 from sport.runtime.terrain.height_map import Terrain
 from sport.viewer.settings import Settings, load_settings
-
-from sport import cli
 
 MOTION = "MOTION\nFrames: {}\nFrame Time: 0.01\n"
 

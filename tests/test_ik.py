@@ -3,6 +3,7 @@
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from sport.runtime import rotations
 from sport.runtime.feet import ik, leg_scalar
 from sport.runtime.skeleton import SPORT_SKELETON, J

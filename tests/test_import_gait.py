@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from test_data_import import index, march
+
 from sport.runtime import rotations
 from sport.runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, Skeleton
 from sport.runtime.takes.bvh import format_bvh, parse_bvh
@@ -15,7 +17,6 @@ from sport.training.data.reference_pose import standing_rotations
 from sport.training.data.retarget import calibrate_feet, load_source, retarget
 from sport.training.data.source_skeletons import SourceJoint, SourceSkeleton, recognise
 from sport.training.evaluation.metrics import gait
-from test_data_import import index, march
 
 LEG = 0.8351
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from sport.runtime import rotations
 from sport.runtime.motion.features import FPS
 from sport.runtime.motion.inertialization import ARMS, FASTEST, FASTEST_EVER, Inertialization

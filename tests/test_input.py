@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from sport.runtime.controls import Gait
 from sport.runtime.errors import UsageError
 from sport.viewer.input.bindings import BINDINGS, JUMP_SECONDS, Action, InputMapper, Intent, to_controls

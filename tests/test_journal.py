@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+
 from sport.runtime.errors import FileError
 from sport.runtime.takes.clip import Clip, ClipRecorder
 from sport.runtime.takes.journal import ROW, FoundJournal, Header, TakeJournal, find_journals, read_journal

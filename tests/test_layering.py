@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+
 from sport.runtime import rotations
 from sport.runtime.feet.ik import LEG_FEET
 from sport.runtime.prompts.parts import PartDescriptions
@@ -18,7 +19,6 @@ from sport.training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
 from sport.training.layering.pose_edits import Motion, keep_feet, left_landings, step_phase
 from sport.training.layering.recombine import recombine
 from sport.training.text.measure import measure
-
 from tests.walker import CYCLE_FRAMES, walk
 
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+
 from sport.runtime.errors import FileError
 from sport.training.evaluation.report.markers import check_section, write_section
 

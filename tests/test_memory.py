@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sport.benchmarks.bench import peak_memory_mb
 from sport.runtime.assets import PROJECT_ROOT, asset_path
 from sport.runtime.errors import SportError

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+
 from sport.runtime.assets import asset_path
 from sport.runtime.errors import FileError
 from sport.training.export.model_card import main, model_card

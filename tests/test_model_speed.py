@@ -24,8 +24,9 @@ from sport.training.export.quantize import KEPT, Frames, main, quantize_model, q
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    from sport.training.export.model import export_model
     from tiny_model import tiny_trained
+
+    from sport.training.export.model import export_model
 
     path = tmp_path_factory.mktemp("tiny")
     export_model(tiny_trained(), path)
@@ -91,8 +92,9 @@ def test_styles_must_be_as_many_as_characters(folder, frames):
 
 def test_the_unrolled_frame_is_the_plain_one(frames):
     """Folding, hoisting and laying out the weights anew changes nothing but the speed."""
-    from sport.training.export.step import PlainGraph, StepGraph
     from tiny_model import tiny_trained
+
+    from sport.training.export.step import PlainGraph, StepGraph
 
     trained = tiny_trained()
     z = torch.randn(2, 384)

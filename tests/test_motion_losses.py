@@ -5,6 +5,8 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from test_training import _frames, clips  # noqa: E402, F401
+
 from sport.runtime.controls import Gait  # noqa: E402
 from sport.runtime.motion import features  # noqa: E402
 from sport.runtime.motion.features import INPUT, INPUT_SIZE, MOTION_INPUT_SIZE, OUTPUT, OUTPUT_SIZE, L  # noqa: E402
@@ -17,7 +19,6 @@ from sport.training.presets import preset  # noqa: E402
 from sport.training.rollouts import RolloutLanes  # noqa: E402
 from sport.training.session import Session  # noqa: E402
 from sport.training.stages.motion import MotionData, StyleTable, _decay, estimate_variance  # noqa: E402
-from test_training import _frames, clips  # noqa: E402, F401
 
 
 def test_steps_that_are_the_velocity_are_no_unrest_and_trembling_is():

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sport.runtime.atomic import check_target, write_atomic, write_new
 from sport.runtime.errors import FileError
 from sport.runtime.safe_read import printable

@@ -169,11 +169,12 @@ def test_a_paper_content_encoder_reads_no_statistics():
 
 def test_exported_graphs_agree_with_torch(tmp_path):
     pytest.importorskip("onnxscript")
+    from tiny_model import tiny_trained
+
     from sport.runtime.errors import ModelError
     from sport.runtime.motion.model import MotionModel, load_model
     from sport.runtime.motion.motion_encoder import MotionEncoder
     from sport.training.export.model import export_model
-    from tiny_model import tiny_trained
 
     trained = tiny_trained()
     normal, steps = trained.normal, trained.steps

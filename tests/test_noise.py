@@ -1,6 +1,7 @@
 """The diffusion's noise over time."""
 
 import numpy as np
+
 from sport.runtime.motion.noise import DriftingNoise
 
 DT = 1.0 / 60.0

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from walker import WalkerModel
+
 from sport.runtime.controls import Controls, Gait
 from sport.runtime.feet.foot_lock import FootLock
 from sport.runtime.motion.controller import Controller
@@ -10,7 +12,6 @@ from sport.runtime.rotations import identity
 from sport.runtime.skeleton import J
 from sport.runtime.terrain.height_map import Terrain
 from sport.runtime.terrain.obstacles import step_ahead, within_steps
-from walker import WalkerModel
 
 NORTH = np.array([0.0, 1.0])
 

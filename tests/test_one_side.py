@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from sport.runtime.errors import ModelError
 from sport.runtime.prompts.direction_words import GROUPS
 from sport.runtime.prompts.one_side import one_sided

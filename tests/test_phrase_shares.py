@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sport.runtime.errors import FileError
 from sport.runtime.prompts import prompter, shares
 from sport.runtime.prompts.english import library_data
@@ -20,7 +21,6 @@ from sport.training.layering.apply import apply
 from sport.training.layering.catalog import EDITS
 from sport.training.text.claims import RULES, clause_share, clauses
 from sport.training.text.measure import BodyMeasures, measure
-
 from tests.test_layering import walker
 from tests.walker import WalkerModel
 

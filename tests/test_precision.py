@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from walker import WalkerModel
+
 import sport.training.evaluation.motion.precision as precision
 from sport.runtime.errors import UsageError
 from sport.runtime.motion.features import OUTPUT
 from sport.runtime.motion.model_files import INT8_GRAPH
-from walker import WalkerModel
 
 
 class Stooping(WalkerModel):

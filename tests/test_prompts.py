@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from sport.runtime.errors import ModelError, PromptError, SportError
 from sport.runtime.prompts.content import PromptEncoder
 from sport.runtime.prompts.english.library import LibraryExpander

@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import cache
 
 import pytest
+
 from sport.runtime.prompts.english.library import LibraryExpander
 from sport.runtime.prompts.text_encoder import TextEncoder
-
 from tests.prompt_lists import BODILY, NOTHING, UNSEEN_BODILY, UNSEEN_NOTHING
 
 

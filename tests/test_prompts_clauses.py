@@ -7,6 +7,7 @@ import time
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from sport.runtime.prompts.english.clauses import parse_clauses
 from sport.runtime.skeleton import PART_NAMES
 from sport.training.layering.catalog import EDITS

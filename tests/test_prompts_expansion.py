@@ -7,6 +7,7 @@ from functools import cache
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from sport.runtime.errors import PromptError
 from sport.runtime.prompts.english.library import LibraryExpander
 from sport.runtime.prompts.english.spelling import Spelling

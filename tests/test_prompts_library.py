@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sport.runtime.assets import asset_path
 from sport.runtime.errors import FileError
 from sport.runtime.prompts.english.library import LibraryExpander

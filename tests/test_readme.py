@@ -19,6 +19,7 @@ from documents import (
     run_python,
     text_of,
 )
+
 from sport.runtime.takes.clip import load_clip_bvh
 
 README = ROOT / "README.md"

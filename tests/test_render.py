@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from render_scene import CapsuleBody, capsule_body, hills, stairs, walking_pose
+
 from sport.runtime.errors import DisplayError, FileError
 from sport.runtime.pose import Pose
 from sport.runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON

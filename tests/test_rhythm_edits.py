@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from sport.runtime.skeleton import SPORT_SKELETON
 from sport.training.data.labels import FOOT_JOINTS
 from sport.training.layering.apply import apply
@@ -9,7 +10,6 @@ from sport.training.layering.catalog import EDITS, HELD_OUT, PartEdit
 from sport.training.layering.cycle import cycle_frames, cycle_mean
 from sport.training.layering.pose_edits import Motion
 from sport.training.text.measure import BodyMeasures, measure
-
 from tests.test_layering import walker
 
 RHYTHM = sorted(name for name, edit in EDITS.items() if edit.of_steps)

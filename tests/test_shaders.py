@@ -7,6 +7,7 @@ from pathlib import Path
 
 import moderngl
 import pytest
+
 from sport.runtime.errors import DisplayError, FileError
 from sport.viewer.render.offscreen import create_offscreen_context
 from sport.viewer.render.shaders import SHADER_ROOT, ShaderSource, load_program, preprocess

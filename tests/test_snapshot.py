@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from sport.runtime.controls import Controls, Gait
 from sport.runtime.errors import FileError
 from sport.runtime.motion.controller import Controller

@@ -4,12 +4,13 @@ import json
 
 import numpy as np
 import pytest
+from walker import WalkerModel
+
 from sport.runtime.controls import Controls, Gait
 from sport.runtime.errors import UsageError
 from sport.runtime.motion.controller import Controller
 from sport.runtime.terrain.height_map import Terrain
 from sport.training.evaluation.motion import soak
-from walker import WalkerModel
 
 
 def play(controller, frames, controls, frozen_from=None):

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sport.runtime.errors import UsageError
 from sport.runtime.motion.features import FPS
 from sport.training.evaluation.motion import speed

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from sport.runtime.motion.features import FPS
 from sport.runtime.motion.speed_regulator import RANGE, STANDING_GAIN, SpeedRegulator
 

@@ -3,6 +3,7 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+
 from sport.runtime.motion.features import FPS
 from sport.runtime.motion.stall import FEET, STALLED_SECONDS, Stall, turned
 

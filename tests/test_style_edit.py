@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from sport.runtime.motion.style_mix import StyleMix
 from sport.runtime.prompts.blend import ALL_A, BlendedPrompt
 from sport.runtime.prompts.parts import PartDescriptions

@@ -10,12 +10,15 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
-import sport.runtime.generate as generate_module
-import sport.runtime.motion.model
 import test_generate
 from foreign_rigs import centimetre_rig
 from glb_playback import play
 from PIL import Image
+from walker import WalkerModel, walk
+
+import sport.runtime.generate as generate_module
+import sport.runtime.motion.model
+from sport import cli
 from sport.runtime.assets import PROJECT_ROOT
 from sport.runtime.takes import fbx
 from sport.runtime.takes.clip import Clip, load_clip_bvh, save_bvh
@@ -23,9 +26,6 @@ from sport.runtime.takes.endings import ENDINGS
 from sport.runtime.takes.metadata import PromptEvent
 from sport.runtime.terrain.library import load_terrain
 from sport.viewer.tools.contact_sheet import main as contact_sheet
-from walker import WalkerModel, walk
-
-from sport import cli
 
 SMALL = ["--size", "96x64", "--quality", "software"]
 

@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from foreign_rigs import RIGS
+from walker import walk
+
 from sport.runtime.assets import asset_path
 from sport.runtime.character.character import load_character
 from sport.runtime.errors import FileError, UsageError
@@ -20,7 +22,6 @@ from sport.runtime.takes.glb import MANNEQUIN
 from sport.runtime.takes.options import ExportOptions
 from sport.runtime.takes.prepare import prepare
 from sport.runtime.terrain.height_map import Terrain
-from walker import walk
 
 CLIP = Clip("walk", 60.0, *walk(61))
 READER = """

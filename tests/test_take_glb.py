@@ -14,6 +14,8 @@ from foreign_rigs import RIGS
 from glb_playback import play, read_accessor
 from PIL import Image
 from pygltflib import GLTF2
+from walker import walk
+
 from sport.runtime import rotations
 from sport.runtime.assets import asset_path
 from sport.runtime.character.character import load_character, skin_vertices
@@ -24,7 +26,6 @@ from sport.runtime.takes.metadata import PromptEvent
 from sport.runtime.takes.options import ExportOptions
 from sport.runtime.takes.prepare import prepare
 from sport.runtime.terrain.library import load_terrain
-from walker import walk
 
 CHARACTERS = ("mannequin", *RIGS)
 HILLS = load_terrain("hills")

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from walker import walk
+
 from sport.runtime.errors import FileError, UsageError
 from sport.runtime.feet.skating import joint_heights
 from sport.runtime.takes import ground as ground_module
@@ -20,7 +22,6 @@ from sport.runtime.takes.prepare import prepare
 from sport.runtime.terrain.files import write_height_png
 from sport.runtime.terrain.height_map import Terrain
 from sport.runtime.terrain.library import load_terrain
-from walker import walk
 
 HILLS = load_terrain("hills")
 

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from walker import CYCLE_FRAMES, walk
+
 from sport.runtime import rotations
 from sport.runtime.errors import UsageError
 from sport.runtime.feet.ik import LEG_FEET, solve_legs
@@ -16,7 +18,6 @@ from sport.runtime.takes.options import ExportOptions
 from sport.runtime.takes.prepare import prepare
 from sport.runtime.takes.root import Placement
 from sport.runtime.terrain.height_map import Terrain
-from walker import CYCLE_FRAMES, walk
 
 FLAT = Terrain.flat()
 LOOP = ExportOptions(loop=True)

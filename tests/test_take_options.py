@@ -7,6 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from walker import walk
+
+from sport.commands.export import parse_range
 from sport.runtime import rotations
 from sport.runtime.errors import UsageError
 from sport.runtime.motion import features
@@ -20,9 +23,6 @@ from sport.runtime.takes.prepare import on_its_ground, prepare
 from sport.runtime.takes.root import Placement, root_track
 from sport.runtime.terrain.height_map import Terrain
 from sport.runtime.terrain.library import load_terrain
-from walker import walk
-
-from sport.commands.export import parse_range
 
 FLAT, HILLS = Terrain.flat(), load_terrain("hills")
 

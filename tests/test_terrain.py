@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
+
 from sport.runtime.assets import asset_path
 from sport.runtime.errors import FileError, TerrainError
 from sport.runtime.terrain.files import write_height_png

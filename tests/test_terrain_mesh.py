@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from render_scene import hills, stairs
+
 from sport.runtime.terrain.height_map import Terrain
 from sport.viewer.render.terrain_mesh import LEVELS, MAX_CELLS, TILE, TerrainMesh, cut_window
 

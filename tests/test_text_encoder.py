@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sport.runtime.assets import asset_path
 from sport.runtime.errors import ModelError
 from sport.runtime.prompts.text_encoder import TextEncoder

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sport.runtime.errors import FileError, ModelError
 from sport.runtime.prompts.text_encoder import SHIPPED, TextEncoder, library_encoder, text_encoder_of
 

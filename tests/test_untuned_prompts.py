@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from sport.runtime.errors import PromptError, SportError
 from sport.runtime.motion.model import load_model
 from sport.runtime.prompts.expander import Expansion

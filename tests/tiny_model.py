@@ -2,6 +2,7 @@
 
 import numpy as np
 import torch
+
 from sport.training.batches import Normalisation
 from sport.training.export.model import Trained
 from sport.training.networks.content import ContentEncoder

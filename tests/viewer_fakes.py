@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+
 from sport.runtime.controls import Controls, Gait
 from sport.runtime.errors import SportError
 from sport.runtime.pose import Pose

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+
 from sport.runtime import rotations
 from sport.runtime.feet import ik
 from sport.runtime.motion import features

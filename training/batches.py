@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from torch import Tensor
+
 from sport.runtime.motion import features
 from sport.runtime.motion.features import INPUT, OUTPUT
 from sport.runtime.skeleton import PART_JOINTS, SPORT_SKELETON, J
 from sport.training.frames import FrameTable
-from torch import Tensor
 
 
 @dataclass

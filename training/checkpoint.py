@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+
 from sport.runtime.errors import FileError, UsageError, run_command
 from sport.training.history import History
 from sport.training.session import load_checkpoint, save_checkpoint

@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 import torch
+
 from sport.runtime.controls import Gait
 from sport.runtime.motion.features import FPS, INPUT, OUTPUT, PHASE_OFFSETS, L
 from sport.training.frames import LAYERED, PLAIN, FrameTable, smooth

@@ -13,8 +13,9 @@ from collections.abc import Iterable
 
 import torch
 import torch.distributed as distributed
-from sport.runtime.errors import UsageError
 from torch import Tensor, nn
+
+from sport.runtime.errors import UsageError
 
 STAGES = ("content", "stage2", "stage3")  # the others are quick, or write files that all would write
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+
 from sport.runtime.assets import asset_path
 from sport.runtime.errors import FileError
 from sport.runtime.motion.features import OUTPUT_SIZE

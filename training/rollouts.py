@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import torch
+from torch import Tensor
+
 from sport.runtime.motion import features
 from sport.runtime.motion.features import INPUT, OUTPUT
 from sport.training.batches import Frames, Normalisation
 from sport.training.part_swaps import Swaps
-from torch import Tensor
 
 PRESENT = 60
 _POSE = ("joint_positions", "joint_velocities")

@@ -11,9 +11,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import torch
+from torch import Tensor, nn
+
 from sport.runtime.errors import FileError
 from sport.training import parallel
-from torch import Tensor, nn
 
 log = logging.getLogger("sport.train")
 

@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 import torch
+from torch import Tensor
+
 from sport.runtime.errors import FileError
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.prompts.sentence_inputs import part_inputs
 from sport.runtime.prompts.text_encoder import TextEncoderLike
 from sport.runtime.skeleton import PART_NAMES
 from sport.training.frames import FrameTable
-from torch import Tensor
 
 LAYERS, CAPTIONS = (
     "layers.json",

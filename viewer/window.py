@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.errors import DisplayError
 from sport.viewer.gl_bindings import glfw, imgui, moderngl
 

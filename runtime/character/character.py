@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime import rotations
 from sport.runtime.character.joints import REQUIRED, Alignment, align, match_joints
 from sport.runtime.character.mesh import MeshData, read_meshes

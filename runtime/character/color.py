@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.character.read import (
     REMEDY,
     STRUCTURE_ERRORS,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime import rotations
 from sport.runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, J
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime import rotations
 from sport.runtime.character.color import Textures, primitive_colors
 from sport.runtime.character.joints import CONVENTIONS

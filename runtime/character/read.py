@@ -11,6 +11,7 @@ from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.errors import FileError
 from sport.runtime.safe_read import parse_json, read_bounded, reason
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.feet.carried_hips import CarriedHips
 from sport.runtime.feet.leg_scalar import leg_bones, leg_forward, leg_inverse
 from sport.runtime.feet.planted_foot import PlantedFoot

@@ -6,6 +6,7 @@ from math import atan2, cos, pi, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.feet.ik import EASE_REACH, MAX_REACH
 from sport.runtime.feet.leg_scalar import (
     LegBones,

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 from sport.runtime.terrain.height_map import Terrain
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime import rotations
 from sport.runtime.controls import Controls, Gait
 from sport.runtime.errors import UsageError

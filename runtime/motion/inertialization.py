@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime import rotations
 from sport.runtime.motion.features import FPS
 from sport.runtime.skeleton import SPORT_SKELETON

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.assets import asset_path
 from sport.runtime.errors import ModelError
 from sport.runtime.motion.model_files import (

@@ -8,6 +8,7 @@ from math import atan2, cos, hypot, pi, remainder, sin, tau
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.controls import Controls, Gait
 from sport.runtime.errors import UsageError
 

@@ -7,6 +7,7 @@ from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.controls import Controls, Gait
 from sport.runtime.errors import UsageError
 from sport.runtime.motion.paths import LOOK_AHEAD_M, Place

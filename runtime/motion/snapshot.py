@@ -15,6 +15,7 @@ from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
+
 from sport.runtime.errors import FileError
 from sport.runtime.motion.controller import Controller
 from sport.runtime.motion.model import Style

@@ -8,6 +8,7 @@ swung around the asked speed for as long as one walked, because the network foll
 from __future__ import annotations
 
 import numpy as np
+
 from sport.runtime.motion.features import FPS
 from sport.runtime.motion.trajectory import decay
 

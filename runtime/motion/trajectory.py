@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.motion import features
 from sport.runtime.motion.features import FPS, GAITS, TRAJECTORY_OFFSETS
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.errors import PromptError
 from sport.runtime.motion.style_mix import StyleMix
 from sport.runtime.prompts.parts import PartDescriptions

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.errors import ModelError
 from sport.runtime.motion.model_files import run_graph
 from sport.runtime.prompts.parts import PartDescriptions

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, overload
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.errors import UsageError
 from sport.runtime.motion.style_mix import StyleMix
 from sport.runtime.prompts.blend import BlendedPrompt, Words, mix_of_parts

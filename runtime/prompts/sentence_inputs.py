@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.errors import ModelError
 from sport.runtime.prompts.direction_words import GROUPS, with_direction_words
 from sport.runtime.prompts.one_side import one_sided

@@ -11,6 +11,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.errors import SportError
 from sport.runtime.prompts.content import PromptEncoder
 from sport.runtime.prompts.expander import Expander, Expansion, PromptCancelledError

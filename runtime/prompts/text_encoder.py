@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.assets import asset_path
 from sport.runtime.errors import FileError, ModelError
 from sport.runtime.motion.model_files import check_names, run_graph

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime import rotations
 from sport.runtime.errors import FileError, UsageError
 from sport.runtime.safe_read import decode_text, read_bounded

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+
 from sport.runtime import rotations
 from sport.runtime.atomic import write_atomic
 from sport.runtime.skeleton import SPORT_SKELETON, Skeleton

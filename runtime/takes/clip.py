@@ -11,6 +11,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime import rotations
 from sport.runtime.atomic import write_atomic, write_new
 from sport.runtime.errors import FileError, UsageError

@@ -15,6 +15,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.controls import Controls
 from sport.runtime.motion.features import FPS
 from sport.runtime.motion.snapshot import Snapshot, take_snapshot

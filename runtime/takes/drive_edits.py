@@ -12,6 +12,7 @@ from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.controls import Controls, Gait
 from sport.runtime.errors import UsageError
 from sport.runtime.takes.drive import Drive, DrivenFrame, StyleChange, follows_live

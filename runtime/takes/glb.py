@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime import rotations
 from sport.runtime.assets import asset_path
 from sport.runtime.character.character import load_character, read_joint_map

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.atomic import write_atomic
 from sport.runtime.character.read import (
     REMEDY,

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.atomic import write_atomic
 from sport.runtime.errors import UsageError
 from sport.runtime.takes.clip import UNITS_PER_METRE

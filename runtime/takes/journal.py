@@ -21,6 +21,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.errors import FileError, SportError
 from sport.runtime.file_lock import open_locked
 from sport.runtime.safe_read import is_text, parse_json, printable

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.controls import Controls, Gait
 from sport.runtime.errors import FileError, SportError
 from sport.runtime.safe_read import is_text, parse_json, printable, read_bounded

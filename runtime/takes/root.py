@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime import rotations
 from sport.runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
 from sport.runtime.motion import features

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.errors import FileError, TerrainError
 from sport.runtime.safe_read import read_bounded, reason
 from sport.runtime.terrain.height_map import Terrain

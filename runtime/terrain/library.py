@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.errors import TerrainError
 from sport.runtime.terrain.height_map import Terrain
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.errors import FileError
 from sport.runtime.safe_read import decode_text, read_bounded, reason
 

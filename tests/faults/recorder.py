@@ -29,9 +29,10 @@ def main() -> int:
     options = parser.parse_args()
     logging.basicConfig(stream=sys.stderr, level=logging.WARNING, format="%(message)s")
     sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+    from viewer_fakes import fake_services
+
     from sport.viewer import app as app_module
     from sport.viewer.options import ViewOptions
-    from viewer_fakes import fake_services
 
     _spoil_saving(options)
     _record(app_module.App, options)

@@ -10,6 +10,7 @@ import struct
 from pathlib import Path
 
 import numpy as np
+
 from sport.runtime.character.character import load_character, read_joint_map
 from sport.runtime.character.writer import write_character
 from sport.runtime.errors import SportError

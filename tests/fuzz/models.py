@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from sport.runtime.controls import Controls
 from sport.runtime.motion.controller import Controller
 from sport.runtime.motion.model import load_model

@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from sport import cli
 from sport.runtime.assets import asset_path
 from sport.runtime.controls import Controls
 from sport.runtime.generate import generate_clip, load_parts, parse_prompts
@@ -27,8 +29,6 @@ from sport.runtime.prompts.gpt.prompt import load_structured_prompt
 from sport.runtime.prompts.gpt.settings import GptSettings, Secret
 from sport.runtime.takes.clip import Clip
 from sport.runtime.terrain.height_map import Terrain
-
-from sport import cli
 
 from .mutate import damaged_json, damaged_text
 from .networks import write_model

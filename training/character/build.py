@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+
 from sport.runtime.character.character import Character
 from sport.runtime.character.joints import align
 from sport.runtime.character.writer import write_character

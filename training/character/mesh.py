@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.training.character import remesh
 from sport.training.character.body import Body
 

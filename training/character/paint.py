@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.training.character import remesh
 from sport.training.character.body import finger_drop
 

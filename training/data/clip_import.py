@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.controls import Gait
 from sport.runtime.errors import FileError, SportError
 from sport.runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime import rotations
 from sport.runtime.errors import run_command
 from sport.runtime.skeleton import PART_JOINTS, SPORT_SKELETON

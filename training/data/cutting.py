@@ -7,6 +7,7 @@ from collections import Counter
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime import rotations
 from sport.training.data.labels import smooth
 from sport.training.data.retarget import FPS, speed

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from sport.runtime import rotations
 from sport.runtime.errors import FileError, SportError, run_command
 from sport.training.data import cutting

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 from sport.training.data.foot_cleaning import bridge, stretches
 from sport.training.data.height_patches import CELL_M, FLAT_MARGIN_M, Patches, grid_under

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from sport.runtime.controls import Gait
 from sport.runtime.skeleton import SPORT_SKELETON
 from sport.training.data.catalog import Refusal

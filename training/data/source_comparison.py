@@ -7,6 +7,7 @@ from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
+
 from sport.runtime.errors import FileError
 from sport.runtime.takes.clip import Clip, save_bvh
 from sport.training.data.catalog import list_clips

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from torch import Tensor
+
 from sport.training.batches import Normalisation
 from sport.training.export.step import FrameGraph
 from sport.training.networks.generator import Generator
-from torch import Tensor
 
 
 class MixtureStepGraph(FrameGraph):

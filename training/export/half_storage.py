@@ -13,6 +13,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+
 from sport.runtime.atomic import write_atomic
 from sport.runtime.errors import run_command
 from sport.runtime.motion.model_files import read_metadata

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from torch import Tensor, nn
+
 from sport.runtime.motion.features import FPS, LAYOUT_VERSION
 from sport.runtime.motion.model_files import FOLDED
 from sport.runtime.skeleton import SPORT_SKELETON, J
@@ -22,7 +24,6 @@ from sport.training.networks.content import JOINT_FEATURES, SEQUENCE_LENGTH, Con
 from sport.training.networks.diffusion import ReverseStep
 from sport.training.networks.generator import Generator
 from sport.training.presets import ModelConfig
-from torch import Tensor, nn
 
 
 class PromptGraph(nn.Module):

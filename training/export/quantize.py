@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.atomic import write_atomic
 from sport.runtime.errors import FileError, run_command
 from sport.runtime.motion.controller import Controller

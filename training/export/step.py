@@ -10,6 +10,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import torch
+from torch import Tensor, nn
+from torch.nn.functional import elu, pad, silu
+
 from sport.runtime.motion.features import INPUT_SIZE, MOTION_INPUT_SIZE
 from sport.runtime.motion.model_files import FOLDED
 from sport.training.batches import Normalisation
@@ -18,8 +21,6 @@ from sport.training.networks.decoder import blend_codes
 from sport.training.networks.diffusion import ReverseStep
 from sport.training.networks.generator import Generator
 from sport.training.networks.modulator import instance_norm
-from torch import Tensor, nn
-from torch.nn.functional import elu, pad, silu
 
 
 class FrameGraph(nn.Module):

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+
 from sport.runtime.errors import run_command
 from sport.runtime.motion.features import INPUT_SIZE
 from sport.runtime.motion.model_files import FOLDED, INT8_GRAPH, read_metadata

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from sport.training.layering import cycle_edits, pose_edits, root_edits
 from sport.training.layering.catalog import PartEdit
 from sport.training.layering.pose_edits import Motion

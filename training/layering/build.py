@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+
 from sport.runtime.assets import asset_path
 from sport.runtime.controls import Gait
 from sport.runtime.errors import FileError, run_command

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+
 from sport.training.layering.catalog import EDITS, HELD_OUT, PartEdit
 
 INTRODUCTION = """## Rhythm and weight

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime import rotations
 from sport.runtime.skeleton import PART_JOINTS
 from sport.training.layering.pose_edits import Motion, left_landings, step_phase

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime import rotations
 from sport.runtime.feet import ik
 from sport.runtime.skeleton import SPORT_SKELETON

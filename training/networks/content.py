@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
+from torch import Tensor, nn
+
 from sport.runtime.skeleton import PART_JOINTS, PART_NAMES, J
 from sport.training.presets import ModelConfig
-from torch import Tensor, nn
 
 SEQUENCE_LENGTH = 40  # T
 PART_SIZE = 64

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 import torch
-from sport.training.networks.mixture import ExpertLinear
-from sport.training.presets import ModelConfig
 from torch import Tensor, nn
 from torch.nn.functional import silu
+
+from sport.training.networks.mixture import ExpertLinear
+from sport.training.presets import ModelConfig
 
 
 class MixtureDecoder(nn.Module):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import torch
+from torch import Tensor, nn
+
 from sport.training.networks.decoder import Denoiser, MixtureDecoder, blend_codes
 from sport.training.networks.diffusion import ReverseStep
 from sport.training.networks.modulator import ContentModulator
 from sport.training.networks.motion_encoder import MotionEncoder
 from sport.training.presets import ModelConfig
-from torch import Tensor, nn
 
 
 class Generator(nn.Module):

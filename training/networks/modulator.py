@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import torch
-from sport.training.networks.mixture import ExpertLinear, Gating
-from sport.training.presets import ModelConfig
 from torch import Tensor, nn
 from torch.nn.functional import elu
+
+from sport.training.networks.mixture import ExpertLinear, Gating
+from sport.training.presets import ModelConfig
 
 
 def instance_norm(w: Tensor, epsilon: float = 1e-5) -> Tensor:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import torch
+from torch import Tensor, nn
+
 from sport.runtime.motion.features import INPUT, MOTION_INPUT_SIZE
 from sport.training.networks.mixture import ExpertLinear, Gating
 from sport.training.presets import ModelConfig
-from torch import Tensor, nn
 
 
 class MotionEncoder(nn.Module):

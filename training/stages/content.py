@@ -7,6 +7,8 @@ from dataclasses import asdict
 
 import numpy as np
 import torch
+from torch import Tensor
+
 from sport.runtime.motion.features import OUTPUT
 from sport.training import losses as terms
 from sport.training.checkpoint import CONTENT_START
@@ -23,7 +25,6 @@ from sport.training.session import (
 )
 from sport.training.stages.motion import StyleTable
 from sport.training.styles import StyleTexts, pick_paraphrases
-from torch import Tensor
 
 STRIDE = 2  # frames between two samples: 40 samples are 1.3 s, more than one step
 # Eq. 7. The paper's lambda_con is 1e-2 for 100 styles over a long training; the shorter one here needs more of it.

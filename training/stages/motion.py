@@ -8,6 +8,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 import torch
+from torch import Tensor
+
 from sport.runtime.feet.skating import SOLE_POINTS
 from sport.runtime.motion.features import FPS, INPUT, OUTPUT
 from sport.training import losses as terms
@@ -27,7 +29,6 @@ from sport.training.session import (
     train,
 )
 from sport.training.styles import pick_paraphrases
-from torch import Tensor
 
 _FEET = list(SOLE_POINTS)
 

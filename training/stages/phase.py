@@ -8,6 +8,9 @@ from dataclasses import asdict
 
 import numpy as np
 import torch
+from torch import Tensor
+from torch.nn.functional import mse_loss
+
 from sport.training.frames import FrameTable
 from sport.training.networks.phase import WINDOW, PeriodicAutoencoder
 from sport.training.presets import ModelConfig
@@ -19,8 +22,6 @@ from sport.training.session import (
     save_checkpoint,
     train,
 )
-from torch import Tensor
-from torch.nn.functional import mse_loss
 
 log = logging.getLogger("sport.train")
 HALF = WINDOW // 2

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from torch import Tensor
+
 from sport.runtime.prompts.sentence_inputs import part_inputs
 from sport.runtime.prompts.text_encoder import TextEncoderLike
 from sport.runtime.skeleton import PART_NAMES
@@ -22,7 +24,6 @@ from sport.training.layering.longer_phrases import LongerSentence, longer_senten
 from sport.training.networks.content import ContentEncoder, PartTextEncoder
 from sport.training.presets import ModelConfig
 from sport.training.styles import StyleTexts
-from torch import Tensor
 
 log = logging.getLogger("sport.train")
 

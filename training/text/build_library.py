@@ -11,6 +11,8 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
+from tokenizers import Tokenizer
+
 from sport.runtime.assets import asset_path
 from sport.runtime.errors import run_command
 from sport.runtime.prompts.english.language import ENGLISH
@@ -24,7 +26,6 @@ from sport.runtime.prompts.english.library_data import (
 from sport.runtime.prompts.english.phrases import PhraseIndex
 from sport.runtime.prompts.english.spelling import Spelling
 from sport.runtime.prompts.text_encoder import TextEncoder
-from tokenizers import Tokenizer
 
 
 def build_library(directory: Path) -> Path:

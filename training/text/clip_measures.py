@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+
 from sport.runtime.errors import FileError
 from sport.training.text.measure import FPS, BodyMeasures, average, measure
 

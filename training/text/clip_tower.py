@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from torch import Tensor, nn
+
 from sport.runtime.errors import FileError
 from sport.training.text.minilm import read_safetensors
-from torch import Tensor, nn
 
 _REMEDY = "Name a folder as Hugging Face stores CLIP: config.json, model.safetensors, tokenizer.json."
 

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+
 from sport.runtime.errors import FileError, run_command
 from sport.training.text.export_text_encoder import CHECK_TEXTS, quantise, write_tokenizer
 
@@ -34,6 +35,7 @@ def export_clip(weights: Path, out: Path, name: str = "CLIP ViT-B/32", precision
     FileError when `weights` is no CLIP folder. `name` is what models trained with it will ask for.
     """
     import torch
+
     from sport.training.text.clip_tower import load_tower
 
     if not (weights / "tokenizer.json").is_file():
@@ -81,8 +83,9 @@ def export_clip(weights: Path, out: Path, name: str = "CLIP ViT-B/32", precision
 def _check(tower: ClipTextTower, out: Path) -> float:
     """Lowest cosine of what was written against the tower itself."""
     import torch
-    from sport.runtime.prompts.text_encoder import TextEncoder
     from tokenizers import Tokenizer
+
+    from sport.runtime.prompts.text_encoder import TextEncoder
 
     tokenizer = Tokenizer.from_file(str(out / "tokenizer.json"))
     found = TextEncoder(out).encode(CHECK_TEXTS)

@@ -16,6 +16,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+
 from sport.runtime.errors import run_command
 
 MAX_TOKENS = 128
@@ -37,6 +38,7 @@ CHECK_TEXTS = (
 def export_onnx(weights: Path, path: Path) -> None:
     """Write the fp32 graph: input_ids, attention_mask (N, L) → embeddings (N, 384) unit vectors."""
     import torch
+
     from sport.training.text.minilm import load_encoder
 
     ids = torch.randint(1000, 2000, (2, 7))
@@ -83,9 +85,10 @@ def write_tokenizer(source: Path, target: Path, max_tokens: int = MAX_TOKENS) ->
 def check(weights: Path, out: Path) -> dict[str, float]:
     """Cosine of int8 against torch fp32 on `CHECK_TEXTS`, and ms for six descriptions on one thread."""
     import torch
+    from tokenizers import Tokenizer
+
     from sport.runtime.prompts.text_encoder import TextEncoder
     from sport.training.text.minilm import load_encoder
-    from tokenizers import Tokenizer
 
     tokenizer = Tokenizer.from_file(str(out / "tokenizer.json"))
     tokenizer.enable_padding(pad_id=0, pad_token="[PAD]")

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime import rotations
 from sport.runtime.motion.features import FPS
 from sport.runtime.skeleton import SPORT_SKELETON

@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from sport.runtime.errors import FileError
 from torch import Tensor, nn
 from torch.nn import functional
+
+from sport.runtime.errors import FileError
 
 
 @dataclass(frozen=True)

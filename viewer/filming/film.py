@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.errors import UsageError
 from sport.runtime.pose import Pose
 from sport.runtime.takes.clip import Clip

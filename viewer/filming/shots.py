@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.errors import UsageError
 from sport.runtime.motion import features
 from sport.runtime.pose import Pose

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.assets import asset_path
 from sport.runtime.character.character import Character, load_character
 from sport.runtime.pose import Pose

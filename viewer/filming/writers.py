@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.atomic import atomic_path
 from sport.runtime.errors import FileError, UsageError
 

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.spring import spring
 from sport.runtime.terrain.height_map import Terrain
 

@@ -8,6 +8,7 @@ from typing import Protocol
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.errors import FileError
 from sport.runtime.pose import Pose
 from sport.viewer.render.gl import JOINTS_BINDING, bind_blocks, set_uniforms

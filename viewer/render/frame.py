@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.pose import Pose
 from sport.viewer.render.camera import Camera, look_at
 from sport.viewer.render.gl import FRAME_BINDING

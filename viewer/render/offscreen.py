@@ -7,6 +7,7 @@ from typing import Any
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.errors import DisplayError
 
 REMEDY = "Install the OpenGL libraries: apt-get install libegl1 libgl1 (or your system's Mesa packages)."

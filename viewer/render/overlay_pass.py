@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import moderngl
+
 from sport.viewer.render.gl import bind_blocks
 from sport.viewer.render.marks import STROKE, Strokes
 from sport.viewer.render.shaders import load_program

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.pose import Pose
 
 Array = NDArray[np.floating]

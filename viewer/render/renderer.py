@@ -5,6 +5,7 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.pose import Pose
 from sport.runtime.terrain.height_map import Terrain
 from sport.viewer.render.camera import Camera

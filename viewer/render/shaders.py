@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import moderngl
+
 from sport.runtime.assets import PROJECT_ROOT
 from sport.runtime.errors import DisplayError, FileError
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import moderngl
+
 from sport.viewer.render.gl import scissored, set_uniforms
 from sport.viewer.render.quality import Quality
 from sport.viewer.render.shaders import load_program

@@ -5,6 +5,7 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.terrain.height_map import Terrain
 from sport.viewer.render.frame import SHADOW_REACH_M, Frame
 from sport.viewer.render.gl import bind_blocks, scissored, set_uniforms

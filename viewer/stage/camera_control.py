@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+
 from sport.runtime.pose import Pose
 from sport.runtime.terrain.height_map import Terrain
 from sport.viewer.render.camera import FollowCamera, OrbitCamera

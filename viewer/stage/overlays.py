@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from sport.viewer.render.overlays import Overlays, PathOverlay, TrajectoryOverlay
 from sport.viewer.services import ControllerLike
 from sport.viewer.settings import Settings

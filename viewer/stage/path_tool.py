@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+
 from sport.runtime.controls import Controls, Gait
 from sport.runtime.motion.paths import Place
 from sport.runtime.terrain.height_map import Terrain

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
 from sport.runtime import rotations
 from sport.runtime.controls import Controls
 from sport.runtime.motion.features import FPS

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+
 from sport.runtime.controls import Gait
 from sport.runtime.errors import SportError
 from sport.runtime.motion.snapshot import Snapshot, take_snapshot

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+
 from sport.runtime.takes.journal import FoundJournal, Header, TakeJournal, find_journals
 from sport.runtime.takes.metadata import Origin
 from sport.viewer.gui.widgets import clock

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+
 from sport.runtime.pose import Pose
 from sport.runtime.terrain.height_map import Terrain
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.controls import Gait
 from sport.runtime.errors import SportError
 from sport.runtime.prompts.blend import BlendedPrompt, Words, read_words

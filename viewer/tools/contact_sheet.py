@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.errors import UsageError, run_command
 from sport.runtime.motion import features
 from sport.runtime.takes.clip import Clip

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.atomic import check_target
 from sport.runtime.errors import FileError, UsageError, run_command
 from sport.runtime.motion import features

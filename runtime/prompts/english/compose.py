@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
 from sport.runtime.prompts.english.phrases import FIGURES, SLIGHTLY, Element
 from sport.runtime.prompts.parts import PartDescriptions

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+
 from sport.runtime.assets import asset_path
 from sport.runtime.prompts.english.clauses import parse_clauses
 from sport.runtime.prompts.english.compose import compose_elements, compose_neighbours, sources_note

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.errors import FileError, PromptError
 from sport.runtime.prompts.parts import PartDescriptions, check_text
 from sport.runtime.prompts.text_encoder import TextEncoderLike

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.motion.model import MotionModel
 from sport.training.evaluation.motion.driving import replay
 from sport.training.evaluation.motion.motion import Motion

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.controls import Gait
 from sport.runtime.feet import skating as feet
 from sport.runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.takes.bvh import BvhMotion, read_bvh
 
 Array = NDArray[np.floating]

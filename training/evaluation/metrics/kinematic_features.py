@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.feet import skating as feet
 from sport.runtime.motion.features import FPS
 from sport.runtime.skeleton import SPORT_SKELETON

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.motion.motion_encoder import MotionEncoder
 from sport.training.evaluation.metrics.encoder_features import SIZE, encoder_features
 from sport.training.evaluation.metrics.kinematic_features import kinematic_features, temporal_features

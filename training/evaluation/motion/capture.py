@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.controls import Gait
 from sport.runtime.errors import FileError
 from sport.runtime.motion.features import FPS

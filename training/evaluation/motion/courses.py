@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.controls import Controls, Gait
 from sport.runtime.motion.controller import Controller
 from sport.runtime.motion.features import FPS

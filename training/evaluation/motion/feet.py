@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.errors import UsageError, run_command
 from sport.runtime.feet import skating as feet
 from sport.runtime.skeleton import TOE_HEIGHT

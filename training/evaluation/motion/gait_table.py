@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+
 from sport.runtime.assets import asset_path
 from sport.runtime.errors import UsageError, run_command
 from sport.training.evaluation.metrics import gait

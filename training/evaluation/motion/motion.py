@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.errors import FileError
 from sport.runtime.motion import features
 from sport.runtime.motion.features import FPS

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.assets import asset_path
 from sport.runtime.errors import FileError
 from sport.runtime.motion.motion_encoder import MotionEncoder

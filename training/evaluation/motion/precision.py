@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.assets import PROJECT_ROOT, asset_path
 from sport.runtime.errors import UsageError, run_command
 from sport.runtime.generate import simulate

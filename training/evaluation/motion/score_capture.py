@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.training.evaluation.metrics.foot_skating import GAITS, Skating, foot_skating
 from sport.training.evaluation.metrics.frechet import frechet_distance
 from sport.training.evaluation.metrics.recognition import recognition

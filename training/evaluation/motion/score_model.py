@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.controls import Gait
 from sport.runtime.terrain.library import make_terrain
 from sport.training.evaluation.metrics.diversity import FRAMES, LEAD_IN, diversity

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.terrain.height_map import Terrain
 from sport.training.evaluation.metrics.foot_skating import GAITS, Skating, foot_skating
 from sport.training.evaluation.metrics.frechet import Comparison, compare

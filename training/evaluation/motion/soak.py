@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.atomic import check_target, write_atomic
 from sport.runtime.controls import Controls, Gait
 from sport.runtime.errors import UsageError, run_command

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.atomic import check_target, write_atomic
 from sport.runtime.controls import Controls
 from sport.runtime.errors import UsageError, run_command

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.controls import Controls
 from sport.runtime.motion.controller import Controller
 from sport.runtime.motion.model import MotionModel, load_model

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.controls import Controls
 from sport.runtime.motion import features
 from sport.runtime.motion.controller import Controller

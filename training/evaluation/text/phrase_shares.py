@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from sport.runtime.assets import asset_path
 from sport.runtime.atomic import check_target, write_atomic
 from sport.runtime.errors import UsageError, run_command

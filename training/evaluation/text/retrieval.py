@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.errors import FileError, ModelError
 from sport.runtime.motion.model_files import open_graph, read_graph, read_metadata
 from sport.runtime.motion.motion_encoder import MotionEncoder

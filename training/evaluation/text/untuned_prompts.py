@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sport.runtime.assets import asset_path
 from sport.runtime.atomic import check_target, write_atomic
 from sport.runtime.errors import FileError, SportError, run_command

@@ -8,7 +8,8 @@ from sport.runtime.controls import Controls, Gait
 from sport.runtime.motion.controller import Controller
 from sport.runtime.motion.model import load_model
 from sport.runtime.prompts.prompter import Prompter
-from sport.runtime.takes.clip import ClipRecorder, save_bvh
+from sport.runtime.takes.clip import save_bvh
+from sport.runtime.takes.recorder import ClipRecorder
 from sport.runtime.terrain.library import load_terrain
 
 WAY_POINTS = ((0.0, 2.0, Gait.WALK), (1.5, 3.5, Gait.JOG), (0.0, 5.0, Gait.CROUCH))  # x, z in metres

@@ -176,7 +176,7 @@ def test_interpolated_poses_keep_bone_lengths() -> None:
 
 def test_playback_loops_between_its_marks() -> None:
     from sport.runtime.controls import Controls
-    from sport.runtime.takes.clip import ClipRecorder
+    from sport.runtime.takes.recorder import ClipRecorder
 
     fake, recorder = FakeController(Terrain.flat()), ClipRecorder()
     for _ in range(61):

@@ -17,10 +17,10 @@ from sport.runtime.assets import PROJECT_ROOT
 # lines of a file and of a function
 LIMITS = {
     "viewer": (400, 40),
-    "runtime": (450, 80),
+    "runtime": (400, 80),
     "training": (450, 80),
-    "benchmarks": (450, 80),
-    "sport": (450, 80),
+    "benchmarks": (400, 40),
+    "sport": (400, 40),
 }
 PACKAGES = ("runtime", "viewer", "training", "benchmarks")
 HEAVY = (

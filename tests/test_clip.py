@@ -15,8 +15,9 @@ from sport.runtime.pose import Pose
 from sport.runtime.skeleton import SPORT_SKELETON, J
 from sport.runtime.takes import metadata as take_metadata
 from sport.runtime.takes.bvh import read_bvh
-from sport.runtime.takes.clip import Clip, ClipRecorder, PromptEvent, load_clip_bvh, save_bvh
+from sport.runtime.takes.clip import Clip, PromptEvent, load_clip_bvh, save_bvh
 from sport.runtime.takes.metadata import Origin, gait_of, origin_of, sidecar_path
+from sport.runtime.takes.recorder import ClipRecorder
 
 
 def make_clip(frames=61, **changes):

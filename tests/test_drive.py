@@ -16,7 +16,7 @@ from sport.runtime.motion.model import MotionModel, load_model
 from sport.runtime.motion.snapshot import Snapshot
 from sport.runtime.motion.style_mix import StyleMix
 from sport.runtime.takes import drive_edits
-from sport.runtime.takes.clip import Clip, ClipRecorder
+from sport.runtime.takes.clip import Clip
 from sport.runtime.takes.drive import (
     KEYFRAME_STEPS,
     Drive,
@@ -28,6 +28,7 @@ from sport.runtime.takes.drive import (
     redrive,
 )
 from sport.runtime.takes.metadata import PromptEvent, gait_of
+from sport.runtime.takes.recorder import ClipRecorder
 from sport.runtime.terrain.library import make_terrain
 
 Take = tuple[Clip, Drive]

@@ -14,9 +14,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sport.runtime.errors import FileError
-from sport.runtime.takes.clip import Clip, ClipRecorder
+from sport.runtime.takes.clip import Clip
 from sport.runtime.takes.journal import ROW, FoundJournal, Header, TakeJournal, find_journals, read_journal
 from sport.runtime.takes.metadata import Origin
+from sport.runtime.takes.recorder import ClipRecorder
 from sport.runtime.terrain.height_map import Terrain
 from sport.viewer.stage.simulation import Simulation
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from sport.runtime.errors import SportError
 from sport.runtime.pose import Pose
 from sport.runtime.prompts.expander import DEFAULT_PROMPT
-from sport.runtime.takes.clip import ClipRecorder
 from sport.runtime.takes.drive import DriveRecorder
+from sport.runtime.takes.recorder import ClipRecorder
 from sport.runtime.terrain.height_map import Terrain
 from sport.viewer.gl_bindings import glfw, imgui
 from sport.viewer.input.bindings import Action, Intent, to_controls

@@ -1,13 +1,10 @@
-"""Takes: an immutable clip of poses, a recorder that always remembers the last minutes, and BVH in and out."""
+"""Takes: an immutable clip of poses, and BVH in and out."""
 
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass, replace
-from itertools import islice
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +28,7 @@ from sport.runtime.takes.metadata import (
 )
 from sport.runtime.takes.sidecar import write_sidecar
 
-__all__ = ["Clip", "ClipRecorder", "PromptEvent", "check_bvh_options", "load_clip_bvh", "save_bvh"]
+__all__ = ["Clip", "PromptEvent", "check_bvh_options", "load_clip_bvh", "save_bvh"]
 
 Array = NDArray[np.floating]
 
@@ -39,9 +36,6 @@ UNITS_PER_METRE = {"cm": 100.0, "m": 1.0}
 ROTATION_ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 MAX_FPS = 1000.0
 MAX_DISTANCE_M = 100_000.0  # of a clip's hips from the origin; float32 is then 8 mm fine
-LIVE_SECONDS = (
-    0.1  # transition while a slider is dragged: asked again in each frame, it eases towards the hand
-)
 # where the bones without a child end, metres; readers draw and measure leaf bones by it
 END_OFFSETS = {
     5: np.array([0.0, 0.0, 0.06], np.float32),
@@ -146,146 +140,6 @@ class Clip:
         contacts = self.contacts[before] * (1 - t) + self.contacts[after] * t
         local = rotations.slerp(self.local_rotations[before], self.local_rotations[after], t)
         return hips.astype(np.float32), local.astype(np.float32), contacts.astype(np.float32)
-
-
-class Journal(Protocol):
-    """What is told of every frame and prompt as it is recorded; it must answer at once."""
-
-    def add_row(self, row: Array) -> None:
-        """One frame, as in `ClipRecorder.add_row`."""
-
-    def mark_prompt(self, event: PromptEvent) -> None:
-        """A prompt that holds from the next frame on."""
-
-
-class ClipRecorder:
-    """Always on: keeps the last `max_seconds`, so that a take can begin in the past, and the whole of a running take.
-
-    A take longer than `MAX_TAKE_SECONDS` keeps its last part. Frames are copied, so poses may be reused.
-    """
-
-    MAX_TAKE_SECONDS = 3600.0
-
-    def __init__(self, max_seconds: float = 300.0, fps: float = 60.0) -> None:
-        self.fps = fps
-        self._keep = max(1, round(max_seconds * fps))
-        self._limit = max(self._keep, round(self.MAX_TAKE_SECONDS * fps))
-        self._frames: deque[Array] = deque()
-        self._first = 0  # number of the oldest frame kept; frames count from 0 since the program's start
-        self._begin: int | None = None  # number of the take's first frame
-        self._prompts: deque[tuple[int, PromptEvent]] = deque()
-        self.journal: Journal | None = None  # where frames and prompts are written down as well
-
-    @property
-    def recording(self) -> bool:
-        """Whether a take is running."""
-        return self._begin is not None
-
-    @property
-    def next_frame(self) -> int:
-        """Number of the frame that comes next, counted since the program's start."""
-        return self._first + len(self._frames)
-
-    @property
-    def first_frame(self) -> int:
-        """Number of the oldest frame kept."""
-        return self._first
-
-    @property
-    def take_seconds(self) -> float:
-        """Length of the running take, 0 without one."""
-        return 0.0 if self._begin is None else (self._first + len(self._frames) - self._begin) / self.fps
-
-    @property
-    def seconds(self) -> float:
-        """How far back `last` can reach."""
-        return len(self._frames) / self.fps
-
-    def add(self, pose: Pose, gait: int = -1) -> None:
-        """Remember the pose of one simulated frame, and the gait that was asked for (-1: not known)."""
-        row = np.concatenate([pose.hips_position, np.ravel(pose.local_rotations), pose.contacts, [gait]])
-        self.add_row(row.astype(np.float32))
-
-    def add_row(self, row: Array) -> None:
-        """Remember one frame as `(132,)` float32: hips, local rotations, contacts, gait. It must not be changed later."""
-        self._frames.append(row)
-        if self.journal is not None:
-            self.journal.add_row(row)
-        keep = self._keep
-        if self._begin is not None:
-            keep = min(max(keep, self._first + len(self._frames) - self._begin), self._limit)
-        while len(self._frames) > keep:
-            self._frames.popleft()
-            self._first += 1
-        while len(self._prompts) > 1 and self._prompts[1][0] <= self._first:
-            self._prompts.popleft()  # no frame that is kept was made by it
-
-    def mark_prompt(
-        self, prompt: str, transition_seconds: float = 0.0, words: str = "", typed: str = ""
-    ) -> None:
-        """Note that `prompt` holds from the next frame on; see `PromptEvent`.
-
-        Of live changes within `LIVE_SECONDS` only the last is kept, at the time of the first.
-        """
-        event = PromptEvent(0.0, prompt, transition_seconds, words, typed)
-        if self.journal is not None:
-            self.journal.mark_prompt(event)
-        frame = self._first + len(self._frames)
-        if self._prompts and _is_live(event):
-            before, last = self._prompts[-1]
-            if _is_live(last) and frame - before < round(LIVE_SECONDS * self.fps):
-                self._prompts[-1] = (before, event)
-                return
-        self._prompts.append((frame, event))
-
-    @property
-    def prompt_in_force(self) -> PromptEvent | None:
-        """The prompt of the next frame, with what is left of its transition."""
-        if not self._prompts:
-            return None
-        frame, event = self._prompts[-1]
-        past = (self._first + len(self._frames) - frame) / self.fps
-        return replace(event, transition_seconds=max(event.transition_seconds - past, 0.0))
-
-    def start(self) -> None:
-        """Begin a take with the next frame; a running take goes on."""
-        if self._begin is None:
-            self._begin = self._first + len(self._frames)
-
-    def stop(self, name: str = "take", terrain: str = "flat", origin: Origin | None = None) -> Clip:
-        """End the take; UsageError when none is running or it has no frame yet."""
-        if self._begin is None:
-            raise UsageError("no take is running.", "Start recording first.")
-        begin, self._begin = self._begin, None
-        return self._clip(begin, name, terrain, origin)
-
-    def last(
-        self, seconds: float, name: str = "take", terrain: str = "flat", origin: Origin | None = None
-    ) -> Clip:
-        """The last `seconds` (at most what is remembered) as a clip; a running take goes on."""
-        count = max(1, round(seconds * self.fps))
-        return self._clip(self._first + len(self._frames) - count, name, terrain, origin)
-
-    def _clip(self, begin: int, name: str, terrain: str, origin: Origin | None) -> Clip:
-        begin = max(begin, self._first)
-        rows = list(islice(self._frames, begin - self._first, None))
-        if not rows:
-            raise UsageError("nothing is recorded yet.", "Let the character move first.")
-        table = np.stack(rows)
-        events = tuple(replace(event, seconds=(frame - begin) / self.fps) for frame, event in self._prompts)
-        gaits = table[:, -1].astype(np.int8)
-        return Clip(
-            name=name,
-            fps=self.fps,
-            hips_positions=table[:, :3],
-            local_rotations=table[:, 3:-5].reshape(-1, J, 4),
-            contacts=table[:, -5:-1],
-            prompts=shift_prompts(events, 0.0, len(rows) / self.fps),
-            terrain=terrain,
-            origin=origin or UNKNOWN,
-            gait_seconds=tuple(gait_seconds(gaits, self.fps).items()),
-            gaits=gaits,
-        )
 
 
 def check_bvh_options(fps: float, unit: str, order: str = "ZYX") -> None:
@@ -409,11 +263,6 @@ def _metres_per_unit(motion: BvhMotion, order: list[int], path: Path) -> float:
         if abs(scale * unit - 1.0) < 1e-3:
             return 1.0 / unit
     return scale
-
-
-def _is_live(event: PromptEvent) -> bool:
-    """Whether a style came from a slider under the hand; 0 seconds is the first style, which is there at once."""
-    return 0.0 < event.transition_seconds <= LIVE_SECONDS
 
 
 def shift_prompts(events: tuple[PromptEvent, ...], start: float, length: float) -> tuple[PromptEvent, ...]:

@@ -21,8 +21,9 @@ from sport.runtime.motion.features import FPS
 from sport.runtime.motion.snapshot import Snapshot, take_snapshot
 from sport.runtime.motion.style_mix import StyleMix
 from sport.runtime.pose import Pose
-from sport.runtime.takes.clip import LIVE_SECONDS, Clip, shift_prompts
+from sport.runtime.takes.clip import Clip, shift_prompts
 from sport.runtime.takes.metadata import PromptEvent, gait_of, gait_seconds
+from sport.runtime.takes.recorder import LIVE_SECONDS
 from sport.runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]

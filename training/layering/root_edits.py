@@ -14,17 +14,11 @@ from numpy.typing import NDArray
 
 from sport.runtime import rotations
 from sport.runtime.feet import ik
+from sport.runtime.motion.features import FPS
 from sport.runtime.skeleton import SPORT_SKELETON
 from sport.training.frames import smooth
 from sport.training.layering.catalog import PartEdit
-from sport.training.layering.cycle import (
-    FPS,
-    away_from_mean,
-    axes,
-    cycle_frames,
-    cycle_mean,
-    right_landings,
-)
+from sport.training.layering.cycle import away_from_mean, axes, cycle_frames, cycle_mean, right_landings
 from sport.training.layering.pose_edits import (
     CHAIN,
     SIDES,

@@ -13,7 +13,7 @@ from sport.runtime.errors import PromptError, SportError
 from sport.runtime.prompts.blend import ALL_A, Weights
 from sport.runtime.prompts.expander import Expander
 from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.takes.clip import LIVE_SECONDS
+from sport.runtime.takes.recorder import LIVE_SECONDS
 from sport.viewer.messages import Messages
 from sport.viewer.prompt.messages import answer_message
 from sport.viewer.prompt.state import PromptState, Question, Request

@@ -18,7 +18,8 @@ from sport.viewer.messages import Messages
 from sport.viewer.takes.state import ClipItem, TakesState
 
 if TYPE_CHECKING:
-    from sport.runtime.takes.clip import Clip, ClipRecorder
+    from sport.runtime.takes.clip import Clip
+    from sport.runtime.takes.recorder import ClipRecorder
 
 
 @dataclass

@@ -27,8 +27,9 @@ from sport.viewer.takes.rescue import Rescue
 from sport.viewer.takes.state import ClipItem, TakesState
 
 if TYPE_CHECKING:
-    from sport.runtime.takes.clip import Clip, ClipRecorder
+    from sport.runtime.takes.clip import Clip
     from sport.runtime.takes.drive import DriveRecorder, StyleChange
+    from sport.runtime.takes.recorder import ClipRecorder
 
 MAX_NAME = 60
 

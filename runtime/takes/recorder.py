@@ -1,0 +1,168 @@
+"""The recorder: it always remembers the last minutes, so that a take can begin in the past."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+from itertools import islice
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sport.runtime.errors import UsageError
+from sport.runtime.pose import Pose
+from sport.runtime.skeleton import J
+from sport.runtime.takes.clip import Clip, shift_prompts
+from sport.runtime.takes.metadata import UNKNOWN, Origin, PromptEvent, gait_seconds
+
+Array = NDArray[np.floating]
+
+LIVE_SECONDS = (
+    0.1  # transition while a slider is dragged: asked again in each frame, it eases towards the hand
+)
+
+
+class Journal(Protocol):
+    """What is told of every frame and prompt as it is recorded; it must answer at once."""
+
+    def add_row(self, row: Array) -> None:
+        """One frame, as in `ClipRecorder.add_row`."""
+
+    def mark_prompt(self, event: PromptEvent) -> None:
+        """A prompt that holds from the next frame on."""
+
+
+class ClipRecorder:
+    """Always on: keeps the last `max_seconds`, so that a take can begin in the past, and the whole of a running take.
+
+    A take longer than `MAX_TAKE_SECONDS` keeps its last part. Frames are copied, so poses may be reused.
+    """
+
+    MAX_TAKE_SECONDS = 3600.0
+
+    def __init__(self, max_seconds: float = 300.0, fps: float = 60.0) -> None:
+        self.fps = fps
+        self._keep = max(1, round(max_seconds * fps))
+        self._limit = max(self._keep, round(self.MAX_TAKE_SECONDS * fps))
+        self._frames: deque[Array] = deque()
+        self._first = 0  # number of the oldest frame kept; frames count from 0 since the program's start
+        self._begin: int | None = None  # number of the take's first frame
+        self._prompts: deque[tuple[int, PromptEvent]] = deque()
+        self.journal: Journal | None = None  # where frames and prompts are written down as well
+
+    @property
+    def recording(self) -> bool:
+        """Whether a take is running."""
+        return self._begin is not None
+
+    @property
+    def next_frame(self) -> int:
+        """Number of the frame that comes next, counted since the program's start."""
+        return self._first + len(self._frames)
+
+    @property
+    def first_frame(self) -> int:
+        """Number of the oldest frame kept."""
+        return self._first
+
+    @property
+    def take_seconds(self) -> float:
+        """Length of the running take, 0 without one."""
+        return 0.0 if self._begin is None else (self._first + len(self._frames) - self._begin) / self.fps
+
+    @property
+    def seconds(self) -> float:
+        """How far back `last` can reach."""
+        return len(self._frames) / self.fps
+
+    def add(self, pose: Pose, gait: int = -1) -> None:
+        """Remember the pose of one simulated frame, and the gait that was asked for (-1: not known)."""
+        row = np.concatenate([pose.hips_position, np.ravel(pose.local_rotations), pose.contacts, [gait]])
+        self.add_row(row.astype(np.float32))
+
+    def add_row(self, row: Array) -> None:
+        """Remember one frame as `(132,)` float32: hips, local rotations, contacts, gait. It must not be changed later."""
+        self._frames.append(row)
+        if self.journal is not None:
+            self.journal.add_row(row)
+        keep = self._keep
+        if self._begin is not None:
+            keep = min(max(keep, self._first + len(self._frames) - self._begin), self._limit)
+        while len(self._frames) > keep:
+            self._frames.popleft()
+            self._first += 1
+        while len(self._prompts) > 1 and self._prompts[1][0] <= self._first:
+            self._prompts.popleft()  # no frame that is kept was made by it
+
+    def mark_prompt(
+        self, prompt: str, transition_seconds: float = 0.0, words: str = "", typed: str = ""
+    ) -> None:
+        """Note that `prompt` holds from the next frame on; see `PromptEvent`.
+
+        Of live changes within `LIVE_SECONDS` only the last is kept, at the time of the first.
+        """
+        event = PromptEvent(0.0, prompt, transition_seconds, words, typed)
+        if self.journal is not None:
+            self.journal.mark_prompt(event)
+        frame = self._first + len(self._frames)
+        if self._prompts and _is_live(event):
+            before, last = self._prompts[-1]
+            if _is_live(last) and frame - before < round(LIVE_SECONDS * self.fps):
+                self._prompts[-1] = (before, event)
+                return
+        self._prompts.append((frame, event))
+
+    @property
+    def prompt_in_force(self) -> PromptEvent | None:
+        """The prompt of the next frame, with what is left of its transition."""
+        if not self._prompts:
+            return None
+        frame, event = self._prompts[-1]
+        past = (self._first + len(self._frames) - frame) / self.fps
+        return replace(event, transition_seconds=max(event.transition_seconds - past, 0.0))
+
+    def start(self) -> None:
+        """Begin a take with the next frame; a running take goes on."""
+        if self._begin is None:
+            self._begin = self._first + len(self._frames)
+
+    def stop(self, name: str = "take", terrain: str = "flat", origin: Origin | None = None) -> Clip:
+        """End the take; UsageError when none is running or it has no frame yet."""
+        if self._begin is None:
+            raise UsageError("no take is running.", "Start recording first.")
+        begin, self._begin = self._begin, None
+        return self._clip(begin, name, terrain, origin)
+
+    def last(
+        self, seconds: float, name: str = "take", terrain: str = "flat", origin: Origin | None = None
+    ) -> Clip:
+        """The last `seconds` (at most what is remembered) as a clip; a running take goes on."""
+        count = max(1, round(seconds * self.fps))
+        return self._clip(self._first + len(self._frames) - count, name, terrain, origin)
+
+    def _clip(self, begin: int, name: str, terrain: str, origin: Origin | None) -> Clip:
+        begin = max(begin, self._first)
+        rows = list(islice(self._frames, begin - self._first, None))
+        if not rows:
+            raise UsageError("nothing is recorded yet.", "Let the character move first.")
+        table = np.stack(rows)
+        events = tuple(replace(event, seconds=(frame - begin) / self.fps) for frame, event in self._prompts)
+        gaits = table[:, -1].astype(np.int8)
+        return Clip(
+            name=name,
+            fps=self.fps,
+            hips_positions=table[:, :3],
+            local_rotations=table[:, 3:-5].reshape(-1, J, 4),
+            contacts=table[:, -5:-1],
+            prompts=shift_prompts(events, 0.0, len(rows) / self.fps),
+            terrain=terrain,
+            origin=origin or UNKNOWN,
+            gait_seconds=tuple(gait_seconds(gaits, self.fps).items()),
+            gaits=gaits,
+        )
+
+
+def _is_live(event: PromptEvent) -> bool:
+    """Whether a style came from a slider under the hand; 0 seconds is the first style, which is there at once."""
+    return 0.0 < event.transition_seconds <= LIVE_SECONDS

@@ -7,12 +7,15 @@ torch = pytest.importorskip("torch")
 
 from test_training import _frames, clips  # noqa: E402, F401
 
+from sport.runtime import rotations  # noqa: E402
 from sport.runtime.controls import Gait  # noqa: E402
 from sport.runtime.motion import features  # noqa: E402
 from sport.runtime.motion.features import INPUT, INPUT_SIZE, MOTION_INPUT_SIZE, OUTPUT, OUTPUT_SIZE, L  # noqa: E402
+from sport.runtime.skeleton import SPORT_SKELETON, J  # noqa: E402
 from sport.training import losses  # noqa: E402
 from sport.training.batches import Normalisation  # noqa: E402
 from sport.training.frames import LAYERED, FrameTable  # noqa: E402
+from sport.training.kinematics import shown_joints  # noqa: E402
 from sport.training.natural_pace import captured_paces, straight_speeds  # noqa: E402
 from sport.training.networks.generator import Generator  # noqa: E402
 from sport.training.presets import preset  # noqa: E402
@@ -103,3 +106,26 @@ def test_the_variance_of_a_denoiser_that_knows_nothing_is_kept_within_its_bounds
 def test_a_short_stage_averages_over_a_fifth_of_its_steps():
     assert _decay(20000) == 0.9995
     assert _decay(1000) == pytest.approx(0.995)
+
+
+def test_shown_joints_are_those_of_the_skeleton():
+    rng = np.random.default_rng(4)
+    local = rotations.normalize(rng.normal(size=(5, J, 4)))
+    hips = rng.normal(size=(5, 3))
+    positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
+    y = np.zeros((5, OUTPUT_SIZE))
+    y[:, OUTPUT["joint_positions"]] = rng.normal(size=(5, 3 * J))
+    y[:, OUTPUT["joint_positions"]][:, :3] = hips
+    y[:, OUTPUT["joint_rotations"]] = rotations.to_6d(world).reshape(5, -1)
+    joints = shown_joints(torch.as_tensor(y, dtype=torch.float32))
+    np.testing.assert_allclose(joints.numpy(), positions, atol=1e-4)
+
+
+def test_swing_is_nothing_for_equal_energies_out_of_step_and_grows_with_less():
+    phase = torch.linspace(0, 2 * torch.pi, 65)[:-1, None]
+    kept, scale = torch.ones(64, 1), torch.ones(1)
+    captured = phase.sin()
+    assert losses.swing(phase.cos(), captured, scale, kept) < 1e-8
+    shrunk = [float(losses.swing(s * phase.cos(), captured, scale, kept)) for s in (0.9, 0.7, 0.5)]
+    assert 0 < shrunk[0] < shrunk[1] < shrunk[2]
+    assert losses.swing(0.5 * captured, captured, scale, torch.zeros(64, 1)) == 0.0

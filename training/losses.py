@@ -95,6 +95,19 @@ def unrest(moved: Tensor, velocity: Tensor, scale: Tensor, kept: Tensor) -> Tens
     return (kept * ((moved - velocity) / scale).square()).mean()
 
 
+def swing(own: Tensor, captured: Tensor, scale: Tensor, kept: Tensor) -> Tensor:
+    """Squared logarithm of the energy of a batch's movements `(B, n)` over the capture's, the mean over the entries.
+
+    Eq. 11 alone lets every uncertain movement shrink towards its mean, and a rollout shrinks it in every frame anew.
+    The energies of many rollouts are compared, not frames: they need not be in step. `scale` `(n,)` is metres; entries
+    that move less than a thousandth of it are noise.
+    """
+    floor = 1e-6 * kept.sum(0).clamp_min(1.0)
+    energy = (kept * (own / scale).square()).sum(0) + floor
+    wanted = (kept * (captured / scale).square()).sum(0) + floor
+    return (energy / wanted).log().square().mean()
+
+
 def contact(labels: Tensor, squared_foot_velocity: Tensor) -> Tensor:
     """Eq. 12, 13 with a differentiable step.
 

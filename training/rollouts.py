@@ -15,6 +15,7 @@ from torch import Tensor
 from sport.runtime.motion import features
 from sport.runtime.motion.features import INPUT, OUTPUT
 from sport.training.batches import Frames, Normalisation
+from sport.training.kinematics import shown_joints
 from sport.training.part_swaps import Swaps
 
 PRESENT = 60
@@ -22,6 +23,7 @@ _POSE = ("joint_positions", "joint_velocities")
 # Share of lanes that begin in the pose of another clip. Capture holds no change of style: without these lanes the
 # network would stay in the pose it finds itself in, whatever the prompt says.
 FOREIGN_POSE = 0.35
+SWING_FRAMES = 15  # about a quarter of a gait cycle: over so many frames a swing is compared with the clip's
 
 
 class RolloutLanes:
@@ -47,6 +49,7 @@ class RolloutLanes:
         self.pose = {name: torch.zeros(lanes, 93, device=device) for name in _POSE}
         self.phase = torch.zeros(lanes, 2 * PRESENT + 1, 2 * features.C, device=device)
         self.age = torch.zeros(lanes, dtype=torch.long, device=device)  # frames since it began
+        self._history = torch.zeros(SWING_FRAMES, lanes, 93, device=device)  # joints shown, oldest first
         self.swaps = Swaps.none(lanes, device)
         self._part_swaps = part_swaps
         self._restart(torch.ones(lanes, dtype=torch.bool, device=device))
@@ -97,11 +100,28 @@ class RolloutLanes:
         c, s = turn.cos(), turn.sin()
         return torch.stack([c * x - s * z, y + ground[:, None], s * x + c * z], -1)
 
+    def swings(self, joints: Tensor) -> tuple[Tensor, Tensor]:
+        """How joints `(lanes, 31, 3)` and those of the clip have moved against the root in `SWING_FRAMES`, `(lanes, 93)`.
+
+        Of no meaning for lanes younger than that.
+        """
+        before = (self.rows - SWING_FRAMES).clamp_min(0)
+        return joints.flatten(1) - self._history[0], self._captured(self.rows) - self._captured(before)
+
+    def _captured(self, rows: Tensor) -> Tensor:
+        joints = self.frames.y[rows][:, OUTPUT["joint_positions"]].float()
+        joints[:, 1::3] -= self.frames.ground[rows, self.patch][:, None]
+        return joints
+
     @torch.no_grad()
     def advance(self, y: Tensor) -> None:
-        """Move every lane on by one frame with the network's real-valued y `(lanes, 473)`."""
-        for name in _POSE:
-            self.pose[name] = y[:, OUTPUT[name]].detach().clone()
+        """Move every lane on by one frame with the network's real-valued y `(lanes, 473)`.
+
+        As in the runtime, what is fed back is the pose shown: forward kinematics of the rotations.
+        """
+        self.pose["joint_positions"] = shown_joints(y).flatten(1)
+        self.pose["joint_velocities"] = y[:, OUTPUT["joint_velocities"]].detach().clone()
+        self._history = torch.cat([self._history[1:], self.pose["joint_positions"][None]])
         samples = y[:, OUTPUT["phase"]].detach().unflatten(1, (-1, 2 * features.C))
         moved = torch.cat([self.phase[:, 1:], self.phase[:, -1:]], dim=1)
         moved[:, PRESENT:] = _dense(samples)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 
 import numpy as np
 import torch
@@ -15,12 +16,14 @@ from sport.runtime.motion.features import FPS, INPUT, OUTPUT
 from sport.training import losses as terms
 from sport.training.batches import Frames, Normalisation, loss_weights, random_rows
 from sport.training.checkpoint import START
+from sport.training.kinematics import shown_joints
 from sport.training.networks.decoder import blend_codes
 from sport.training.networks.diffusion import Schedule, add_noise, analytic_variance, noise_estimate
 from sport.training.networks.generator import Generator
 from sport.training.presets import ModelConfig
-from sport.training.rollouts import RolloutLanes, normalised
+from sport.training.rollouts import SWING_FRAMES, RolloutLanes, normalised
 from sport.training.session import (
+    Losses,
     MovingAverage,
     Session,
     StageState,
@@ -118,11 +121,13 @@ def stage2_loss(data: MotionData, target: Tensor, predicted: Tensor, supervised:
 
 
 CONTACT_WEIGHT = 0.1
+SHOWN_WEIGHT = 0.3
 UNREST_WEIGHT = 0.3
+SWING_WEIGHT = 0.02
 SETTLED_FRAMES = 10  # a rollout that began in another pose than its clip's has to move towards it first
 NOISE = 0.12  # of captured frames' inputs: more makes the network trust its own pose less, and swings shrink
 LANES = 0.5  # share of a batch that goes on from the network's own output
-LANE_FRAMES = 45.0  # mean length of such a rollout
+LANE_FRAMES = 60.0  # mean length of such a rollout
 
 
 @dataclass
@@ -155,15 +160,46 @@ def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes, noise: floa
     return MixedBatch(rows, patch, z, x, target, supervised)
 
 
-def unrest_loss(data: MotionData, lanes: RolloutLanes, mixed: MixedBatch, y: Tensor) -> Tensor:
-    """`losses.unrest` of the lanes that go on from their own pose; y `(B, n)` is the normalised prediction."""
-    count, normal = len(lanes.rows), data.normal
-    own = y[-count:] * normal.y_deviation + normal.y_mean
-    moved = (own[:, OUTPUT["joint_positions"]] - lanes.previous_joints().flatten(1)) * FPS
+def shown_losses(data: MotionData, lanes: RolloutLanes, mixed: MixedBatch, y: Tensor) -> dict[str, Tensor]:
+    """Of the pose that is shown, by forward kinematics of the normalised prediction y `(B, n)`, and of the lanes'
+    movements in it: `shown` holds it to the capture, `unrest` and `swing` are those of `sport.training.losses`."""
+    normal, field = data.normal, OUTPUT["joint_positions"]
+    scale = normal.y_deviation[field]
+    real = y * normal.y_deviation + normal.y_mean
+    joints = shown_joints(real)
+    wanted = mixed.target[:, field] * scale + normal.y_mean[field]
+    weights = _shown_weights(y.device) * mixed.supervised[:, field]
+    result = {"shown": (weights * ((joints.flatten(1) - wanted) / scale).square()).mean()}
+
+    count = len(lanes.rows)
+    own, kept = joints[-count:], mixed.supervised[-count:, field]
     settled = (lanes.age >= SETTLED_FRAMES).float()[:, None]
-    field = OUTPUT["joint_velocities"]
-    kept = mixed.supervised[-count:, field] * settled
-    return terms.unrest(moved, own[:, field], normal.y_deviation[field], kept)
+    velocity = OUTPUT["joint_velocities"]
+    moved = (own - lanes.previous_joints()).flatten(1) * FPS
+    result["unrest"] = terms.unrest(
+        moved, real[-count:, velocity], normal.y_deviation[velocity], kept * settled
+    )
+    old = (lanes.age >= SETTLED_FRAMES + SWING_FRAMES).float()[:, None]
+    result["swing"] = terms.swing(*lanes.swings(own), scale, kept * old)
+    return result
+
+
+@lru_cache(2)
+def _shown_weights(device: torch.device) -> Tensor:
+    """Weight of every joint's position `(93,)`: that of Eq. 11."""
+    weights = loss_weights(device)[OUTPUT["joint_positions"]]
+    return weights / weights.mean()
+
+
+def _total(result: Losses) -> Tensor:
+    """Eq. 11 and 12 with what is added to them here."""
+    total = terms.stage2(result["rec"], result["contact"], CONTACT_WEIGHT)
+    return (
+        total
+        + SHOWN_WEIGHT * result["shown"]
+        + UNREST_WEIGHT * result["unrest"]
+        + SWING_WEIGHT * result["swing"]
+    )
 
 
 def run_stage2(
@@ -193,10 +229,9 @@ def run_stage2(
         mixed = mixed_batch(data, item, lanes, NOISE)
         y = module.decode_mixture(mixed.x, mixed.z)[0].float()
         result = stage2_loss(data, mixed.target, y, mixed.supervised)
-        result["unrest"] = unrest_loss(data, lanes, mixed, y)
+        result |= shown_losses(data, lanes, mixed, y)
         lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
-        total = terms.stage2(result["rec"], result["contact"], CONTACT_WEIGHT)
-        return result | {"total": total + UNREST_WEIGHT * result["unrest"]}
+        return result | {"total": _total(result)}
 
     cycles = 3 if steps >= SHORT_STEPS else 1
     rate = _warm_restarts(steps, 5e-4 if fine_tuned else 1e-3, cycles)
@@ -296,15 +331,13 @@ def run_stage3(
             noisy = add_noise(schedule, codes.float(), n, torch.randn(codes.shape, device=item.device))
         predicted = module.denoiser(noisy, e, n).float()
         y = blend_codes(module.clean_codes(predicted, e.float()), alpha.float())
-        unrest = unrest_loss(data, lanes, mixed, y)
+        shown = shown_losses(data, lanes, mixed, y)
         lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
         result = {"codes": terms.codes(codes.float(), predicted, mixed.supervised[:, None])}
         total = result["codes"]
         if step > 0.25 * steps:
-            result |= stage2_loss(data, mixed.target, y, mixed.supervised)
-            result["unrest"] = unrest
-            total = 0.1 * total + terms.stage2(result["rec"], result["contact"], CONTACT_WEIGHT)
-            total = total + UNREST_WEIGHT * unrest
+            result |= stage2_loss(data, mixed.target, y, mixed.supervised) | shown
+            total = 0.1 * total + _total(result)
         return result | {"total": total}
 
     def rate(step: int) -> float:  # 1e-3 down to 1e-5 along a cosine; Sec. III-G begins at 4e-4

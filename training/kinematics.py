@@ -1,0 +1,47 @@
+"""The pose that a walk shows: joint positions by forward kinematics of the rotations in y, in torch."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import torch
+from torch import Tensor
+from torch.nn.functional import normalize
+
+from sport.runtime.motion.features import OUTPUT
+from sport.runtime.skeleton import SPORT_SKELETON, J
+
+
+def shown_joints(y: Tensor) -> Tensor:
+    """Joint positions `(B, 31, 3)` in metres of real-valued y `(B, 473)`, seen from its root.
+
+    The hips stand where y's positions have them; the other joints follow from the rotations on the fixed skeleton, as
+    in `Controller._pose`.
+    """
+    chains, offsets = _skeleton(y.device)
+    turned = matrices(y[:, OUTPUT["joint_rotations"]].unflatten(1, (J, 6)))
+    parents = torch.as_tensor(SPORT_SKELETON.parents, device=y.device).clamp_min(0)
+    bones = (turned[:, parents] @ offsets[:, :, None])[..., 0]
+    hips = y[:, OUTPUT["joint_positions"]][:, None, :3]
+    return hips + chains @ bones
+
+
+def matrices(d: Tensor) -> Tensor:
+    """Rotation matrices `(..., 3, 3)` of 6D rotations `(..., 6)` by Gram-Schmidt, as `rotations.from_6d`."""
+    x = normalize(d[..., :3], dim=-1)
+    second = d[..., 3:]
+    y = normalize(second - (x * second).sum(-1, keepdim=True) * x, dim=-1)
+    return torch.stack([x, y, torch.linalg.cross(x, y)], dim=-1)
+
+
+@lru_cache(2)
+def _skeleton(device: torch.device) -> tuple[Tensor, Tensor]:
+    """Which bones `(31, 31)` lead from the hips to each joint, and their offsets `(31, 3)`; the hips' own is zero."""
+    chains = torch.zeros(J, J)
+    for joint, parent in enumerate(SPORT_SKELETON.parents):
+        if parent >= 0:
+            chains[joint] = chains[parent]
+            chains[joint, joint] = 1.0
+    offsets = torch.as_tensor(SPORT_SKELETON.offsets, dtype=torch.float32).clone()
+    offsets[0] = 0.0
+    return chains.to(device), offsets.to(device)

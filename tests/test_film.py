@@ -94,3 +94,16 @@ def test_what_cannot_be_drawn_is_named(clip: Clip, tmp_path: Path) -> None:
 def _folder(path: Path) -> Path:
     path.mkdir()
     return path
+
+
+def test_two_clips_stand_side_by_side(clip: Clip, tmp_path: Path) -> None:
+    save_bvh(clip, tmp_path / "a.bvh")
+    save_bvh(Clip("short", 60.0, *walk(31)), tmp_path / "b.bvh")
+    clips = [str(tmp_path / "a.bvh"), str(tmp_path / "b.bvh")]
+    out = tmp_path / "both.gif"
+    assert film.main([*clips, "--labels", "captured", "ours", *SIZE, "--fps", "4", "--out", str(out)]) == 0
+    frames = _pictures(out)
+    assert frames[0].shape == (64, 192, 3)
+    assert len(frames) == 6
+    with pytest.raises(UsageError, match="1 for 2 clips"):
+        film.main([*clips, "--labels", "one", "--out", str(out)])

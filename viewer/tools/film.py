@@ -1,6 +1,7 @@
 """A film of a clip, drawn by the viewer's own renderer, with the prompts of its take written under it.
 
 python -m sport.viewer.tools.film walk.bvh --out walk.webp        # or walk.gif; ground and prompts from walk.bvh.json
+python -m sport.viewer.tools.film raw.bvh ours.bvh --labels captured ours --out beside.webp    # from left to right
 """
 
 from __future__ import annotations
@@ -108,7 +109,8 @@ def save_film(path: Path, frames: Sequence[Image], fps: float) -> None:
 def _options(argv: Sequence[str] | None) -> argparse.Namespace:
     """The command line, checked; UsageError names what cannot be used."""
     parser = argparse.ArgumentParser(prog="python -m sport.viewer.tools.film", description=__doc__)
-    parser.add_argument("clip", type=Path, metavar="BVH")
+    parser.add_argument("clips", type=Path, nargs="+", metavar="BVH", help="several are drawn side by side")
+    parser.add_argument("--labels", nargs="+", default=(), help="under each clip, in place of its prompts")
     parser.add_argument("--out", type=Path, required=True, help="a .webp or .gif")
     parser.add_argument("--terrain", help="default: the one that stands beside the clip, in its JSON")
     parser.add_argument("--size", type=int, nargs=2, default=(640, 360), metavar=("W", "H"), help="pixels")
@@ -128,32 +130,45 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
         raise UsageError(f"--size {args.size}: expected 16 to {MAX_SIDE} pixels.", "Choose another size.")
     if args.out.suffix.lower() not in FORMATS:
         raise UsageError(f"{args.out}: no film by its name.", f"Let it end in {' or '.join(FORMATS)}.")
+    if args.labels and len(args.labels) != len(args.clips):
+        raise UsageError(
+            f"--labels: {len(args.labels)} for {len(args.clips)} clips.", "Give one for each, or none."
+        )
     check_target(args.out)
     return args
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Draw a film of a BVH file."""
+def _captioned(path: Path, label: str, args: argparse.Namespace) -> list[Image]:
+    """The frames of one clip with its prompts, or its label, written under them."""
     from sport.runtime.takes.clip import load_clip_bvh
     from sport.runtime.takes.ground_of import ground_of
     from sport.runtime.takes.prepare import on_its_ground
 
-    args = _options(argv)
-    clip = load_clip_bvh(args.clip)
-    ground, clip = ground_of(clip, args.clip, args.terrain), on_its_ground(clip)
-    frames = draw_frames(
-        clip,
-        ground,
-        tuple(args.size),
-        args.fps,
-        args.start,
-        args.seconds,
-        float(np.radians(args.turn)),
-    )
+    clip = load_clip_bvh(path)
+    ground, clip = ground_of(clip, path, args.terrain), on_its_ground(clip)
+    turn = float(np.radians(args.turn))
+    frames = draw_frames(clip, ground, tuple(args.size), args.fps, args.start, args.seconds, turn)
     prompts = () if args.no_captions else clip.prompts
-    captioned = [write_caption(p, caption(prompts, args.start + k / args.fps)) for k, p in enumerate(frames)]
-    save_film(args.out, captioned, args.fps)
-    print(f"{args.out}: {len(captioned)} frames, {args.out.stat().st_size / 1e6:.1f} MB")
+    return [
+        write_caption(frame, label or caption(prompts, args.start + k / args.fps))
+        for k, frame in enumerate(frames)
+    ]
+
+
+def beside(films: Sequence[list[Image]]) -> list[Image]:
+    """Frames of several films from left to right; the shorter ones stand still at their last frame."""
+    count = max(len(film) for film in films)
+    return [np.concatenate([film[min(k, len(film) - 1)] for film in films], axis=1) for k in range(count)]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Draw a film of one or more BVH files."""
+    args = _options(argv)
+    labels = args.labels or [""] * len(args.clips)
+    films = [_captioned(path, label, args) for path, label in zip(args.clips, labels, strict=True)]
+    frames = beside(films)
+    save_film(args.out, frames, args.fps)
+    print(f"{args.out}: {len(frames)} frames, {args.out.stat().st_size / 1e6:.1f} MB")
     return 0
 
 

@@ -99,13 +99,18 @@ def swing(own: Tensor, captured: Tensor, scale: Tensor, kept: Tensor) -> Tensor:
     """Squared logarithm of the energy of a batch's movements `(B, n)` over the capture's, the mean over the entries.
 
     Eq. 11 alone lets every uncertain movement shrink towards its mean, and a rollout shrinks it in every frame anew.
-    The energies of many rollouts are compared, not frames: they need not be in step. `scale` `(n,)` is metres; entries
-    that move less than a thousandth of it are noise.
+    The energies of many rollouts are compared, not frames: they need not be in step. `scale` `(n,)` is metres. Entries
+    that the capture moves by less than 3 % of it say nothing, such as the hips' place over the root.
     """
-    floor = 1e-6 * kept.sum(0).clamp_min(1.0)
-    energy = (kept * (own / scale).square()).sum(0) + floor
-    wanted = (kept * (captured / scale).square()).sum(0) + floor
-    return (energy / wanted).log().square().mean()
+    least = STILL * kept.sum(0)
+    wanted = (kept * (captured / scale).square()).sum(0)
+    moves = (wanted > least).float()
+    energy = (kept * (own / scale).square()).sum(0)
+    ratio = (energy + least + 1e-6) / (wanted + least + 1e-6)
+    return (moves * ratio.log().square()).sum() / moves.sum().clamp_min(1.0)
+
+
+STILL = 1e-3  # mean square of a movement over its scale
 
 
 def contact(labels: Tensor, squared_foot_velocity: Tensor) -> Tensor:

@@ -50,6 +50,7 @@ def _heading(part: str, prompt: PromptState, prompting: Prompting) -> None:
     elif edited:
         imgui.same_line(0, px(6))
         widgets.label("kept" if locked else "edited", theme.ACCENT)
+    _hardly_shown(part, prompt)
     share = prompt.edit.weights[PART_NAMES.index(part)]
     if prompt.edit.b is not None and share > 0.0:
         imgui.same_line(0, px(6))
@@ -71,6 +72,16 @@ def _heading(part: str, prompt: PromptState, prompting: Prompting) -> None:
     if widgets.icon_button(ICON.lock if locked else ICON.unlock, "lock", hint, tint, size=LABEL_HEIGHT + 3):
         prompting.toggle_lock(part)
     imgui.set_cursor_pos(imgui.ImVec2(top.x, top.y + px(LABEL_HEIGHT + 2)))
+
+
+def _hardly_shown(part: str, prompt: PromptState) -> None:
+    """Beside the part's name where a walk was measured to show next to nothing of its words."""
+    share = prompt.hardly_shown(part)
+    if share is None or prompt.parts[part] != prompt.applied(part):
+        return
+    imgui.same_line(0, px(6))
+    widgets.label(f"hardly shown ({share:.0%})", theme.WARNING)
+    widgets.tooltip("On a walk the body did this little of what these words say. Other words may do more.")
 
 
 def _field(part: str, height: float, prompt: PromptState, prompting: Prompting) -> None:

@@ -33,7 +33,7 @@ class PromptRoom:
 
     def use_model(self, loaded: Loaded, given: GptSettings | None) -> None:
         """Let a loaded model answer, whose workers were opened to ask `given`."""
-        self.state.available = True
+        self.state.available, self.state.model = True, loaded.name
         self.suggester.nearest = loaded.library.nearest
         self.expanders.use(loaded, given)
 

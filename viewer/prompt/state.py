@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from sport.runtime.prompts.parts import PartDescriptions
+from sport.runtime.prompts.shares import HARDLY, phrase_share
 from sport.runtime.skeleton import PART_NAMES
 from sport.viewer.prompt.style_edit import Side, StyleEdit
 
@@ -58,6 +59,7 @@ class PromptState:
     questions: list[Question | None] = field(default_factory=lambda: [None, None])
     expander: ExpanderState = field(default_factory=ExpanderState)
     available: bool = True  # False when the model could not be loaded
+    model: str = ""  # the loaded one's name
     loading: bool = True
     tab_requested: str = ""  # "blend": shown from the next frame on
     search: str = ""
@@ -68,6 +70,11 @@ class PromptState:
     def asked(self) -> set[Side]:
         """Sides whose answer is on its way."""
         return {side for side in Side if self.questions[side] is not None}
+
+    def hardly_shown(self, part: str) -> float | None:
+        """Share (0 to 1) of a part's words that the model shows on a walk, where that is hardly anything."""
+        share = phrase_share(self.applied(part), part, self.model)
+        return share if share is not None and share < HARDLY else None
 
     def applied(self, part: str) -> str:
         """The words that a part moves by; "" before the first answer."""

@@ -1,0 +1,29 @@
+"""Words that a model was measured to show next to nothing of are marked beside their part."""
+
+import numpy as np
+
+from sport.runtime.prompts import shares
+from sport.runtime.prompts.parts import PartDescriptions
+from sport.viewer.prompt.state import PromptState
+from sport.viewer.prompt.style_edit import Answer, StyleEdit
+
+WORDS = PartDescriptions(*["hanging"] * 6)
+
+
+def _state(monkeypatch, table: dict[tuple[str, str], float], model: str = "compact") -> PromptState:
+    known = shares.PhraseShares(table)
+    monkeypatch.setattr(
+        shares, "shares_of", lambda name: known if name == "compact" else shares.PhraseShares()
+    )
+    return PromptState(model=model, edit=StyleEdit(a=Answer("", WORDS, WORDS, np.zeros((6, 64), np.float32))))
+
+
+def test_only_weak_words_of_the_loaded_model_are_marked(monkeypatch) -> None:
+    table = {("arm", "hanging"): 0.1, ("leg", "hanging"): 0.3}
+    state = _state(monkeypatch, table)
+    assert state.hardly_shown("left_arm") == 0.1
+    assert state.hardly_shown("right_arm") == 0.1  # limbs share what was measured
+    assert state.hardly_shown("left_leg") is None
+    assert state.hardly_shown("head") is None  # never measured
+    assert _state(monkeypatch, table, model="another").hardly_shown("left_arm") is None
+    assert PromptState(model="compact").hardly_shown("left_arm") is None  # nothing answered yet

@@ -15,7 +15,9 @@ def _state(monkeypatch, table: dict[tuple[str, str], float], model: str = "compa
     monkeypatch.setattr(
         shares, "shares_of", lambda name: known if name == "compact" else shares.PhraseShares()
     )
-    return PromptState(model=model, edit=StyleEdit(a=Answer("", WORDS, WORDS, np.zeros((6, 64), np.float32))))
+    return PromptState(
+        model=model, edit=StyleEdit((Answer("", WORDS, WORDS, np.zeros((6, 64), np.float32)), None))
+    )
 
 
 def test_only_weak_words_of_the_loaded_model_are_marked(monkeypatch) -> None:

@@ -9,6 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sport.runtime.errors import TerrainError
+from sport.runtime.terrain.courses import (
+    CELL_M,
+    GAPS,
+    HURDLES,
+    WALLS,
+    Obstacle,
+    raise_beam,
+    raise_obstacles,
+)
 from sport.runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
@@ -18,7 +27,7 @@ START_RADIUS_M = 2.5  # level ground around the origin
 STEP_RISE_M = 0.16
 STEP_RUN_M = 0.32
 
-TERRAIN_NAMES = ("flat", "hills", "rough", "stairs", "platforms", "hurdles", "beam", "wall")
+TERRAIN_NAMES = ("flat", "hills", "rough", "stairs", "platforms", "gaps", "hurdles", "beam", "wall")
 
 
 def make_terrain(name: str, seed: int = 0) -> Terrain:
@@ -29,6 +38,7 @@ def make_terrain(name: str, seed: int = 0) -> Terrain:
         "rough": _rough,
         "stairs": _stairs,
         "platforms": _platforms,
+        "gaps": _gaps,
         "hurdles": _hurdles,
         "beam": _beam,
         "wall": _wall,
@@ -126,32 +136,27 @@ def _platforms(seed: int) -> Terrain:
 
 
 def _hurdles(seed: int) -> Terrain:
-    """Low bars across the way, every 4 m."""
     del seed
-    cell = 0.05
-    x, z = _grid(cell)
-    bar = (np.abs(np.mod(z + 2.0, 4.0) - 2.0) < 0.1) & (np.abs(z) > START_RADIUS_M) & (np.abs(x) < 6.0)
-    return _terrain("hurdles", np.where(bar, 0.35, 0.0), cell)
+    return _course("hurdles", HURDLES)
 
 
-def _beam(seed: int) -> Terrain:
-    """A beam 0.4 m wide and high along Z, with a ramp at both ends."""
+def _gaps(seed: int) -> Terrain:
     del seed
-    cell = 0.05
-    x, z = _grid(cell)
-    ramp = np.clip(np.minimum(z - 3.0, 15.0 - z) / 1.2, 0.0, 1.0)
-    return _terrain("beam", np.where(np.abs(x) <= 0.2 + 1e-6, 0.4 * ramp, 0.0), cell)
+    return _course("gaps", GAPS)
 
 
 def _wall(seed: int) -> Terrain:
-    """Walls of rising height across the way, to climb or to walk around."""
     del seed
-    cell = 0.05
-    x, z = _grid(cell)
-    heights = np.zeros_like(x)
-    for at, top in ((5.0, 0.5), (10.0, 0.8), (15.0, 1.1)):
-        heights = np.where((np.abs(z - at) < 0.5) & (np.abs(x) < 3.0), top, heights)
-    return _terrain("wall", heights, cell)
+    return _course("wall", WALLS)
+
+
+def _beam(seed: int) -> Terrain:
+    del seed
+    return _terrain("beam", raise_beam(*_grid(CELL_M)), CELL_M)
+
+
+def _course(name: str, obstacles: tuple[Obstacle, ...]) -> Terrain:
+    return _terrain(name, raise_obstacles(*_grid(CELL_M), obstacles), CELL_M)
 
 
 # --- shared ----------------------------------------------------------------------------------------------------------

@@ -69,6 +69,11 @@ def build_parser() -> argparse.ArgumentParser:
         action="store_true",
         help="score what prompts do instead; see `sport evaluate --text --help`",
     )
+    parser.add_argument(
+        "--courses",
+        action="store_true",
+        help="score how obstacles are crossed instead; see `sport evaluate --courses --help`",
+    )
     return parser
 
 
@@ -80,6 +85,11 @@ def main(argv: list[str] | None = None) -> int:
 
         words.remove("--text")
         return text_main.main(words)
+    if "--courses" in words:  # how obstacles are crossed
+        from sport.training.evaluation import courses_command
+
+        words.remove("--courses")
+        return courses_command.main(words)
     args = build_parser().parse_args(words)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
     if args.only_figures and args.figures is None:

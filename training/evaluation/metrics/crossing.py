@@ -1,0 +1,164 @@
+"""What becomes of a character that is led over obstacles: depth, clearance, beam, hands on the edge, pace, flight."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sport.runtime.feet import skating as feet
+from sport.runtime.motion.features import FPS
+from sport.runtime.terrain.courses import Obstacle
+from sport.runtime.terrain.height_map import Terrain
+from sport.training.evaluation.metrics.obstacle_depth import depth_inside, limb_depths
+
+Array = NDArray[np.floating]
+Mask = NDArray[np.bool_]
+
+MARGIN_M = 0.5  # before and behind an obstacle that counts as crossing it
+TOLERANCE_M = 0.005  # that is not yet inside
+DEEP_M = 0.03
+HANDS = (22, 29)
+HAND_REACH_M, HAND_SPEED = 0.10, 0.3  # of a hand that holds an edge: metres to it, m/s
+OFF_BEAM_M = 0.1  # under the beam's top: a foot that stands so low has left it
+FLIGHT_M, FLIGHT_S = 0.03, 0.08  # both soles so high over the ground below or the last hold, for so long
+
+
+def crossing_frames(xz: Array, obstacle: Obstacle) -> Mask:
+    """Frames `(T,)` in which a root `(T, 2)` is on an obstacle or within `MARGIN_M` of it."""
+    along = (xz[:, 1] > obstacle.begin - MARGIN_M) & (xz[:, 1] < obstacle.end + MARGIN_M)
+    return along & (np.abs(xz[:, 0]) < obstacle.half_width + MARGIN_M)
+
+
+def depths(positions: Array, terrain: Terrain, crossing: Mask) -> dict[str, float]:
+    """Depth of soles (vertical), joints and limbs in the ground over the frames `crossing`, cm and shares of them."""
+    chosen = positions[crossing]
+    if not len(chosen):
+        return {}
+    soles = feet.joint_heights(chosen, terrain, feet.SOLE_POINTS) - np.array(feet.SOLE_HEIGHTS)
+    joints = depth_inside(chosen, terrain)
+    result = {
+        "sole_p99": 100.0 * max(0.0, float(np.percentile(-soles, 99))),
+        "joint_max": 100.0 * float(joints.max()),
+        "joint_inside": float((joints > TOLERANCE_M).mean(0).max()),  # the worst joint's share
+        "joint_deep": float((joints > DEEP_M).mean(0).max()),
+    }
+    for name, values in limb_depths(chosen, terrain).items():
+        result[f"{name}_p99"] = 100.0 * float(np.percentile(values, 99))
+        result[f"{name}_deep"] = float((values > DEEP_M).mean())
+    return result
+
+
+def clearances(positions: Array, obstacles: Sequence[Obstacle]) -> list[float]:
+    """Least height (cm) of each foot's sole over each obstacle's top while it is over it; low is bad, 0 stands on it.
+
+    Obstacles that a foot never was over are left out.
+    """
+    result = []
+    for obstacle in obstacles:
+        for pair, rests in (((4, 5), feet.SOLE_HEIGHTS[:2]), ((9, 10), feet.SOLE_HEIGHTS[2:])):
+            lowest = np.inf
+            for joint, rest in zip(pair, rests, strict=True):
+                p = positions[:, joint]
+                over = obstacle.raised(p[:, 0], p[:, 2])
+                if over.any():
+                    lowest = min(lowest, float((p[over, 1] - rest).min()) - obstacle.top)
+            if np.isfinite(lowest):
+                result.append(100.0 * lowest)
+    return result
+
+
+def beam_contacts(positions: Array, contacts: Array, beam: Obstacle, ramp_m: float) -> tuple[int, int]:
+    """Contacts on a beam and contacts beside it, of points of the feet between its ramps."""
+    p = positions[:, feet.SOLE_POINTS]
+    between = (p[..., 2] > beam.begin + ramp_m) & (p[..., 2] < beam.end - ramp_m) & (contacts > 0.5)
+    on = between & (np.abs(p[..., 0]) <= beam.half_width)
+    return int(on.sum()), int(between.sum() - on.sum())
+
+
+def falls(positions: Array, contacts: Array, beam: Obstacle, ramp_m: float) -> int:
+    """How often both feet stand, or the only standing one stands, under a beam between its ramps."""
+    p = positions[:, feet.SOLE_POINTS]
+    between = (p[..., 2] > beam.begin + ramp_m) & (p[..., 2] < beam.end - ramp_m)
+    stands = (contacts > 0.5) & between
+    low = p[..., 1] - np.array(feet.SOLE_HEIGHTS) < beam.top - OFF_BEAM_M
+    off = stands.any(1) & (low | ~stands).all(1)
+    return int((np.diff(np.concatenate([[False], off]).astype(int)) == 1).sum())
+
+
+def hands_on_edge(positions: Array, walls: Sequence[Obstacle]) -> list[float]:
+    """Seconds that both hands rest on the near edge of each wall at once."""
+    hands = positions[:, list(HANDS)].astype(np.float64)
+    speed = np.linalg.norm(np.gradient(hands, axis=0), axis=-1) * FPS
+    result = []
+    for wall in walls:
+        away = np.hypot(hands[..., 2] - wall.begin, hands[..., 1] - wall.top)
+        within = (np.abs(hands[..., 0]) <= wall.half_width) & (away < HAND_REACH_M) & (speed < HAND_SPEED)
+        result.append(float(within.all(1).sum()) / FPS)
+    return result
+
+
+def seconds_over(xz: Array, obstacle: Obstacle) -> tuple[float, float] | None:
+    """Seconds from `MARGIN_M` before an obstacle to `MARGIN_M` behind it, and the lowest speed (m/s, over half a second).
+
+    None where the root does not get over it.
+    """
+    entered = np.flatnonzero(xz[:, 1] > obstacle.begin - MARGIN_M)
+    left = np.flatnonzero(xz[:, 1] > obstacle.end + MARGIN_M)
+    if not len(entered) or not len(left):
+        return None
+    begin, end = int(entered[0]), int(left[0])
+    half = FPS // 2
+    track = xz[max(0, begin - half) : end + 1].astype(np.float64)
+    way = np.linalg.norm(track[half:] - track[:-half], axis=-1) * FPS / half
+    return (end - begin) / FPS, float(way.min()) if len(way) else float("nan")
+
+
+def on_top_after(positions: Array, wall: Obstacle) -> float | None:
+    """Seconds from `MARGIN_M` before a wall until both feet are over its top; None where they never are."""
+    near = np.flatnonzero(positions[:, 0, 2] > wall.begin - MARGIN_M)
+    toes = positions[:, list(feet.TOES)]
+    up = np.flatnonzero(((toes[..., 2] > wall.begin) & (toes[..., 1] > wall.top - 0.02)).all(1))
+    return float(up[0] - near[0]) / FPS if len(near) and len(up) and up[0] > near[0] else None
+
+
+def flights(positions: Array, contacts: Array, gaps: Sequence[tuple[Obstacle, Obstacle]]) -> tuple[int, int]:
+    """Gaps between two platforms that were flown over, and gaps into which no foot stepped, of those passed."""
+    soles = positions[:, feet.SOLE_POINTS].astype(np.float64)
+    flown = missed = 0
+    for first, second in gaps:
+        in_gap = (soles[..., 2] > first.end + 0.03) & (soles[..., 2] < second.begin - 0.03)
+        low = soles[..., 1] - np.array(feet.SOLE_HEIGHTS) < min(first.top, second.top) - OFF_BEAM_M
+        missed += int(not (in_gap & low & (contacts > 0.5)).any())
+        around = (positions[:, 0, 2] > first.end - 0.5) & (positions[:, 0, 2] < second.begin + 0.5)
+        under = np.where(soles[..., 2] < 0.5 * (first.end + second.begin), first.top, second.top)
+        high = (soles[..., 1] - np.array(feet.SOLE_HEIGHTS) - under > FLIGHT_M).all(1)
+        flown += int(_longest(high & around) >= round(FLIGHT_S * FPS))
+    return flown, missed
+
+
+def frozen_seconds(positions: Array, xz: Array, asked: Array, least_share: float) -> int:
+    """Whole seconds in which the feet move against the root by less than `least_share` of the asked speed (m/s)."""
+    soles = positions[:, feet.SOLE_POINTS].astype(np.float64)
+    relative = soles - np.stack([xz[:, 0], np.zeros(len(xz)), xz[:, 1]], -1)[:, None]
+    speed = np.linalg.norm(np.diff(relative, axis=0), axis=-1).mean(1) * FPS
+    count = 0
+    for begin in range(0, len(speed) - FPS + 1, FPS):
+        wanted = asked[begin : begin + FPS]
+        count += int(
+            bool((wanted > 0.3).all()) and speed[begin : begin + FPS].mean() < least_share * wanted.mean()
+        )
+    return count
+
+
+def _longest(mask: Mask) -> int:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    return int((edges[1::2] - edges[::2]).max()) if len(edges) else 0
+
+
+def mean_of(rows: Sequence[dict[str, Any]], key: str) -> float:
+    """Mean of a measure over the rows that have it; NaN where none has."""
+    values = [row[key] for row in rows if row.get(key) is not None]
+    return float(np.mean(values)) if values else float("nan")

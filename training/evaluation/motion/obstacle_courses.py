@@ -1,0 +1,146 @@
+"""The six obstacle courses of `sport evaluate --courses`: a straight way along +Z, led at full stick, and its scores."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sport.runtime.controls import Controls, Gait
+from sport.runtime.motion.controller import Controller
+from sport.runtime.motion.features import FPS
+from sport.runtime.motion.model import MotionModel
+from sport.runtime.motion.paths import LOOK_AHEAD_M
+from sport.runtime.terrain.courses import BEAM, BEAM_RAMP_M, GAPS, HURDLES, WALLS, Obstacle
+from sport.runtime.terrain.height_map import Terrain
+from sport.runtime.terrain.library import make_terrain
+from sport.training.evaluation.metrics import crossing
+from sport.training.evaluation.metrics.foot_skating import foot_skating
+from sport.training.evaluation.motion.driving import Recorder
+from sport.training.evaluation.motion.motion import Motion
+from sport.training.evaluation.motion.soak import FROZEN_SHARE
+
+Array = NDArray[np.floating]
+
+BEYOND_M = 1.5  # behind the last obstacle the run is over
+SPARE_S = 12.0  # that a run may take longer than the way at full stick
+STAND_S = 1.0  # at the start mark
+
+
+@dataclass(frozen=True)
+class ObstacleCourse:
+    """Ground with obstacles along +Z; of stairs and hills the whole way is one."""
+
+    name: str
+    title: str
+    ground: str  # name of a ready terrain
+    obstacles: tuple[Obstacle, ...]
+
+    def terrain(self) -> Terrain:
+        """The ground, always the same."""
+        return make_terrain(self.ground)
+
+
+COURSES = (
+    ObstacleCourse("hurdles", "hurdles of 20 to 60 cm", "hurdles", HURDLES),
+    ObstacleCourse("beam", "beam of 20 cm, 40 cm high", "beam", (BEAM,)),
+    ObstacleCourse("stairs", "stairs, 8 steps up and down", "stairs", (Obstacle(3.0, 10.7, 1.28, 9.0),)),
+    ObstacleCourse("platforms", "platforms to 50 cm, gaps of 40 to 80 cm", "gaps", GAPS),
+    ObstacleCourse("hill", "hills to 18 degrees", "hills", (Obstacle(2.5, 14.0, 0.0, 9.0),)),
+    ObstacleCourse("wall", "walls of 0.6, 1.0 and 1.4 m", "wall", WALLS),
+)
+LEVEL = ObstacleCourse("level", "level ground", "flat", (Obstacle(3.0, 12.0, 0.0, 9.0),))  # for comparison
+
+
+@dataclass(frozen=True)
+class CourseRun:
+    """One character over one course."""
+
+    course: ObstacleCourse
+    motion: Motion
+    root: Array  # (T, 2) metres
+    asked_speed: Array  # (T,) m/s
+    blocked: tuple[str, ...]  # what the status line said
+    keyed: float  # seconds that keyed motion was shown
+
+
+def run_obstacles(
+    model: MotionModel, course: ObstacleCourse, style: str, code: Array, gait: Gait, seed: int
+) -> CourseRun:
+    """From the start mark at full stick along the middle of a course until it is passed or time is up."""
+    controller = Controller(model, course.terrain(), seed)
+    controller.set_style(code, 0.0)
+    controller.reset()
+    controller.settle()
+    recorder = Recorder(controller)
+    end = course.obstacles[-1].end + BEYOND_M
+    limit = round((end / controller.full_speed(gait) * 1.3 + SPARE_S) * FPS)
+    roots, speeds, blocked = [], [], set()
+    keyed = 0
+    for _ in range(limit):
+        root = controller.pose.root_position.astype(np.float64)
+        ahead = np.array([-root[0], LOOK_AHEAD_M])
+        ahead /= np.linalg.norm(ahead)
+        pose = recorder.step(Controls((float(ahead[0]), float(ahead[1])), gait=gait))
+        roots.append(pose.root_position[[0, 2]])
+        speeds.append(controller.asked_speed)
+        keyed += int(bool(getattr(controller, "keyed", None)))
+        if controller.blocked:
+            blocked.add(controller.blocked)
+        if pose.root_position[2] > end:
+            break
+    labels = np.full(len(roots), int(gait))
+    motion = recorder.motion(f"{style} {gait.name.lower()} {course.name}", style, labels, 0)
+    return CourseRun(course, motion, np.stack(roots), np.array(speeds), tuple(sorted(blocked)), keyed / FPS)
+
+
+def score_run(run: CourseRun) -> dict[str, Any]:
+    """Figures of one run as plain data; depths in cm, before and after foot lock."""
+    course, motion, ground = run.course, run.motion, run.motion.terrain
+    assert motion.unlocked is not None
+    within = np.any([crossing.crossing_frames(run.root, o) for o in course.obstacles], axis=0)
+    passed = [crossing.seconds_over(run.root, o) for o in course.obstacles]
+    over = [p for p in passed if p is not None]
+    times = [p[0] for p in over]
+    result: dict[str, Any] = {
+        "before": crossing.depths(motion.unlocked, ground, within),
+        "after": crossing.depths(motion.positions, ground, within),
+        "obstacles": len(passed),
+        "passed": len(over),
+        "seconds_each": float(np.mean(times)) if times else None,
+        "slowest_m_s": min((p[1] for p in over), default=None),
+        "asked_m_s": float(run.asked_speed.max()),
+        "frozen_s": crossing.frozen_seconds(motion.positions, run.root, run.asked_speed, FROZEN_SHARE),
+        "skating": foot_skating(motion.positions, ground, np.ones(len(motion), bool)).soles,
+        "blocked": list(run.blocked),
+        "keyed_s": run.keyed,
+    }
+    for name, positions in (("before", motion.unlocked), ("after", motion.positions)):
+        result[name] |= _own_measures(course, positions, motion.contacts)
+    return result
+
+
+def _own_measures(course: ObstacleCourse, positions: Array, contacts: Array) -> dict[str, Any]:
+    """What only one kind of course has."""
+    if course.name == "hurdles":
+        values = crossing.clearances(positions, course.obstacles)
+        return {
+            "clearance": float(np.median(values)) if values else None,
+            "touched": float(np.mean(np.array(values) < 1.0)) if values else None,
+        }
+    if course.name == "beam":
+        on, beside = crossing.beam_contacts(positions, contacts, BEAM, BEAM_RAMP_M)
+        share = on / (on + beside) if on + beside else None
+        return {"on_beam": share, "falls": crossing.falls(positions, contacts, BEAM, BEAM_RAMP_M)}
+    if course.name == "platforms":
+        gaps = [g for g in pairwise(course.obstacles) if positions[-1, 0, 2] > g[1].begin]
+        flown, clean = crossing.flights(positions, contacts, gaps)
+        return {"gaps": len(gaps), "flown": flown, "not_stepped_into": clean}
+    if course.name == "wall":
+        hands = crossing.hands_on_edge(positions, course.obstacles)
+        tops = [crossing.on_top_after(positions, w) for w in course.obstacles]
+        return {"hands_s": hands, "on_top_s": tops}
+    return {}

@@ -55,7 +55,7 @@ ROOMS = {
     ),
     "viewer": (
         "gl_bindings", "signals", "messages", "jobs", "settings", "options", "input", "render", "services", "gui",
-        "prompt", "stage", "takes", "filming", "tools", "shell", "state", "window", "app",
+        "prompt", "live", "stage", "takes", "filming", "tools", "shell", "state", "window", "app",
     ),
 }  # fmt: skip
 LIBRARIES = {

@@ -165,13 +165,12 @@ class App:
         state.shell.bare = saved and not options.panels
         stage.camera.use(options.camera or state.settings.camera)
         stage.renderer.set_terrain(state.stage.terrain)
+        stage.live.begin(options.live_link)
         stage.load_character(options.character)
         stage.load_terrain(options.terrain or state.settings.terrain)
         self.load_model(options.model, options.seed)
-        begun = options.prompt is None
-        self.prompting.submit_prompt(
-            DEFAULT_PROMPT if options.prompt is None else options.prompt, remembered=not begun
-        )
+        typed = options.prompt
+        self.prompting.submit_prompt(DEFAULT_PROMPT if typed is None else typed, remembered=typed is not None)
         if options.blend is not None:
             state.prompt.edit = dataclasses.replace(state.prompt.edit, weights=options.blend_weights)
             state.prompt.tab_requested = "blend"
@@ -266,6 +265,7 @@ class App:
             self.takes.close_playback()  # back to the live character
         elif playback is not None:
             playback.advance(dt)
+            self.stage.live.publish([playback.pose()])
             return
         controls = self.stage.led(to_controls(intent, self.stage.camera.current.yaw), dt)
         self.takes.before_steps()
@@ -347,11 +347,7 @@ class App:
     @property
     def finished(self) -> bool:
         """Whether the main loop should end."""
-        wanted = (
-            self.options.frames
-            if self.options.frames is not None
-            else (1 if self.options.offscreen else None)
-        )
+        wanted = self.options.frames or (1 if self.options.offscreen else None)
         enough = wanted is not None and self.frames_shown >= wanted
         return self.interrupted or self.window.close_requested or enough
 
@@ -395,6 +391,7 @@ class App:
         self.prompting.close()
         self.jobs.close()
         self.takes.journals.close()
+        self.stage.live.stop()
         if self.window.handle is not None:
             self.stage.renderer.release()
         self.window.destroy()

@@ -42,6 +42,7 @@ class ViewOptions:
     quality: str | None = specified(None, choices=QUALITIES, flag="--quality")
     camera: str | None = specified(None, choices=CAMERAS, flag="--camera")
     controls: str = ""
+    live_link: str | None = None  # where poses go, see `sport.viewer.live.address`; None: nowhere
 
     def check(self) -> None:
         """UsageError naming the option when a value cannot be used, FileError when a file cannot be written."""

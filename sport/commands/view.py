@@ -29,6 +29,13 @@ def add(commands: Subparsers) -> None:
     view.add_argument(
         "--controls", default="", metavar="SCRIPT", help='keys to play, e.g. "w 2; w+shift 1.5"'
     )
+    view.add_argument(
+        "--live-link",
+        nargs="?",
+        const="",
+        metavar="HOST:PORT",
+        help="send the pose to Blender or another program (default: 127.0.0.1:9763)",
+    )
     view.add_argument("--offscreen", action="store_true", help="no window or display; one step per frame")
     view.add_argument("--frames", type=int, metavar="N", help="end after N frames")
     view.add_argument("--screenshot", type=Path, metavar="PNG", help="picture of the last frame")
@@ -37,8 +44,11 @@ def add(commands: Subparsers) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Open the viewer; its exit code."""
+    from sport.viewer.live.address import parse_address
     from sport.viewer.options import ViewOptions
 
+    if options.live_link is not None:
+        parse_address(options.live_link)
     width, height = size(options.size)
     view_options = ViewOptions(
         offscreen=options.offscreen,
@@ -60,6 +70,7 @@ def run(options: argparse.Namespace) -> int:
         quality=options.quality,
         camera=options.camera,
         controls=options.controls,
+        live_link=options.live_link,
     )
     view_options.check()
     from sport.viewer.app import run

@@ -10,6 +10,7 @@ from sport.viewer.gl_bindings import imgui
 from sport.viewer.gui import setting_widgets, widgets
 from sport.viewer.gui.theme import ICON
 from sport.viewer.gui.widgets import px
+from sport.viewer.live import panel as live_panel
 from sport.viewer.settings import CAMERAS, QUALITIES, Settings
 from sport.viewer.stage import path_panel
 from sport.viewer.stage.stage import Stage
@@ -27,6 +28,7 @@ def draw(stage: Stage, open_files: Callable[[list[Path]], None]) -> None:
     widgets.label("Show")
     _toggles(stage.settings)
     _drawing(stage)
+    live_panel.draw(stage.live)
 
 
 def _terrain(stage: Stage) -> None:

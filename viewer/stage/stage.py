@@ -18,6 +18,7 @@ from sport.runtime.terrain.files import SUFFIXES as GROUNDS
 from sport.runtime.terrain.height_map import Terrain
 from sport.viewer.input.bindings import Action
 from sport.viewer.jobs import Jobs
+from sport.viewer.live.link import LiveLink
 from sport.viewer.messages import Messages
 from sport.viewer.services import Loaded, Services
 from sport.viewer.settings import Settings
@@ -43,9 +44,11 @@ class Stage:
     character_path: Path | None = None
     _character: Any = None
     path: PathTool = field(init=False)
+    live: LiveLink = field(init=False)
 
     def __post_init__(self) -> None:
         self.path = PathTool(self.messages)
+        self.live = LiveLink(self.messages)
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
@@ -80,6 +83,7 @@ class Stage:
             simulation.controller.temperature = self.settings.temperature
             simulation.controller.strength = self.settings.strength
         poses = simulation.advance(seconds, controls)
+        self.live.publish(poses)
         if simulation.problem:
             self.drives.forget()
             self.messages.error(simulation.problem)

@@ -1,0 +1,646 @@
+"""SPORT viewer in Blender: import takes, and follow the running viewer live. One file, for Blender 4.2 to 5.
+
+Install: Edit > Preferences > Add-ons > Install from Disk. Then File > Import > SPORT take, and the tab SPORT in the
+sidebar of the 3D view. Without Blender, `python sport_viewer.py [HOST:PORT] [SECONDS]` counts the poses that arrive.
+The message of the live link is described in docs/guide/blender.md.
+"""
+
+import contextlib
+import json
+import math
+import re
+import socket
+import struct
+import sys
+import time
+from pathlib import Path
+from typing import ClassVar, NamedTuple
+
+try:
+    import bpy
+    from bpy_extras.io_utils import ImportHelper
+    from mathutils import Quaternion, Vector
+except ModuleNotFoundError:  # a receiver without Blender
+    bpy = None
+
+bl_info = {
+    "name": "SPORT viewer",
+    "author": "SPORT viewer contributors",
+    "version": (1, 0, 0),
+    "blender": (4, 2, 0),
+    "location": "File > Import > SPORT take; 3D view > Sidebar > SPORT",
+    "description": "Imports takes with prompts and ground, and follows the running viewer live",
+    "category": "Animation",
+}
+
+# --- the message: little-endian, see docs/guide/blender.md
+
+VERSION = 1
+SKELETON, POSE = 1, 2
+DEFAULT_ADDRESS = ("127.0.0.1", 9763)
+HEADER = struct.Struct("<4sBBHII")  # magic, version, kind, joints, sequence, skeleton
+ROOT = struct.Struct("<d3f")  # seconds, position of the uppermost joint
+JOINT = struct.Struct("<h3fB")  # parent, offset, bytes of the name
+MAX_JOINTS = 1024
+
+
+class MessageError(Exception):
+    """A datagram that is no message of this version; it is left out."""
+
+
+class LiveSkeleton(NamedTuple):
+    """Names, parents (-1 at the root) and offsets from the parent in metres, Y up, all rest rotations the identity."""
+
+    number: int
+    names: tuple
+    parents: tuple
+    offsets: tuple
+
+
+class LivePose(NamedTuple):
+    """A pose: position of the uppermost joint in metres, and a quaternion w, x, y, z to the parent for each joint."""
+
+    sequence: int
+    skeleton: int
+    seconds: float
+    position: tuple
+    rotations: tuple
+
+
+def decode(data):
+    """A `LiveSkeleton` or `LivePose` from a datagram; MessageError says what is wrong with it."""
+    if len(data) < HEADER.size or data[:4] != b"SPRT":
+        raise MessageError("not a message of the SPORT viewer")
+    _, version, kind, joints, sequence, skeleton = HEADER.unpack_from(data)
+    if version != VERSION:
+        raise MessageError(f"message version {version}; this add-on reads version {VERSION}")
+    if kind not in (SKELETON, POSE) or not 1 <= joints <= MAX_JOINTS:
+        raise MessageError("unknown kind of message")
+    try:
+        if kind == POSE:
+            return _decode_pose(data, joints, sequence, skeleton)
+        return _decode_skeleton(data, joints, skeleton)
+    except (struct.error, UnicodeDecodeError) as error:
+        raise MessageError(f"damaged message ({error})") from error
+
+
+def _decode_pose(data, joints, sequence, skeleton):
+    if len(data) != HEADER.size + ROOT.size + 16 * joints:
+        raise MessageError("damaged message (length)")
+    seconds, *position = ROOT.unpack_from(data, HEADER.size)
+    flat = struct.unpack_from(f"<{4 * joints}f", data, HEADER.size + ROOT.size)
+    if not all(map(math.isfinite, (seconds, *position, *flat))):
+        raise MessageError("damaged message (values that are not numbers)")
+    return LivePose(sequence, skeleton, seconds, tuple(position), tuple(zip(*[iter(flat)] * 4, strict=True)))
+
+
+def _decode_skeleton(data, joints, number):
+    names, parents, offsets, at = [], [], [], HEADER.size
+    for joint in range(joints):
+        parent, x, y, z, length = JOINT.unpack_from(data, at)
+        at += JOINT.size
+        name = data[at : at + length].decode("utf-8")
+        at += length
+        if not -1 <= parent < joint or not name or not all(map(math.isfinite, (x, y, z))):
+            raise MessageError("damaged message (joint)")
+        names.append(name)
+        parents.append(parent)
+        offsets.append((x, y, z))
+    if at != len(data):
+        raise MessageError("damaged message (length)")
+    return LiveSkeleton(number, tuple(names), tuple(parents), tuple(offsets))
+
+
+class Receiver:
+    """A UDP socket that never waits: `drain` returns the poses that came since the last call, oldest first.
+
+    `skeleton` is the one announced last, `received` and `lost` count poses, `problem` is the last thing refused.
+    """
+
+    def __init__(self, host=DEFAULT_ADDRESS[0], port=DEFAULT_ADDRESS[1]):
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        self.socket = socket.socket(family, socket.SOCK_DGRAM)
+        try:
+            self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
+            self.socket.bind((host, port))
+            self.socket.setblocking(False)
+        except OSError:
+            self.socket.close()
+            raise
+        self.address = self.socket.getsockname()[:2]
+        self.skeleton, self.problem = None, ""
+        self.received = self.lost = self.refused = 0
+        self._sender, self._next = None, None
+
+    def drain(self):
+        """Poses of the announced skeleton, oldest first; those that came before it are counted, not returned."""
+        poses = []
+        while True:
+            try:
+                data, sender = self.socket.recvfrom(65535)
+            except (BlockingIOError, InterruptedError):
+                return poses
+            except ConnectionResetError:  # Windows: nobody listens where this socket sent to
+                continue
+            try:
+                message = decode(data)
+            except MessageError as error:
+                self.refused, self.problem = self.refused + 1, str(error)
+                continue
+            if isinstance(message, LiveSkeleton):
+                self.skeleton = message
+            elif self._count(message, sender) and self._fits(message):
+                poses.append(message)
+
+    def _count(self, pose, sender):
+        """Count gaps in the sequence; False for a pose that is older than the last one."""
+        ahead = 0 if self._next is None else (pose.sequence - self._next) % (1 << 32)
+        if sender != self._sender:  # another viewer, or the same one switched on again
+            self._sender, ahead = sender, 0
+        elif ahead >= 1 << 31:  # it was overtaken, and counted as lost
+            self.received, self.lost = self.received + 1, max(self.lost - 1, 0)
+            return False
+        self.received, self.lost = self.received + 1, self.lost + ahead
+        self._next = (pose.sequence + 1) % (1 << 32)
+        return True
+
+    def _fits(self, pose):
+        skeleton = self.skeleton
+        return (
+            skeleton is not None
+            and skeleton.number == pose.skeleton
+            and len(skeleton.names) == len(pose.rotations)
+        )
+
+    @property
+    def lost_share(self):
+        """Lost poses in those sent, 0 to 1."""
+        return self.lost / max(self.received + self.lost, 1)
+
+    def close(self):
+        """Give the port back."""
+        self.socket.close()
+
+
+def parse_address(text):
+    """Host and port of "127.0.0.1:9763", "[::1]:9763", "9763" or ""; ValueError."""
+    host, colon, port = text.rpartition(":")
+    if not colon and not text.isdigit():
+        host, port = text, str(DEFAULT_ADDRESS[1])
+    number = int(port or DEFAULT_ADDRESS[1])
+    if not 0 <= number < 65536:
+        raise ValueError(f"port {number}")
+    return host.strip("[]") or DEFAULT_ADDRESS[0], number
+
+
+# --- what stands in files
+
+
+class TakeFacts(NamedTuple):
+    """What a take's files tell: rate, frames, markers `(name, frame)`, metres per unit, ground, whether it moves."""
+
+    fps: float
+    frames: int
+    markers: tuple
+    scale: float
+    terrain: str
+    placed: bool
+
+
+def read_take(path):
+    """The facts of a BVH with its JSON, or of a GLB with its `extras`; ValueError says what is missing."""
+    path = Path(path)
+    return _read_glb(path) if path.suffix.lower() == ".glb" else _read_bvh(path)
+
+
+def _read_bvh(path):
+    with path.open(encoding="utf-8", errors="replace") as file:
+        text = file.read()
+    frames, step = re.search(r"Frames:\s*(\d+)", text), re.search(r"Frame Time:\s*([\d.eE+-]+)", text)
+    if not text.lstrip().startswith("HIERARCHY") or not frames or not step or not float(step[1]) > 0.0:
+        raise ValueError(f"{path.name}: not a BVH")
+    fps = round(1.0 / float(step[1]), 3)
+    offsets = re.findall(r"OFFSET\s+(\S+)\s+(\S+)\s+(\S+)", text)
+    longest = max((math.dist((0, 0, 0), map(float, offset)) for offset in offsets[1:]), default=0.0)
+    told = {}
+    with contextlib.suppress(OSError, ValueError):  # a BVH of another program has no JSON beside it
+        told = json.loads(path.with_name(path.name + ".json").read_text(encoding="utf-8"))
+    told = told if isinstance(told, dict) and told.get("format") == "sport-take" else {}
+    marks = [(_title(e), max(float(e.get("seconds", 0.0)), 0.0)) for e in told.get("prompts", [])]
+    marks += [(str(name), float(seconds)) for seconds, name in told.get("gaits", [])]
+    found = tuple(sorted(((name, round(s * fps)) for name, s in marks), key=lambda mark: mark[1]))
+    scale = 0.01 if longest > 3.0 else 1.0  # no bone is three metres long
+    placed = told.get("placed", True) is not None
+    return TakeFacts(fps, int(frames[1]), found, scale, str(told.get("terrain", "")), placed)
+
+
+def _title(event):
+    """The words of a prompt; what was typed where parts were edited."""
+    text = str(event.get("prompt", ""))
+    with contextlib.suppress(ValueError):
+        value = json.loads(text)
+        if isinstance(value, dict):
+            pair = [value.get(side) for side in "ab"]
+            text = " + ".join(w if isinstance(w, str) else "own words" for w in pair if w) or "own words"
+    return f"{event['typed']} (edited)" if event.get("typed") else text
+
+
+def glb_json(path):
+    """The JSON chunk of a GLB; ValueError."""
+    with open(path, "rb") as file:
+        magic, _, _, length, kind = struct.unpack("<4sIIII", file.read(20).ljust(20, b"\0"))
+        if magic != b"glTF" or kind != 0x4E4F534A:
+            raise ValueError(f"{Path(path).name}: not a GLB")
+        return json.loads(file.read(length))
+
+
+def _read_glb(path):
+    document = glb_json(path)
+    told = [a.get("extras", {}).get("sport") for a in document.get("animations", [])]
+    told = next((value for value in told if value), None)
+    if told is None:
+        raise ValueError(f"{path.name}: no take of the SPORT viewer; use File > Import > glTF 2.0")
+    marks = tuple((m["name"], int(m["frame"])) for m in told["markers"])
+    return TakeFacts(float(told["fps"]), int(told["frames"]), marks, 1.0, told.get("ground", ""), True)
+
+
+def find_ground(path, terrain=""):
+    """The OBJ or GLB of the ground beside a take: NAME-ground, NAME_ground, ground, or the ground's own name."""
+    path = Path(path)
+    stems = [f"{path.stem}-ground", f"{path.stem}_ground", "ground", Path(terrain).stem]
+    for stem in filter(None, stems):
+        for suffix in (".obj", ".glb"):
+            found = path.with_name(stem + suffix)
+            if found != path and found.is_file():
+                return found
+    return None
+
+
+# --- Blender: the take
+
+
+def to_blender(vector):
+    """A point of the viewer (Y up, +Z forward) in Blender's axes (Z up, -Y forward)."""
+    x, y, z = vector
+    return Vector((x, -z, y))
+
+
+def import_take(context, path, ground="", first_frame=1):
+    """Import a take with its markers and ground, and set the scene's rate and range; the armature. ValueError."""
+    path, facts, scene = Path(path), read_take(path), context.scene
+    scene.render.fps = max(1, math.ceil(facts.fps - 1e-6))
+    scene.render.fps_base = scene.render.fps / facts.fps
+    before, actions = set(bpy.data.objects), set(bpy.data.actions)
+    if path.suffix.lower() == ".glb":
+        bpy.ops.import_scene.gltf(filepath=str(path), bone_heuristic="BLENDER", disable_bone_shape=True)
+        for action in set(bpy.data.actions) - actions:
+            _shift(action, first_frame)
+    else:
+        bpy.ops.import_anim.bvh(
+            filepath=str(path), global_scale=facts.scale, frame_start=first_frame, use_fps_scale=False,
+            rotate_mode="QUATERNION", axis_forward="-Z", axis_up="Y",
+        )  # fmt: skip
+    made = set(bpy.data.objects) - before
+    armature = next((thing for thing in made if thing.type == "ARMATURE"), None)
+    if armature is None:
+        raise ValueError(f"{path.name}: no skeleton in it")
+    scene.frame_start, scene.frame_end = first_frame, first_frame + facts.frames - 1
+    known = {(mark.name, mark.frame) for mark in scene.timeline_markers}
+    for name, frame in facts.markers:
+        if (name[:63], frame + first_frame) not in known:
+            scene.timeline_markers.new(name[:63], frame=frame + first_frame)
+    if not any(thing.name.startswith("Ground") for thing in made):
+        _import_ground(path, facts, ground)
+    context.view_layer.objects.active = armature
+    scene.frame_set(first_frame)
+    return armature
+
+
+def _import_ground(path, facts, chosen):
+    """The ground that was chosen or lies beside the take; a take in place goes over none."""
+    found = Path(chosen) if chosen else (find_ground(path, facts.terrain) if facts.placed else None)
+    if found is None:
+        return
+    if not found.is_file():
+        raise ValueError(f"{found}: no such file")
+    before, scale = set(bpy.data.objects), facts.scale
+    if found.suffix.lower() == ".obj":
+        with found.open(encoding="utf-8", errors="replace") as file:
+            unit = re.search(r", (cm|m), Y up", file.readline())  # our own files say it
+        scale = {"cm": 0.01, "m": 1.0}[unit[1]] if unit else scale
+        bpy.ops.wm.obj_import(filepath=str(found), global_scale=scale, forward_axis="NEGATIVE_Z", up_axis="Y")
+    else:
+        bpy.ops.import_scene.gltf(filepath=str(found))
+        for thing in set(bpy.data.objects) - before:
+            if thing.parent is None:
+                thing.scale, thing.location = thing.scale * scale, thing.location * scale
+
+
+def _curves(action):
+    """F-curves of an action, before and after actions got slots."""
+    if hasattr(action, "fcurves"):
+        return list(action.fcurves)
+    return [c for layer in action.layers for s in layer.strips for bag in s.channelbags for c in bag.fcurves]
+
+
+def _shift(action, first_frame):
+    """Move all keys so that the first one lies on `first_frame`."""
+    by = first_frame - action.frame_range[0]
+    for curve in _curves(action):
+        for name in ("co", "handle_left", "handle_right"):
+            values = [0.0] * (2 * len(curve.keyframe_points))
+            curve.keyframe_points.foreach_get(name, values)
+            values[::2] = [value + by for value in values[::2]]
+            curve.keyframe_points.foreach_set(name, values)
+        curve.update()
+
+
+# --- Blender: the live link
+
+
+def build_armature(context, skeleton, name="SPORT live"):
+    """An armature with the announced joints in their rest pose."""
+    data = bpy.data.armatures.new(name)
+    thing = bpy.data.objects.new(name, data)
+    context.scene.collection.objects.link(thing)
+    context.view_layer.objects.active = thing
+    bpy.ops.object.mode_set(mode="EDIT")
+    heads, bones = [], []
+    for joint, parent in enumerate(skeleton.parents):
+        offset = to_blender(skeleton.offsets[joint])
+        heads.append(heads[parent] + offset if parent >= 0 else Vector((0.0, 0.0, 0.0)))
+        bone = data.edit_bones.new(skeleton.names[joint])
+        bone.head, bone.parent = heads[joint], bones[parent] if parent >= 0 else None
+        bones.append(bone)
+    for joint, bone in enumerate(bones):  # towards the child; Blender removes bones without a length
+        ends = [
+            heads[c]
+            for c, p in enumerate(skeleton.parents)
+            if p == joint and (heads[c] - heads[joint]).length > 0.01
+        ]
+        bone.tail = ends[0] if ends else heads[joint] + Vector((0.0, 0.0, 0.05))
+    bpy.ops.object.mode_set(mode="OBJECT")
+    return thing
+
+
+class LiveLink:
+    """Puts what a `Receiver` gets on an armature, and keeps it while recording."""
+
+    def __init__(self, context, host, port, armature=None):
+        self.receiver = Receiver(host, port)
+        self.name = armature.name if armature else ""
+        self.recording, self.recorded = False, []
+        self._bones, self._number = [], None
+        self._context = context
+
+    def step(self):
+        """Take what has arrived, show the newest pose; how many poses came."""
+        poses = self.receiver.drain()
+        if poses:
+            if self.recording:
+                self.recorded += poses
+            self._bind(self.receiver.skeleton)
+            for bone, rotation, location in self._channels(poses[-1]):
+                bone.rotation_quaternion = rotation
+                if location is not None:
+                    bone.location = location
+        return len(poses)
+
+    @property
+    def armature(self):
+        """The armature that moves, None before the first pose or after it was deleted."""
+        return bpy.data.objects.get(self.name)
+
+    def _bind(self, skeleton):
+        """Find the bones by their names; a new armature where there is none yet."""
+        if self.armature is not None and self._number == skeleton.number:
+            return
+        if self.armature is None:
+            self.name = build_armature(self._context, skeleton).name
+        bones, self._bones = self.armature.pose.bones, []
+        for joint, name in enumerate(skeleton.names):
+            bone = bones.get(name)
+            if bone is not None:
+                bone.rotation_mode = "QUATERNION"
+                rest = bone.bone.matrix_local
+                head = rest.to_translation() if skeleton.parents[joint] < 0 else None
+                self._bones.append((joint, bone, rest.to_quaternion(), head))
+        if not self._bones:
+            self._number = None
+            raise ValueError(f"{self.name}: none of its bones is called as a joint of the viewer")
+        self._number = skeleton.number
+
+    def _channels(self, pose):
+        """Pose bones with rotation, and location at the root: bones have other axes at rest than the viewer's joints."""
+        for joint, bone, rest, head in self._bones:
+            w, x, y, z = pose.rotations[joint]
+            turn = rest.inverted() @ Quaternion((w, x, -z, y)) @ rest
+            place = None if head is None else rest.inverted() @ (to_blender(pose.position) - head)
+            yield bone, turn, place
+
+    def keep(self, first_frame=1):
+        """Write what was recorded as an action of the armature at the scene's rate; the number of keys in a curve."""
+        poses, self.recorded, thing = self.recorded, [], self.armature
+        if not poses or thing is None:
+            return 0
+        render = self._context.scene.render
+        fps = render.fps / render.fps_base
+        by_frame = {first_frame + round((pose.seconds - poses[0].seconds) * fps): pose for pose in poses}
+        keys = {}
+        for frame, pose in sorted(by_frame.items()):
+            for bone, turn, place in self._channels(pose):
+                paths = [("rotation_quaternion", turn)] + ([("location", place)] if place is not None else [])
+                for path, values in paths:
+                    for index, value in enumerate(values):
+                        keys.setdefault((bone.name, path, index), []).extend((float(frame), value))
+        action = bpy.data.actions.new(f"{thing.name} take")
+        (thing.animation_data or thing.animation_data_create()).action = action
+        for (name, path, index), values in keys.items():
+            curve = _new_curve(action, thing, f'pose.bones["{name}"].{path}', index)
+            curve.keyframe_points.add(len(values) // 2)
+            curve.keyframe_points.foreach_set("co", values)
+            curve.update()
+        return len(by_frame)
+
+    def close(self):
+        """Stop listening."""
+        self.receiver.close()
+
+
+def _new_curve(action, thing, path, index):
+    if hasattr(action, "fcurves") and not hasattr(action, "fcurve_ensure_for_datablock"):
+        return action.fcurves.new(path, index=index)
+    return action.fcurve_ensure_for_datablock(thing, path, index=index)
+
+
+# --- Blender: menus and panel
+
+running = {}  # "link": the live link that is on
+
+
+def _timer():
+    """Called by Blender 60 times a second while the link is on."""
+    link = running.get("link")
+    if link is None:
+        return None
+    try:
+        if link.step():
+            _redraw()
+    except ValueError as error:
+        link.receiver.problem = str(error)
+    return 1.0 / 60.0
+
+
+def _redraw():
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+def _stop():
+    link = running.pop("link", None)
+    if link is not None:
+        link.close()
+
+
+if bpy is not None:
+
+    class ImportTake(bpy.types.Operator, ImportHelper):
+        """Import a take of the SPORT viewer (BVH, or GLB with its character) with prompts and ground"""
+
+        bl_idname = "import_anim.sport_take"
+        bl_label = "Import SPORT take"
+        bl_options: ClassVar = {"REGISTER", "UNDO"}
+        filename_ext = ".bvh"
+        filter_glob: bpy.props.StringProperty(default="*.bvh;*.glb", options={"HIDDEN"})
+        first_frame: bpy.props.IntProperty(name="First frame", default=1)
+        ground: bpy.props.StringProperty(
+            name="Ground", description="OBJ or GLB; empty: the one beside the take", subtype="FILE_PATH"
+        )
+
+        def execute(self, context):
+            try:
+                import_take(context, self.filepath, bpy.path.abspath(self.ground), self.first_frame)
+            except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
+                self.report({"ERROR"}, str(error))
+                return {"CANCELLED"}
+            return {"FINISHED"}
+
+    class SwitchLink(bpy.types.Operator):
+        """Follow the running viewer: start it with --live-link, or switch Live link on in its Scene panel"""
+
+        bl_idname = "sport.live_link"
+        bl_label = "Live link"
+
+        def execute(self, context):
+            if "link" in running:
+                _stop()
+                return {"FINISHED"}
+            scene = context.scene
+            try:
+                host, port = parse_address(scene.sport_address)
+                running["link"] = LiveLink(context, host, port, scene.sport_armature)
+            except (OSError, ValueError) as error:
+                self.report({"ERROR"}, f"{scene.sport_address}: {error}")
+                return {"CANCELLED"}
+            bpy.app.timers.register(_timer, persistent=True)
+            return {"FINISHED"}
+
+    class SwitchRecording(bpy.types.Operator):
+        """Record what the live link shows; the second press writes it as an action from frame 1 on"""
+
+        bl_idname = "sport.record"
+        bl_label = "Record"
+
+        def execute(self, context):
+            link = running.get("link")
+            if link is None:
+                return {"CANCELLED"}
+            if link.recording:
+                self.report({"INFO"}, f"{link.keep()} frames recorded")
+            link.recording = not link.recording
+            return {"FINISHED"}
+
+    class LivePanel(bpy.types.Panel):
+        """Address, armature, and what arrives"""
+
+        bl_idname = "VIEW3D_PT_sport"
+        bl_label = "SPORT viewer"
+        bl_space_type = "VIEW_3D"
+        bl_region_type = "UI"
+        bl_category = "SPORT"
+
+        def draw(self, context):
+            layout, scene, link = self.layout, context.scene, running.get("link")
+            column = layout.column()
+            column.enabled = link is None
+            column.prop(scene, "sport_address")
+            column.prop(scene, "sport_armature")
+            layout.operator("sport.live_link", text="Stop" if link else "Start", depress=link is not None)
+            if link is None:
+                return
+            layout.operator("sport.record", text="Stop recording" if link.recording else "Record")
+            receiver = link.receiver
+            layout.label(text=f"{receiver.received} poses, {100 * receiver.lost_share:.1f} % lost")
+            if receiver.problem:
+                layout.label(text=receiver.problem, icon="ERROR")
+
+    CLASSES = (ImportTake, SwitchLink, SwitchRecording, LivePanel)
+
+
+def _menu(menu, _context):
+    menu.layout.operator("import_anim.sport_take", text="SPORT take (.bvh, .glb)")
+
+
+def register():
+    """Called by Blender when the add-on is switched on."""
+    for each in CLASSES:
+        bpy.utils.register_class(each)
+    scene, props = bpy.types.Scene, bpy.props
+    scene.sport_address = props.StringProperty(
+        name="Listen at",
+        description="Address and port; 127.0.0.1 hears this computer only",
+        default=f"{DEFAULT_ADDRESS[0]}:{DEFAULT_ADDRESS[1]}",
+    )
+    scene.sport_armature = props.PointerProperty(
+        name="Armature",
+        description="With the viewer's joint names; empty: a new one",
+        type=bpy.types.Object,
+        poll=lambda _, thing: thing.type == "ARMATURE",
+    )
+    bpy.types.TOPBAR_MT_file_import.append(_menu)
+
+
+def unregister():
+    """Called by Blender when the add-on is switched off."""
+    _stop()
+    bpy.types.TOPBAR_MT_file_import.remove(_menu)
+    del bpy.types.Scene.sport_address, bpy.types.Scene.sport_armature
+    for each in reversed(CLASSES):
+        bpy.utils.unregister_class(each)
+
+
+def main(arguments):
+    """Listen without Blender and print what came."""
+    host, port = parse_address(arguments[0] if arguments else "")
+    seconds = float(arguments[1]) if len(arguments) > 1 else math.inf
+    receiver, end = Receiver(host, port), time.monotonic() + seconds
+    try:
+        while time.monotonic() < end:
+            time.sleep(min(1.0, seconds))
+            poses = receiver.drain()
+            at = " ".join(f"{v:.2f}" for v in poses[-1].position) if poses else "nothing"
+            print(f"{receiver.received} poses, {receiver.lost} lost; {at}", flush=True)
+    except KeyboardInterrupt:
+        return 130
+    finally:
+        receiver.close()
+    return 0
+
+
+if __name__ == "__main__":
+    if bpy is not None:  # run as a script inside Blender
+        register()
+    else:
+        sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,1 @@
+"""The live link: poses go to other programs as UDP messages."""

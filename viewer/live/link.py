@@ -1,0 +1,106 @@
+"""Sends the poses that are shown to another program, without waiting for it."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from sport.runtime.errors import SportError, UsageError
+from sport.runtime.pose import Pose
+from sport.runtime.skeleton import SPORT_SKELETON
+from sport.viewer.live import message
+from sport.viewer.live.address import Address, parse_address
+from sport.viewer.messages import Messages
+
+ANNOUNCE_S = 1.0  # a receiver that comes later knows the skeleton after so long
+STEP_S = 1.0 / 60.0  # between poses of one frame
+
+
+@dataclass
+class LiveLink:
+    """Off until `start`. `sent` and `dropped` count poses: one that the system does not take at once is dropped."""
+
+    messages: Messages
+    clock: Callable[[], float] = time.perf_counter
+    address: Address = field(default_factory=Address)
+    sent: int = 0
+    dropped: int = 0
+    _socket: socket.socket | None = None
+    _joints: bytes = b""
+    _begun_s: float = 0.0
+    _announced_s: float = 0.0
+
+    @property
+    def on(self) -> bool:
+        """Whether poses are sent."""
+        return self._socket is not None
+
+    def begin(self, asked: str | None) -> None:
+        """Start at an address as it was typed; None leaves the link off. UsageError."""
+        if asked is not None:
+            self.start(parse_address(asked))
+
+    def start(self, address: Address | None = None) -> None:
+        """Send from now on; UsageError when there is no way to that address."""
+        self.stop()
+        self.address = address or self.address
+        family = socket.AF_INET6 if ":" in self.address.host else socket.AF_INET
+        try:
+            self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        except OSError as error:
+            raise UsageError(f"Live link: {error.strerror or error}.", "Use 127.0.0.1.") from error
+        self._socket.setblocking(False)  # a full buffer must not hold up a frame
+        self._joints = message.skeleton_joints(SPORT_SKELETON)
+        self.sent = self.dropped = 0
+        self._begun_s, self._announced_s = self.clock(), -ANNOUNCE_S
+        if self.address.loopback:
+            self.messages.note(f"Live link: poses go to {self.address}.")
+        else:
+            self.messages.warn(f"Live link: poses leave this computer, to {self.address}.")
+
+    def stop(self) -> None:
+        """Send no more."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+    def switch(self) -> None:
+        """On or off."""
+        if not self.on:
+            try:
+                self.start()
+            except SportError as error:
+                self.messages.error(error)
+            return
+        self.stop()
+        self.messages.note(f"Live link is off; {self.sent} poses were sent.")
+
+    def publish(self, poses: Sequence[Pose]) -> None:
+        """Send the poses of one frame, oldest first; nothing while the link is off."""
+        if self._socket is None:
+            return
+        now, number = self.clock() - self._begun_s, message.skeleton_number(self._joints)
+        if now - self._announced_s >= ANNOUNCE_S:
+            count = len(SPORT_SKELETON)
+            if self._send(message.skeleton_message(self._joints, count, self.sent + self.dropped)):
+                self._announced_s = now
+        for i, pose in enumerate(poses):
+            at = max(now - STEP_S * (len(poses) - 1 - i), 0.0)
+            went = self._send(message.pose_message(pose, number, self.sent + self.dropped, at))
+            self.sent, self.dropped = self.sent + went, self.dropped + (not went)
+
+    def _send(self, data: bytes) -> bool:
+        """Whether the system took a message; another failure than a full buffer ends the link, and says so."""
+        if self._socket is None:
+            return False
+        try:
+            self._socket.sendto(data, (self.address.host, self.address.port))
+        except (BlockingIOError, ConnectionError):  # no room, or nobody listens there
+            return False
+        except OSError as error:
+            self.stop()
+            self.messages.error(f"Live link to {self.address} ended: {error.strerror or error}.")
+            return False
+        return True

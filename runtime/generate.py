@@ -28,6 +28,7 @@ from sport.runtime.terrain.height_map import Terrain
 if TYPE_CHECKING:
     from sport.runtime.controls import Controls
     from sport.runtime.motion.controller import Controller
+    from sport.runtime.motion.model import MotionModel
     from sport.runtime.motion.style_mix import StyleMix
 
 Array = NDArray[np.floating]
@@ -92,45 +93,36 @@ def generate_clip(
     *,
     speed: float = 1.0,
     transition_seconds: float = 1.0,
-    model: Path | None = None,
+    model: Path | MotionModel | None = None,
     name: str = "clip",
     expander: str = "library",
     report: Callable[[str], None] = lambda _: None,
     text_encoder: Path | None = None,
     strength: float = 1.0,
+    prompter: Prompter | None = None,
 ) -> Clip:
     """Generate a clip of `seconds` at 60 frames a second; equal arguments give equal bytes.
 
     It begins at rest at the origin, in its first style and in the gait.
 
     `prompt` is one prompt, six descriptions, a blend of two, or several prompts with times (also those of a take),
-    `terrain` a name, file or terrain, `path` and `gait` are those of `sport.runtime.motion.paths`. `model` is a model folder, by default the shipped one; `expander`, `report` and
-    `text_encoder` are those of `Prompter`, `strength` is that of `Controller`. SportError names what cannot be used.
+    `terrain` a name, file or terrain, `path` and `gait` are those of `sport.runtime.motion.paths`. `model` is a model folder, by default the shipped one, or a loaded model; `expander`, `report` and
+    `text_encoder` are those of `Prompter`, or `prompter` is one of that model; `strength` is that of `Controller`. SportError names what cannot be used.
     """
     from sport.runtime.motion.controller import Controller
-    from sport.runtime.motion.model import MAX_STRENGTH, MIN_STRENGTH, load_model
+    from sport.runtime.motion.model import load_model
     from sport.runtime.terrain.library import load_terrain
 
-    if not 1.0 / FPS <= seconds <= MAX_SECONDS:
-        raise UsageError(
-            f" {seconds:g}: expected {1.0 / FPS:.3f} (one frame) to {MAX_SECONDS:.0f}.", "Try 10.", "seconds"
-        )
-    if not 0.0 <= transition_seconds <= 60.0:
-        raise UsageError(f" {transition_seconds}: expected 0 to 60 seconds.", "Try 1.", "transition_seconds")
-    if not MIN_STRENGTH <= strength <= MAX_STRENGTH:
-        raise UsageError(
-            f" {strength}: expected {MIN_STRENGTH:g} to {MAX_STRENGTH:g}.",
-            "1 is as the model shows it.",
-            "strength",
-        )
-    if seed < 0:
-        raise UsageError(f"--seed {seed}: expected 0 or more.", "Choose another seed.")
+    _check(seconds, transition_seconds, strength, seed)
     script = control_script(path, gait, speed, seed)
     events, asked = _events(prompt)
     ground = terrain if isinstance(terrain, Terrain) else load_terrain(terrain)
-    motion_model = load_model(model)
+    motion_model = load_model(model) if model is None or isinstance(model, Path) else model
     meant: dict[str, PartDescriptions] = {}
-    prompter = Prompter(motion_model, expander, report, text_encoder, meant.__setitem__)
+    if prompter is None:
+        prompter = Prompter(motion_model, expander, report, text_encoder, meant.__setitem__)
+    else:
+        prompter = prompter.listening(report, meant.__setitem__)
     styles = [(event.seconds, prompter(words)) for event, words in zip(events, asked, strict=True)]
     controller = Controller(motion_model, ground, seed, strength=strength)
     controller.set_style(styles[0][1], 0.0)
@@ -159,6 +151,26 @@ def generate_clip(
         gaits=asked_for,
         gait_seconds=tuple(gait_seconds(asked_for, FPS).items()),
     )
+
+
+def _check(seconds: float, transition_seconds: float, strength: float, seed: int) -> None:
+    """UsageError names the number that cannot be used."""
+    from sport.runtime.motion.model import MAX_STRENGTH, MIN_STRENGTH
+
+    if not 1.0 / FPS <= seconds <= MAX_SECONDS:
+        raise UsageError(
+            f" {seconds:g}: expected {1.0 / FPS:.3f} (one frame) to {MAX_SECONDS:.0f}.", "Try 10.", "seconds"
+        )
+    if not 0.0 <= transition_seconds <= 60.0:
+        raise UsageError(f" {transition_seconds}: expected 0 to 60 seconds.", "Try 1.", "transition_seconds")
+    if not MIN_STRENGTH <= strength <= MAX_STRENGTH:
+        raise UsageError(
+            f" {strength}: expected {MIN_STRENGTH:g} to {MAX_STRENGTH:g}.",
+            "1 is as the model shows it.",
+            "strength",
+        )
+    if seed < 0:
+        raise UsageError(f"--seed {seed}: expected 0 or more.", "Choose another seed.")
 
 
 def _events(

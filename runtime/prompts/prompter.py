@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
@@ -47,6 +48,14 @@ class Prompter:
         self._expander = self._open(expander)
         self._report, self._expanded = report, expanded
         self._shares = shares_of(model.name)
+
+    def listening(
+        self, report: Callable[[str], None], expanded: Callable[[str, PartDescriptions], object]
+    ) -> Prompter:
+        """The same prompter, with what it has read, for another listener."""
+        other = copy.copy(self)
+        other._report, other._expanded = report, expanded
+        return other
 
     @cached_property
     def library(self) -> LibraryExpander:

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sport.commands.arguments import Subparsers, add_blend, blend_weights
 from sport.commands.export_arguments import OUT_HELP, add_export_arguments
 from sport.runtime.errors import UsageError
 
+if TYPE_CHECKING:
+    from sport.batch.plan import RowParser
+
 MAX_VARIANTS = 1000
+Tools = Callable[[argparse.Namespace], tuple[Any, Any]]
 
 
 def add(commands: Subparsers) -> None:
@@ -21,6 +26,23 @@ def add(commands: Subparsers) -> None:
         description="The same options and seed write the same file.",
     )
     generate.set_defaults(command=run)
+    _add_style(generate)
+    _add_course(generate)
+    _add_output(generate)
+    batch = generate.add_argument_group("many clips")
+    batch.add_argument(
+        "--batch",
+        type=Path,
+        metavar="LIST",
+        help="CSV or JSON lines, a clip a row with these arguments as columns; --out is then a folder",
+    )
+    batch.add_argument("--workers", type=int, metavar="N", help="processes (default: one for each core)")
+    batch.add_argument(
+        "--ray", metavar="ADDRESS", help="make the rows on a Ray cluster; local starts one of --workers here"
+    )
+
+
+def _add_style(generate: argparse.ArgumentParser) -> None:
     style = generate.add_mutually_exclusive_group()
     style.add_argument("--prompt", metavar="TEXT", help="how the character moves")
     style.add_argument("--prompts", metavar="LIST", help='prompts with times: "0:walk calmly; 4:drunk"')
@@ -33,8 +55,6 @@ def add(commands: Subparsers) -> None:
         help="what turns a prompt into body parts: the shipped library (default), or a language model: "
         "OPENAI_API_KEY, OPENAI_BASE_URL, SPORT_GPT_MODEL",
     )
-    _add_course(generate)
-    _add_output(generate)
 
 
 def _add_course(generate: argparse.ArgumentParser) -> None:
@@ -80,7 +100,31 @@ def _add_output(generate: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write the clip, or its variants, and say what was written."""
+    """Write the clip, or its variants, or the clips of a list, and say what was written."""
+    if options.batch is not None:
+        from sport.batch.run import run_batch
+
+        return run_batch(options, row_parser())
+    for name in ("ray", "workers"):
+        if getattr(options, name) is not None:
+            raise UsageError(": works with --batch only.", "Add --batch.", name)
+    write_clips(options)
+    return 0
+
+
+def row_parser() -> RowParser:
+    """What parses a row of a batch: the arguments of this command without those of the batch itself."""
+    from sport.batch.plan import RowParser
+
+    parser = RowParser(prog="row", add_help=False, allow_abbrev=False)
+    _add_style(parser)
+    _add_course(parser)
+    _add_output(parser)
+    return parser
+
+
+def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None:
+    """Write the clip or its variants; `tools` gives a loaded model and its prompter for these options. SportError."""
     from sport.commands.export import check_outputs, export_options, note, write_take
     from sport.runtime.generate import generate_clip
     from sport.runtime.takes.clip import check_bvh_length
@@ -95,6 +139,7 @@ def run(options: argparse.Namespace) -> int:
     terrain = load_terrain(options.terrain)
     if terrain.note:
         note(terrain.note)
+    model, prompter = (options.model, None) if tools is None else tools(options)
     for k, out in enumerate(outputs):
         clip = generate_clip(
             prompt,
@@ -106,14 +151,14 @@ def run(options: argparse.Namespace) -> int:
             speed=options.speed,
             transition_seconds=options.transition,
             strength=options.strength,
-            model=options.model,
+            model=model,
             name=out.stem,
             expander=options.expander,
             text_encoder=options.text_encoder,
             report=note,
+            prompter=prompter,
         )
         write_take(clip, out, export, options, terrain)
-    return 0
 
 
 def _outputs(options: argparse.Namespace) -> list[Path]:

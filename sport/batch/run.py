@@ -1,0 +1,103 @@
+"""A batch from its list to its manifest: what is there is kept, what is missing is made, what fails is listed."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import sys
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from sport.batch.manifest import Manifest, entry
+from sport.batch.plan import NOT_COLUMNS, RowParser, Task, plan
+from sport.batch.progress import Progress
+from sport.batch.rows import read_rows
+from sport.runtime.errors import FileError, UsageError
+from sport.runtime.file_lock import open_locked
+from sport.runtime.safe_read import printable
+
+SCRATCH, LOCK = ".sport-batch", ".sport-batch.lock"
+MAX_WORKERS = 1024
+
+
+def run_batch(options: argparse.Namespace, parser: RowParser) -> int:
+    """Make the clips of `options.batch` in the folder `options.out`; 0, or 1 when rows failed. SportError."""
+    folder: Path = options.out
+    if options.workers is not None and not 1 <= options.workers <= MAX_WORKERS:
+        raise UsageError(f" {options.workers}: expected 1 to {MAX_WORKERS}.", "Try 2.", "workers")
+    rows = read_rows(options.batch)
+    base = {name: value for name, value in vars(options).items() if name not in (*NOT_COLUMNS, "command")}
+    tasks, refused = plan(rows, parser, argparse.Namespace(**base))
+    with _held(folder):
+        shutil.rmtree(folder / SCRATCH, ignore_errors=True)  # of a run that was killed
+        manifest = Manifest(folder)
+        missing = [task for task in tasks if not manifest.done(task)]
+        progress = Progress(len(rows), len(tasks) - len(missing))
+        if progress.kept:
+            print(f"sport: {progress.kept} of {len(rows)} clips are there already", file=sys.stderr)
+        try:
+            for row in refused:
+                _note(entry(row.number, row.values, error=row.error), manifest, progress)
+            for line in _lines(missing, folder, options):
+                _note(line, manifest, progress)
+            manifest.finish(row.number for row in rows)
+        except KeyboardInterrupt:
+            print("\nsport: stopped; the same command goes on from here", file=sys.stderr)
+            raise
+        finally:
+            manifest.close()
+            shutil.rmtree(folder / SCRATCH, ignore_errors=True)
+        _report(manifest, [row.number for row in rows], progress)
+    return int(progress.failed > 0)
+
+
+def _lines(tasks: list[Task], folder: Path, options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    from sport.batch.local import cores, run_local
+
+    scratch = folder / SCRATCH / uuid.uuid4().hex[:12]
+    workers = options.workers or cores()
+    if not tasks:
+        return iter(())
+    if options.ray is not None:
+        from sport.batch.cluster import run_ray
+
+        return run_ray(tasks, folder, scratch, options.ray, workers)
+    return run_local(tasks, folder, scratch, min(workers, len(tasks)))
+
+
+def _note(line: dict[str, Any], manifest: Manifest, progress: Progress) -> None:
+    manifest.add(line)
+    progress.add(failed=bool(line["error"]))
+
+
+def _report(manifest: Manifest, numbers: list[int], progress: Progress) -> None:
+    for number in numbers:
+        line = manifest.lines[number]
+        if line["error"]:
+            print(f"sport: row {number}: {printable(line['error'])}", file=sys.stderr)
+    made = len(numbers) - progress.failed
+    failed = f", {progress.failed} failed" if progress.failed else ""
+    new = f", {progress.made} of them new, {progress.per_minute:.1f} a minute" if progress.made else ""
+    print(printable(f"{manifest.path}: {made} of {len(numbers)} clips{new}{failed}"))
+
+
+@contextmanager
+def _held(folder: Path) -> Iterator[None]:
+    """No other batch writes into the folder. FileError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        handle = open_locked(folder / LOCK, create=True)
+    except OSError as error:
+        raise FileError(
+            f"{folder}: {error.strerror or error}.", "Choose a folder that can be written."
+        ) from error
+    if handle is None:
+        raise FileError(f"{folder}: another batch writes into it.", "Wait for it, or choose another folder.")
+    try:
+        yield
+    finally:
+        os.close(handle)

@@ -13,6 +13,7 @@ from viewer_fakes import fake_services
 
 from sport.runtime.errors import DisplayError, UsageError
 from sport.viewer.app import App
+from sport.viewer.gl_bindings import imgui
 from sport.viewer.options import ViewOptions
 from sport.viewer.window import KEY_CODES
 
@@ -72,6 +73,20 @@ def test_the_status_line_tells_the_true_rates(start: Start, monkeypatch: pytest.
     assert app.state.shell.stats.steps_per_s == pytest.approx(
         app.state.shell.stats.fps
     )  # offscreen: one in each picture
+
+
+@pytest.mark.parametrize("panels", [True, False])
+def test_saved_frames_without_panels_have_no_status_line_either(
+    start: Start, panels: bool, tmp_path: Path
+) -> None:
+    app = start(panels=panels, screenshot=tmp_path / "shot.png")
+    names = []
+    begin = imgui.begin
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(imgui, "begin", lambda name, *rest: names.append(name) or begin(name, *rest))
+        run(app, 2)
+    assert bool(names) == panels
+    assert ("Status" in names) == panels
 
 
 def test_minimised_window_draws_nothing_and_comes_back(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -93,7 +93,7 @@ def check_help(
     with pytest.raises(SystemExit):
         main()
     shown = set(re.findall(r"--[\w-]+", capsys.readouterr().out))
-    assert set(options) <= shown | {"--text"}, f"{module}: {set(options) - shown}"
+    assert set(options) <= shown | own, f"{module}: {set(options) - shown}"
 
 
 def run_python(source: str, folder: Path) -> subprocess.CompletedProcess[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -39,3 +40,27 @@ def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[
     yield open_app
     for app in apps:
         app.close()
+
+
+@pytest.fixture(scope="session")
+def exported_tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of `tiny_model.tiny_trained()`; a test that changes it copies it.
+
+    It is exported once, also where several processes run the tests: the first does it, the others wait.
+    """
+    pytest.importorskip("onnxscript")
+    from tiny_model import tiny_trained
+
+    from sport.runtime.file_lock import open_locked
+    from sport.training.export.model import export_model
+
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "exported_tiny"
+    lock = open_locked(folder.with_suffix(".lock"), create=True, wait=True)
+    assert lock is not None
+    try:
+        if not (folder / "README.md").exists():  # written last
+            export_model(tiny_trained(), folder)
+    finally:
+        os.close(lock)
+    return folder

@@ -32,7 +32,7 @@ def test_a_run_that_goes_on_adds_its_steps_and_keeps_the_others(run) -> None:
 
 def test_a_checkpoint_carries_it_into_the_next_run(run, tmp_path) -> None:
     pytest.importorskip("torch")
-    from sport.training.checkpoint import pack, unpack
+    from sport.training.packed_run import pack, unpack
     from sport.training.session import save_checkpoint
 
     for name in ("phase_final.pt", "content_final.pt", "scales.pt", "stage3_final.pt"):

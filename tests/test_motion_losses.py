@@ -5,7 +5,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from test_training import _frames, clips  # noqa: E402, F401
+from test_training import clips, frames, small_table  # noqa: E402, F401
 
 from sport.runtime import rotations  # noqa: E402
 from sport.runtime.controls import Gait  # noqa: E402
@@ -21,7 +21,8 @@ from sport.training.networks.generator import Generator  # noqa: E402
 from sport.training.presets import preset  # noqa: E402
 from sport.training.rollouts import RolloutLanes  # noqa: E402
 from sport.training.session import Session  # noqa: E402
-from sport.training.stages.motion import MotionData, StyleTable, _decay, estimate_variance  # noqa: E402
+from sport.training.stages.motion import MotionData, _decay, estimate_variance  # noqa: E402
+from sport.training.styles import StyleTable  # noqa: E402
 
 
 def test_steps_that_are_the_velocity_are_no_unrest_and_trembling_is():
@@ -31,9 +32,8 @@ def test_steps_that_are_the_velocity_are_no_unrest_and_trembling_is():
     assert losses.unrest(velocity + 0.5, velocity, scale, torch.zeros(4, 6)) == 0.0
 
 
-def test_a_lane_that_predicts_the_truth_moves_by_its_velocity(clips, monkeypatch):  # noqa: F811
+def test_a_lane_that_predicts_the_truth_moves_by_its_velocity(frames, monkeypatch):  # noqa: F811
     monkeypatch.setattr("sport.training.rollouts.FOREIGN_POSE", 0.0)
-    frames = _frames(clips)
     rows = torch.tensor([100, 620])  # on a floor, and up a slope
     lanes = RolloutLanes(frames, 2, 1e9, iter([rows, rows, rows]))
     for k in range(3):
@@ -44,7 +44,7 @@ def test_a_lane_that_predicts_the_truth_moves_by_its_velocity(clips, monkeypatch
         lanes.advance(truth)
 
 
-def walk(speed: float, sideways: float = 0.0, frames: int = 240) -> tuple[np.ndarray, np.ndarray]:
+def walk(speed: float, sideways: float = 0.0, frames: int = 240) -> tuple[np.ndarray, np.ndarray]:  # noqa: F811
     """x and y of a clip that goes on at one velocity; only what the pace is read from is filled."""
     x, y = np.zeros((frames, MOTION_INPUT_SIZE), np.float16), np.zeros((frames, OUTPUT_SIZE), np.float16)
     x[:, INPUT["gait"]].reshape(frames, L, -1)[:, :, Gait.WALK] = 1.0
@@ -81,11 +81,10 @@ def test_a_style_is_as_fast_as_its_straight_forward_walk():
     assert captured_paces(clips_of, Gait.WALK) == {"angry": pytest.approx(1.375), "sad": pytest.approx(0.625)}
 
 
-def test_the_variance_of_a_denoiser_that_knows_nothing_is_kept_within_its_bounds(clips, tmp_path):  # noqa: F811
+def test_the_variance_of_a_denoiser_that_knows_nothing_is_kept_within_its_bounds(frames, tmp_path):  # noqa: F811
     config = preset("tiny")
     torch.manual_seed(0)
     module = Generator(config).eval()
-    frames = _frames(clips)
     normal = Normalisation(
         torch.zeros(INPUT_SIZE), torch.ones(INPUT_SIZE), torch.zeros(OUTPUT_SIZE), torch.ones(OUTPUT_SIZE)
     )

@@ -70,16 +70,6 @@ def test_modulator_is_the_recursive_mixture_of_adain_written_out():
     assert torch.allclose(modulator(w, z, alpha), expected, atol=1e-5)
 
 
-def test_folding_the_prompt_is_exact():
-    torch.manual_seed(2)
-    config = preset("tiny")
-    modulator = Generator(config).modulator
-    w, z = torch.randn(5, config.embedding), torch.randn(1, 384)
-    alpha = torch.softmax(torch.randn(5, 8), -1)
-    folded = modulator.forward_folded(w, alpha, modulator.fold(z))
-    assert torch.allclose(folded, modulator(w, z.expand(5, -1), alpha), atol=1e-5)
-
-
 def test_decoder_output_is_the_blend_of_its_codes():
     torch.manual_seed(3)
     decoder = MixtureDecoder(preset("tiny"))
@@ -167,19 +157,16 @@ def test_a_paper_content_encoder_reads_no_statistics():
     assert ContentEncoder(preset("paper")).statistics is None
 
 
-def test_exported_graphs_agree_with_torch(tmp_path):
-    pytest.importorskip("onnxscript")
+def test_exported_graphs_agree_with_torch(exported_tiny):
     from tiny_model import tiny_trained
 
     from sport.runtime.errors import ModelError
     from sport.runtime.motion.model import MotionModel, load_model
     from sport.runtime.motion.motion_encoder import MotionEncoder
-    from sport.training.export.model import export_model
 
     trained = tiny_trained()
     normal, steps = trained.normal, trained.steps
-    export_model(trained, tmp_path)
-    model = load_model(tmp_path)
+    model = load_model(exported_tiny)
     z, x = torch.randn(1, 384), torch.randn(2, 472)
     noise = torch.randn(2, 5, 8, 473)
     with torch.no_grad():
@@ -197,16 +184,16 @@ def test_exported_graphs_agree_with_torch(tmp_path):
     assert np.abs(strong.content_weight - drawn.content_weight).max() < 1e-5
     assert np.abs(strong.content_weight - style.content_weight).max() > 1e-4
     assert np.array_equal(strong.z, style.z)
-    metadata = json.loads((tmp_path / "metadata.json").read_text())
+    metadata = json.loads((exported_tiny / "metadata.json").read_text())
     for broken in ({}, {"neutral": [1.0], "default": 1.0}, {"neutral": [0.5] * 384, "default": 9.0}):
         with pytest.raises(ModelError, match="field 'strength'"):
-            MotionModel(tmp_path, metadata | {"strength": broken})
+            MotionModel(exported_tiny, metadata | {"strength": broken})
 
     joints, root = torch.randn(3, 40, 31, 9), torch.randn(3, 40, 3)
     scales = trained.sequence_scales
     with torch.no_grad():
         normalised = (joints - scales["joint_mean"]) / scales["joint_deviation"]
         code = trained.content.motion(normalised, root / scales["root_deviation"])
-    mean, log_variance = MotionEncoder(tmp_path).encode(joints.numpy(), root.numpy())
+    mean, log_variance = MotionEncoder(exported_tiny).encode(joints.numpy(), root.numpy())
     assert np.abs(mean - code.mean.numpy()).max() < 1e-4
     assert np.abs(log_variance - code.log_variance.numpy()).max() < 1e-4

@@ -1,5 +1,7 @@
 """Frames from clips, rollout lanes, and the whole pipeline on two small synthetic clips."""
 
+import shutil
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +24,7 @@ from sport.training.layering.longer_phrases import longer_sentences  # noqa: E40
 from sport.training.part_swaps import NOTHING  # noqa: E402
 from sport.training.pipeline import main  # noqa: E402
 from sport.training.rollouts import RolloutLanes  # noqa: E402
+from sport.training.stages import motion as stage_motion  # noqa: E402
 
 SPEED = 1.2  # m/s
 LENGTH = 260
@@ -50,15 +53,25 @@ def write_clip(path: Path, style: str, yaw: float, slope: float = 0.0, held_out:
     )  # fmt: skip
 
 
-@pytest.fixture
-def clips(tmp_path):
-    folder = tmp_path / "clips"
-    folder.mkdir()
+@pytest.fixture(scope="module")
+def clips(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("clips")
     write_clip(folder / "a.npz", "neutral", 0.0)
     write_clip(folder / "b.npz", "angry", 1.1)
     write_clip(folder / "c.npz", "neutral", 0.0, slope=0.2)
     write_clip(folder / "d.npz", "angry", 0.3, held_out=True)
     return folder
+
+
+@pytest.fixture(scope="module")
+def small_table(clips):
+    return load_frames(clips, workers=1)
+
+
+@pytest.fixture
+def frames(small_table) -> Frames:
+    phase = np.random.default_rng(0).normal(size=(len(small_table), 5, 2)).astype(np.float32)
+    return Frames.of(small_table, phase, torch.device("cpu"))
 
 
 @pytest.mark.parametrize("name", ["a", "b"])
@@ -91,23 +104,16 @@ def test_heights_are_relative_to_the_mean_ground_of_the_window(clips):
     assert np.diff(heights[:, 1]) == pytest.approx(np.full(11, 0.2 * run), abs=3e-3)
 
 
-def test_held_out_clips_are_never_drawn(clips):
-    table = load_frames(clips, workers=1)
+def test_held_out_clips_are_never_drawn(small_table):
+    table = small_table
     weights = sampling_weights(table)
     assert weights.sum() == pytest.approx(1.0)
     assert weights[table.held_out[table.clip]].sum() == 0
     assert weights[table.start[:-1]].sum() == 0
 
 
-def _frames(clips) -> Frames:
-    table = load_frames(clips, workers=1)
-    phase = np.random.default_rng(0).normal(size=(len(table), 5, 2)).astype(np.float32)
-    return Frames.of(table, phase, torch.device("cpu"))
-
-
-def test_a_lane_that_predicts_the_truth_sees_captured_frames(clips, monkeypatch):
+def test_a_lane_that_predicts_the_truth_sees_captured_frames(frames, monkeypatch):
     monkeypatch.setattr("sport.training.rollouts.FOREIGN_POSE", 0.0)
-    frames = _frames(clips)
     rows = torch.tensor([100, 400])
     lanes = RolloutLanes(frames, 2, 1e9, iter([rows, rows]))
     for k in range(5):
@@ -118,9 +124,8 @@ def test_a_lane_that_predicts_the_truth_sees_captured_frames(clips, monkeypatch)
         lanes.advance(frames.outputs(rows + k, lanes.patch))
 
 
-def test_lanes_can_begin_in_the_pose_of_another_clip(clips, monkeypatch):
+def test_lanes_can_begin_in_the_pose_of_another_clip(frames, monkeypatch):
     monkeypatch.setattr("sport.training.rollouts.FOREIGN_POSE", 1.0)
-    frames = _frames(clips)
     rows = torch.arange(100, 164)
     lanes = RolloutLanes(frames, 64, 1e9, iter([rows]))
     pose = INPUT["joint_positions"]
@@ -130,8 +135,7 @@ def test_lanes_can_begin_in_the_pose_of_another_clip(clips, monkeypatch):
     assert torch.allclose(begun.sum(0), own.sum(0), atol=0.1)  # the same poses in another order
 
 
-def test_lanes_swap_a_part_only_where_they_are_asked_to(clips):
-    frames = _frames(clips)
+def test_lanes_swap_a_part_only_where_they_are_asked_to(frames):
     torch.manual_seed(0)
     rows = torch.arange(100, 164)
     swapped = RolloutLanes(frames, 64, 1e9, iter([rows])).swaps
@@ -141,46 +145,49 @@ def test_lanes_swap_a_part_only_where_they_are_asked_to(clips):
     assert (left.part == NOTHING).all()
 
 
-def test_lanes_restart_at_the_end_of_their_clip(clips):
-    frames = _frames(clips)
+def test_lanes_restart_at_the_end_of_their_clip(frames):
     end = int(frames.last[0])
     lanes = RolloutLanes(frames, 1, 1e9, iter([torch.tensor([end - 1]), torch.tensor([50])]))
     lanes.advance(torch.zeros(1, 473))
     assert lanes.rows.tolist() == [50]
 
 
-def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(clips, tmp_path, monkeypatch):
+def arguments(clips: Path, out: Path) -> list[str]:
+    common = {"preset": "tiny", "clips": clips, "out": out, "batch": 16, "device": "cpu"}
+    return [text for key, value in common.items() for text in (f"--{key}", str(value))]
+
+
+@pytest.fixture
+def short_work(monkeypatch):
+    """What takes long without being another case: all longer sentences, variances of many batches, six courses."""
     few = [s for part in PART_NAMES for s in longer_sentences() if s.part == part][::60]
-    monkeypatch.setattr(
-        "sport.training.stages.words.longer_sentences", lambda: few
-    )  # embedding them all takes long
+    monkeypatch.setattr("sport.training.stages.words.longer_sentences", lambda: few)
+    for name in ("estimate_variance", "measure_codes"):
+        monkeypatch.setattr(stage_motion, name, partial(getattr(stage_motion, name), batches=1))
+    courses = (("a proud queen", "random", "jog", "flat"),)
+    monkeypatch.setattr("sport.training.export.quantize.COURSES", courses)
+
+
+def copied_from(folder: Path):
+    """In place of `export_graph` for the graphs that both decoders share: every export takes seconds."""
+
+    def copy(module, example, inputs, outputs, shapes, path: Path) -> float:
+        shutil.copy(folder / path.name, path)
+        return 0.0
+
+    return copy
+
+
+def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(
+    clips, tmp_path, short_work, monkeypatch
+):
+    clips = shutil.copytree(clips, tmp_path / "clips")
     out = tmp_path / "run"
-    steps = [
-        "--phase-steps",
-        "2",
-        "--content-steps",
-        "2",
-        "--words-steps",
-        "2",
-        "--stage2-steps",
-        "3",
-        "--stage3-steps",
-        "3",
-    ]
-    steps += ["--layers", "0"]
-    common = [
-        "--preset",
-        "tiny",
-        "--clips",
-        str(clips),
-        "--out",
-        str(out),
-        "--batch",
-        "32",
-        "--device",
-        "cpu",
-    ]
-    assert main(["all", *common, *steps]) == 0
+    common = arguments(clips, out)
+    steps = {"phase": 2, "content": 2, "words": 2, "stage2": 3, "stage3": 3}
+    counts = [f"--{stage}-steps={count}" for stage, count in steps.items()]
+    assert main(["all", *common, *counts, "--layers", "0"]) == 0
+    monkeypatch.setattr("sport.training.export.model.export_graph", copied_from(out / "model"))
     assert main(["export", *common, "--decoder", "mixture"]) == 0  # stage 2 alone: w/o-Diffusion
     assert load_model(out / "model-mixture").metadata["decoder"] == "mixture"
     model = load_model(out / "model")
@@ -197,18 +204,7 @@ def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(clips, 
 
 def test_a_stage_resumes_where_it_stopped(clips, tmp_path, caplog):
     out = tmp_path / "run"
-    common = [
-        "--preset",
-        "tiny",
-        "--clips",
-        str(clips),
-        "--out",
-        str(out),
-        "--batch",
-        "32",
-        "--device",
-        "cpu",
-    ]
+    common = arguments(clips, out)
     main(["phase", *common, "--phase-steps", "2"])
     (out / "phase.npy").unlink()
     (out / "phase_final.pt").unlink()

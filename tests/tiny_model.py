@@ -17,21 +17,23 @@ def tiny_trained(seed: int = 7) -> Trained:
     config = preset("tiny")
     schedule = Schedule.linear()
     return Trained(
-        config,
-        ContentEncoder(config).eval(),
-        Generator(config).eval(),
-        Normalisation(torch.randn(472), torch.rand(472) + 0.5, torch.randn(473), torch.rand(473) + 0.5),
-        torch.zeros(384),
-        torch.ones(384),
-        torch.zeros(385, 2),
-        reverse_steps(schedule, schedule.subsequence(5), np.full(5, 0.01)),
-        np.zeros(5),
-        {"output": [0.0] * 473, "phase": [0.0] * 130},
-        [],
-        {"clips": 1, "frames": 60, "styles": ["none"], "licence": "none", "seed": 0, "steps": {}},
-        {},
-        np.full((6, 64), 0.5, np.float32),
-        {
+        config=config,
+        content=ContentEncoder(config).eval(),
+        generator=Generator(config).eval(),
+        normal=Normalisation(
+            torch.randn(472), torch.rand(472) + 0.5, torch.randn(473), torch.rand(473) + 0.5
+        ),
+        style_centre=torch.zeros(384),
+        style_deviation=torch.ones(384),
+        speeds=torch.zeros(385, 2),
+        steps=reverse_steps(schedule, schedule.subsequence(5), np.full(5, 0.01)),
+        sigma_bar_squared=np.zeros(5),
+        start={"output": [0.0] * 473, "phase": [0.0] * 130},
+        credits=[],
+        notes={"clips": 1, "frames": 60, "styles": ["none"], "licence": "none", "seed": 0, "steps": {}},
+        curves={},
+        neutral=np.full((6, 64), 0.5, np.float32),
+        sequence_scales={
             "joint_mean": torch.randn(31, 9),
             "joint_deviation": torch.rand(31, 9) + 0.5,
             "root_deviation": torch.rand(3) + 0.5,

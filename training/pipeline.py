@@ -112,10 +112,8 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
     table = _load(clips, args.limit)
     weights = sampling_weights(table)
     log.info("%d clips, %d frames, %d styles", len(table.styles), len(table), len(set(table.styles)))
-    styles = args.styles or asset_path("prompts/styles.json")
-    words, side = config.direction_words, config.one_sided_words
-    texts = load_style_texts(table, styles, encoder, clips, words, side)
-
+    words = config.direction_words, config.one_sided_words
+    texts = load_style_texts(table, args.styles or asset_path("prompts/styles.json"), encoder, clips, *words)
     phase = _phase(args, session, config, table, weights, "phase" in wanted)
     if wanted == {"phase"}:
         return
@@ -127,8 +125,8 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
     frames = Frames.of(table, phase, session.device)
     scales = _scales(session, frames, weights, content, texts)
     normal = Normalisation(**{k: scales[k] for k in Normalisation.__dataclass_fields__})
-    centre, deviation = scales["style_centre"], scales["style_deviation"]
-    z = stage_content.style_table(content, texts, centre, deviation)
+    scale = scales["style_centre"], scales["style_deviation"]
+    z = stage_content.style_table(content, texts, *scale)
     data = stage_motion.MotionData(frames, normal, z, weights)
     if "stage2" in wanted:
         stage_motion.run_stage2(session, config, data, args.stage2, args.batch, args.max_minutes)
@@ -137,41 +135,56 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
         stage_motion.run_stage3(session, config, data, generator, args.stage3, args.batch, args.max_minutes)
         save_checkpoint(args.out / "stage3_final.pt", {"module": generator.state_dict()})
     if "export" in wanted:
-        mixture = args.decoder == "mixture"
-        weights_of = "stage2_final.pt" if mixture else "stage3_final.pt"
-        generator = _generator(args.out / weights_of, config).to(session.device)
-        sigma = np.zeros(config.inference_steps)
-        if not mixture:
-            sigma = stage_motion.estimate_variance(session, config, data, generator)
-        schedule = Schedule.linear(config.diffusion_steps)
-        steps = reverse_steps(schedule, schedule.subsequence(config.inference_steps), sigma)
-        speeds = style_speeds(table, z)
-        history = History.of_run(args.out)
-        trained = Trained(
-            config,
-            content,
-            generator,
-            data.normal,
-            centre,
-            deviation,
-            torch.as_tensor(speeds),
-            steps,
-            sigma,
-            start_state(table, phase),
-            [CREDITS[s] for s in sorted(set(table.sources))],
-            _notes(args, table, history),
-            history.losses,
-            neutral_style(table, z),
-            _sequence_scales(args.out / "content_final.pt", table) if content is not None else {},
-            args.decoder,
-        )
-        folder = args.out / ("model-mixture" if mixture else "model")
-        export_model(trained, folder)
-        # the runtime, which measures it, loads no other output; an ablation is not played with
-        if config.output_size == OUTPUT_SIZE and not args.ablation:
-            quantize_model(folder, text_encoder=args.text_encoder)
-        store_model_in_half(folder)
-        log.info("exported to %s", folder)
+        _export(args, session, config, data, content, table, phase, scale)
+
+
+def _export(
+    args: argparse.Namespace,
+    session: Session,
+    config: ModelConfig,
+    data: stage_motion.MotionData,
+    content: ContentEncoder | None,
+    table: FrameTable,
+    phase: np.ndarray,
+    scale: tuple[torch.Tensor, torch.Tensor],
+) -> None:
+    """Graphs, metadata and card of the run; `scale` are centre and deviation of Z^t."""
+    mixture = args.decoder == "mixture"
+    weights_of = "stage2_final.pt" if mixture else "stage3_final.pt"
+    generator = _generator(args.out / weights_of, config).to(session.device)
+    sigma = np.zeros(config.inference_steps)
+    if not mixture:
+        sigma = stage_motion.estimate_variance(session, config, data, generator)
+    schedule = Schedule.linear(config.diffusion_steps)
+    history = History.of_run(args.out)
+    trained = Trained(
+        config=config,
+        content=content,
+        generator=generator,
+        normal=data.normal,
+        style_centre=scale[0],
+        style_deviation=scale[1],
+        speeds=torch.as_tensor(style_speeds(table, data.style)),
+        steps=reverse_steps(schedule, schedule.subsequence(config.inference_steps), sigma),
+        sigma_bar_squared=sigma,
+        start=start_state(table, phase),
+        credits=[CREDITS[s] for s in sorted(set(table.sources))],
+        notes=_notes(args, table, history),
+        curves=history.losses,
+        neutral=neutral_style(table, data.style),
+        sequence_scales=_sequence_scales(args.out / "content_final.pt", table) if content is not None else {},
+        decoder=args.decoder,
+    )
+    _write_model(trained, args, args.out / ("model-mixture" if mixture else "model"))
+
+
+def _write_model(trained: Trained, args: argparse.Namespace, folder: Path) -> None:
+    export_model(trained, folder)
+    # the runtime, which measures it, loads no other output; an ablation is not played with
+    if trained.config.output_size == OUTPUT_SIZE and not args.ablation:
+        quantize_model(folder, text_encoder=args.text_encoder)
+    store_model_in_half(folder)
+    log.info("exported to %s", folder)
 
 
 @lru_cache(1)

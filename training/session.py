@@ -9,12 +9,16 @@ from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor, nn
 
 from sport.runtime.errors import FileError
 from sport.training import parallel
+
+if TYPE_CHECKING:
+    from torch.utils.tensorboard import SummaryWriter
 
 log = logging.getLogger("sport.train")
 
@@ -117,6 +121,64 @@ class StageState:
 Losses = dict[str, Tensor]
 
 
+class Progress:
+    """Running means of a stage's losses: in the log every 15 seconds, as TensorBoard scalars, and the last as a text file.
+
+    Of several processes only the first writes.
+    """
+
+    def __init__(self, folder: Path, name: str, steps: int, first: int, batch_size: int) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self._leads = parallel.rank() == 0
+        self._writer = _writer(folder / name) if self._leads else None
+        self._text_file, self._name, self._steps, self._first = folder / f"{name}.txt", name, steps, first
+        self._batch_size = batch_size
+        self._started = self._shown = time.monotonic()
+        self._means: dict[str, float] = {}
+
+    def add(self, terms: Losses, step: int) -> None:
+        """The losses of a step; `step` have been done."""
+        for key, value in terms.items():
+            now = float(value.detach())
+            self._means[key] = 0.98 * self._means.get(key, now) + 0.02 * now
+        if self._leads and (time.monotonic() - self._shown > 15.0 or step == self._steps):
+            self._show(step)
+
+    def close(self) -> None:
+        """End the thread that writes the curves."""
+        if self._writer is not None:
+            self._writer.close()
+
+    def _show(self, step: int) -> None:
+        self._shown = time.monotonic()
+        rate = (step - self._first) / (self._shown - self._started)
+        text = "  ".join(f"{k} {v:.4f}" for k, v in self._means.items())
+        log.info(
+            "%s %d/%d  %.0f samples/s  %.1f min left  %s",
+            self._name,
+            step,
+            self._steps,
+            rate * self._batch_size * parallel.workers(),
+            (self._steps - step) / rate / 60,
+            text,
+        )
+        if self._writer is not None:
+            for key, value in self._means.items():
+                self._writer.add_scalar(key, value, step)
+        self._text_file.write_text(f"step {step} of {self._steps}, losses {text}\n", encoding="utf-8")
+
+
+def _optimise(state: StageState, total: Tensor) -> None:
+    """One step of the optimiser and of the moving average."""
+    state.optimizer.zero_grad(set_to_none=True)
+    total.backward()
+    parallel.average_gradients(state.module.parameters())
+    nn.utils.clip_grad_norm_(state.module.parameters(), 1.0)
+    state.optimizer.step()
+    state.average.update(state.module, state.step)
+    state.step += 1
+
+
 def train(
     session: Session,
     name: str,
@@ -138,59 +200,31 @@ def train(
     parallel.same_weights(state.module)
     if parallel.rank():
         torch.manual_seed(torch.initial_seed() + parallel.rank())  # noise of its own
-    leads = parallel.rank() == 0
-    (session.out / "logs").mkdir(parents=True, exist_ok=True)
-    writer = _writer(session.out / "logs" / name) if leads else None
-    started = saved = shown = time.monotonic()
-    first = state.step
-    sums: dict[str, float] = {}
+    progress = Progress(session.out / "logs", name, steps, state.step, batch_size)
+    started = saved = time.monotonic()
     state.module.train()
     while state.step < steps:
         for group in state.optimizer.param_groups:
             group["lr"] = learning_rate(state.step)
         with session.autocast():  # type: ignore[attr-defined]
             terms = losses(next(batches), state.step)
-        state.optimizer.zero_grad(set_to_none=True)
-        terms["total"].backward()
-        parallel.average_gradients(state.module.parameters())
-        nn.utils.clip_grad_norm_(state.module.parameters(), 1.0)
-        state.optimizer.step()
-        state.average.update(state.module, state.step)
-        state.step += 1
-        for key, value in terms.items():
-            sums[key] = 0.98 * sums.get(key, float(value.detach())) + 0.02 * float(value.detach())
+        _optimise(state, terms["total"])
+        progress.add(terms, state.step)
         now = time.monotonic()
-        if writer is not None and (now - shown > 15.0 or state.step == steps):
-            shown = now
-            rate = (state.step - first) / (now - started)
-            left = (steps - state.step) / rate / 60
-            text = "  ".join(f"{k} {v:.4f}" for k, v in sums.items())
-            log.info(
-                "%s %d/%d  %.0f samples/s  %.1f min left  %s",
-                name,
-                state.step,
-                steps,
-                rate * batch_size * parallel.workers(),
-                left,
-                text,
-            )
-            for key, value in sums.items():
-                writer(key, value, state.step)
-            last = f"step {state.step} of {steps}, losses {text}\n"
-            (session.out / "logs" / f"{name}.txt").write_text(last, encoding="utf-8")
         if now - saved > session.checkpoint_seconds:
             saved = now
             state.save(checkpoint)
         if max_minutes is not None and parallel.anyone(now - started > 60 * max_minutes):
             log.info("%s: stopped after %.1f minutes at step %d", name, max_minutes, state.step)
             break
+    progress.close()
     state.save(checkpoint)
 
 
-def _writer(folder: Path) -> Callable[[str, float, int], None]:
+def _writer(folder: Path) -> SummaryWriter | None:
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError:
         log.info("tensorboard is not installed: curves are only logged as text")
-        return lambda key, value, step: None
-    return SummaryWriter(str(folder)).add_scalar
+        return None
+    return SummaryWriter(str(folder))

@@ -62,6 +62,25 @@ def pick_paraphrases(index: Tensor, clips: Tensor, generator: torch.Generator | 
     return index[clips[:, None], choice, torch.arange(parts, device=clips.device)]
 
 
+@dataclass
+class StyleTable:
+    """Standardised Z^t of every training sentence: `parts[k]` `(U_k, 64)`; `index` `(clips, P, 6)` points into them."""
+
+    parts: list[Tensor]
+    index: Tensor
+
+    def draw(self, clips: Tensor) -> Tensor:
+        """Z^t `(B, 384)` of random paraphrases of clips `(B,)`."""
+        return self.of(pick_paraphrases(self.index, clips))
+
+    def of(self, sentences: Tensor) -> Tensor:
+        """Z^t `(B, 384)` of sentence indices `(B, 6)`."""
+        return torch.cat([z[sentences[:, k]] for k, z in enumerate(self.parts)], dim=-1)
+
+    def to(self, device: torch.device) -> StyleTable:
+        return StyleTable([z.to(device) for z in self.parts], self.index.to(device))
+
+
 def load_style_texts(
     table: FrameTable,
     path: Path,

@@ -84,7 +84,7 @@ class StyleGraph(nn.Module):
         return (*self.modulator.fold(flat), speeds)
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Trained:
     """Everything the export needs."""
 
@@ -109,28 +109,16 @@ class Trained:
 def export_model(trained: Trained, folder: Path) -> None:
     """Write prompt, style, step and motion.onnx and metadata.json; each graph is checked against torch to 1e-4."""
     folder.mkdir(parents=True, exist_ok=True)
-    config = trained.config
     generator = trained.generator.cpu().eval()
-    scale = trained.style_centre.cpu(), trained.style_deviation.cpu()
-    content = trained.content.cpu() if trained.content is not None else None
-    prompt: nn.Module = PromptGraph(content, *scale) if content is not None else EmbeddingGraph(*scale)
-    style = StyleGraph(generator, trained.speeds)
     normal = trained.normal.to(torch.device("cpu"))
     mixture = trained.decoder == "mixture"
     step = MixtureStepGraph(generator, normal) if mixture else StepGraph(generator, normal, trained.steps)
     torch.manual_seed(0)
     errors = {
-        "prompt": export_graph(
-            prompt,
-            (torch.randn(2, 6, config.sentence_size),),
-            ["embeddings"],
-            ["z", "mean", "log_variance"] if content is not None else ["z"],
-            ({0: BATCH},),
-            folder / "prompt.onnx",
-        ),
+        "prompt": _export_prompt(trained, folder),
         "style": export_graph(
-            style,
-            (torch.randn(6, config.style_size // 6),),
+            StyleGraph(generator, trained.speeds),
+            (torch.randn(6, trained.config.style_size // 6),),
             ["z"],
             [*FOLDED, "speeds"],
             (None,),
@@ -138,16 +126,33 @@ def export_model(trained: Trained, folder: Path) -> None:
         ),
         "step": export_step(step, generator, len(trained.steps), folder / "step.onnx"),
     }
-    if content is not None:
-        errors["motion"] = export_graph(
-            MotionGraph(content, trained.sequence_scales),
-            (torch.randn(2, SEQUENCE_LENGTH, J, JOINT_FEATURES), torch.randn(2, SEQUENCE_LENGTH, 3)),
-            ["joints", "root"],
-            ["mean", "log_variance"],
-            ({0: BATCH}, {0: BATCH}),
-            folder / "motion.onnx",
-        )
+    if trained.content is not None:
+        errors["motion"] = _export_motion(trained.content, trained.sequence_scales, folder)
     _write_metadata(trained, folder, errors)
+
+
+def _export_prompt(trained: Trained, folder: Path) -> float:
+    scale = trained.style_centre.cpu(), trained.style_deviation.cpu()
+    content = trained.content.cpu() if trained.content is not None else None
+    return export_graph(
+        PromptGraph(content, *scale) if content is not None else EmbeddingGraph(*scale),
+        (torch.randn(2, 6, trained.config.sentence_size),),
+        ["embeddings"],
+        ["z", "mean", "log_variance"] if content is not None else ["z"],
+        ({0: BATCH},),
+        folder / "prompt.onnx",
+    )
+
+
+def _export_motion(content: ContentEncoder, scales: dict[str, Tensor], folder: Path) -> float:
+    return export_graph(
+        MotionGraph(content, scales),
+        (torch.randn(2, SEQUENCE_LENGTH, J, JOINT_FEATURES), torch.randn(2, SEQUENCE_LENGTH, 3)),
+        ["joints", "root"],
+        ["mean", "log_variance"],
+        ({0: BATCH}, {0: BATCH}),
+        folder / "motion.onnx",
+    )
 
 
 def _write_metadata(trained: Trained, folder: Path, errors: dict[str, float]) -> None:

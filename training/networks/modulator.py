@@ -64,14 +64,3 @@ class ContentModulator(nn.Module):
         bias = self.front_style(z).view(experts, -1) + self.front_motion.bias
         weight = torch.einsum("j,kjio->kio", beta, self.content_weight).flatten(0, 1)
         return bias, weight, torch.einsum("j,kjo->ko", beta, self.content_bias)
-
-    def forward_folded(self, w: Tensor, alpha: Tensor, folded: tuple[Tensor, Tensor, Tensor]) -> Tensor:
-        """The same E as `forward` from `fold`'s tensors."""
-        bias, weight, content_bias = folded
-        experts, inputs, wide = self.front_motion.weight.shape
-        matrix = self.front_motion.weight.permute(1, 0, 2).reshape(inputs, experts * wide)
-        front = elu((w @ matrix).view(-1, experts, wide) + bias)
-        fused = elu(self.front_narrow.separate(front))
-        s = (alpha[..., None] * fused).flatten(1) @ weight + alpha @ content_bias
-        deviation, mean = s.chunk(2, dim=-1)
-        return (1.0 + deviation) * instance_norm(w) + mean

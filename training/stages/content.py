@@ -11,9 +11,9 @@ from torch import Tensor
 
 from sport.runtime.motion.features import OUTPUT
 from sport.training import losses as terms
-from sport.training.checkpoint import CONTENT_START
 from sport.training.frames import FrameTable
 from sport.training.networks.content import SEQUENCE_LENGTH, ContentEncoder, Gaussian, StatisticsReader
+from sport.training.packed_run import CONTENT_START
 from sport.training.presets import ModelConfig
 from sport.training.session import (
     MovingAverage,
@@ -23,8 +23,7 @@ from sport.training.session import (
     save_checkpoint,
     train,
 )
-from sport.training.stages.motion import StyleTable
-from sport.training.styles import StyleTexts, pick_paraphrases
+from sport.training.styles import StyleTable, StyleTexts, pick_paraphrases
 
 STRIDE = 2  # frames between two samples: 40 samples are 1.3 s, more than one step
 # Eq. 7. The paper's lambda_con is 1e-2 for 100 styles over a long training; the shorter one here needs more of it.

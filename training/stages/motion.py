@@ -15,11 +15,11 @@ from sport.runtime.feet.skating import SOLE_POINTS
 from sport.runtime.motion.features import FPS, INPUT, OUTPUT
 from sport.training import losses as terms
 from sport.training.batches import Frames, Normalisation, loss_weights, random_rows
-from sport.training.checkpoint import START
 from sport.training.kinematics import shown_joints
 from sport.training.networks.decoder import blend_codes
 from sport.training.networks.diffusion import Schedule, add_noise, analytic_variance, noise_estimate
 from sport.training.networks.generator import Generator
+from sport.training.packed_run import START
 from sport.training.presets import ModelConfig
 from sport.training.rollouts import SWING_FRAMES, RolloutLanes, normalised
 from sport.training.session import (
@@ -31,28 +31,9 @@ from sport.training.session import (
     save_checkpoint,
     train,
 )
-from sport.training.styles import pick_paraphrases
+from sport.training.styles import StyleTable
 
 _FEET = list(SOLE_POINTS)
-
-
-@dataclass
-class StyleTable:
-    """Standardised Z^t of every training sentence: `parts[k]` `(U_k, 64)`; `index` `(clips, P, 6)` points into them."""
-
-    parts: list[Tensor]
-    index: Tensor
-
-    def draw(self, clips: Tensor) -> Tensor:
-        """Z^t `(B, 384)` of random paraphrases of clips `(B,)`."""
-        return self.of(pick_paraphrases(self.index, clips))
-
-    def of(self, sentences: Tensor) -> Tensor:
-        """Z^t `(B, 384)` of sentence indices `(B, 6)`."""
-        return torch.cat([z[sentences[:, k]] for k, z in enumerate(self.parts)], dim=-1)
-
-    def to(self, device: torch.device) -> StyleTable:
-        return StyleTable([z.to(device) for z in self.parts], self.index.to(device))
 
 
 @dataclass
@@ -202,6 +183,12 @@ def _total(result: Losses) -> Tensor:
     )
 
 
+def _lanes(session: Session, config: ModelConfig, data: MotionData, batch: int, salt: int) -> RolloutLanes:
+    """Rollouts beside a batch, begun at random frames."""
+    fresh = random_rows(data.weights, batch, 2, data.frames.last, session.batch_generator(salt))
+    return RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh, config.part_swaps)
+
+
 def run_stage2(
     session: Session,
     config: ModelConfig,
@@ -214,15 +201,14 @@ def run_stage2(
     torch.manual_seed(session.seed + 2)
     module = Generator(config).to(session.device)
     fine_tuned = (session.out / START).exists()
-    if fine_tuned:  # weights of an earlier model, unpacked by sport.training.checkpoint
+    if fine_tuned:  # weights of an earlier model, unpacked by sport.training.packed_run
         module.load_state_dict(load_checkpoint(session.out / START)["module"])
         _without_dropout(module)
     parameters = [p for n, p in module.named_parameters() if not n.startswith("denoiser")]
     optimizer = torch.optim.AdamW(parameters, lr=1e-3, weight_decay=1e-4)
     state = StageState(module, optimizer, MovingAverage(module, _decay(steps)))
     rows = random_rows(data.weights, batch, 1, data.frames.last, session.batch_generator(4))
-    fresh = random_rows(data.weights, batch, 2, data.frames.last, session.batch_generator(8))
-    lanes = RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh, config.part_swaps)
+    lanes = _lanes(session, config, data, batch, 8)
 
     def losses(item: object, step: int) -> dict[str, Tensor]:
         assert isinstance(item, Tensor)
@@ -293,6 +279,37 @@ def measure_codes(module: Generator, data: MotionData, session: Session, batches
     module.code_deviation.copy_(stacked.std(0).clamp_min(1e-2))
 
 
+def _noised(schedule: Schedule, tau: Tensor, codes: Tensor) -> tuple[Tensor, Tensor]:
+    """Noise levels `(B,)`, those of inference and now and then any other, and codes `(B, K, output)` with that noise."""
+    size, last = (len(codes),), len(schedule.alpha_bar) - 1
+    n = tau[torch.randint(len(tau), size, device=codes.device)]
+    anywhere = torch.randint(1, last + 1, size, device=codes.device)
+    n = torch.where(torch.rand(size, device=codes.device) < 0.3, anywhere, n)
+    return n, add_noise(schedule, codes, n, torch.randn(codes.shape, device=codes.device))
+
+
+def _cosine(steps: int) -> Callable[[int], float]:
+    """Learning rate from 1e-3 down to 1e-5 along a cosine; Sec. III-G begins at 4e-4."""
+
+    def rate(step: int) -> float:
+        return min(1.0, (step + 1) / 200) * (
+            1e-5 + 0.5 * (1e-3 - 1e-5) * (1 + math.cos(math.pi * step / steps))
+        )
+
+    return rate
+
+
+def _denoiser_state(session: Session, config: ModelConfig, module: Generator, steps: int) -> StageState:
+    """The denoiser alone is trained; at first it adds nothing to the codes of E_d."""
+    if config.residual_diffusion and not (session.out / START).exists():
+        torch.nn.init.zeros_(module.denoiser.head.weight)
+        torch.nn.init.zeros_(module.denoiser.head.bias)
+    module.requires_grad_(False)
+    module.denoiser.requires_grad_(True)
+    optimizer = torch.optim.AdamW(module.denoiser.parameters(), lr=1e-3, weight_decay=1e-4)
+    return StageState(module, optimizer, MovingAverage(module, _decay(steps)))
+
+
 def run_stage3(
     session: Session,
     config: ModelConfig,
@@ -305,18 +322,11 @@ def run_stage3(
     """Train the denoiser on `target_codes` (Eq. 14), then also with stage-2 supervision of the blended output."""
     torch.manual_seed(session.seed + 3)
     measure_codes(module, data, session)
-    if config.residual_diffusion and not (session.out / START).exists():  # so it begins as E_d
-        torch.nn.init.zeros_(module.denoiser.head.weight)
-        torch.nn.init.zeros_(module.denoiser.head.bias)
-    module.requires_grad_(False)
-    module.denoiser.requires_grad_(True)
-    optimizer = torch.optim.AdamW(module.denoiser.parameters(), lr=1e-3, weight_decay=1e-4)
-    state = StageState(module, optimizer, MovingAverage(module, _decay(steps)))
+    state = _denoiser_state(session, config, module, steps)
     schedule = Schedule.linear(config.diffusion_steps)
     tau = torch.as_tensor(schedule.subsequence(config.inference_steps), device=session.device)
     rows = random_rows(data.weights, batch, 1, data.frames.last, session.batch_generator(6))
-    fresh = random_rows(data.weights, batch, 2, data.frames.last, session.batch_generator(9))
-    lanes = RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh, config.part_swaps)
+    lanes = _lanes(session, config, data, batch, 9)
 
     def losses(item: object, step: int) -> dict[str, Tensor]:
         assert isinstance(item, Tensor)
@@ -325,10 +335,7 @@ def run_stage3(
             mixed = mixed_batch(data, item, lanes, NOISE)
             e, alpha = module.embed(mixed.x, mixed.z)
             codes = module.target_codes(e, alpha, mixed.target)
-            n = tau[torch.randint(len(tau), (batch,), device=item.device)]
-            anywhere = torch.randint(1, config.diffusion_steps + 1, (batch,), device=item.device)
-            n = torch.where(torch.rand(batch, device=item.device) < 0.3, anywhere, n)
-            noisy = add_noise(schedule, codes.float(), n, torch.randn(codes.shape, device=item.device))
+            n, noisy = _noised(schedule, tau, codes.float())
         predicted = module.denoiser(noisy, e, n).float()
         y = blend_codes(module.clean_codes(predicted, e.float()), alpha.float())
         shown = shown_losses(data, lanes, mixed, y)
@@ -340,12 +347,7 @@ def run_stage3(
             total = 0.1 * total + _total(result)
         return result | {"total": total}
 
-    def rate(step: int) -> float:  # 1e-3 down to 1e-5 along a cosine; Sec. III-G begins at 4e-4
-        return min(1.0, (step + 1) / 200) * (
-            1e-5 + 0.5 * (1e-3 - 1e-5) * (1 + math.cos(math.pi * step / steps))
-        )
-
-    train(session, "stage3", state, rows, losses, steps, rate, batch, max_minutes)
+    train(session, "stage3", state, rows, losses, steps, _cosine(steps), batch, max_minutes)
     module.load_state_dict(state.average.values)
     return module.eval()
 

@@ -34,6 +34,28 @@ def _windows(velocities: Tensor, rows: Tensor, first: Tensor, last: Tensor) -> T
     return velocities[index].float()
 
 
+def _batches(
+    session: Session, table: FrameTable, weights: np.ndarray, batch: int
+) -> tuple[Tensor, Iterator[Tensor]]:
+    """Scale of the velocities, and endless windows `(batch, 121, 31, 3)` divided by it."""
+    device = session.device
+    velocities = torch.as_tensor(table.velocities).to(device)
+    first = torch.as_tensor(table.start[table.clip]).to(device)
+    last = torch.as_tensor(table.start[table.clip + 1] - 1).to(device)
+    cumulative = torch.as_tensor(np.cumsum(weights))
+    generator = session.generator(1)
+    probe = torch.searchsorted(cumulative, torch.rand(20000, generator=generator, dtype=torch.float64))
+    scale = velocities[probe.clamp_max(len(table) - 1).to(device)].float().std((0, 2)).mean()
+
+    def windows() -> Iterator[Tensor]:
+        while True:
+            draw = torch.rand(batch, generator=generator, dtype=torch.float64)
+            rows = torch.searchsorted(cumulative, draw).clamp_max(len(table) - 1)
+            yield _windows(velocities, rows.to(device), first, last) / scale
+
+    return scale, windows()
+
+
 def run(
     session: Session,
     config: ModelConfig,
@@ -44,23 +66,9 @@ def run(
     max_minutes: float | None = None,
 ) -> np.ndarray:
     """Phase vectors `(N, 5, 2)` of every frame; also written to `phase.npy` beside the checkpoint."""
-    device = session.device
     torch.manual_seed(session.seed)
-    velocities = torch.as_tensor(table.velocities).to(device)
-    first = torch.as_tensor(table.start[table.clip]).to(device)
-    last = torch.as_tensor(table.start[table.clip + 1] - 1).to(device)
-    cumulative = torch.as_tensor(np.cumsum(weights))
-    generator = session.generator(1)
-    probe = torch.searchsorted(cumulative, torch.rand(20000, generator=generator, dtype=torch.float64))
-    scale = velocities[probe.clamp_max(len(table) - 1).to(device)].float().std((0, 2)).mean()
-
-    def batches() -> Iterator[Tensor]:
-        while True:
-            draw = torch.rand(batch, generator=generator, dtype=torch.float64)
-            rows = torch.searchsorted(cumulative, draw).clamp_max(len(table) - 1)
-            yield _windows(velocities, rows.to(device), first, last) / scale
-
-    module = PeriodicAutoencoder(config).to(device)
+    scale, batches = _batches(session, table, weights, batch)
+    module = PeriodicAutoencoder(config).to(session.device)
     optimizer = torch.optim.AdamW(module.parameters(), lr=1e-3, weight_decay=1e-4)
     state = StageState(module, optimizer, MovingAverage(module, 0.99))
 
@@ -73,7 +81,7 @@ def run(
         session,
         "phase",
         state,
-        batches(),
+        batches,
         losses,
         steps,
         lambda s: 1e-3 * min(1.0, (steps - s) / (0.3 * steps) + 0.02),

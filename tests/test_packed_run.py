@@ -1,12 +1,17 @@
 """A packed run gives its weights back, and stage 2 can begin with them."""
 
+import shutil
+
 import pytest
 
 torch = pytest.importorskip("torch")
 
+from tiny_model import tiny_trained  # noqa: E402
+
 from sport.runtime.errors import FileError, UsageError  # noqa: E402
-from sport.training.checkpoint import START, pack, unpack  # noqa: E402
+from sport.training.export.half_storage import store_model_in_half  # noqa: E402
 from sport.training.networks.generator import Generator  # noqa: E402
+from sport.training.packed_run import START, pack, unpack  # noqa: E402
 from sport.training.presets import preset  # noqa: E402
 from sport.training.session import load_checkpoint, save_checkpoint  # noqa: E402
 
@@ -40,6 +45,29 @@ def test_weights_come_back_in_half_precision_and_scales_exactly(run, tmp_path) -
         load_checkpoint(run / "scales.pt")["x_mean"],
     )
     assert load_checkpoint(tmp_path / "new" / "content_final.pt")["config"] == {"name": "tiny"}
+
+
+def test_what_the_graphs_hold_is_read_from_them(run, exported_tiny, tmp_path) -> None:
+    """The exporter's matrices, some with their axes in another order, are not written twice."""
+    trained = tiny_trained()
+    save_checkpoint(run / "stage3_final.pt", {"module": trained.generator.state_dict()})
+    save_checkpoint(run / "content_final.pt", {"module": trained.content.state_dict()})
+    model = tmp_path / "model"
+    shutil.copytree(exported_tiny, model)
+    store_model_in_half(model)
+    sizes = {}
+    for name, folder in (("whole", None), ("shared", model)):
+        file = tmp_path / f"{name}.pt"
+        pack(run, file, folder)
+        unpack(file, tmp_path / name, folder)
+        sizes[name] = file.stat().st_size
+    assert sizes["shared"] < 0.7 * sizes["whole"]
+    for file in (START, "content_final.pt"):
+        whole, shared = (load_checkpoint(tmp_path / name / file)["module"] for name in sizes)
+        assert whole.keys() == shared.keys()
+        assert all(torch.equal(whole[name], shared[name]) for name in whole)
+    with pytest.raises(FileError, match=r"not the graph .* --model"):
+        unpack(tmp_path / "shared.pt", tmp_path / "other", exported_tiny)
 
 
 def test_a_run_that_lacks_a_stage_is_named(run, tmp_path) -> None:

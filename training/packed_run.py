@@ -1,7 +1,9 @@
 """A run's weights as one small file, to fine-tune a model or to train it further elsewhere.
 
-python -m sport.training.checkpoint pack RUN FILE        phases, content encoder, scales and generator, in half precision
-python -m sport.training.checkpoint unpack FILE RUN      into an empty run; `sport train stage2` then starts from them
+python -m sport.training.packed_run pack RUN FILE --model RUN/model     phases, content encoder, scales and generator, in half precision
+python -m sport.training.packed_run unpack FILE RUN --model FOLDER      into an empty run; `sport train stage2` then starts from them
+
+What the graphs of the exported model hold is left out of FILE: it is read from the folder of the model (--model).
 """
 
 from __future__ import annotations
@@ -12,9 +14,11 @@ from typing import Any
 
 import torch
 
+from sport.runtime.assets import asset_path
 from sport.runtime.errors import FileError, UsageError, run_command
 from sport.training.history import History
 from sport.training.session import load_checkpoint, save_checkpoint
+from sport.training.shared_weights import leave_out, put_back
 
 START = "start.pt"  # weights that stage 2 begins with in place of random ones
 CONTENT_START = "content_start.pt"  # the same for stage 1
@@ -34,21 +38,27 @@ def _cast(value: Any, wanted: torch.dtype) -> Any:
     return value
 
 
-def pack(run: Path, file: Path) -> None:
+def pack(run: Path, file: Path, model: Path | None = None) -> None:
     """Write the weights of a finished run, and what they have been through, to `file`; FileError names what it lacks.
 
-    Scales stay in single precision: they normalise values of very different size.
+    What the graphs in the folder `model` hold is left out; without a folder nothing is. Scales stay in single precision: they normalise values of very different size.
     """
     packed = {}
     for key, name in _FILES.items():
         state = load_checkpoint(run / name)
         packed[key] = state if key == "scales" else _cast(state, torch.float16)
+    if model is not None:
+        packed = leave_out(packed, model)
     save_checkpoint(file, packed | {"history": History.of_run(run).mapping()})
 
 
-def unpack(file: Path, run: Path) -> None:
-    """Write what stages after it need into `run`; UsageError when it holds a run already."""
-    packed = load_checkpoint(file)
+def unpack(file: Path, run: Path, model: Path | None = None) -> None:
+    """Write what stages after it need into `run`; UsageError when it holds a run already.
+
+    `model` is the folder of the run's own model, by default the shipped one; it is read where the file leaves out what
+    its graphs hold.
+    """
+    packed = put_back(load_checkpoint(file), model or asset_path("models/compact"))
     missing = [key for key in _FILES if key not in packed]
     if missing:
         raise FileError(f"{file}: lacks {', '.join(missing)}.", "Pack a finished run.")
@@ -68,8 +78,9 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("action", choices=("pack", "unpack"))
     parser.add_argument("source", type=Path)
     parser.add_argument("target", type=Path)
+    parser.add_argument("--model", type=Path, help="folder of the run's exported model")
     args = parser.parse_args(argv)
-    (pack if args.action == "pack" else unpack)(args.source, args.target)
+    (pack if args.action == "pack" else unpack)(args.source, args.target, args.model)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What the person asks of the character in one frame, free of any device."""
+"""What the user asks of the character in one frame, free of any device."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Gait(IntEnum):
 
 @dataclass(frozen=True)
 class Controls:
-    """World-space wishes, UsageError where one is no number or no gait: the viewer has already turned stick axes by the camera's heading.
+    """World-space requests, UsageError where one is no number or no gait: the viewer has already turned stick axes by the camera's heading.
 
-    `move` is the wished direction in the XZ plane with a length of 0 (stand) to 1 (full stick);
+    `move` is the requested direction in the XZ plane with a length of 0 (stand) to 1 (full stick);
     `facing` a unit XZ direction to look at while strafing, or None to face where the character goes.
     `gait` is the gait to move in: WALK, JOG, CROUCH or JUMP; standing follows from `move` alone.
     """

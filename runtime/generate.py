@@ -26,7 +26,7 @@ from sport.runtime.takes.metadata import gait_of, gait_seconds, origin_of
 from sport.runtime.terrain.height_map import Terrain
 
 if TYPE_CHECKING:
-    from sport.runtime.controls import Controls
+    from sport.runtime.controls import Controls, Gait
     from sport.runtime.motion.controller import Controller
     from sport.runtime.motion.model import MotionModel
     from sport.runtime.motion.style_mix import StyleMix
@@ -104,57 +104,29 @@ def generate_clip(
     """Generate a clip of `seconds` at 60 frames a second; equal arguments give equal bytes.
 
     It begins at rest at the origin, in its first style and in the gait.
-
     `prompt` is one prompt, six descriptions, a blend of two, or several prompts with times (also those of a take),
     `terrain` a name, file or terrain, `path` and `gait` are those of `sport.runtime.motion.paths`. `model` is a model folder, by default the shipped one, or a loaded model; `expander`, `report` and
     `text_encoder` are those of `Prompter`, or `prompter` is one of that model; `strength` is that of `Controller`. SportError names what cannot be used.
     """
-    from sport.runtime.motion.controller import Controller
-    from sport.runtime.motion.model import load_model
-    from sport.runtime.terrain.library import load_terrain
-
     _check(seconds, transition_seconds, strength, seed)
     script = control_script(path, gait, speed, seed)
     events, asked = _events(prompt)
-    ground = terrain if isinstance(terrain, Terrain) else load_terrain(terrain)
-    motion_model = load_model(model) if model is None or isinstance(model, Path) else model
+    controller = _controller(terrain, model, seed, strength)
     meant: dict[str, PartDescriptions] = {}
     if prompter is None:
-        prompter = Prompter(motion_model, expander, report, text_encoder, meant.__setitem__)
+        prompter = Prompter(controller.model, expander, report, text_encoder, meant.__setitem__)
     else:
         prompter = prompter.listening(report, meant.__setitem__)
     styles = [(event.seconds, prompter(words)) for event, words in zip(events, asked, strict=True)]
-    controller = Controller(motion_model, ground, seed, strength=strength)
-    controller.set_style(styles[0][1], 0.0)
-    controller.settle(GAITS[gait])
-    gaits: list[int] = []
-
-    def watched(time: float, place: Place) -> Controls:
-        controls = script(time, place)
-        gaits.append(gait_of(controls))
-        return controls
-
-    poses = simulate(controller, watched, styles, round(seconds * FPS), transition_seconds)
-    events = tuple(
-        replace(
-            event,
-            transition_seconds=transition_seconds if event.seconds > 0.0 else 0.0,
-            words=_spelled_out(words, meant),
-        )
-        for event, words in zip(events, asked, strict=True)
-    )
+    poses, gaits = _walk(controller, script, styles, GAITS[gait], round(seconds * FPS), transition_seconds)
+    events = _described(events, asked, meant, transition_seconds)
     spec = str(terrain) if not isinstance(terrain, Terrain) else terrain.name
-    asked_for = np.array(gaits, np.int8)
-    return replace(
-        clip_of(poses, name, events, spec),
-        origin=origin_of(controller, spec),
-        gaits=asked_for,
-        gait_seconds=tuple(gait_seconds(asked_for, FPS).items()),
-    )
+    origin, durations = origin_of(controller, spec), tuple(gait_seconds(gaits, FPS).items())
+    return replace(clip_of(poses, name, events, spec), origin=origin, gaits=gaits, gait_seconds=durations)
 
 
 def _check(seconds: float, transition_seconds: float, strength: float, seed: int) -> None:
-    """UsageError names the number that cannot be used."""
+    """UsageError names the number of `generate_clip` that is out of its range."""
     from sport.runtime.motion.model import MAX_STRENGTH, MIN_STRENGTH
 
     if not 1.0 / FPS <= seconds <= MAX_SECONDS:
@@ -170,7 +142,42 @@ def _check(seconds: float, transition_seconds: float, strength: float, seed: int
             "strength",
         )
     if seed < 0:
-        raise UsageError(f"--seed {seed}: expected 0 or more.", "Choose another seed.")
+        raise UsageError(f" {seed}: expected 0 or more.", "Choose another seed.", "seed")
+
+
+def _controller(
+    terrain: str | Path | Terrain, model: Path | MotionModel | None, seed: int, strength: float
+) -> Controller:
+    """A character at the origin of the ground."""
+    from sport.runtime.motion.controller import Controller
+    from sport.runtime.motion.model import load_model
+    from sport.runtime.terrain.library import load_terrain
+
+    ground = terrain if isinstance(terrain, Terrain) else load_terrain(terrain)
+    loaded = load_model(model) if model is None or isinstance(model, Path) else model
+    return Controller(loaded, ground, seed, strength=strength)
+
+
+def _walk(
+    controller: Controller,
+    script: ControlScript,
+    styles: Sequence[tuple[float, Array | StyleMix]],
+    gait: Gait,
+    frames: int,
+    transition_seconds: float,
+) -> tuple[list[Pose], NDArray[np.int8]]:
+    """Poses from rest in the first style on, and the gait asked for in each of them."""
+    controller.set_style(styles[0][1], 0.0)
+    controller.settle(gait)
+    gaits: list[int] = []
+
+    def watched(time: float, place: Place) -> Controls:
+        controls = script(time, place)
+        gaits.append(gait_of(controls))
+        return controls
+
+    poses = simulate(controller, watched, styles, frames, transition_seconds)
+    return poses, np.array(gaits, np.int8)
 
 
 def _events(
@@ -188,8 +195,25 @@ def _events(
     return events, [check_prompt(words) if isinstance(words, str) else words for words in asked]
 
 
+def _described(
+    events: tuple[PromptEvent, ...],
+    asked: Sequence[Words | BlendedPrompt],
+    meant: dict[str, PartDescriptions],
+    transition_seconds: float,
+) -> tuple[PromptEvent, ...]:
+    """The events with their transitions, and with the words that each was understood as."""
+    return tuple(
+        replace(
+            event,
+            transition_seconds=transition_seconds if event.seconds > 0.0 else 0.0,
+            words=_spelled_out(words, meant),
+        )
+        for event, words in zip(events, asked, strict=True)
+    )
+
+
 def _spelled_out(words: Words | BlendedPrompt, meant: dict[str, PartDescriptions]) -> str:
-    """The words of `PromptEvent.words`; `meant` has the descriptions of prompts as far as the prompter told them."""
+    """The words of `PromptEvent.words`; `meant` has the descriptions of prompts as far as the prompter reported them."""
 
     def parts(side: Words) -> PartDescriptions | None:
         return meant.get(side) if isinstance(side, str) else side

@@ -16,8 +16,9 @@ from sport.training.layering import recipes
 from sport.training.layering.apply import apply
 from sport.training.layering.build import LAYERS, build_layers
 from sport.training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
-from sport.training.layering.pose_edits import Motion, keep_feet, left_landings, step_phase
+from sport.training.layering.pose_edits import Motion, keep_feet
 from sport.training.layering.recombine import recombine
+from sport.training.layering.steps import left_landings, step_phase
 from sport.training.text.measure import measure
 from tests.walker import CYCLE_FRAMES, walk
 

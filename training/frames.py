@@ -74,6 +74,36 @@ def root_motion(positions: Array) -> tuple[Array, Array]:
     return positions[:, 0][:, [0, 2]], smooth(yaw[:, None], FACING_SIGMA)[:, 0]
 
 
+@dataclass(frozen=True)
+class _Course:
+    """Where a clip's root goes: every frame's path `(T, 2)`, yaw `(T,)`, and the same with padded ends."""
+
+    root: Array
+    yaw: Array
+    padded_root: Array  # (T + 2 PAD, 2)
+    padded_yaw: Array
+
+    @staticmethod
+    def of(positions: Array) -> _Course:
+        root, yaw = root_motion(positions)
+        return _Course(root, yaw, extrapolate(root), repeat_ends(yaw[:, None])[:, 0])
+
+    @property
+    def directions(self) -> Array:
+        """Facing, padded, `(T + 2 PAD, 2)`."""
+        return np.stack([np.sin(self.padded_yaw), np.cos(self.padded_yaw)], -1)
+
+    @property
+    def now(self) -> Array:
+        """Each frame's row in the padded arrays."""
+        return np.arange(len(self.root)) + PAD
+
+    @property
+    def window(self) -> Array:
+        """Rows of the 12 samples around each frame."""
+        return self.now[:, None] + features.TRAJECTORY_OFFSETS
+
+
 def clip_frames(path: Path) -> ClipFrames:
     """Read one clip file of the importer and build its frames."""
     try:
@@ -83,14 +113,32 @@ def clip_frames(path: Path) -> ClipFrames:
         raise FileError(f"{path}: not a clip file.", "Run the importer again.") from error
     hips, local = clip["hips_positions"].astype(np.float64), clip["local_rotations"]
     positions, world = SPORT_SKELETON.forward_kinematics(hips, local.astype(np.float64))
-    root, yaw = root_motion(positions)
-    length = len(hips)
-    padded_root, padded_yaw = extrapolate(root), repeat_ends(yaw[:, None])[:, 0]
-    directions = np.stack([np.sin(padded_yaw), np.cos(padded_yaw)], -1)
-    now = np.arange(length) + PAD
-    window = now[:, None] + features.TRAJECTORY_OFFSETS
-    points = features.height_points(padded_root[window], directions[window])
+    course = _Course.of(positions)
+    heights, ground = _heights(clip, course)
+    joints, velocity = _joints(positions, course)
+    previous = np.maximum(np.arange(len(hips)) - 1, 0)
+    gait = repeat_ends(clip["gait"].astype(np.float32))
+    x = _inputs(course, gait, joints[previous], velocity[previous])
+    y = _outputs(course, joints, velocity, clip["contacts"].astype(np.float32), world)
+    return ClipFrames(
+        x=x.astype(np.float16),
+        y=y.astype(np.float16),
+        heights=heights.astype(np.float16),
+        ground=ground.astype(np.float32),
+        previous_ground=ground[previous].astype(np.float32),
+        style=str(clip["style"]),
+        content=str(clip["content"]),
+        source=str(clip["source"]),
+        mirrored=bool(clip["mirrored"]),
+        held_out=str(clip["split"]) == "held_out",
+        patches=heights.shape[1],
+        name=path.stem,
+    )
 
+
+def _heights(clip: dict[str, Array], course: _Course) -> tuple[Array, Array]:
+    """Of every patch of ground under a clip: heights `(T, K, 36)` relative to the window's mean ground `(T, K)`."""
+    points = features.height_points(course.padded_root[course.window], course.directions[course.window])
     patches = clip["patch_heights"].astype(np.float32)[:MAX_PATCHES]
     origin, cell = clip["patch_origin"], float(clip["patch_cell"])
     heights, ground = [], []
@@ -98,62 +146,56 @@ def clip_frames(path: Path) -> ClipFrames:
         terrain = Terrain("patch", patch, cell, (float(origin[0]), float(origin[1])))
         sampled = terrain.height(points[..., 0], points[..., 1])
         ground.append(features.ground_height(sampled))
-        heights.append((sampled - ground[-1][:, None, None]).reshape(length, -1))
-    ground_all = np.stack(ground, 1)
+        heights.append((sampled - ground[-1][:, None, None]).reshape(len(course.root), -1))
+    return np.stack(heights, 1), np.stack(ground, 1)
 
-    zero = np.zeros(length)
-    joints = features.relative_joints(positions, root, zero, yaw)
+
+def _joints(positions: Array, course: _Course) -> tuple[Array, Array]:
+    """Joints and their velocities (m/s), both `(T, 31, 3)` as the root sees them."""
+    length = len(positions)
+    joints = features.relative_joints(positions, course.root, np.zeros(length), course.yaw)
     velocity = np.gradient(positions, axis=0) if length < 3 else np.diff(positions, axis=0, prepend=0)
     velocity[0] = velocity[1]
-    velocity = features.to_root(velocity * FPS, yaw[:, None])
-    previous = np.maximum(np.arange(length) - 1, 0)
-    gait = repeat_ends(clip["gait"].astype(np.float32))
-    x = features.build_input(
-        InputParts(
-            root_position=root,
-            root_yaw=yaw,
-            trajectory_positions=padded_root[window],
-            trajectory_directions=directions[window],
-            heights=np.zeros((length, features.L, 3)),
-            gait=gait[window],
-            phase=np.zeros((length, features.L + 1, features.C, 2)),
-            joint_positions=joints[previous],
-            joint_velocities=velocity[previous],
-        )
-    )[:, : features.MOTION_INPUT_SIZE]
+    return joints, features.to_root(velocity * FPS, course.yaw[:, None])
 
+
+def _inputs(course: _Course, gait: Array, joints: Array, velocity: Array) -> Array:
+    """x without heights and phase `(T, 342)`; joints and velocities are those of the frame before."""
+    length, window = len(course.root), course.window
+    parts = InputParts(
+        root_position=course.root,
+        root_yaw=course.yaw,
+        trajectory_positions=course.padded_root[window],
+        trajectory_directions=course.directions[window],
+        heights=np.zeros((length, features.L, 3)),
+        gait=gait[window],
+        phase=np.zeros((length, features.L + 1, features.C, 2)),
+        joint_positions=joints,
+        joint_velocities=velocity,
+    )
+    return features.build_input(parts)[:, : features.MOTION_INPUT_SIZE]
+
+
+def _outputs(course: _Course, joints: Array, velocity: Array, contacts: Array, world: Array) -> Array:
+    """y without phase `(T, 473)`; `world` are the joints' rotations."""
+    now = course.now
     following = now[:, None] + 1 + features.FUTURE_OFFSETS
-    next_root, next_yaw = padded_root[now + 1], padded_yaw[now + 1]
-    displacement = features.to_root(next_root - root, yaw) * FPS
-    turn = (next_yaw - yaw) * FPS
-    y = features.build_output(
-        OutputParts(
-            trajectory_positions=features.to_root(
-                padded_root[following] - next_root[:, None], next_yaw[:, None]
-            ),
-            trajectory_directions=features.to_root(directions[following], next_yaw[:, None]),
-            joint_positions=joints,
-            joint_velocities=velocity,
-            root=np.concatenate([displacement, turn[:, None]], 1),
-            contacts=clip["contacts"].astype(np.float32),
-            phase=np.zeros((length, 7, features.C, 2)),
-            joint_rotations=features.relative_rotations(world, yaw),
-        )
+    next_root, next_yaw = course.padded_root[now + 1], course.padded_yaw[now + 1]
+    displacement = features.to_root(next_root - course.root, course.yaw) * FPS
+    turn = (next_yaw - course.yaw) * FPS
+    parts = OutputParts(
+        trajectory_positions=features.to_root(
+            course.padded_root[following] - next_root[:, None], next_yaw[:, None]
+        ),
+        trajectory_directions=features.to_root(course.directions[following], next_yaw[:, None]),
+        joint_positions=joints,
+        joint_velocities=velocity,
+        root=np.concatenate([displacement, turn[:, None]], 1),
+        contacts=contacts,
+        phase=np.zeros((len(now), 7, features.C, 2)),
+        joint_rotations=features.relative_rotations(world, course.yaw),
     )
-    return ClipFrames(
-        x=x.astype(np.float16),
-        y=y.astype(np.float16),
-        heights=np.stack(heights, 1).astype(np.float16),
-        ground=ground_all.astype(np.float32),
-        previous_ground=ground_all[previous].astype(np.float32),
-        style=str(clip["style"]),
-        content=str(clip["content"]),
-        source=str(clip["source"]),
-        mirrored=bool(clip["mirrored"]),
-        held_out=str(clip["split"]) == "held_out",
-        patches=len(patches),
-        name=path.stem,
-    )
+    return features.build_output(parts)
 
 
 @dataclass

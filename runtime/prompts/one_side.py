@@ -1,4 +1,4 @@
-"""Sentences told of one side only: what "right" means is what "left" means, mirrored.
+"""Sentences put in terms of one side only: what "right" means is what "left" means, mirrored.
 
 A body is its own mirror image. The words of a right limb are read as those of the left one, and "head turned to the
 right" as "head turned to the left" with a sign, so that what a network learned of one side holds for the other.
@@ -17,7 +17,7 @@ _BOTH = re.compile(
 
 
 def one_sided(part: str, text: str) -> tuple[str, float]:
-    """A part's sentence as it would be told of the left, and its sign.
+    """A part's sentence as it would be said of the left, and its sign.
 
     A limb's sign is 1. Of torso and head it is 1 to the left, -1 to the right (the first side named counts), and 0 where
     no side is named, or both alike ("from left to right").

@@ -37,8 +37,8 @@ def part_inputs(
     """`(N, D)`: the inputs of sentences, each of the part of the same place in `parts`."""
     signs: Sequence[float] = ()
     if side:
-        told = [one_sided(part, text) for part, text in zip(parts, texts, strict=True)]
-        texts, signs = [text for text, _ in told], [sign for _, sign in told]
+        sided = [one_sided(part, text) for part, text in zip(parts, texts, strict=True)]
+        texts, signs = [text for text, _ in sided], [sign for _, sign in sided]
     vectors = np.asarray(encoder.encode(texts), np.float32)
     if words:
         vectors = with_direction_words(texts, vectors)

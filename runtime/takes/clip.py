@@ -35,6 +35,7 @@ Array = NDArray[np.floating]
 UNITS_PER_METRE = {"cm": 100.0, "m": 1.0}
 ROTATION_ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 MAX_FPS = 1000.0
+_OWN_BVH = "Open a BVH that this program has written."
 MAX_DISTANCE_M = 100_000.0  # of a clip's hips from the origin; float32 is then 8 mm fine
 # where the bones without a child end, metres; readers draw and measure leaf bones by it
 END_OFFSETS = {
@@ -193,33 +194,19 @@ def load_clip_bvh(path: str | Path) -> Clip:
 
     FileError names the joints that are missing or rest otherwise, or a rate that no clip has. Contacts are zero: a
     BVH has none.
-    What the file beside it tells of prompts and origin is taken where it belongs to this BVH.
+    Prompts and origin are those of the file beside it, where that file belongs to this BVH.
     """
     path = Path(path)
     motion = read_bvh(path)
-    remedy = "Open a BVH that this program has written."
     fps = float(round(motion.fps, 3))
     if not 0.0 < fps <= MAX_FPS:
-        raise FileError(f"{path}: {fps:g} frames per second; expected at most {MAX_FPS:.0f}.", remedy)
-    missing = [name for name in SPORT_SKELETON.names if name not in motion.skeleton.names]
-    if missing:
-        more = f" and {len(missing) - 4} more" if len(missing) > 4 else ""
-        raise FileError(f"{path}: joint {', '.join(missing[:4])}{more} is missing.", remedy)
-    order = [motion.skeleton.index(name) for name in SPORT_SKELETON.names]
+        raise FileError(f"{path}: {fps:g} frames per second; expected at most {MAX_FPS:.0f}.", _OWN_BVH)
+    order = _joint_order(motion, path)
     scale = _metres_per_unit(motion, order, path)
-    hips, local = motion.positions[:, order[0]], motion.local_rotations
-    if order != list(range(len(motion.skeleton))):
-        local = local[:, order]
-    above = motion.skeleton.parents[order[0]]
-    if above >= 0:  # a root on the ground: the clip has the hips in the world
-        if motion.skeleton.parents[above] >= 0:
-            raise FileError(f"{path}: expected the joint Hips as ROOT, or one joint above it.", remedy)
-        turn = motion.local_rotations[:, above]
-        hips = motion.positions[:, above] + rotations.rotate(turn, hips)
-        local[:, 0] = rotations.multiply(turn, local[:, 0])
+    hips, local = _in_world(motion, order, path)
     hips = hips * scale
     if not np.abs(hips).max() <= MAX_DISTANCE_M:
-        raise FileError(f"{path}: the hips are further than {MAX_DISTANCE_M / 1000:.0f} km away.", remedy)
+        raise FileError(f"{path}: the hips are further than {MAX_DISTANCE_M / 1000:.0f} km away.", _OWN_BVH)
     made = read_metadata(path)
     return Clip(
         name=printable(path.stem),
@@ -236,6 +223,31 @@ def load_clip_bvh(path: str | Path) -> Clip:
     )
 
 
+def _joint_order(motion: BvhMotion, path: Path) -> list[int]:
+    """Where each joint of the SPORT skeleton is in the file; FileError names those that are missing."""
+    missing = [name for name in SPORT_SKELETON.names if name not in motion.skeleton.names]
+    if missing:
+        more = f" and {len(missing) - 4} more" if len(missing) > 4 else ""
+        raise FileError(f"{path}: joint {', '.join(missing[:4])}{more} is missing.", _OWN_BVH)
+    return [motion.skeleton.index(name) for name in SPORT_SKELETON.names]
+
+
+def _in_world(motion: BvhMotion, order: list[int], path: Path) -> tuple[Array, Array]:
+    """Hips `(T, 3)` in the file's unit and local rotations `(T, 31, 4)`, the hips turned and moved by a root above."""
+    hips, local = motion.positions[:, order[0]], motion.local_rotations
+    if order != list(range(len(motion.skeleton))):
+        local = local[:, order]
+    above = motion.skeleton.parents[order[0]]
+    if above < 0:
+        return hips, local
+    if motion.skeleton.parents[above] >= 0:
+        raise FileError(f"{path}: expected the joint Hips as ROOT, or one joint above it.", _OWN_BVH)
+    turn = motion.local_rotations[:, above]
+    hips = motion.positions[:, above] + rotations.rotate(turn, hips)
+    local[:, 0] = rotations.multiply(turn, local[:, 0])
+    return hips, local
+
+
 def _metres_per_unit(motion: BvhMotion, order: list[int], path: Path) -> float:
     """Scale of a file whose rest pose is the SPORT skeleton's but for its unit."""
     for name, j in zip(SPORT_SKELETON.names, order, strict=True):
@@ -244,7 +256,7 @@ def _metres_per_unit(motion: BvhMotion, order: list[int], path: Path) -> float:
         if ours >= 0 and (parent < 0 or motion.skeleton.names[parent] != SPORT_SKELETON.names[ours]):
             raise FileError(
                 f"{path}: joint {name} is not a child of {SPORT_SKELETON.names[ours]}.",
-                "Open a BVH that this program has written.",
+                _OWN_BVH,
             )
     theirs = motion.skeleton.offsets[order].astype(np.float64)
     wanted = SPORT_SKELETON.offsets.astype(np.float64)
@@ -257,7 +269,7 @@ def _metres_per_unit(motion: BvhMotion, order: list[int], path: Path) -> float:
         raise FileError(
             f"{path}: joint {SPORT_SKELETON.names[worst]} rests {difference[worst] * 100:.0f} cm from its"
             " place in the SPORT skeleton.",
-            "Open a BVH that this program has written.",
+            _OWN_BVH,
         )
     for unit in UNITS_PER_METRE.values():  # offsets are rounded in the file, the unit is not
         if abs(scale * unit - 1.0) < 1e-3:

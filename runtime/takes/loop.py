@@ -168,11 +168,7 @@ def close_seam(cycle: Clip, root: RootTrack) -> Clip:
     feet_goal = _world_toward(feet, rotations.multiply(turn, feet[0]), swing)
     new_local[:, LEG_TOES] = _toward(local[:, LEG_TOES], wanted[LEG_TOES], swing)
     solved = solve_legs(new_hips, new_local, targets, feet_goal)
-    # what the solver alone changes, where it eases a leg that is almost straight, is taken back
-    eased = solve_legs(hips, local, ankles, feet)[:, _LEGS]
-    solved[:, _LEGS] = rotations.multiply(
-        solved[:, _LEGS], rotations.multiply(rotations.inverse(eased), local[:, _LEGS])
-    )
+    _take_back(solved, solve_legs(hips, local, ankles, feet), local)
     solved[-1], new_hips[-1] = wanted, goal(hips[0])
     contacts = cycle.contacts.copy()
     contacts[-1] = contacts[0]
@@ -182,6 +178,12 @@ def close_seam(cycle: Clip, root: RootTrack) -> Clip:
         local_rotations=rotations.normalize(solved).astype(np.float32),
         contacts=contacts,
     )
+
+
+def _take_back(solved: Array, eased: Array, local: Array) -> None:
+    """Undo in `solved`, in place, what the solver alone changes (`eased` of `local`): it bends legs that are almost straight."""
+    change = rotations.multiply(rotations.inverse(eased[:, _LEGS]), local[:, _LEGS])
+    solved[:, _LEGS] = rotations.multiply(solved[:, _LEGS], change)
 
 
 def _ease(t: Array) -> Array:

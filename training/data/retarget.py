@@ -100,11 +100,7 @@ def load_source(
     )
     leg = np.mean(np.linalg.norm(motion.skeleton.offsets[shins + feet], axis=-1)) * 2.0
     scale = skeleton.fixed_scale or LEG_LENGTH / leg
-    if skeleton.toe_is_end_site:
-        ends = np.stack([motion.end_offsets[j] for j in feet])
-        toes: Array = positions[:, feet] + rotations.rotate(world[:, feet], ends)
-    else:
-        toes = positions[:, [index(skeleton.joints[side + "ToeBase"].name) for side in _SIDES]]
+    toes = _toes(motion, skeleton, feet, positions, world)
     times = sample_times(len(positions), motion.fps)
 
     def driven(joint: SourceJoint, correction: Array) -> Array:
@@ -125,6 +121,17 @@ def load_source(
         float(min(1.0, collar / COLLAR_LENGTH)),
         float(np.deg2rad(skeleton.head_lift_degrees)),
     )
+
+
+def _toes(
+    motion: BvhMotion, skeleton: SourceSkeleton, feet: list[int], positions: Array, world: Array
+) -> Array:
+    """Toes `(T, 2, 3)`: joints of their own, or where the bones of the feet end."""
+    if skeleton.toe_is_end_site:
+        ends = np.stack([motion.end_offsets[j] for j in feet])
+        return positions[:, feet] + rotations.rotate(world[:, feet], ends)
+    index = motion.skeleton.index
+    return positions[:, [index(skeleton.joints[side + "ToeBase"].name) for side in _SIDES]]
 
 
 def sample_times(frames: int, fps: float) -> Array:

@@ -48,14 +48,12 @@ def build_parser() -> argparse.ArgumentParser:
         metavar="DIR",
         help="model folder whose motion encoder serves all distances (default: the first model's)",
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures to FILE")
-    parser.add_argument(
-        "--markdown", type=Path, metavar="FILE", help="write the tables between FILE's markers"
-    )
-    parser.add_argument(
-        "--figures", type=Path, metavar="DIR", help="draw the paper's Fig. 6, 7 and 8 into DIR"
-    )
-    parser.add_argument("--only-figures", action="store_true", help="draw the figures and score nothing")
+    _add_outputs(parser)
+    _add_options(parser)
+    return parser
+
+
+def _add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--styles", nargs="+", metavar="STYLE", help="default: every style of the clips")
     parser.add_argument(
         "--seconds", type=float, metavar="S", help="of followed paths per style (default: 40)"
@@ -74,7 +72,17 @@ def build_parser() -> argparse.ArgumentParser:
         action="store_true",
         help="score how obstacles are crossed instead; see `sport evaluate --courses --help`",
     )
-    return parser
+
+
+def _add_outputs(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures to FILE")
+    parser.add_argument(
+        "--markdown", type=Path, metavar="FILE", help="write the tables between FILE's markers"
+    )
+    parser.add_argument(
+        "--figures", type=Path, metavar="DIR", help="draw the paper's Fig. 6, 7 and 8 into DIR"
+    )
+    parser.add_argument("--only-figures", action="store_true", help="draw the figures and score nothing")
 
 
 def main(argv: list[str] | None = None) -> int:

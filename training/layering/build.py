@@ -19,22 +19,21 @@ import numpy as np
 
 from sport.runtime.assets import asset_path
 from sport.runtime.controls import Gait
-from sport.runtime.errors import FileError, run_command
+from sport.runtime.errors import run_command
 from sport.runtime.motion import features
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.skeleton import PART_NAMES, SPORT_SKELETON
-from sport.runtime.terrain.height_map import Terrain
 from sport.training.arguments import COUNT
 from sport.training.data import relief
 from sport.training.data.clip_files import TrainingClip
 from sport.training.data.height_patches import Patches
 from sport.training.data.labels import FOOT_JOINTS
-from sport.training.frames import PLAIN
 from sport.training.layering import recipes
 from sport.training.layering.apply import apply
 from sport.training.layering.catalog import EDITS
 from sport.training.layering.cycle import axes, cycle_frames, cycle_mean
 from sport.training.layering.effects import rhythm_section
+from sport.training.layering.pool import NEUTRAL, Pool, Source
 from sport.training.layering.pose_edits import Motion
 from sport.training.layering.recombine import UPPER_PARTS, cut, recombine
 
@@ -43,92 +42,11 @@ log = logging.getLogger("sport.train")
 SECONDS = (4.0, 7.0)
 PARAPHRASES = 4
 RECOMBINED = 0.3  # share of clips that first take parts of another style
-NEUTRAL = 0.45  # share of clips that are built on neutral motion, where an edit shows most clearly
-PLAIN_SHARE = 0.7  # of the neutral motion is plain: an edit's words stand beside these sentences most often
 LAYERS = "layers.json"
 LEVEL = 0.015  # m: ground under all contacts of a floor
 WALKED = 0.5  # share of a clip's frames that walk, for edits of steps
 TRIES = 30  # clips drawn for edits that do not suit every one
 FORWARD = 0.8  # share of a path that goes where the body faces
-
-
-@dataclass(frozen=True)
-class Source:
-    """An imported clip that layers can be built on."""
-
-    name: str
-    style: str
-    mirrored: bool
-    source: str
-    gait: np.ndarray
-    motion: Motion
-    patches: Patches
-
-    @property
-    def key(self) -> str:
-        return self.style + ("_m" if self.mirrored else "")
-
-
-def load_source(path: Path) -> Source:
-    """Read an imported clip."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            clip = {k: file[k] for k in file.files}
-    except (OSError, ValueError) as error:
-        raise FileError(f"{path}: not a clip file.", "Run the importer again.") from error
-    origin = clip["patch_origin"]
-    cell = float(clip["patch_cell"])
-    patches = Patches(clip["patch_heights"], (float(origin[0]), float(origin[1])), cell)
-    ground = Terrain("patch", clip["patch_heights"][0].astype(np.float32), cell, patches.origin)
-    motion = Motion(
-        clip["hips_positions"].astype(np.float64),
-        clip["local_rotations"].astype(np.float64),
-        clip["contacts"],
-        ground,
-        clip["gait"],
-    )
-    return Source(
-        path.stem,
-        str(clip["style"]),
-        bool(clip["mirrored"]),
-        str(clip["source"]),
-        clip["gait"],
-        motion,
-        patches,
-    )
-
-
-class Pool:
-    """Imported training clips by style, drawn so that styles count alike and neutral motion more."""
-
-    def __init__(self, folder: Path) -> None:
-        self.by_style: dict[str, list[Path]] = {}
-        for path in sorted(folder.glob("*.npz")):
-            with np.load(path, allow_pickle=False) as clip:
-                long_enough = len(clip["gait"]) > 100
-                if path.stem.startswith("layer_") or str(clip["split"]) != "train" or not long_enough:
-                    continue
-                self.by_style.setdefault(str(clip["style"]), []).append(path)
-        if not self.by_style:
-            raise FileError(f"{folder}: no training clips.", "Run `sport train import` first.")
-        self._open: dict[Path, Source] = {}
-
-    def draw(self, random: np.random.Generator, neutral: float = NEUTRAL) -> Source:
-        """A clip; neutral ones with the given chance."""
-        styles = sorted(self.by_style)
-        normal = [s for s in styles if s.startswith("neutral")]
-        if normal and random.random() < neutral:
-            plain = PLAIN in normal and random.random() < PLAIN_SHARE
-            style = PLAIN if plain else normal[int(random.integers(len(normal)))]
-        else:
-            style = styles[int(random.integers(len(styles)))]
-        paths = self.by_style[style]
-        path = paths[int(random.integers(len(paths)))]
-        if path not in self._open:
-            if len(self._open) > 400:
-                self._open.clear()
-            self._open[path] = load_source(path)
-        return self._open[path]
 
 
 def _segment(source: Source, random: np.random.Generator) -> tuple[int, int]:
@@ -138,50 +56,92 @@ def _segment(source: Source, random: np.random.Generator) -> tuple[int, int]:
     return start, min(start + wanted, length)
 
 
+@dataclass
+class _Draft:
+    """A layered clip in the making: motion, and of every part its sentences and what it does (its key)."""
+
+    source: Source
+    motion: Motion
+    texts: dict[str, list[str]]
+    keys: dict[str, str]
+    donor: Source | None = None
+    parts: tuple[str, ...] = ()  # that come from the donor
+    edits: tuple[str, ...] = ()
+
+    @staticmethod
+    def of(styles: dict[str, dict], source: Source, motion: Motion, random: np.random.Generator) -> _Draft:
+        texts = {part: _style_texts(styles, source, part, random) for part in PART_NAMES}
+        return _Draft(source, motion, texts, dict.fromkeys(PART_NAMES, source.key))
+
+
 def build_layer(
     pool: Pool, styles: dict[str, dict], name: str, random: np.random.Generator
 ) -> tuple[TrainingClip, dict[str, object]] | None:
     """One layered clip and its entry of `layers.json`; None when the draw could not be realised."""
     source = pool.draw(random)
     start, end = _segment(source, random)
-    motion = cut(source.motion, start, end)
-    texts = {part: _style_texts(styles, source, part, random) for part in PART_NAMES}
-    keys = dict.fromkeys(PART_NAMES, source.key)
-    parts: tuple[str, ...] = ()
+    draft = _Draft.of(styles, source, cut(source.motion, start, end), random)
     donor = pool.draw(random, 0.15) if random.random() < RECOMBINED else None
-    if donor is not None:
-        if donor.style == source.style:
-            return None
-        parts = _parts(random)
-        a, b = _segment(donor, random)
-        mixed = recombine(motion, cut(donor.motion, a, max(b, min(a + 420, len(donor.gait)))), parts)
-        if mixed is None:
-            return None
-        motion = mixed
-        for part in parts:
-            texts[part] = _style_texts(styles, donor, part, random)
-            keys[part] = donor.key
-    edits: tuple[str, ...] = ()
+    if donor is not None and not _recombined(draft, donor, styles, random):
+        return None
     if donor is None or random.random() < 0.35:
         standing = bool(source.gait[start:end, Gait.STAND].mean() > 0.5)
-        edits = recipes.draw(random, standing).edits
-        if donor is not None:
-            edits = tuple(e for e in edits if not EDITS[e].phrases.keys() & set(parts))
-        if not _suits(source, motion, edits):
-            found = None if donor is not None else _suitable(pool, edits, random)
-            if found is None:
-                return None
-            source, motion = found
-            texts = {part: _style_texts(styles, source, part, random) for part in PART_NAMES}
-            keys = dict.fromkeys(PART_NAMES, source.key)
-    if not edits and donor is None:
+        edited = _with_edits(draft, pool, styles, standing, random)
+        if edited is None:
+            return None
+        draft = edited
+    if not draft.edits and donor is None:
         return None
-    for edit_name in edits:
-        edit = EDITS[edit_name]
-        motion = apply(motion, edit, random)
-        for part, phrases in edit.phrases.items():
-            texts[part] = [phrases[int(k)] for k in random.permutation(max(len(phrases), 4)) % len(phrases)]
-            keys[part] = edit_name if len(edit.phrases) == 1 else f"{edit_name}.{part}"
+    for edit_name in draft.edits:
+        _apply_edit(draft, edit_name, random)
+    return _finished(draft, name, random)
+
+
+def _recombined(draft: _Draft, donor: Source, styles: dict[str, dict], random: np.random.Generator) -> bool:
+    """Give the draft parts of another clip; False where they do not fit together."""
+    if donor.style == draft.source.style:
+        return False
+    parts = _parts(random)
+    a, b = _segment(donor, random)
+    mixed = recombine(draft.motion, cut(donor.motion, a, max(b, min(a + 420, len(donor.gait)))), parts)
+    if mixed is None:
+        return False
+    draft.motion, draft.donor, draft.parts = mixed, donor, parts
+    for part in parts:
+        draft.texts[part] = _style_texts(styles, donor, part, random)
+        draft.keys[part] = donor.key
+    return True
+
+
+def _with_edits(
+    draft: _Draft, pool: Pool, styles: dict[str, dict], standing: bool, random: np.random.Generator
+) -> _Draft | None:
+    """The draft with edits drawn for it, of another clip where its own cannot show them; None where none can."""
+    edits = recipes.draw(random, standing).edits
+    if draft.donor is not None:
+        edits = tuple(e for e in edits if not EDITS[e].phrases.keys() & set(draft.parts))
+    if not _suits(draft.source, draft.motion, edits):
+        found = None if draft.donor is not None else _suitable(pool, edits, random)
+        if found is None:
+            return None
+        draft = _Draft.of(styles, *found, random)
+    draft.edits = edits
+    return draft
+
+
+def _apply_edit(draft: _Draft, name: str, random: np.random.Generator) -> None:
+    edit = EDITS[name]
+    draft.motion = apply(draft.motion, edit, random)
+    for part, phrases in edit.phrases.items():
+        order = random.permutation(max(len(phrases), 4)) % len(phrases)
+        draft.texts[part] = [phrases[int(k)] for k in order]
+        draft.keys[part] = name if len(edit.phrases) == 1 else f"{name}.{part}"
+
+
+def _finished(
+    draft: _Draft, name: str, random: np.random.Generator
+) -> tuple[TrainingClip, dict[str, object]]:
+    source, motion, texts = draft.source, draft.motion, draft.texts
     clip = TrainingClip(
         name=name,
         hips=motion.hips,
@@ -193,17 +153,16 @@ def build_layer(
         source=source.source,
         split="train",
         tier="layered",
-        patches=_ground(source, motion, edits, random),
+        patches=_ground(source, motion, draft.edits, random),
         mirrored=source.mirrored,
     )
-    count = PARAPHRASES
     entry = {
-        "descriptions": [{p: texts[p][k % len(texts[p])] for p in PART_NAMES} for k in range(count)],
-        "keys": [keys[p] for p in PART_NAMES],
+        "descriptions": [{p: texts[p][k % len(texts[p])] for p in PART_NAMES} for k in range(PARAPHRASES)],
+        "keys": [draft.keys[p] for p in PART_NAMES],
         "base": source.name,
-        "donor": donor.name if donor is not None else None,
-        "recombined": list(parts),
-        "edits": list(edits),
+        "donor": draft.donor.name if draft.donor is not None else None,
+        "recombined": list(draft.parts),
+        "edits": list(draft.edits),
     }
     return clip, entry
 

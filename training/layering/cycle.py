@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from sport.runtime import rotations
 from sport.runtime.motion import features
 from sport.runtime.skeleton import SPORT_SKELETON
-from sport.training.layering.pose_edits import Motion, left_landings
+from sport.training.layering.pose_edits import Motion
+from sport.training.layering.steps import left_landings
 
 Array = NDArray[np.floating]
 USUAL_CYCLE = 66  # frames, where there are too few landings to tell

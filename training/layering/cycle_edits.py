@@ -20,17 +20,9 @@ from sport.training.layering.cycle import (
     cycle_mean,
     right_landings,
 )
-from sport.training.layering.pose_edits import (
-    SPINE_ONLY,
-    Motion,
-    height_in_swing,
-    lean_shares,
-    left_landings,
-    swings,
-    turn_joints,
-    turns,
-)
+from sport.training.layering.pose_edits import SPINE_ONLY, Motion, lean_shares, turn_joints, turns
 from sport.training.layering.root_edits import down, feet_of, with_feet
+from sport.training.layering.steps import height_in_swing, left_landings, swings
 
 Array = NDArray[np.floating]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,6 +17,7 @@ from sport.runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TO
 from sport.runtime.terrain.height_map import Terrain
 from sport.training.frames import smooth
 from sport.training.layering.catalog import PartEdit
+from sport.training.layering.steps import bumps, held_in_stance, step_phase, swing_share
 
 Array = NDArray[np.floating]
 
@@ -53,29 +53,6 @@ class Motion:
     def step_phase(self) -> Array:
         """Cycles `(T,)`: whole numbers where the left foot lands; a slow clock where it does not step."""
         return step_phase(self.contacts)
-
-
-def step_phase(contacts: NDArray[np.uint8]) -> Array:
-    """Cycles `(T,)` that are whole where the left foot lands; 0.8 Hz where there are fewer than three landings."""
-    landings = left_landings(contacts)
-    time = np.arange(len(contacts), dtype=np.float64)
-    if len(landings) < 3:
-        return 0.8 * time / FPS
-    cycle = float(np.median(np.diff(landings)))
-    before = np.arange(1, int(landings[0] / cycle) + 2)[::-1]
-    after = np.arange(1, int((len(contacts) - landings[-1]) / cycle) + 2)
-    knots = np.concatenate([landings[0] - before * cycle, landings, landings[-1] + after * cycle])
-    return np.interp(time, knots, np.arange(len(knots)) - len(before))
-
-
-def left_landings(contacts: NDArray[np.uint8], gap: int = 6) -> NDArray[np.intp]:
-    """Frames where the left foot comes down; contacts interrupted for up to `gap` frames count as one."""
-    down = contacts[:, :2].any(1).copy()
-    edges = np.flatnonzero(np.diff(down.astype(np.int8)))
-    for a, b in itertools.pairwise(edges):
-        if not down[a + 1] and b - a <= gap:
-            down[a + 1 : b + 1] = True
-    return np.flatnonzero(np.diff(down.astype(np.int8)) == 1) + 1
 
 
 # --- Torso and head ---------------------------------------------------------------------------------------------------
@@ -189,13 +166,26 @@ def _head(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion
 # --- Arms -------------------------------------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True)
+class _Arm:
+    """The joints of one arm, and the mirror of points that are given for the left one."""
+
+    collar: int
+    shoulder: int
+    elbow: int
+    hand: int
+    mirror: Array
+
+    @staticmethod
+    def of(slot: str) -> _Arm:
+        side = slot.removesuffix("_arm")
+        joints = (_AT(side.capitalize() + name) for name in ("Shoulder", "Arm", "ForeArm", "Hand"))
+        return _Arm(*joints, np.array([SIDES[side][1], 1.0, 1.0]))
+
+
 def _hand(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
     p: dict[str, Any] = edit.parameters
-    side = edit.slot.removesuffix("_arm")
-    sign = SIDES[side][1]
-    mirror = np.array([sign, 1.0, 1.0])
-    name = side.capitalize()
-    shoulder, elbow, hand = _AT(f"{name}Arm"), _AT(f"{name}ForeArm"), _AT(f"{name}Hand")
+    arm = _Arm.of(edit.slot)
     positions, world = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local.astype(np.float64))
     facing = rotations.from_yaw(motion.facing)
     length = len(motion.hips)
@@ -205,40 +195,40 @@ def _hand(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion
         *amplitude, rate = p["wave"]
         clock = _beat(motion, rate, random)
         point = point + clock[:, None] * np.array(amplitude) * random.normal(1.0, 0.08)
-    if p["frame"] == "shoulder":
-        origin, axes = positions[:, shoulder], facing
-    else:
-        joint = _AT(_FRAME_JOINT[p["frame"]])
-        origin, axes = positions[:, joint], world[:, joint]
-    target = origin + rotations.rotate(axes, point * mirror)
-    body = facing if p["frame"] == "shoulder" else world[:, _AT("Spine1")]
-    pole = rotations.rotate(body, np.broadcast_to(np.array(p["pole"]) * mirror, (length, 3)))
-    # an elbow bent by hand towards the pole: the solver then keeps that bending plane
-    middle = positions[:, shoulder] + 0.5 * (target - positions[:, shoulder])
-    upper = np.linalg.norm(SPORT_SKELETON.offsets[elbow])
-    lower = np.linalg.norm(SPORT_SKELETON.offsets[hand])
-    bent_elbow = positions[:, shoulder] + upper * rotations.normalize(
-        middle + 0.3 * rotations.normalize(pole) - positions[:, shoulder]
-    )
-    bent_hand = bent_elbow + lower * rotations.normalize(target - bent_elbow)
-    arm_turn = rotations.between(
-        rotations.normalize(positions[:, elbow] - positions[:, shoulder]),
-        rotations.normalize(bent_elbow - positions[:, shoulder]),
-    )
-    first_upper = rotations.multiply(arm_turn, world[:, shoulder])
-    along = rotations.rotate(first_upper, np.array([sign, 0.0, 0.0]))
-    fore_turn = rotations.between(along, rotations.normalize(bent_hand - bent_elbow))
-    first_lower = rotations.multiply(fore_turn, first_upper)
-    upper_turn, lower_turn = ik.two_bone(positions[:, shoulder], bent_elbow, bent_hand, target)
-    new = world.copy()
-    new[:, shoulder] = rotations.multiply(upper_turn, first_upper)
-    new[:, elbow] = rotations.multiply(lower_turn, first_lower)
+    at_shoulder = p["frame"] == "shoulder"
+    joint = arm.shoulder if at_shoulder else _AT(_FRAME_JOINT[p["frame"]])
+    axes = facing if at_shoulder else world[:, joint]
+    target = positions[:, joint] + rotations.rotate(axes, point * arm.mirror)
+    body = facing if at_shoulder else world[:, _AT("Spine1")]
+    pole = rotations.rotate(body, np.broadcast_to(np.array(p["pole"]) * arm.mirror, (length, 3)))
+    upper, lower = _reaching(arm, positions, world, target, pole)
     local = motion.local.astype(np.float64).copy()
-    parent = _AT(f"{name}Shoulder")
-    local[:, shoulder] = rotations.multiply(rotations.inverse(world[:, parent]), new[:, shoulder])
-    local[:, elbow] = rotations.multiply(rotations.inverse(new[:, shoulder]), new[:, elbow])
-    local[:, hand] = rotations.slerp(local[:, hand], rotations.identity((length,)), 0.7)
+    local[:, arm.shoulder] = rotations.multiply(rotations.inverse(world[:, arm.collar]), upper)
+    local[:, arm.elbow] = rotations.multiply(rotations.inverse(upper), lower)
+    local[:, arm.hand] = rotations.slerp(local[:, arm.hand], rotations.identity((length,)), 0.7)
     return replace(motion, local=local)
+
+
+def _reaching(arm: _Arm, positions: Array, world: Array, target: Array, pole: Array) -> tuple[Array, Array]:
+    """World rotations `(T, 4)` of upper arm and forearm that bring the hand to `target`, the elbow towards `pole`.
+
+    The elbow is first bent by hand towards the pole: the solver then keeps that bending plane.
+    """
+    shoulder = positions[:, arm.shoulder]
+    middle = shoulder + 0.5 * (target - shoulder)
+    upper = np.linalg.norm(SPORT_SKELETON.offsets[arm.elbow])
+    lower = np.linalg.norm(SPORT_SKELETON.offsets[arm.hand])
+    elbow = shoulder + upper * rotations.normalize(middle + 0.3 * rotations.normalize(pole) - shoulder)
+    hand = elbow + lower * rotations.normalize(target - elbow)
+    arm_turn = rotations.between(
+        rotations.normalize(positions[:, arm.elbow] - shoulder), rotations.normalize(elbow - shoulder)
+    )
+    first_upper = rotations.multiply(arm_turn, world[:, arm.shoulder])
+    along = rotations.rotate(first_upper, np.array([1.0, 0.0, 0.0]) * arm.mirror)
+    fore_turn = rotations.between(along, rotations.normalize(hand - elbow))
+    first_lower = rotations.multiply(fore_turn, first_upper)
+    upper_turn, lower_turn = ik.two_bone(shoulder, elbow, hand, target)
+    return rotations.multiply(upper_turn, first_upper), rotations.multiply(lower_turn, first_lower)
 
 
 def _beat(motion: Motion, rate: float, random: np.random.Generator) -> Array:
@@ -286,28 +276,6 @@ def _lowered(motion: Motion, drop: Array | float) -> Motion:
     return replace(moved, local=keep_feet(moved, motion))
 
 
-def swings(down: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Intervals of at least eight frames in which a foot is in the air."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], down, [True]]).astype(np.int8)))
-    return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= 8]
-
-
-def held_in_stance(values: Array, down: NDArray[np.bool_]) -> Array:
-    """`values` `(T, n)` made constant while the foot stands, so that a planted foot does not slide with the facing."""
-    held = values.copy()
-    found = swings(down)
-    bounds = [0, *[t for s in found for t in s], len(values)]
-    for a, b in zip(bounds[::2], bounds[1::2], strict=True):
-        if b > a:
-            held[a:b] = values[a:b].mean(0)
-    for a, b in found:
-        t = np.linspace(0, 1, b - a + 2)[1:-1, None]
-        t = t * t * (3 - 2 * t)
-        before, after = held[max(a - 1, 0)], held[min(b, len(values) - 1)]
-        held[a:b] = (1 - t) * before + t * after
-    return held
-
-
 def _leg(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
     p: dict[str, Any] = edit.parameters
     column, sign = SIDES[edit.slot.removesuffix("_leg")]
@@ -332,7 +300,7 @@ def _legs_edit(motion: Motion, p: dict[str, float], sides: tuple[tuple[int, floa
         down = motion.contacts[:, 2 * column : 2 * column + 2].any(1)
         ankle, foot = ankles[:, column], feet[:, column]
         if "lift" in p:
-            ankle[:, 1] += p["lift"] * _bumps(down)
+            ankle[:, 1] += p["lift"] * bumps(down)
         if "drag" in p:
             _drag(ankle, foot, toes[:, column], p["drag"] * swing_share(down), motion.ground)
         if "outward" in p:
@@ -355,33 +323,6 @@ def _legs_edit(motion: Motion, p: dict[str, float], sides: tuple[tuple[int, floa
         contacts[:, [2 * c for c, _ in sides]] = 0
     local = ik.solve_legs(hips, motion.local, ankles, feet)
     return replace(motion, hips=hips, local=local, contacts=contacts)
-
-
-def _bumps(down: NDArray[np.bool_]) -> Array:
-    """One smooth hill of height 1 for every swing of a foot."""
-    result = np.zeros(len(down))
-    for a, b in swings(down):
-        result[a:b] = np.sin(np.pi * (np.arange(a, b) - a + 0.5) / (b - a)) ** 2
-    return result
-
-
-def height_in_swing(height: Array, down: NDArray[np.bool_]) -> Array:
-    """How far a swinging foot is above the line between its lift-off and its landing."""
-    result = np.zeros(len(height))
-    for a, b in swings(down):
-        line = np.linspace(height[max(a - 1, 0)], height[min(b, len(height) - 1)], b - a)
-        result[a:b] = np.maximum(height[a:b] - line, 0.0)
-    return result
-
-
-def swing_share(down: NDArray[np.bool_]) -> Array:
-    """One while a foot swings, rising to it over the first quarter and falling over the last."""
-    result = np.zeros(len(down))
-    for a, b in swings(down):
-        t = (np.arange(a, b) - a + 0.5) / (b - a)
-        ramp = np.clip(np.minimum(t / 0.25, (1.0 - t) / 0.25), 0.0, 1.0)
-        result[a:b] = ramp * ramp * (3 - 2 * ramp)
-    return result
 
 
 def _drag(ankle: Array, foot: Array, toe: Array, share: Array, ground: Terrain) -> None:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from sport.runtime import rotations
 from sport.runtime.skeleton import PART_JOINTS
-from sport.training.layering.pose_edits import Motion, left_landings, step_phase
+from sport.training.layering.pose_edits import Motion
+from sport.training.layering.steps import left_landings, step_phase
 
 Array = NDArray[np.floating]
 

@@ -23,13 +23,12 @@ from sport.training.layering.pose_edits import (
     CHAIN,
     SIDES,
     Motion,
-    held_in_stance,
     lean_shares,
-    left_landings,
     turn_joints,
     turns,
     within_reach,
 )
+from sport.training.layering.steps import held_in_stance, left_landings
 
 Array = NDArray[np.floating]
 

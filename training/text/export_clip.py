@@ -34,8 +34,6 @@ def export_clip(weights: Path, out: Path, name: str = "CLIP ViT-B/32", precision
 
     FileError when `weights` is no CLIP folder. `name` is what models trained with it will ask for.
     """
-    import torch
-
     from sport.training.text.clip_tower import load_tower
 
     if not (weights / "tokenizer.json").is_file():
@@ -44,6 +42,25 @@ def export_clip(weights: Path, out: Path, name: str = "CLIP ViT-B/32", precision
         )
     tower = load_tower(weights)
     out.mkdir(parents=True, exist_ok=True)
+    _write_graph(tower, out / GRAPH, precision)
+    max_tokens = tower.position_embedding.num_embeddings
+    write_tokenizer(weights / "tokenizer.json", out / "tokenizer.json", max_tokens)
+    metadata = {
+        "name": name,
+        "source": "a local CLIP folder",
+        "dimensions": tower.text_projection.out_features,
+        "max_tokens": max_tokens,
+        "graph": GRAPH,
+        "precision": precision,
+        "sha256": hashlib.sha256((out / GRAPH).read_bytes()).hexdigest(),
+    }
+    (out / "text_encoder.json").write_text(json.dumps(metadata, indent=2) + "\n", "utf-8")
+    return _check(tower, out)
+
+
+def _write_graph(tower: ClipTextTower, path: Path, precision: str) -> None:
+    import torch
+
     with tempfile.TemporaryDirectory() as scratch:
         plain = Path(scratch) / "fp32.onnx"
         ids = torch.randint(0, tower.token_embedding.num_embeddings, (2, 7))
@@ -62,22 +79,9 @@ def export_clip(weights: Path, out: Path, name: str = "CLIP ViT-B/32", precision
             dynamo=False,
         )
         if precision == "int8":
-            quantise(plain, out / GRAPH)
+            quantise(plain, path)
         else:
-            shutil.copyfile(plain, out / GRAPH)
-    max_tokens = tower.position_embedding.num_embeddings
-    write_tokenizer(weights / "tokenizer.json", out / "tokenizer.json", max_tokens)
-    metadata = {
-        "name": name,
-        "source": "a local CLIP folder",
-        "dimensions": tower.text_projection.out_features,
-        "max_tokens": max_tokens,
-        "graph": GRAPH,
-        "precision": precision,
-        "sha256": hashlib.sha256((out / GRAPH).read_bytes()).hexdigest(),
-    }
-    (out / "text_encoder.json").write_text(json.dumps(metadata, indent=2) + "\n", "utf-8")
-    return _check(tower, out)
+            shutil.copyfile(plain, path)
 
 
 def _check(tower: ClipTextTower, out: Path) -> float:

@@ -184,8 +184,7 @@ def _leg(
     at = SPORT_SKELETON.index
     hip, knee, ankle = (body[:, at(f"{side}{n}")] for n in ("UpLeg", "Leg", "Foot"))
     bend = 180 - _angle(hip - knee, ankle - knee)
-    thigh = knee - hip
-    lift = np.degrees(np.arctan2(thigh[:, 2], -thigh[:, 1]))
+    lift = np.degrees(np.arctan2((knee - hip)[:, 2], (hip - knee)[:, 1]))
     down, other = (contact.any(axis=1) for contact in ground)
     stance = down if down.any() else np.ones(len(down), bool)
     landings = np.flatnonzero(np.diff(closed(down).astype(int)) == 1)

@@ -44,6 +44,30 @@ def _arm_place(m: ArmMeasures, k: int) -> str:
         (15, 38, 70),
         ("elbow straight", "elbow slightly bent", "elbow bent", "elbow bent sharply"),
     )
+    special = _special_arm(m, k)
+    if special:
+        return special
+    if m.hand_front > 0.28:
+        return _pick(
+            k,
+            f"{{s}} arm stretched out in front at {level} height, {bend}",
+            f"{{s}} hand reaching forward in front of the {level}, {bend}",
+        )
+    if m.elbow_bend > 85:
+        return _pick(
+            k,
+            f"{{s}} elbow bent sharply, hand in front of the {level}",
+            f"{{s}} arm bent, hand held at {level} height",
+        )
+    if m.elbow_bend > 48:
+        return _pick(
+            k, f"{{s}} elbow bent, hand at {level} height", f"{{s}} arm bent, hand beside the {level}"
+        )
+    return _hanging_arm(m, bend, k)
+
+
+def _special_arm(m: ArmMeasures, k: int) -> str:
+    """Overhead, spread, and behind the body; "" for any other arm."""
     if m.hand_level_top > 1.4 and m.hand_level > 1.0:
         return _pick(k, "{s} arm raised overhead", "{s} hand raised above the head", "{s} arm raised high")
     if m.hand_level_top > 1.2 and m.hand_level_range > 1.5 and m.hand_out < 0.35 and m.swing < 0.3:
@@ -68,22 +92,10 @@ def _arm_place(m: ArmMeasures, k: int) -> str:
             "{s} elbow bent and drawn back out to the side like a wing, hand behind the hip",
             "{s} arm bent like a wing, elbow out to the side and behind the body",
         )
-    if m.hand_front > 0.28:
-        return _pick(
-            k,
-            f"{{s}} arm stretched out in front at {level} height, {bend}",
-            f"{{s}} hand reaching forward in front of the {level}, {bend}",
-        )
-    if m.elbow_bend > 85:
-        return _pick(
-            k,
-            f"{{s}} elbow bent sharply, hand in front of the {level}",
-            f"{{s}} arm bent, hand held at {level} height",
-        )
-    if m.elbow_bend > 48:
-        return _pick(
-            k, f"{{s}} elbow bent, hand at {level} height", f"{{s}} arm bent, hand beside the {level}"
-        )
+    return ""
+
+
+def _hanging_arm(m: ArmMeasures, bend: str, k: int) -> str:
     away = (
         " away from the side"
         if m.hand_out > 0.15
@@ -134,7 +146,15 @@ def leg_words(m: LegMeasures, gap: float, side: str, k: int, pace: bool = False)
     )
     if m.moving < STANDING:
         return _pick(k, f"{side} leg standing still, {bend}", f"{side} foot planted on the ground, {bend}")
-    speed = _grade(
+    speed, length = _pace(m), _step_length(m)
+    steps = _pick(k, *length)
+    words = [f"{side} leg {_pick(k, *speed)}", steps] if pace else [f"{side} leg taking {steps}"]
+    words.append(bend)
+    return _sentence(words + _step_words(m, gap, k))
+
+
+def _pace(m: LegMeasures) -> tuple[str, ...]:
+    return _grade(
         m.speed,
         (0.55, 0.85, 1.3, 1.75, 2.4),
         (
@@ -146,7 +166,10 @@ def leg_words(m: LegMeasures, gap: float, side: str, k: int, pace: bool = False)
             ("running", "running fast"),
         ),
     )
-    length = _grade(
+
+
+def _step_length(m: LegMeasures) -> tuple[str, ...]:
+    return _grade(
         m.step_length,
         (0.38, 0.5, 0.7, 0.82),
         (
@@ -157,9 +180,11 @@ def leg_words(m: LegMeasures, gap: float, side: str, k: int, pace: bool = False)
             ("very long strides", "very long steps"),
         ),
     )
-    steps = _pick(k, *length)
-    words = [f"{side} leg {_pick(k, *speed)}", steps] if pace else [f"{side} leg taking {steps}"]
-    words.append(bend)
+
+
+def _step_words(m: LegMeasures, gap: float, k: int) -> list[str]:
+    """What is unlike usual steps: their rate, their sides, the foot, the width."""
+    words = []
     if m.cadence > 2.15:
         words.append(_pick(k, "quick steps", "many steps a minute"))
     elif 0.0 < m.cadence < 1.4:
@@ -178,7 +203,7 @@ def leg_words(m: LegMeasures, gap: float, side: str, k: int, pace: bool = False)
         words.append(_pick(k, "crossing in front of the other on a narrow line", "feet on one line"))
     elif gap > 0.165:
         words.append(_pick(k, "feet wide apart", "wide stance"))
-    return _sentence(words)
+    return words
 
 
 def torso_words(m: TorsoMeasures, k: int) -> str:

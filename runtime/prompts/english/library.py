@@ -103,11 +103,6 @@ class LibraryExpander:
         note = ", ".join(f"“{wrong}” read as “{right}”" for wrong, right in read.items())
         return replace(expansion, note=f"{note[0].upper()}{note[1:]}. {expansion.note}".strip())
 
-    @property
-    def ready_prompts(self) -> tuple[str, ...]:
-        """The training styles' prompts, for a list to choose from."""
-        return tuple(style.prompt for style in self._styles.values())
-
     def nearest(self, text: str) -> tuple[tuple[str, float], ...]:
         """The library's prompts most like `text`, with their cosine similarity, best first; takes milliseconds."""
         return self._near(self._rank(check_prompt(text)))

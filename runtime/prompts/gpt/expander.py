@@ -38,8 +38,6 @@ class GptExpander:
     def __init__(self, settings: GptSettings | None = None, cache: Path | None = None) -> None:
         self._given_settings = settings
         self._cache_directory = cache
-        self._lock = threading.Lock()
-        self._stops: set[threading.Event] = set()  # of the prompts in hand
         self._schema_refused = False
         self._left_alone_until = 0.0  # monotonic seconds
         self._last_failure: EndpointError | None = None
@@ -48,23 +46,15 @@ class GptExpander:
         """Descriptions by the language model, with source "gpt"; from the cache when it was asked before.
 
         PromptError when the prompt cannot be used, when the model gives no usable answer even after one repair, or as
-        PromptCancelledError when `stop` is set or `cancel` is called meanwhile. UsageError when it is not configured.
+        PromptCancelledError when `stop` is set meanwhile. UsageError when it is not configured.
         """
-        prompt = check_prompt(prompt)
-        stop = threading.Event() if stop is None else stop
-        with self._lock:
-            self._stops.add(stop)
-        try:
-            return self._expand(prompt, stop)
-        finally:
-            with self._lock:
-                self._stops.discard(stop)
+        return self._expand(check_prompt(prompt), threading.Event() if stop is None else stop)
 
     def stored(self, prompt: str) -> Expansion | None:
         """The answer of an earlier time, without asking; None when there is none or nothing is configured."""
         try:
             descriptions = self._cache.get(check_prompt(prompt))
-        except UsageError:  # the first `expand` tells what is wrong with the settings
+        except UsageError:  # the first `expand` says what is wrong with the settings
             return None
         return None if descriptions is None else Expansion(descriptions, "gpt")
 
@@ -77,12 +67,6 @@ class GptExpander:
             self._check_ready()
             self._client.prepare()
             _ = self._cache.version
-
-    def cancel(self) -> None:
-        """Let every `expand` in progress end at once, by PromptCancelledError."""
-        with self._lock:
-            for stop in self._stops:
-                stop.set()
 
     def _expand(self, prompt: str, stop: threading.Event) -> Expansion:
         stored = self._cache.get(prompt)

@@ -249,15 +249,8 @@ def summarise(measured: list[dict[str, Any]], memory: list[float]) -> dict[str, 
     }
     for name in TERRAINS:
         on = [m for m in measured if m["terrain"] == name]
-        if not on:
-            continue
-        toes = np.concatenate([m["toes"] for m in on])
-        report["terrains"][name] = {
-            "skating_cm": float(np.concatenate([m["skating"] for m in on]).mean()),
-            "sole_skating_cm": float(np.concatenate([m["sole_skating"] for m in on]).mean()),
-            "penetration_p99_cm": float(max(0.0, -np.percentile(toes, 1)) * 100.0),
-            "penetration_max_cm": float(max(0.0, -toes.min()) * 100.0),
-        }
+        if on:
+            report["terrains"][name] = _feet(on)
     speeds = [s for m in measured for s in m["speeds"]]
     for gait in sorted({s[0] for s in speeds}):
         asked, real = np.array([s[1:] for s in speeds if s[0] == gait]).T
@@ -271,6 +264,16 @@ def summarise(measured: list[dict[str, Any]], memory: list[float]) -> dict[str, 
         report["speed_error"] = float(np.mean(np.abs(real - asked) / asked))
     report["missed"] = _missed(report)
     return report
+
+
+def _feet(measured: list[dict[str, Any]]) -> dict[str, float]:
+    toes = np.concatenate([m["toes"] for m in measured])
+    return {
+        "skating_cm": float(np.concatenate([m["skating"] for m in measured]).mean()),
+        "sole_skating_cm": float(np.concatenate([m["sole_skating"] for m in measured]).mean()),
+        "penetration_p99_cm": float(max(0.0, -np.percentile(toes, 1)) * 100.0),
+        "penetration_max_cm": float(max(0.0, -toes.min()) * 100.0),
+    }
 
 
 def _missed(report: dict[str, Any]) -> list[str]:

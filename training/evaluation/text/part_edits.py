@@ -14,8 +14,8 @@ from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.skeleton import PART_NAMES
 from sport.training.evaluation.text.walks import Summary, summarise
 from sport.training.layering.apply import apply
-from sport.training.layering.build import load_source
 from sport.training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
+from sport.training.layering.pool import load_source
 from sport.training.layering.pose_edits import Motion
 from sport.training.layering.recombine import cut
 

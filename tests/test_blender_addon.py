@@ -168,4 +168,4 @@ def test_blender_follows_the_live_link_and_records_it(clip: Clip, tmp_path: Path
         theirs = np.array([shown[name] for name in SPORT_SKELETON.names])
         assert np.linalg.norm(theirs - last, axis=-1).max() < 1e-3
     assert found["range"][0] == 1
-    assert 55 <= found["keys"] <= 60
+    assert found["keys"] == 60, "a key in each frame, at whatever rate Blender came to look"

@@ -143,11 +143,13 @@ def test_a_receiver_that_comes_later_learns_the_skeleton_within_a_second(receive
     link.stop()
 
 
-def test_poses_of_one_frame_are_a_step_apart(receiver: Any) -> None:
-    link = LiveLink(Messages(), iter([10.0, 10.5]).__next__, Address(*receiver.address))
+def test_time_is_that_of_the_motion_however_late_the_frames_are(receiver: Any) -> None:
+    link = LiveLink(Messages(), address=Address(*receiver.address))
     link.start()
-    link.publish([some_pose(k) for k in range(4)])
-    assert [round(p.seconds, 4) for p in drain(receiver, 4)] == [0.45, 0.4667, 0.4833, 0.5]
+    link.publish([some_pose(k) for k in range(3)])
+    link.publish([some_pose(3)], 0.25)  # of a take that plays at the rate of the display
+    link.publish([some_pose(4)])
+    assert [round(p.seconds, 4) for p in drain(receiver, 5)] == [0.0, 0.0167, 0.0333, 0.05, 0.3]
     link.stop()
 
 

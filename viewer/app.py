@@ -265,7 +265,7 @@ class App:
             self.takes.close_playback()  # back to the live character
         elif playback is not None:
             playback.advance(dt)
-            self.stage.live.publish([playback.pose()])
+            self.stage.live.publish([playback.pose()], dt)
             return
         controls = self.stage.led(to_controls(intent, self.stage.camera.current.yaw), dt)
         self.takes.before_steps()

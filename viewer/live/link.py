@@ -15,7 +15,7 @@ from sport.viewer.live.address import Address, parse_address
 from sport.viewer.messages import Messages
 
 ANNOUNCE_S = 1.0  # a receiver that comes later knows the skeleton after so long
-STEP_S = 1.0 / 60.0  # between poses of one frame
+STEP_S = 1.0 / 60.0  # between poses of the simulation
 
 
 @dataclass
@@ -29,7 +29,7 @@ class LiveLink:
     dropped: int = 0
     _socket: socket.socket | None = None
     _joints: bytes = b""
-    _begun_s: float = 0.0
+    _motion_s: float = 0.0  # of what was sent
     _announced_s: float = 0.0
 
     @property
@@ -54,7 +54,7 @@ class LiveLink:
         self._socket.setblocking(False)  # a full buffer must not hold up a frame
         self._joints = message.skeleton_joints(SPORT_SKELETON)
         self.sent = self.dropped = 0
-        self._begun_s, self._announced_s = self.clock(), -ANNOUNCE_S
+        self._motion_s, self._announced_s = 0.0, self.clock() - ANNOUNCE_S
         if self.address.loopback:
             self.messages.note(f"Live link: poses go to {self.address}.")
         else:
@@ -77,18 +77,18 @@ class LiveLink:
         self.stop()
         self.messages.note(f"Live link is off; {self.sent} poses were sent.")
 
-    def publish(self, poses: Sequence[Pose]) -> None:
-        """Send the poses of one frame, oldest first; nothing while the link is off."""
+    def publish(self, poses: Sequence[Pose], step_s: float = STEP_S) -> None:
+        """Send the poses of one frame, oldest first and `step_s` apart; nothing while the link is off."""
         if self._socket is None:
             return
-        now, number = self.clock() - self._begun_s, message.skeleton_number(self._joints)
+        now, number = self.clock(), message.skeleton_number(self._joints)
         if now - self._announced_s >= ANNOUNCE_S:
             count = len(SPORT_SKELETON)
             if self._send(message.skeleton_message(self._joints, count, self.sent + self.dropped)):
                 self._announced_s = now
-        for i, pose in enumerate(poses):
-            at = max(now - STEP_S * (len(poses) - 1 - i), 0.0)
-            went = self._send(message.pose_message(pose, number, self.sent + self.dropped, at))
+        for pose in poses:
+            went = self._send(message.pose_message(pose, number, self.sent + self.dropped, self._motion_s))
+            self._motion_s += step_s
             self.sent, self.dropped = self.sent + went, self.dropped + (not went)
 
     def _send(self, data: bytes) -> bool:

@@ -40,7 +40,7 @@ def skeleton_message(joints: bytes, count: int, sequence: int) -> bytes:
 
 
 def pose_message(pose: Pose, skeleton: int, sequence: int, seconds: float) -> bytes:
-    """A pose `seconds` after the link was switched on: position of the hips in metres, local rotations w, x, y, z."""
+    """A pose after `seconds` of motion: position of the hips in metres, local rotations w, x, y, z."""
     rotations = np.ascontiguousarray(pose.local_rotations, "<f4")
     header = _HEADER.pack(MAGIC, VERSION, POSE, len(rotations), sequence % _SEQUENCES, skeleton)
     return header + _ROOT.pack(seconds, *(float(v) for v in pose.hips_position)) + rotations.tobytes()

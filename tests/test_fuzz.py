@@ -11,14 +11,14 @@ import pytest
 pytest.importorskip("onnx")
 pytest.importorskip("openai")
 
-from fuzz import files, models, words
+from fuzz import files, models, projects, words
 from fuzz.run import Tally, run
 from fuzz.target import Target
 
 from sport.runtime.assets import PROJECT_ROOT
 from sport.runtime.errors import FileError
 
-TARGETS = {target.name: target for target in (*files.TARGETS, *words.TARGETS, *models.TARGETS)}
+TARGETS = {target.name: target for target in (*files.TARGETS, *words.TARGETS, *models.TARGETS, *projects.TARGETS)}
 
 
 @pytest.mark.parametrize("name", TARGETS)

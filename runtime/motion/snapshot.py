@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import zlib
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
-from zipfile import BadZipFile
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
@@ -70,8 +71,7 @@ class Snapshot:
         if len(data) > MAX_BYTES:
             raise FileError(f"{name}: larger than {MAX_BYTES >> 20} MB.", REMEDY)
         try:
-            with np.load(io.BytesIO(data), allow_pickle=False) as file:
-                arrays = {key: file[key] for key in file.files}
+            arrays = _arrays(data)
             head = json.loads(arrays.pop("head").tobytes())
             version, seed, strength = head["version"], int(head["seed"]), float(head["strength"])
             tree = _unpacked(head["tree"], arrays)
@@ -81,7 +81,11 @@ class Snapshot:
             TypeError,
             OSError,
             EOFError,
+            IndexError,
+            AttributeError,
             RecursionError,
+            NotImplementedError,
+            RuntimeError,
             OverflowError,
             BadZipFile,
             zlib.error,
@@ -90,6 +94,32 @@ class Snapshot:
         if version != VERSION or not isinstance(tree, dict):
             raise FileError(f"{name}: of version {str(version)[:20]}, expected {VERSION}.", REMEDY)
         return Snapshot(seed, strength, tree)
+
+
+def _arrays(data: bytes) -> dict[str, np.ndarray]:
+    """The arrays of an NPZ that unfolds to at most `MAX_BYTES`, whatever its headers say; ValueError for another."""
+    arrays, left = {}, MAX_BYTES
+    with ZipFile(io.BytesIO(data)) as file:
+        for member in file.infolist():
+            with file.open(member) as stream:
+                content = stream.read(left + 1)
+            left -= len(content)
+            if left < 0:
+                raise ValueError("it unfolds to too much")
+            arrays[member.filename.removesuffix(".npy")] = _array(content)
+    return arrays
+
+
+def _array(content: bytes) -> np.ndarray:
+    """An NPY whose values are all there."""
+    stream = io.BytesIO(content)
+    if np.lib.format.read_magic(stream) != (1, 0):
+        raise ValueError("an array of another version")
+    shape, fortran, kind = np.lib.format.read_array_header_1_0(stream)
+    values = content[stream.tell() :]
+    if kind.hasobject or kind.names or math.prod(shape) * kind.itemsize != len(values):
+        raise ValueError("an array that is cut off")
+    return np.frombuffer(values, kind).reshape(shape, order="F" if fortran else "C").copy()
 
 
 def take_snapshot(controller: Controller) -> Snapshot:
@@ -161,9 +191,17 @@ def _fitting(now: Any, value: Any, path: str) -> Any:
         if now.shape != value.shape or not np.isfinite(value).all():
             raise FileError(f"state of {path}: shape {value.shape}, expected {now.shape}, finite.", REMEDY)
         return value.astype(now.dtype)
-    if isinstance(value, dict):
-        raise FileError(f"state of {path}: nested, expected a number.", REMEDY)
+    if isinstance(value, dict) or (value is not None and now is not None and _kind(value) != _kind(now)):
+        raise FileError(f"state of {path}: expected {_kind(now)}.", REMEDY)
     return _copy(value)
+
+
+def _kind(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return "an array"
+    if isinstance(value, bool | int | float | np.generic):
+        return "a number"
+    return "a tuple" if isinstance(value, tuple) else "text" if isinstance(value, str) else "another value"
 
 
 def _packed(value: Any, arrays: dict[str, np.ndarray]) -> Any:

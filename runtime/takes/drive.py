@@ -274,9 +274,10 @@ class DriveRecorder:
         words: str,
         note: Any = None,
         holds: bool = False,
+        typed: str = "",
     ) -> None:
         """A style came into force, see `StyleChange`; or it `holds` already in the controller's state."""
-        event, frame = PromptEvent(0.0, prompt, seconds, words), self.next_frame - holds
+        event, frame = PromptEvent(0.0, prompt, seconds, words, typed), self.next_frame - holds
         if holds:
             self._changes = [c for c in self._changes if not isinstance(c, StyleChange)]
         kept = z if isinstance(z, StyleMix) else np.array(z, np.float32)

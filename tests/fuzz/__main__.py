@@ -17,10 +17,10 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # helpers of the tests
 
-from . import files, models, words
+from . import files, models, projects, words
 from .run import HUNG_SECONDS, Tally, damaged, run
 
-TARGETS = (*files.TARGETS, *words.TARGETS, *models.TARGETS)
+TARGETS = (*files.TARGETS, *words.TARGETS, *models.TARGETS, *projects.TARGETS)
 BATCH = 2000
 SHOWN = 10  # failures of a target
 

@@ -137,7 +137,7 @@ class TakeEditing:
             base = known or dataclasses.replace(answer, prompt="")
             answer = dataclasses.replace(base, words=answer.words, z=answer.z)
         style = StyleEdit((answer, None))
-        event = PromptEvent(0.0, style.prompt_text, seconds, style.spelled_out())
+        event = PromptEvent(0.0, style.prompt_text, seconds, style.spelled_out(), style.typed())
         return StyleChange(frame, np.array(answer.z, np.float32), seconds, event, style)
 
     # --- spans

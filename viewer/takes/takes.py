@@ -77,16 +77,18 @@ class Takes:
 
     def mark_style(self, edit: StyleEdit, seconds: float) -> None:
         """A style came into force for the next frame."""
-        z, prompt, words = edit.style(), edit.prompt_text, edit.spelled_out()
-        self.recorder.mark_prompt(prompt, seconds, words, edit.typed())
+        z, prompt, words, typed = edit.style(), edit.prompt_text, edit.spelled_out(), edit.typed()
+        self.recorder.mark_prompt(prompt, seconds, words, typed)
         if z is not None:
-            self.drives.mark_style(z, seconds, prompt, words, edit)
+            self.drives.mark_style(z, seconds, prompt, words, edit, typed=typed)
 
     def mark_held(self, style: StyleChange) -> None:
         """A style of a take holds in the live controller already."""
         event = style.event
         self.recorder.mark_prompt(event.prompt, 0.0, event.words, event.typed)
-        self.drives.mark_style(style.z, style.seconds, event.prompt, event.words, style.note, holds=True)
+        self.drives.mark_style(
+            style.z, style.seconds, event.prompt, event.words, style.note, holds=True, typed=event.typed
+        )
 
     def add_poses(self, poses: list[Pose], controls: Controls) -> None:
         """Remember simulated poses, as they are shown, and what was asked for; call once a frame."""

@@ -1,0 +1,1 @@
+"""Projects: everything one works on in one file, read with doubt."""

@@ -1,0 +1,290 @@
+"""A project as plain data, and its one file: takes with what they were driven by, ground, character, model and style.
+
+Saved and loaded again, every frame, stick and state is the same, bit by bit: a take is driven again as before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sport.runtime.errors import FileError, SportError
+from sport.runtime.projects.archive import REMEDY, ZIP_ERRORS, ArchiveReader, ArchiveWriter
+from sport.runtime.projects.character_files import Files, check_character_files
+from sport.runtime.projects.drives import DriveReader, DriveWriter, Json, read_ground, read_words_text
+from sport.runtime.safe_read import is_text, printable, reason
+from sport.runtime.skeleton import J
+from sport.runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, Clip
+from sport.runtime.takes.drive import Drive
+from sport.runtime.takes.metadata import event_from, gait_seconds, origin_from
+from sport.runtime.terrain.height_map import Terrain
+
+SUFFIX = ".sport"
+FORMAT, VERSION = "sport-project", 1
+MAX_TAKES = 10_000
+MAX_TEXT = 4096  # characters of a name
+MAX_NORM_ERROR = 0.01  # of a quaternion
+# what JSON of another shape raises where it is unpacked
+STRUCTURE_ERRORS = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, RecursionError)
+
+
+@dataclass(frozen=True, eq=False)
+class StoredVersion:
+    """One version of a take: its frames, what drove it, where it was exported to, and the edit that made it."""
+
+    clip: Clip
+    drive: Drive | None = None
+    saved: str = ""
+    label: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class StoredTake:
+    """A take with the versions before and after the one that is shown; `name` where it was renamed."""
+
+    shown: StoredVersion
+    older: tuple[StoredVersion, ...] = ()
+    newer: tuple[StoredVersion, ...] = ()
+    recorded: bool = True
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class ModelName:
+    """Which model moved the character; `folder` is "" for the shipped one."""
+
+    folder: str = ""
+    name: str = ""
+    sha256: str = ""
+    seed: int = 0
+
+
+@dataclass
+class Project:
+    """Everything on the desk. `style` is what the program that saves keeps of its prompts, `view` flat values."""
+
+    takes: tuple[StoredTake, ...] = ()
+    counter: int = 0  # takes that were recorded, for the next name
+    selected: int = -1
+    ground: str = "flat"  # name or path
+    terrain: Terrain | None = None
+    character: Files = field(default_factory=dict)  # empty for the mannequin; the first one is the glTF
+    model: ModelName = ModelName()
+    style: Any = None
+    place: tuple[float, float, float] = (0.0, 0.0, 0.0)  # x, z (metres) and yaw (radians) of the live character
+    view: Mapping[str, Any] = field(default_factory=dict)  # camera and settings: text, numbers, truth values
+
+
+class Notes:
+    """How notes of styles go to JSON and back; this one leaves them out."""
+
+    def pack(self, note: Any, archive: ArchiveWriter) -> Json:
+        """JSON of a note, whose arrays go to `archive`."""
+        return None
+
+    def unpack(self, value: Json, archive: ArchiveReader) -> Any:
+        """A note of JSON; a structural error or FileError where it is none."""
+        return None
+
+
+Snapshots = dict[int, tuple[Any, bytes]]
+
+
+def save_project(project: Project, path: Path, notes: Notes | None = None, known: Snapshots | None = None) -> None:
+    """Write a project whole or not at all. `known` keeps what states of controllers came to, for the next time."""
+    notes, archive = notes or Notes(), ArchiveWriter()
+    drives = DriveWriter(archive, lambda note: notes.pack(note, archive), {} if known is None else known)
+    takes = [_take(take, archive, drives) for take in project.takes]
+    document = {
+        "format": FORMAT,
+        "version": VERSION,
+        "takes": takes,
+        "counter": project.counter,
+        "selected": project.selected,
+        "ground": {
+            "name": printable(project.ground),
+            "number": None if project.terrain is None else drives.ground(project.terrain),
+        },
+        "character": {name: archive.data(content) for name, content in project.character.items()},
+        "model": vars(project.model),
+        "style": None if project.style is None else notes.pack(project.style, archive),
+        "place": list(project.place),
+        "view": dict(project.view),
+        "grounds": drives.grounds,
+    }
+    archive.save(path, document)
+
+
+def load_project(path: str | Path, notes: Notes | None = None) -> Project:
+    """A project of a file that nobody vouches for; FileError in one sentence for damage and other versions."""
+    path, notes = Path(path), notes or Notes()
+    archive = ArchiveReader.open(path)
+    document = archive.document
+    if document.get("format") != FORMAT:
+        raise FileError(f"{path}: not a project of this program.", REMEDY)
+    if document.get("version") != VERSION:
+        found = str(document.get("version"))[:20]
+        raise FileError(
+            f"{path}: a project of version {found}; this program reads version {VERSION}.",
+            "Open it with the version that saved it.",
+        )
+    try:
+        return _project(document, archive, notes)
+    except FileError:
+        raise
+    except SportError as error:
+        raise FileError(f"{path}: damaged ({error.problem.rstrip('.')}).", REMEDY) from error
+    except (*STRUCTURE_ERRORS, *ZIP_ERRORS) as error:
+        raise FileError(f"{path}: damaged ({reason(error)}).", REMEDY) from error
+
+
+def _project(value: Json, archive: ArchiveReader, notes: Notes) -> Project:
+    grounds = [read_ground(ground, archive) for ground in value["grounds"]]
+    drives = DriveReader(archive, lambda note: notes.unpack(note, archive), grounds)
+    if len(value["takes"]) > MAX_TAKES:
+        raise ValueError(f"{len(value['takes'])} takes")
+    character = {name: archive.data(number) for name, number in value["character"].items()}
+    if character:
+        check_character_files(character)
+    ground, model, style = value["ground"], value["model"], value["style"]
+    x, z, yaw = (_number(part) for part in value["place"])
+    return Project(
+        takes=tuple(_read_take(take, archive, drives) for take in value["takes"]),
+        counter=_count(value["counter"]),
+        selected=min(_count(value["selected"] + 1) - 1, len(value["takes"]) - 1),
+        ground=_text(ground["name"]),
+        terrain=None if ground["number"] is None else drives.ground(ground["number"]),
+        character=character,
+        model=ModelName(_text(model["folder"]), _text(model["name"]), _text(model["sha256"]), _count(model["seed"])),
+        style=None if style is None else notes.unpack(style, archive),
+        place=(x, z, yaw),
+        view={key: entry for key, entry in value["view"].items() if _is_flat(entry)},
+    )
+
+
+# --- takes
+
+
+def _take(take: StoredTake, archive: ArchiveWriter, drives: DriveWriter) -> Json:
+    def packed(versions: tuple[StoredVersion, ...]) -> list[Json]:
+        return [_version(version, archive, drives) for version in versions]
+
+    return {
+        "name": printable(take.name),
+        "recorded": take.recorded,
+        "shown": packed((take.shown,))[0],
+        "older": packed(take.older),
+        "newer": packed(take.newer),
+    }
+
+
+def _version(version: StoredVersion, archive: ArchiveWriter, drives: DriveWriter) -> Json:
+    clip = version.clip
+    return {
+        "name": printable(clip.name),
+        "fps": clip.fps,
+        "terrain": printable(clip.terrain),
+        "hips": archive.array(clip.hips_positions),
+        "rotations": archive.array(clip.local_rotations),
+        "contacts": archive.array(clip.contacts),
+        "gaits": None if clip.gaits is None else archive.array(clip.gaits, "|i1"),
+        "gait_seconds": [list(pair) for pair in clip.gait_seconds],
+        "prompts": [vars(event) for event in clip.prompts],
+        "origin": vars(clip.origin),
+        "placed": None if clip.placed is None else list(clip.placed),
+        "drive": None if version.drive is None else drives.drive(version.drive),
+        "saved": printable(version.saved),
+        "label": printable(version.label),
+    }
+
+
+def _read_take(value: Json, archive: ArchiveReader, drives: DriveReader) -> StoredTake:
+    def unpacked(versions: Json) -> tuple[StoredVersion, ...]:
+        return tuple(_read_version(version, archive, drives) for version in versions)
+
+    recorded = value["recorded"] is True
+    (shown,) = unpacked([value["shown"]])
+    return StoredTake(shown, unpacked(value["older"]), unpacked(value["newer"]), recorded, _text(value["name"]))
+
+
+def _read_version(value: Json, archive: ArchiveReader, drives: DriveReader) -> StoredVersion:
+    hips = archive.array(value["hips"], "<f4", (None, 3))
+    count = len(hips)
+    rotations = archive.array(value["rotations"], "<f4", (count, J, 4))
+    contacts = archive.array(value["contacts"], "<f4", (count, 4))
+    gaits = None if value["gaits"] is None else archive.array(value["gaits"], "|i1", (count,))
+    fps, placed = _number(value["fps"]), value["placed"]
+    _check_motion(archive.path, hips, rotations, contacts, gaits, fps)
+    prompts = tuple(replace(event_from(e), words=read_words_text(e["words"])) for e in value["prompts"])
+    clip = Clip(
+        name=_text(value["name"]),
+        fps=fps,
+        hips_positions=hips,
+        local_rotations=rotations,
+        contacts=contacts,
+        prompts=prompts,
+        terrain=_text(value["terrain"]),
+        origin=origin_from(value["origin"]),
+        gait_seconds=_gait_seconds(value["gait_seconds"], gaits, fps),
+        gaits=gaits,
+        placed=None if placed is None else _four(placed),
+    )
+    drive = None if value["drive"] is None else drives.drive(value["drive"])
+    if drive is not None and len(drive) != count:
+        raise FileError(f"{archive.path}: a take of {count} frames that was driven for {len(drive)}.", REMEDY)
+    return StoredVersion(clip, drive, _text(value["saved"]), _text(value["label"]))
+
+
+def _check_motion(path: Path, hips: Any, rotations: Any, contacts: Any, gaits: Any, fps: float) -> None:
+    """FileError unless every frame can be shown."""
+    norms = np.linalg.norm(rotations, axis=-1) if len(hips) else np.zeros(0)
+    good = (
+        len(hips) > 0
+        and bool((np.abs(hips) <= MAX_DISTANCE_M).all())
+        and bool((np.abs(norms - 1.0) <= MAX_NORM_ERROR).all())
+        and bool(((contacts >= -0.5) & (contacts <= 1.5)).all())
+        and (gaits is None or bool(((gaits >= -1) & (gaits < 10)).all()))
+        and 0.0 < fps <= MAX_FPS
+    )
+    if not good:
+        raise FileError(f"{path}: a take whose frames are no poses.", REMEDY)
+
+
+def _gait_seconds(value: Json, gaits: Any, fps: float) -> tuple[tuple[str, float], ...]:
+    if gaits is not None:
+        return tuple(gait_seconds(gaits, fps).items())
+    return tuple((_text(name), _number(seconds)) for name, seconds in value)
+
+
+def _four(value: Json) -> tuple[float, ...]:
+    yaw, x, y, z = (_number(part) for part in value)
+    return yaw, x, y, z
+
+
+# --- values
+
+
+def _text(value: Json) -> str:
+    if not is_text(value) or "\0" in value or len(value) > MAX_TEXT:
+        raise ValueError("expected text")
+    return value
+
+
+def _number(value: Json) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= 1e9:
+        raise ValueError(f"{str(value)[:20]}: expected a number")
+    return float(value)
+
+
+def _count(value: Json) -> int:
+    if type(value) is not int or not 0 <= value < 1 << 62:
+        raise ValueError(f"{str(value)[:20]}: expected a whole number")
+    return value
+
+
+def _is_flat(value: Json) -> bool:
+    return (is_text(value) and len(value) <= MAX_TEXT) or isinstance(value, bool | int | float)

@@ -1,0 +1,89 @@
+"""Targets that are projects: the archive with its text and arrays, and the states of controllers in it."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from sport.runtime.controls import Controls, Gait
+from sport.runtime.motion.snapshot import Snapshot
+from sport.runtime.projects.archive import DOCUMENT
+from sport.runtime.projects.project import Project, StoredTake, StoredVersion, load_project, save_project
+from sport.runtime.takes.drive import Drive, DrivenFrame, GroundChange, Keyframe, Restart, StyleChange
+from sport.runtime.takes.metadata import PromptEvent
+from sport.runtime.terrain.height_map import Terrain
+
+from .files import clip
+from .mutate import damaged_bytes, damaged_json
+from .target import Target, put
+
+
+def snapshot() -> Snapshot:
+    """A state with a value of each kind."""
+    rng = np.random.default_rng(4)
+    tree = {"phase": rng.random(4), "body": {"name": "walk", "stands": True, "steps": (1, 2.5, None)}, "count": 3}
+    return Snapshot(7, 1.0, tree)
+
+
+def project() -> Project:
+    """A project of one take with two versions, everything that drives a take, and a character of two files."""
+    ground = Terrain("dunes", np.linspace(0, 1, 12, dtype=np.float32).reshape(3, 4), 0.5, (-1.0, -1.0))
+    style = StyleChange(0, np.ones((6, 64), np.float32), 0.4, PromptEvent(0.0, "a proud walk", 0.4, '{"a": 1}'))
+    frames = tuple(DrivenFrame(Controls((0.1, 1.0), None, Gait.WALK), 0.7, 1.0) for _ in range(4))
+    changes = (GroundChange(0, "dunes.png", ground), style, Restart(2, 0.0, 1.0, 0.5))
+    drive = Drive(frames, changes, (Keyframe(0, snapshot()),))
+    shown = StoredVersion(clip(), drive, "", "words")
+    take = StoredTake(shown, (StoredVersion(clip()),), name="my take")
+    files = {"me.gltf": b"{}", "textures/skin.png": b"PNG"}
+    return Project((take,), 1, 0, "dunes.png", ground, files, view={"camera": "orbit", "yaw": 0.5})
+
+
+def _project_seeds(folder: Path) -> list[bytes]:
+    save_project(project(), folder / "seed.sport")
+    return [(folder / "seed.sport").read_bytes()]
+
+
+def _state_seeds(_folder: Path) -> list[bytes]:
+    return [snapshot().to_bytes()]
+
+
+def _inside(*texts: str):
+    """Damage to members of a ZIP, whose checksums then fit; sometimes to all bytes. `texts` are JSON."""
+
+    def damage(rng, data: bytes) -> bytes:
+        if rng.random() < 0.2:
+            return damaged_bytes(rng, data)
+        with zipfile.ZipFile(io.BytesIO(data)) as file:
+            members = {m.filename: file.read(m) for m in file.infolist()}
+        name = rng.choice([*texts, *texts, rng.choice(list(members))])
+        members[name] = (damaged_json if name in texts else damaged_bytes)(rng, members[name])
+        if rng.random() < 0.05:
+            del members[rng.choice(list(members))]
+        out = io.BytesIO()
+        kind = zipfile.ZIP_DEFLATED if rng.random() < 0.02 else zipfile.ZIP_STORED
+        with zipfile.ZipFile(out, "w", kind) as file:
+            for name, content in members.items():
+                file.writestr(name, content)
+        return out.getvalue()
+
+    return damage
+
+
+def _read_project(folder: Path, data: bytes) -> None:
+    found = load_project(put(folder, "input.sport", data))
+    for take in found.takes:
+        for version in (take.shown, *take.older, *take.newer):
+            assert np.isfinite(version.clip.pose(0).positions).all()
+            version.clip.describe().encode()
+            assert version.drive is None or len(version.drive.prompts()) >= 0
+    assert all(".." not in name and not name.startswith("/") for name in found.character)
+    save_project(found, folder / "again.sport")  # what was read can be written
+
+
+TARGETS = (
+    Target("project", _project_seeds, _inside(DOCUMENT), _read_project, 2.0),
+    Target("controller state", _state_seeds, damaged_bytes, lambda _, data: Snapshot.from_bytes(data)),
+)

@@ -43,12 +43,12 @@ ARROWS = {
 ROOMS = {
     "runtime": (
         "errors", "safe_read", "assets", "atomic", "file_lock", "rotations", "skeleton", "spring", "pose", "controls",
-        "character", "terrain", "feet", "motion", "prompts", "prompts.english", "prompts.gpt", "prompts.prompter", "takes",
+        "character", "terrain", "feet", "motion", "prompts", "prompts.english", "prompts.gpt", "prompts.prompter", "takes", "projects",
         "generate",
     ),
     "viewer": (
         "gl_bindings", "signals", "messages", "jobs", "settings", "options", "input", "render", "services", "gui",
-        "prompt", "live", "stage", "takes", "filming", "tools", "shell", "state", "window", "app",
+        "prompt", "live", "stage", "takes", "filming", "exports", "projects", "tools", "desk", "shell", "state", "window", "screenshots", "app",
     ),
 }  # fmt: skip
 LIBRARIES = {

@@ -18,7 +18,9 @@ from fuzz.target import Target
 from sport.runtime.assets import PROJECT_ROOT
 from sport.runtime.errors import FileError
 
-TARGETS = {target.name: target for target in (*files.TARGETS, *words.TARGETS, *models.TARGETS, *projects.TARGETS)}
+TARGETS = {
+    target.name: target for target in (*files.TARGETS, *words.TARGETS, *models.TARGETS, *projects.TARGETS)
+}
 
 
 @pytest.mark.parametrize("name", TARGETS)

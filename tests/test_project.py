@@ -62,7 +62,9 @@ def test_a_take_is_driven_again_as_before_saving(take: Take, model: MotionModel,
     assert replace(shown.clip.prompts[0]) == clip.prompts[0]
     edit, again = (drive_edits.with_prompt(d, style(45)) for d in (drive, shown.drive))
     wanted, _ = played_again(clip, edit.drive, Controller(model, make_terrain("flat"), seed=9), edit.first)
-    made, _ = played_again(shown.clip, again.drive, Controller(model, make_terrain("flat"), seed=9), again.first)
+    made, _ = played_again(
+        shown.clip, again.drive, Controller(model, make_terrain("flat"), seed=9), again.first
+    )
     assert same(made, wanted)
     assert not same(made, clip)
 
@@ -86,7 +88,10 @@ def test_words_that_were_typed_live_on_when_a_take_is_driven_again(take: Take, m
     clip, drive = take
     change = replace(style(45), event=PromptEvent(0.0, "six words", 0.4, "", "what was typed"))
     made, _ = played_again(
-        clip, drive_edits.with_prompt(drive, change).drive, Controller(model, make_terrain("flat"), seed=3), 45
+        clip,
+        drive_edits.with_prompt(drive, change).drive,
+        Controller(model, make_terrain("flat"), seed=3),
+        45,
     )
     assert made.prompts[-1].typed == "what was typed"
 
@@ -151,7 +156,10 @@ def test_a_characters_files_come_out_in_a_folder_of_their_own(tmp_path: Path) ->
     (source / "textures" / "skin.png").write_bytes(b"PNG")
     (source / "me.joints.json").write_text("{}", encoding="utf-8")
     (source / "other.json").write_text("{}", encoding="utf-8")
-    document = {"asset": {"version": "2.0"}, "images": [{"uri": "textures/skin.png"}, {"uri": "../secret.png"}]}
+    document = {
+        "asset": {"version": "2.0"},
+        "images": [{"uri": "textures/skin.png"}, {"uri": "../secret.png"}],
+    }
     (source / "me.gltf").write_text(json.dumps(document), encoding="utf-8")
     files = read_character_files(source / "me.gltf")
     assert list(files) == ["me.gltf", "textures/skin.png", "me.joints.json"]

@@ -12,6 +12,7 @@ from sport.runtime.prompts.expander import DEFAULT_PROMPT
 from sport.runtime.takes.drive import DriveRecorder
 from sport.runtime.takes.recorder import ClipRecorder
 from sport.runtime.terrain.height_map import Terrain
+from sport.viewer.desk.desk import Desk
 from sport.viewer.gl_bindings import glfw, imgui
 from sport.viewer.input.bindings import Action, Intent, to_controls
 from sport.viewer.input.devices import Devices
@@ -24,7 +25,8 @@ from sport.viewer.prompt.prompting import Prompting
 from sport.viewer.prompt.room import PromptRoom
 from sport.viewer.prompt.style_edit import Side
 from sport.viewer.prompt.suggester import Suggester
-from sport.viewer.render.capture import save_png, screenshot_path
+from sport.viewer.render.capture import save_png
+from sport.viewer.screenshots import Screenshots
 from sport.viewer.services import Services
 from sport.viewer.settings import (
     MAPPINGS_NAME,
@@ -97,7 +99,6 @@ class App:
         self.state = AppState(settings, StageState(ground, Simulation.standing(ground)))
         self.frames_shown = 0
         self.interrupted = False  # from outside: by a signal or Ctrl+C
-        self._screenshot: Path | None = None  # where the next frame is written
         self._was_moving = False
         self._interval_s = 0.0  # since the frame before, by the clock
         self._steps = 0  # of the simulation in this frame
@@ -148,11 +149,24 @@ class App:
         )
         self.prompting.mark = self.takes.mark_style
         self.editing = TakeEditing(self.takes, self.stage, self.prompting)
+        self.screenshots = Screenshots(settings, messages, jobs, options.frames_directory)
+        self.desk = Desk(
+            state.desk, settings, messages, jobs, self.takes, self.stage, self.prompting,
+            self.load_model, self.state_folder,
+        )  # fmt: skip
         self.shell = Shell(
-            state.shell, messages, self.prompt, self.stage, self.takes, self.editing, self.open_files
+            state.shell,
+            messages,
+            self.prompt,
+            self.stage,
+            self.takes,
+            self.editing,
+            self.desk,
+            self.open_files,
         )
-        own = {Action.FULLSCREEN: self.window.toggle_full_screen, Action.SCREENSHOT: self._take_screenshot}
-        self.actions = {**self.stage.actions, **self.takes.actions, **self.shell.actions, **own}
+        own = {Action.FULLSCREEN: self.window.toggle_full_screen, Action.SCREENSHOT: self.screenshots.ask}
+        rooms = (self.stage, self.takes, self.desk, self.shell)
+        self.actions = {action: do for room in rooms for action, do in room.actions.items()} | own
 
     def _load(self) -> None:
         """Begin to load what the options and the settings ask for."""
@@ -179,6 +193,7 @@ class App:
             self.takes.open(options.clip)
         if not options.offscreen:
             self.takes.journals.look()
+        self.desk.begin(options.project, autosaving=not options.offscreen)
         failure = self.jobs.first_error or self.prompting.first_error
         if options.offscreen and failure is not None:
             raise failure  # nobody would read a message
@@ -192,7 +207,7 @@ class App:
 
     def open_files(self, paths: list[Path]) -> None:
         """Open dropped files by what their names say they are."""
-        table = {**self.stage.files, **self.takes.files}
+        table = {**self.stage.files, **self.takes.files, **self.desk.files}
         for path in paths:
             suffix = path.suffix.lower()
             if suffix in table:
@@ -200,12 +215,8 @@ class App:
             else:
                 self.state.messages.error(
                     f"{path.name}: nothing here opens {suffix or 'a file without an ending'}."
-                    " Drop a BVH clip, a GLB character, or a PNG, NPY or mesh ground."
+                    " Drop a project, a BVH clip, a GLB character, or a PNG, NPY or mesh ground."
                 )
-
-    def _take_screenshot(self) -> None:
-        """Save the next frame beside the clips."""
-        self._screenshot = screenshot_path(self.state.settings.export_folder)
 
     # --- one frame
 
@@ -224,6 +235,7 @@ class App:
         state.shell.crouching = self.devices.mapper.crouching
         self.jobs.deliver()
         self.prompting.poll()
+        self.desk.poll()
         self._simulate(dt, intent)
         pose = self._shown_pose()
         self.shell.arrange(window.ui_scale)
@@ -235,7 +247,7 @@ class App:
         overlays = make_overlays(state.settings, live, self.stage.path.overlay())
         self.stage.renderer.render(window.framebuffer, self.stage.camera.current, pose, overlays)
         window.draw_interface()
-        self._capture()
+        self.screenshots.capture(window, self.frames_shown)
         self._finish_frame()
 
     def _tick(self) -> float:
@@ -295,20 +307,6 @@ class App:
         camera.update(pose, dt, intent.look, zoom, self.state.stage.terrain, moving)
         camera.frame_in(self.shell.framing, dt)
 
-    def _capture(self) -> None:
-        """Write the finished frame where it was asked for."""
-        folder = self.options.frames_directory
-        if folder is not None:
-            save_png(self.window.read_pixels(), folder / f"frame_{self.frames_shown:05d}.png")
-        if self._screenshot is not None:
-            path, self._screenshot = self._screenshot, None
-            pixels = self.window.read_pixels()
-            self.jobs.submit(
-                "screenshot",
-                lambda: save_png(pixels, path, new=True),
-                lambda p: self.state.messages.note(f"Saved {p}"),
-            )
-
     def _finish_frame(self) -> None:
         """Show the frame, note the times, and sleep where vsync does not hold the loop back."""
         before = time.perf_counter()
@@ -362,6 +360,7 @@ class App:
         comes to its end as planned keeps no takes. The code is 1 when anything was lost or went elsewhere than asked.
         """
         lost = not self.jobs.finish("export ")  # what is on its way is not saved a second time
+        self.desk.projects.finish()
         if self.interrupted or not self.options.offscreen:
             for path in self.takes.rescue():
                 self.state.messages.note(f"Kept an unsaved take: {path}")

@@ -38,6 +38,7 @@ class ViewOptions:
     model: Path | None = None  # directory of an exported model
     character: Path | None = None  # GLB
     clip: Path | None = None  # BVH to open
+    project: str | None = None  # file of a project, or "last"
     seed: int = specified(0, 0, flag="--seed")
     quality: str | None = specified(None, choices=QUALITIES, flag="--quality")
     camera: str | None = specified(None, choices=CAMERAS, flag="--camera")

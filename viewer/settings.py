@@ -120,7 +120,11 @@ class Settings:
     export_fps: int = specified(60, choices={60: "60 fps", 30: "30 fps"})
     export_unit: str = specified("cm", choices={"cm": "cm", "m": "m"})
     dead_zone: float = specified(0.15, 0.0, 0.9)  # of a stick's travel
-    invert_look: bool = False
+    invert_look: bool = specified(False, label="Invert look", hint="Stick and keys up look down")
+    text_size: float = specified(1.0, choices={0.9: "Small", 1.0: "Normal", 1.15: "Large", 1.3: "Largest"})
+    model_folder: str = ""  # of an exported model; "": the shipped one
+    first_minute_seen: bool = False
+    recent_projects: list[str] = field(default_factory=list)  # newest first
     prompt_history: list[str] = field(default_factory=list)  # newest first
     # what answers prompts; "" is what the environment says
     expander: str = specified("", choices={"": "", "library": "Library", "gpt": "Language model"})
@@ -161,7 +165,7 @@ def load_settings(directory: Path) -> tuple[Settings, list[str]]:
         if entry.name not in content:
             continue
         default = getattr(settings, entry.name)
-        value = _checked(entry.name, content[entry.name], default)
+        value = checked(entry.name, content[entry.name], default)
         if value is None:
             unusable.append(f"{entry.name} ({ascii(reprlib.repr(content[entry.name]))[1:-1]})")
         else:
@@ -184,8 +188,8 @@ def _read(path: Path) -> dict[str, Any]:
     return content
 
 
-def _checked(name: str, value: Any, default: Any) -> Any:
-    """`value` as the type of `default` when it is allowed, else None."""
+def checked(name: str, value: Any, default: Any) -> Any:
+    """`value` for the setting `name`, as the type of `default`, when it is allowed; else None."""
     if isinstance(default, list):
         usable = isinstance(value, list) and len(value) <= MAX_LIST and all(map(_is_text, value))
         return list(value) if usable else None
@@ -233,7 +237,7 @@ def _changes(values: dict[str, Any], before: dict[str, Any], content: dict[str, 
     """What is to be written over the content of a file: changed fields, and those that it has unusable."""
     found = {}
     for name, value in values.items():
-        theirs = _checked(name, content[name], value) if name in content else before[name]
+        theirs = checked(name, content[name], value) if name in content else before[name]
         if theirs is None:
             found[name] = value
         elif value != before[name]:

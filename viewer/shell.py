@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
+from sport.viewer.desk import bar
+from sport.viewer.desk.desk import Desk
 from sport.viewer.gl_bindings import imgui
 from sport.viewer.gui import help, status, theme, widgets
 from sport.viewer.gui.layout import Layout, Rect, arrange, framing
@@ -70,10 +72,13 @@ class Shell:
     stage: Stage
     takes: Takes
     editing: TakeEditing
+    desk: Desk
     open_files: Callable[[list[Path]], None]
     fonts: Fonts = field(default_factory=theme.load_fonts)
     _scale: float = 0.0
     _scene_height: float = 0.0
+    _removals: int = 0  # takes that can be brought back
+    _top_then: object = None  # the prompt's last change when the last of them was removed
     _layout: Layout = field(default_factory=lambda: arrange(64.0, 64.0, 1.0))
 
     @property
@@ -104,7 +109,7 @@ class Shell:
         """Leave the innermost thing that is open."""
         if self.state.help_open:
             self.state.help_open = False
-        else:
+        elif not self.desk.cancel():
             self.takes.close_playback()
 
     def arrange(self, scale: float) -> None:
@@ -136,6 +141,9 @@ class Shell:
         _window("Transport", layout.transport, lambda: transport.draw(self.editing))
         if not self.state.bare:
             self._status(layout)
+        if self.state.panels_open:
+            bar.draw(self.desk, layout.view)
+        self.desk.dialogs.draw()
         self._badge(layout.view)
         if self.state.help_open and help.draw(self.fonts):
             self.state.help_open = False
@@ -156,11 +164,18 @@ class Shell:
 
     def _undo_keys(self) -> None:
         """Ctrl+Z and Ctrl+Y wherever nothing is typed; a text field sees to its own."""
+        bar.keys(self.desk)
+        removed, top = self.takes.state.removed, self.prompt.prompting.history.top
+        if len(removed) > self._removals:
+            self._top_then = top
+        self._removals = len(removed)
         if imgui.get_io().want_text_input:
             return
         undo, redo = field_panel.pressed_undo()
         of = self.editing if self.takes.state.playback is not None else self.prompt.prompting
-        if undo:
+        if undo and removed and of is not self.editing and top is self._top_then:
+            self.takes.restore()  # nothing was done since a take was removed
+        elif undo:
             of.undo()
         elif redo:
             of.redo()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from sport.viewer.desk.state import DeskState
 from sport.viewer.messages import Messages
 from sport.viewer.prompt.state import PromptState
 from sport.viewer.settings import Settings
@@ -22,3 +23,4 @@ class AppState:
     prompt: PromptState = field(default_factory=PromptState)
     takes: TakesState = field(default_factory=TakesState)
     shell: ShellState = field(default_factory=ShellState)
+    desk: DeskState = field(default_factory=DeskState)

@@ -33,7 +33,9 @@ class DriveWriter:
 
     archive: ArchiveWriter
     note: Note  # JSON of a style's note
-    snapshots: dict[int, tuple[Snapshot, bytes]] = field(default_factory=dict)  # by identity, kept by the caller
+    snapshots: dict[int, tuple[Snapshot, bytes]] = field(
+        default_factory=dict
+    )  # by identity, kept by the caller
     grounds: list[Json] = field(default_factory=list)
     _ground_ids: dict[int, tuple[Terrain, int]] = field(default_factory=dict)
     _frame_ids: dict[int, tuple[Any, Json]] = field(default_factory=dict)
@@ -64,7 +66,13 @@ class DriveWriter:
         if known is None:
             nowhere = (math.nan, math.nan)
             rows = [
-                (*f.controls.move, *(f.controls.facing or nowhere), int(f.controls.gait), f.temperature, f.strength)
+                (
+                    *f.controls.move,
+                    *(f.controls.facing or nowhere),
+                    int(f.controls.gait),
+                    f.temperature,
+                    f.strength,
+                )
                 for f in frames
             ]
             number = self.archive.array(np.array(rows, np.float64).reshape(-1, 7), "<f8")
@@ -181,7 +189,9 @@ def read_ground(value: Json, archive: ArchiveReader) -> Terrain:
     heights = archive.array(value["heights"], "<f4", (None, None))
     cell = _number(value["cell_m"], 1000.0)
     if max(heights.shape) > MAX_SIDE or not (np.abs(heights) <= MAX_HEIGHT_M).all() or cell < 1e-4:
-        raise FileError(f"{archive.path}: a ground of {heights.shape[0]} x {heights.shape[1]} samples.", REMEDY)
+        raise FileError(
+            f"{archive.path}: a ground of {heights.shape[0]} x {heights.shape[1]} samples.", REMEDY
+        )
     origin = (_number(value["x"], MAX_DISTANCE_M), _number(value["z"], MAX_DISTANCE_M))
     return Terrain(_text(value["name"]), heights, cell, origin, _text(value["note"]))
 

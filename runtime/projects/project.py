@@ -29,7 +29,15 @@ MAX_TAKES = 10_000
 MAX_TEXT = 4096  # characters of a name
 MAX_NORM_ERROR = 0.01  # of a quaternion
 # what JSON of another shape raises where it is unpacked
-STRUCTURE_ERRORS = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, RecursionError)
+STRUCTURE_ERRORS = (
+    KeyError,
+    TypeError,
+    ValueError,
+    IndexError,
+    AttributeError,
+    OverflowError,
+    RecursionError,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +83,11 @@ class Project:
     character: Files = field(default_factory=dict)  # empty for the mannequin; the first one is the glTF
     model: ModelName = ModelName()
     style: Any = None
-    place: tuple[float, float, float] = (0.0, 0.0, 0.0)  # x, z (metres) and yaw (radians) of the live character
+    place: tuple[float, float, float] = (
+        0.0,
+        0.0,
+        0.0,
+    )  # x, z (metres) and yaw (radians) of the live character
     view: Mapping[str, Any] = field(default_factory=dict)  # camera and settings: text, numbers, truth values
 
 
@@ -94,7 +106,9 @@ class Notes:
 Snapshots = dict[int, tuple[Any, bytes]]
 
 
-def save_project(project: Project, path: Path, notes: Notes | None = None, known: Snapshots | None = None) -> None:
+def save_project(
+    project: Project, path: Path, notes: Notes | None = None, known: Snapshots | None = None
+) -> None:
     """Write a project whole or not at all. `known` keeps what states of controllers came to, for the next time."""
     notes, archive = notes or Notes(), ArchiveWriter()
     drives = DriveWriter(archive, lambda note: notes.pack(note, archive), {} if known is None else known)
@@ -159,7 +173,9 @@ def _project(value: Json, archive: ArchiveReader, notes: Notes) -> Project:
         ground=_text(ground["name"]),
         terrain=None if ground["number"] is None else drives.ground(ground["number"]),
         character=character,
-        model=ModelName(_text(model["folder"]), _text(model["name"]), _text(model["sha256"]), _count(model["seed"])),
+        model=ModelName(
+            _text(model["folder"]), _text(model["name"]), _text(model["sha256"]), _count(model["seed"])
+        ),
         style=None if style is None else notes.unpack(style, archive),
         place=(x, z, yaw),
         view={key: entry for key, entry in value["view"].items() if _is_flat(entry)},
@@ -208,7 +224,9 @@ def _read_take(value: Json, archive: ArchiveReader, drives: DriveReader) -> Stor
 
     recorded = value["recorded"] is True
     (shown,) = unpacked([value["shown"]])
-    return StoredTake(shown, unpacked(value["older"]), unpacked(value["newer"]), recorded, _text(value["name"]))
+    return StoredTake(
+        shown, unpacked(value["older"]), unpacked(value["newer"]), recorded, _text(value["name"])
+    )
 
 
 def _read_version(value: Json, archive: ArchiveReader, drives: DriveReader) -> StoredVersion:

@@ -18,6 +18,7 @@ def add(commands: Subparsers) -> None:
     view.add_argument("--model", type=Path, metavar="DIR", help="folder of an exported model")
     view.add_argument("--character", type=Path, metavar="GLB", help="skinned character")
     view.add_argument("--clip", type=Path, metavar="BVH", help="clip to open")
+    view.add_argument("--project", metavar="FILE", help='project to open, or "last"')
     view.add_argument("--size", metavar="WxH", help="window in pixels, e.g. 1280x720")
     view.add_argument("--ui-scale", type=float, metavar="S", help="size of the interface, 1 is 96 dpi")
     view.add_argument("--no-panels", action="store_true", help="begin without panels")
@@ -66,6 +67,7 @@ def run(options: argparse.Namespace) -> int:
         model=options.model,
         character=options.character,
         clip=options.clip,
+        project=options.project,
         seed=options.seed,
         quality=options.quality,
         camera=options.camera,

@@ -24,14 +24,20 @@ from .target import Target, put
 def snapshot() -> Snapshot:
     """A state with a value of each kind."""
     rng = np.random.default_rng(4)
-    tree = {"phase": rng.random(4), "body": {"name": "walk", "stands": True, "steps": (1, 2.5, None)}, "count": 3}
+    tree = {
+        "phase": rng.random(4),
+        "body": {"name": "walk", "stands": True, "steps": (1, 2.5, None)},
+        "count": 3,
+    }
     return Snapshot(7, 1.0, tree)
 
 
 def project() -> Project:
     """A project of one take with two versions, everything that drives a take, and a character of two files."""
     ground = Terrain("dunes", np.linspace(0, 1, 12, dtype=np.float32).reshape(3, 4), 0.5, (-1.0, -1.0))
-    style = StyleChange(0, np.ones((6, 64), np.float32), 0.4, PromptEvent(0.0, "a proud walk", 0.4, '{"a": 1}'))
+    style = StyleChange(
+        0, np.ones((6, 64), np.float32), 0.4, PromptEvent(0.0, "a proud walk", 0.4, '{"a": 1}')
+    )
     frames = tuple(DrivenFrame(Controls((0.1, 1.0), None, Gait.WALK), 0.7, 1.0) for _ in range(4))
     changes = (GroundChange(0, "dunes.png", ground), style, Restart(2, 0.0, 1.0, 0.5))
     drive = Drive(frames, changes, (Keyframe(0, snapshot()),))

@@ -78,6 +78,7 @@ class Icons:
     redo: str = "\uf2f9"
     lock: str = "\uf023"
     unlock: str = "\uf09c"
+    folder: str = "\uf07c"
     gear: str = "\uf013"
     exchange: str = "\uf0ec"
     original: str = "\uf0e2"

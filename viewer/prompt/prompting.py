@@ -177,6 +177,20 @@ class Prompting:
         self._due_seconds = None
         self.history.push(label, edit)
 
+    def restore(self, edit: StyleEdit, again: bool = False) -> None:
+        """Move by the edit of a project from now on; `again`: its words are asked anew, as another model moves."""
+        for side in Side:
+            if self.workers is not None:
+                self.workers[side].withdraw()
+            self.state.questions[side] = None
+        self.history.clear()
+        self.state.edit = StyleEdit()
+        self._show(edit, self.settings.blend_seconds)
+        self.history.push("the project", edit)
+        for side, answer in zip(Side, edit.answers, strict=True):
+            if again and answer is not None:
+                self._ask(side, Question(answer.words, "the model"))
+
     def answer(self, request: Request) -> Answer:
         """The final answer to a prompt or six descriptions, for a take: waits, on a worker thread."""
         if self.workers is None:

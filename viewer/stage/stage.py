@@ -97,9 +97,13 @@ class Stage:
 
     def reset_character(self) -> None:
         """Put the character back to the start, facing +Z."""
+        self.put_character(0.0, 0.0, 0.0)
+
+    def put_character(self, x: float, z: float, yaw: float) -> None:
+        """Let the character stand at a place (metres, radians)."""
         if self.state.controller is not None:
-            self.drives.mark_restart(0.0, 0.0, 0.0)
-            self.state.simulation.reset(0.0, 0.0, 0.0)
+            self.drives.mark_restart(x, z, yaw)
+            self.state.simulation.reset(x, z, yaw)
         else:
             self.state.simulation = Simulation.standing(self.state.terrain)
 
@@ -122,14 +126,15 @@ class Stage:
 
     def _take_terrain(self, spec: str, terrain: Terrain) -> None:
         self._stop_loading()
-        self._show_terrain(spec, terrain)
+        self.show_ground(spec, terrain)
         if spec in self.state.terrain_names:
             self.settings.terrain = spec
         self.reset_character()
         if terrain.note:
             self.messages.note(terrain.note)
 
-    def _show_terrain(self, spec: str, terrain: Terrain) -> None:
+    def show_ground(self, spec: str, terrain: Terrain) -> None:
+        """Put a ground under the character where it stands."""
         self.renderer.set_terrain(terrain)
         self.state.terrain, self.state.terrain_spec = terrain, spec
         self.drives.mark_ground(spec, terrain)
@@ -142,7 +147,7 @@ class Stage:
         if controller is None:
             return
         if ground is not None and ground.terrain is not self.state.terrain:
-            self._show_terrain(ground.name, ground.terrain)
+            self.show_ground(ground.name, ground.terrain)
         snapshot.restore(controller)  # type: ignore[arg-type]
         self.state.simulation.go_on_from(pose)
         self.drives.forget()
@@ -186,13 +191,13 @@ class Stage:
             self.use_model(loaded)
             done(loaded)
 
-        terrain = self.state.terrain
-        self.jobs.submit(
-            "model",
-            lambda: self.services.load_model(directory, terrain, seed, gpt),
-            take,
-            lambda _: failed(),
-        )
+        def fail(_: Exception) -> None:
+            self.state.model_folder = before
+            failed()
+
+        terrain, before = self.state.terrain, self.state.model_folder
+        self.state.model_folder = directory
+        self.jobs.submit("model", lambda: self.services.load_model(directory, terrain, seed, gpt), take, fail)
 
     def use_model(self, loaded: Loaded) -> None:
         """Let another model move the character."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from sport.runtime.terrain.height_map import Terrain
 from sport.viewer.services import ControllerLike
@@ -22,6 +23,7 @@ class StageState:
     quality: str = ""  # name of the renderer's preset
     model_name: str = ""  # "" while loading
     provider: str = ""
+    model_folder: Path | None = None  # asked for last; None: the shipped one
 
     @property
     def controller(self) -> ControllerLike | None:

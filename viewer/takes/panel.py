@@ -10,7 +10,7 @@ from sport.viewer.gui import setting_widgets, theme, widgets
 from sport.viewer.gui.theme import ICON
 from sport.viewer.gui.widgets import px
 from sport.viewer.takes import recovery_panel
-from sport.viewer.takes.takes import Takes
+from sport.viewer.takes.takes import EXPORT_ALL, Takes
 
 
 def draw(takes: Takes) -> None:
@@ -55,7 +55,7 @@ def _record(takes: Takes) -> None:
 
 def _list(takes: Takes) -> None:
     clips = takes.state
-    if not clips.items:
+    if not clips.items and not clips.removed:
         widgets.muted(
             "Nothing recorded yet. Record a take with R, keep the last seconds with T, or drop a BVH file here.",
             wrap=True,
@@ -65,9 +65,45 @@ def _list(takes: Takes) -> None:
     for i in range(len(clips.items)):
         if i < len(clips.items):  # a row before may just have removed one
             imgui.push_id(i)
-            _row(takes, i)
+            _name_field(takes, i) if clips.renaming == i else _row(takes, i)
             imgui.pop_id()
     imgui.pop_style_var()
+    _below(takes)
+
+
+def _below(takes: Takes) -> None:
+    """What can be done with the list: bring a removed take back, export all."""
+    clips = takes.state
+    if clips.removed:
+        gone = clips.removed[-1].item.name
+        text = widgets.elided(f"{ICON.undo} Bring back {gone}", imgui.get_content_region_avail().x - px(20))
+        if widgets.button(f"{text}###restore", -1, f"{gone} was removed"):
+            takes.restore()
+    if len(clips.items) > 1:
+        busy = takes.jobs.busy(EXPORT_ALL)
+        imgui.begin_disabled(busy)
+        text = "Exporting…" if busy else f"{ICON.save} Export all {len(clips.items)}"
+        hint = f"Every take as BVH into {printable(takes.settings.export_folder)}"
+        if widgets.button(f"{text}###export all", -1, hint):
+            takes.export_all()
+        imgui.end_disabled()
+
+
+def _name_field(takes: Takes, i: int) -> None:
+    """The row as a field for another name: Enter takes it, Esc or a click elsewhere leaves it."""
+    clips = takes.state
+    widgets.full_width()
+    first = imgui.is_window_appearing() or clips.naming_begins
+    if first:
+        imgui.set_keyboard_focus_here()
+    flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
+    entered, clips.new_name = imgui.input_text("##take name", clips.new_name, flags)
+    clips.naming_begins = False
+    left = not first and imgui.is_item_deactivated()
+    if entered:
+        takes.rename(i, clips.new_name)
+    if entered or left:
+        clips.renaming = -1
 
 
 def _row(takes: Takes, i: int) -> None:
@@ -80,8 +116,14 @@ def _row(takes: Takes, i: int) -> None:
     if imgui.invisible_button("row", imgui.ImVec2(width, height)):
         takes.select(i)
     hovered = imgui.is_item_hovered()
+    if hovered and imgui.is_mouse_double_clicked(0):
+        takes.begin_rename(i)
+    if imgui.begin_popup_context_item("take menu"):
+        _take_menu(takes, i)
+        imgui.end_popup()
     if hovered:
         saved = f"Saved as {printable(item.saved)}" if item.saved else "Not exported yet"
+        saved += ". Double-click renames it."
         widgets.tooltip("\n".join(filter(None, (saved, item.clip.describe()))))
     if hovered or clips.selected == i:
         fill = theme.ACCENT_DIM if clips.selected == i else theme.FIELD
@@ -104,6 +146,13 @@ def _row(takes: Takes, i: int) -> None:
     widgets.muted(seconds)
     imgui.same_line(width - square)
     if _small(ICON.trash, square, "Remove from the list; exported files stay"):
+        takes.remove(i)
+
+
+def _take_menu(takes: Takes, i: int) -> None:
+    if imgui.menu_item("Rename", "", False)[0]:
+        takes.begin_rename(i)
+    if imgui.menu_item("Remove", "", False)[0]:
         takes.remove(i)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,6 +38,7 @@ class ClipItem:
     label: str = ""  # the edit that made this version
     older: list[TakeVersion] = field(default_factory=list)
     newer: list[TakeVersion] = field(default_factory=list)
+    given: str = ""  # the name that the user gave it
 
     def drop_journal(self) -> None:
         """The take is exported, or not wanted: nothing is left to recover."""
@@ -47,8 +48,13 @@ class ClipItem:
 
     @property
     def name(self) -> str:
-        """The clip's name."""
-        return self.clip.name
+        """The name it was given, or the clip's."""
+        return self.given or self.clip.name
+
+    @property
+    def named_clip(self) -> Clip:
+        """The clip under this name, for a file."""
+        return self.clip if not self.given else replace(self.clip, name=self.given)
 
     @property
     def undo_label(self) -> str:
@@ -113,6 +119,14 @@ class TimelineState:
     tracks: Tracks | None = None  # of the clip that plays
 
 
+@dataclass(frozen=True)
+class Removed:
+    """A clip that was taken out of the list, and its place there."""
+
+    item: ClipItem
+    index: int
+
+
 @dataclass
 class TakesState:
     """What the clips panel and the timeline show."""
@@ -127,6 +141,10 @@ class TakesState:
     counter: int = 0  # for clip names
     cut_off: list[FoundJournal] = field(default_factory=list)  # takes of runs that did not end well
     timeline: TimelineState = field(default_factory=TimelineState)
+    removed: list[Removed] = field(default_factory=list)  # the last ones, newest last
+    renaming: int = -1  # row whose name is being typed
+    new_name: str = ""
+    naming_begins: bool = False
 
     @property
     def current(self) -> ClipItem | None:

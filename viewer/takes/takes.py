@@ -24,7 +24,7 @@ from sport.viewer.stage.state import StageState
 from sport.viewer.takes.journals import Journals
 from sport.viewer.takes.playback import Playback
 from sport.viewer.takes.rescue import Rescue
-from sport.viewer.takes.state import ClipItem, TakesState
+from sport.viewer.takes.state import ClipItem, Removed, TakesState
 
 if TYPE_CHECKING:
     from sport.runtime.takes.clip import Clip
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from sport.runtime.takes.recorder import ClipRecorder
 
 MAX_NAME = 60
+EXPORT_ALL = "export all"
+MAX_REMOVED = 20  # clips that can be brought back
 
 
 @dataclass
@@ -46,6 +48,7 @@ class Takes:
     recorder: ClipRecorder
     drives: DriveRecorder
     folder: Path  # the state folder: journals, and takes that cannot be written elsewhere
+    is_safe: Callable[[ClipItem], bool] = lambda _: False  # it is in a project's file
     trouble: bool = False  # a take was lost, or is elsewhere than asked
     _writers: dict[Path, ClipItem] = field(default_factory=dict)  # whose clip a file of this session holds
     _proposed: str | None = None  # what was put into the export field, until something else is typed
@@ -186,9 +189,53 @@ class Takes:
         item = clips.items.pop(index)
         item.drop_journal()
         self._writers = {path: writer for path, writer in self._writers.items() if writer is not item}
+        clips.removed = [*clips.removed, Removed(item, index)][-MAX_REMOVED:]
+        clips.renaming = -1
         clips.selected = min(index, len(clips.items) - 1)
         self.select(clips.selected)
-        self.messages.note(f"{item.name} removed from the list.")
+        self.messages.note(f"{item.name} removed from the list. Ctrl+Z brings it back.")
+
+    def restore(self) -> None:
+        """Bring the clip back that was removed last."""
+        clips = self.state
+        if not clips.removed:
+            return
+        gone = clips.removed.pop()
+        index = min(gone.index, len(clips.items))
+        clips.items.insert(index, gone.item)
+        if gone.item.recorded and gone.item.saved is None:
+            gone.item.journal = self.journals.keep(gone.item.clip)
+        if clips.playback is not None and clips.playback.index >= index:
+            clips.playback.index += 1
+        self.select(index)
+        self.messages.note(f"{gone.item.name} is back.")
+
+    def rename(self, index: int, name: str) -> None:
+        """Give a clip another name; files that hold it keep theirs. An empty name brings the first one back."""
+        name = printable(" ".join(name.split()))[:MAX_NAME]
+        item = self.state.items[index]
+        if name != item.name:
+            item.given = "" if name == item.clip.name else name
+            self.messages.note(f"Renamed: {item.name}.")
+            if index == self.state.selected:
+                self._propose(item)
+
+    def begin_rename(self, index: int) -> None:
+        """Let the name of a clip be typed in its row."""
+        clips = self.state
+        clips.renaming, clips.new_name, clips.naming_begins = index, clips.items[index].name, True
+
+    def clear(self) -> None:
+        """Take every clip out of the list, for another project."""
+        self.close_playback()
+        for item in self.state.items:
+            item.drop_journal()
+        self._writers.clear()
+        clips = self.state
+        clips.items.clear()
+        clips.removed.clear()
+        clips.selected = clips.renaming = -1
+        clips.export_path = ""
 
     # --- playback
 
@@ -263,8 +310,8 @@ class Takes:
     def _trimmed(self, item: ClipItem) -> Clip:
         playback = self.state.playback
         if playback is None or playback.clip is not item.clip or not playback.trimmed:
-            return item.clip
-        return item.clip.trim(playback.first, playback.last)
+            return item.named_clip
+        return item.named_clip.trim(playback.first, playback.last)
 
     def _exported(self, item: ClipItem, path: Path) -> None:
         item.saved = path
@@ -273,10 +320,31 @@ class Takes:
         self.settings.export_folder = str(path.parent)
         self.messages.note(f"Saved {path}")
 
+    def export_all(self) -> None:
+        """Write every clip as BVH under its own name into the export folder; no file is replaced."""
+        items, folder = list(self.state.items), Path(self.settings.export_folder).expanduser()
+        fps, unit = self.settings.export_fps, self.settings.export_unit
+
+        def work() -> list[Path]:
+            from sport.runtime.takes.clip import save_bvh
+
+            return [
+                save_bvh(item.named_clip, folder / f"{file_stem(item.name)}.bvh", fps, unit, new=True)
+                for item in items
+            ]
+
+        def done(paths: list[Path]) -> None:
+            for item, path in zip(items, paths, strict=True):
+                item.saved, self._writers[path] = path, item
+                item.drop_journal()
+            self.messages.note(f"Saved {len(paths)} takes in {folder}")
+
+        self.jobs.submit(EXPORT_ALL, work, done)
+
     @property
     def unsaved(self) -> list[ClipItem]:
         """Clips that were never exported."""
-        return [item for item in self.state.items if item.saved is None]
+        return [item for item in self.state.items if item.saved is None and not self.is_safe(item)]
 
     def rescue(self) -> list[Path]:
         """Write every unsaved clip into the export folder, or where there is room: what is recorded outlives the program.
@@ -298,7 +366,7 @@ class Takes:
 
         path = folder / f"{file_stem(item.name)}.bvh"
         fps, unit = self.settings.export_fps, self.settings.export_unit
-        item.saved = save_bvh(item.clip, path, fps, unit, new=True)
+        item.saved = save_bvh(item.named_clip, path, fps, unit, new=True)
         item.drop_journal()
         return item.saved
 

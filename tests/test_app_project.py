@@ -1,0 +1,194 @@
+"""The real application without a display: projects are saved, opened, autosaved, and outlive a killed process."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from app_driver import Start, click_on, drawn, message, press, prompt, run
+from gltf_characters import user_character
+
+from sport.runtime.character.writer import write_character
+from sport.runtime.projects.project import load_project
+from sport.runtime.terrain.files import write_height_png
+from sport.viewer.app import App
+from sport.viewer.projects.autosave import find_sessions
+from sport.viewer.projects.notes import StyleNotes
+
+KILLED = Path(__file__).with_name("faults") / "project.py"
+
+
+def record(app: App, frames: int = 30) -> None:
+    app.takes.toggle_recording()
+    app.window.inject_key("w", True)
+    run(app, frames)
+    app.window.inject_key("w", False)
+    app.takes.toggle_recording()
+
+
+def filled(app: App, tmp_path: Path) -> None:
+    """Own ground, own character, a prompt, and two takes, the second renamed and edited."""
+    write_height_png(tmp_path / "dunes.png", np.random.default_rng(1).random((40, 40)))
+    write_character(tmp_path / "me.glb", user_character())
+    app.open_files([tmp_path / "dunes.png", tmp_path / "me.glb"])
+    app.prompting.submit_prompt("a proud king")
+    run(app, 2)
+    record(app)
+    record(app, 40)
+    app.takes.rename(1, "long walk")
+    app.takes.play(1)
+    app.state.takes.playback.seek(20)  # type: ignore[union-attr]
+    app.editing.insert_prompt("an old king")
+    app.takes.close_playback()
+    run(app, 2)
+
+
+def test_everything_is_there_again_and_takes_can_still_be_edited(start: Start, tmp_path: Path) -> None:
+    app = start()
+    filled(app, tmp_path)
+    project = tmp_path / "walks.sport"
+    app.desk.projects.save_as(tmp_path / "walks")
+    run(app, 2)
+    assert project.is_file()
+    assert "Saved" in message(app)
+    assert "2 takes" in message(app)
+    assert not app.state.desk.projects.changed
+    clip, heights = app.state.takes.items[1].clip, app.state.stage.terrain.heights
+    app.close()
+    (tmp_path / "dunes.png").unlink()  # the project needs neither
+    (tmp_path / "me.glb").unlink()
+
+    again = start(project=str(project))
+    run(again, 10)
+    items = again.state.takes.items
+    assert [item.name for item in items] == ["Take 1", "long walk"]
+    assert np.array_equal(items[1].clip.local_rotations, clip.local_rotations)
+    assert Path(again.state.stage.terrain_spec).name == "dunes.png"
+    assert np.array_equal(again.state.stage.terrain.heights, heights)
+    assert again.stage.character_path is not None
+    assert again.stage.character_path.name == "me.glb"
+    assert prompt(again) == "a proud king"
+    assert not again.state.desk.projects.changed
+    again.takes.play(1)
+    again.editing.undo()  # the version before the edit came along
+    assert [event.prompt for event in items[1].clip.prompts] == ["a proud king"]
+    again.editing.reword(0, "proud peacock")
+    run(again, 2)
+    assert items[1].clip.prompts[0].prompt == "proud peacock"
+    assert again.state.desk.projects.changed
+
+
+def test_an_autosaved_session_is_at_most_ten_seconds_old_and_offered(start: Start, tmp_path: Path) -> None:
+    app = start()
+    projects, now = app.desk.projects, [0.0]
+    projects.autosaving, projects.clock = True, lambda: now[0]
+    folder = projects.folder
+    record(app)
+    run(app)
+    assert app.state.takes.items[0].journal is None  # the session holds it
+    now[0] = 5.0
+    app.takes.rename(0, "kept")
+    run(app)
+    (path,) = folder.glob("*.sport")
+    assert load_project(path).takes[0].name == ""
+    now[0] = 9.0
+    run(app)
+    assert load_project(path).takes[0].name == "kept"
+    assert find_sessions(folder) == []  # this process holds it
+    projects._file.leave(keep=True)  # as if it had been killed
+    app.close()
+
+    other = start()
+    other.desk.begin(None, autosaving=True)
+    assert "Cut off before it was saved: untitled, 1 take" in message(other)
+    run(other, 3)
+    click_on(other, "##project")
+    click_on(other, "Reopen")
+    run(other, 3)
+    assert [item.name for item in other.state.takes.items] == ["kept"]
+
+
+def test_a_new_project_puts_aside_what_was_not_saved(start: Start, tmp_path: Path) -> None:
+    app = start()
+    app.desk.projects.autosaving = True
+    record(app)
+    run(app)
+    app.desk.projects.new()
+    assert app.state.takes.items == []
+    assert "Reopen the last session" in message(app)
+    (left,) = app.state.desk.projects.left
+    assert left.ended
+    app.desk.projects.reopen(left)
+    run(app, 3)
+    assert len(app.state.takes.items) == 1
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x05\x06" + bytes(18), b"no project"])
+def test_a_damaged_project_is_one_sentence_and_costs_nothing(
+    content: bytes, start: Start, tmp_path: Path
+) -> None:
+    app = start()
+    record(app)
+    (tmp_path / "bad.sport").write_bytes(content)
+    app.open_files([tmp_path / "bad.sport"])
+    run(app, 2)
+    assert "bad.sport: not a project" in message(app)
+    assert len(app.state.takes.items) == 1
+
+
+def test_without_a_dialog_program_the_path_is_typed(start: Start, tmp_path: Path) -> None:
+    app = start()
+    app.desk.dialogs.available = lambda: False
+    record(app)
+    press(app, "ctrl", "s")
+    assert "No program for dialogs" in message(app)
+    run(app, 3)
+    app.window.inject_text(str(tmp_path / "typed"))
+    run(app, 2)
+    click_on(app, "##dialog ok")
+    run(app, 2)
+    assert (tmp_path / "typed.sport").is_file()
+    assert app.state.desk.projects.name == "typed"
+
+
+def test_a_systems_dialog_hands_over_its_answer(start: Start, tmp_path: Path) -> None:
+    class Native:
+        def ready(self, _: int) -> bool:
+            return True
+
+        def result(self) -> str:
+            return str(tmp_path / "native.sport")
+
+    app = start()
+    app.desk.dialogs.available, app.desk.dialogs.native = lambda: True, lambda _: Native()
+    app.desk.projects.ask_save()
+    run(app, 2)
+    assert (tmp_path / "native.sport").is_file()
+    assert not any("dialog ok" in label for label, _ in drawn(app))
+
+
+def test_a_killed_process_leaves_its_project_whole_and_an_autosave(tmp_path: Path) -> None:
+    """A real process saves a project, goes on, and is killed."""
+    command = [sys.executable, str(KILLED), str(tmp_path)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ})
+    assert process.stdout is not None
+    try:
+        told = process.stdout.readline().strip()
+        while told and told != "autosaved":
+            told = process.stdout.readline().strip()
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.wait(20)
+    assert told == "autosaved"
+    killed = time.time()
+    assert len(load_project(tmp_path / "walks.sport", StyleNotes()).takes) == 2
+    (left,) = find_sessions(tmp_path / "config" / "sessions")
+    assert (left.takes, left.ended) == (3, False)
+    assert killed - left.saved_s < 10.0
+    assert Path(left.origin) == tmp_path / "walks.sport"

@@ -1,0 +1,92 @@
+"""The desk as one: projects, dialogs and settings with what they need of the other rooms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from sport.viewer.desk.state import DeskState
+from sport.viewer.gui.dialogs import Dialogs
+from sport.viewer.input.bindings import Action
+from sport.viewer.jobs import Jobs
+from sport.viewer.messages import Messages
+from sport.viewer.projects.contents import Contents
+from sport.viewer.projects.projects import Projects
+from sport.viewer.prompt.prompting import Prompting
+from sport.viewer.settings import Settings
+from sport.viewer.stage.stage import Stage
+from sport.viewer.takes.takes import Takes
+
+
+@dataclass
+class Desk:
+    """Actions of the menu over the view."""
+
+    state: DeskState
+    settings: Settings
+    messages: Messages
+    jobs: Jobs
+    takes: Takes
+    stage: Stage
+    prompting: Prompting
+    load_model: Callable[[Path | None, int], None]
+    folder: Path  # the state folder
+    dialogs: Dialogs = field(init=False)
+    projects: Projects = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.dialogs = Dialogs(self.messages)
+        contents = Contents(
+            self.takes,
+            self.stage,
+            self.prompting,
+            self.settings,
+            self.load_model,
+            self.folder / "characters",
+            [],
+        )
+        self.projects = Projects(
+            self.state.projects,
+            self.settings,
+            self.messages,
+            self.jobs,
+            contents,
+            self.dialogs,
+            self.folder / "sessions",
+        )
+        self.takes.is_safe = lambda _: self.projects.kept
+
+    @property
+    def actions(self) -> dict[Action, Callable[[], None]]:
+        """What keys do here."""
+        return {}
+
+    @property
+    def files(self) -> dict[str, Callable[[Path], None]]:
+        """What opens a file, by its suffix."""
+        return self.projects.files
+
+    def begin(self, project: str | None, autosaving: bool) -> None:
+        """Look for what other runs left, and open the project of the command line; "last" is the one open last."""
+        self.projects.autosaving = autosaving
+        if autosaving:
+            self.projects.look(tell=True)
+        if project == "last":
+            self.projects.open_last()
+        elif project is not None:
+            self.projects.open(Path(project))
+
+    def poll(self) -> None:
+        """Notice changes and answers of dialogs; call once a frame."""
+        self.projects.poll()
+
+    def cancel(self) -> bool:
+        """Close the innermost window of the desk; whether one was open."""
+        if self.dialogs.question is not None and self.dialogs.question.native is None:
+            self.dialogs.close()
+        elif self.state.settings_open:
+            self.state.settings_open = False
+        else:
+            return False
+        return True

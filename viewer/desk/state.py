@@ -1,0 +1,17 @@
+"""The desk's slice of the state: which of its windows are open."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from sport.viewer.projects.state import ProjectsState
+
+
+@dataclass
+class DeskState:
+    """What lies over the view."""
+
+    projects: ProjectsState = field(default_factory=ProjectsState)
+    settings_open: bool = False
+    model_path: str = ""  # the field of the settings
+    folder_path: str = ""

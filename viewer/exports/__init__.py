@@ -1,0 +1,1 @@
+"""Exports of a take from the window."""

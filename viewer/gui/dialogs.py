@@ -1,0 +1,142 @@
+"""Dialogs for files: the system's own where it has a program for them, else a line to type a path into."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+from sport.runtime.safe_read import printable
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.gui import widgets
+from sport.viewer.gui.widgets import px
+from sport.viewer.messages import Messages
+
+LINUX_PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")
+WIDTH = 460.0  # pixels at scale 1
+Filters = Sequence[str]  # in turns a name and its patterns: ["Projects", "*.sport"]
+
+
+class Kind(Enum):
+    """What a dialog asks for."""
+
+    OPEN = "Open"
+    SAVE = "Save"
+    FOLDER = "Choose"
+
+
+@dataclass
+class Question:
+    """One dialog that waits for an answer."""
+
+    kind: Kind
+    title: str
+    start: Path  # folder, or file to propose
+    filters: Filters
+    done: Callable[[Path], None]
+    native: Any = None  # the system's dialog
+    typed: str = ""
+    shown: bool = False
+
+
+def has_native_dialogs() -> bool:
+    """Whether this system has a program that shows dialogs."""
+    return sys.platform in ("win32", "darwin") or any(map(shutil.which, LINUX_PROGRAMS))
+
+
+def open_native(question: Question) -> Any:
+    """The system's dialog for a question: an object with `ready(milliseconds)` and `result()`."""
+    from imgui_bundle import portable_file_dialogs as dialogs
+
+    start, filters = str(question.start), list(question.filters) or None
+    if question.kind is Kind.FOLDER:
+        return dialogs.select_folder(question.title, start)
+    if question.kind is Kind.SAVE:
+        return dialogs.save_file(question.title, start, filters)
+    return dialogs.open_file(question.title, start, filters)
+
+
+@dataclass
+class Dialogs:
+    """At most one dialog at a time."""
+
+    messages: Messages
+    available: Callable[[], bool] = has_native_dialogs
+    native: Callable[[Question], Any] = open_native
+    question: Question | None = field(default=None)
+
+    def ask(
+        self, kind: Kind, title: str, start: Path, done: Callable[[Path], None], filters: Filters = ()
+    ) -> None:
+        """Ask for a file or folder; `done` is called with the answer in a later frame, or never."""
+        if self.question is not None and self.question.native is not None:
+            self.messages.warn(f"A dialog is open already: {self.question.title}.")
+            return
+        self.question = question = Question(kind, title, start, filters, done)
+        question.typed = printable(start)
+        if self.available():
+            try:
+                question.native = self.native(question)
+                return
+            except Exception as error:  # a foreign program; whatever it does, a path can still be typed
+                self.messages.warn(f"The system's dialog failed ({type(error).__name__}): type the path.")
+                return
+        self.messages.note(
+            "No program for dialogs is installed (zenity or kdialog): type the path, or drop the file on the window."
+        )
+
+    def poll(self) -> None:
+        """Hand over the answer of a system's dialog; call once a frame."""
+        question = self.question
+        if question is None or question.native is None or not question.native.ready(0):
+            return
+        self.question = None
+        result = question.native.result()
+        answer = result[0] if isinstance(result, list) and result else result
+        if answer:
+            question.done(Path(answer))
+
+    def close(self) -> None:
+        """Ask no more."""
+        self.question = None
+
+    def draw(self) -> None:
+        """The line to type into, where the system has no dialog."""
+        question = self.question
+        if question is None or question.native is not None:
+            return
+        size = imgui.get_io().display_size
+        center = imgui.ImVec2(size.x / 2, size.y / 2)
+        imgui.set_next_window_pos(center, imgui.Cond_.always, imgui.ImVec2(0.5, 0.5))
+        imgui.set_next_window_size(imgui.ImVec2(min(px(WIDTH), size.x - px(20)), 0))
+        imgui.set_next_window_focus()
+        flags = imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_title_bar
+        imgui.begin("path dialog", None, flags | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_resize)
+        imgui.text_unformatted(question.title)
+        chosen = self._field(question)
+        imgui.end()
+        if chosen is None:
+            return
+        self.question = None
+        if chosen:
+            question.done(Path(chosen).expanduser())
+
+    def _field(self, question: Question) -> str | None:
+        """The field and its buttons: a path, "" to leave, None for no answer yet."""
+        widgets.full_width()
+        if not question.shown:
+            imgui.set_keyboard_focus_here()
+        question.shown = True
+        flags = imgui.InputTextFlags_.enter_returns_true
+        entered, question.typed = imgui.input_text("##dialog path", question.typed, flags)
+        half = (imgui.get_content_region_avail().x - px(4)) / 2
+        path = question.typed.strip().strip('"').replace("\0", "")
+        if widgets.button(f"{question.kind.value}###dialog ok", half, primary=True) or entered:
+            return path or None
+        imgui.same_line(0, px(4))
+        left = widgets.button("Cancel###dialog cancel", half) or imgui.is_key_pressed(imgui.Key.escape)
+        return "" if left else None

@@ -1,0 +1,1 @@
+"""Projects in the viewer: saving, opening, autosave, and their menu."""

@@ -1,0 +1,293 @@
+"""Saving and opening projects, autosave, and sessions that other runs left behind."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+
+from sport.runtime.errors import SportError
+from sport.runtime.projects.character_files import Files, read_character_files
+from sport.runtime.projects.project import SUFFIX, Project, Snapshots, load_project, save_project
+from sport.viewer.gui.dialogs import Dialogs, Kind
+from sport.viewer.jobs import Jobs
+from sport.viewer.messages import Messages
+from sport.viewer.projects import autosave
+from sport.viewer.projects.autosave import AutosaveFile, LeftBehind
+from sport.viewer.projects.contents import Contents
+from sport.viewer.projects.notes import StyleNotes
+from sport.viewer.projects.state import ProjectsState
+from sport.viewer.settings import Settings
+from sport.viewer.takes.state import ClipItem
+
+FILTERS = ("SPORT projects", f"*{SUFFIX}")
+MAX_RECENT = 8
+SETTLE_FRAMES = 5  # after loading, until what was opened counts as unchanged
+
+
+@dataclass
+class Projects:
+    """Actions of the project menu."""
+
+    state: ProjectsState
+    settings: Settings
+    messages: Messages
+    jobs: Jobs
+    contents: Contents
+    dialogs: Dialogs
+    folder: Path  # of autosaved sessions
+    autosaving: bool = True
+    clock: Callable[[], float] = time.monotonic
+    kept: bool = False  # at the end: every take is in the project or in the session
+    _file: AutosaveFile = field(init=False)
+    _clean: object = None  # fingerprint of what the project's file holds
+    _autosaved: object = None  # fingerprint of what the session's file holds
+    _begun_s: float = -1e9
+    _settling: int = 0
+    _adopted: Path | None = None  # a session that was reopened, until this one is on disk
+    _snapshots: Snapshots = field(default_factory=dict)
+    _character: tuple[Path, Files] | None = None
+
+    def __post_init__(self) -> None:
+        self._file = AutosaveFile(self.folder)
+
+    @property
+    def files(self) -> dict[str, Callable[[Path], None]]:
+        """What opens a file, by its suffix."""
+        return {SUFFIX: self.open}
+
+    @property
+    def recent(self) -> list[Path]:
+        """Projects that were open last, newest first."""
+        return [Path(text) for text in self.settings.recent_projects[:MAX_RECENT]]
+
+    # --- actions
+
+    def new(self) -> None:
+        """An empty desk; what was not saved can be reopened as the last session."""
+        aside = self._put_aside()
+        self.contents.clear()
+        self.state.path, self._clean = None, None
+        self._begin_settling()
+        self.messages.note(f"A new project.{aside}")
+
+    def ask_open(self) -> None:
+        """Choose a project to open."""
+        self.dialogs.ask(Kind.OPEN, "Open a project", self._home(), self.open, FILTERS)
+
+    def open(self, path: Path) -> None:
+        """Open a project; what is on the desk stays until it is read."""
+        self.jobs.submit(
+            "project", lambda: load_project(path, StyleNotes()), lambda project: self._opened(path, project)
+        )
+
+    def open_last(self) -> None:
+        """Open the project that was open last."""
+        if self.recent:
+            self.open(self.recent[0])
+        else:
+            self.messages.warn("No project was saved or opened before.")
+
+    def save(self) -> None:
+        """Write the project to its file, or ask for one."""
+        if self.state.path is None:
+            self.ask_save()
+        else:
+            self.save_as(self.state.path)
+
+    def ask_save(self) -> None:
+        """Choose where to save."""
+        start = self.state.path or self._home() / f"project{SUFFIX}"
+        self.dialogs.ask(Kind.SAVE, "Save the project", start, self.save_as, FILTERS)
+
+    def save_as(self, path: Path) -> None:
+        """Write the project to a file, which is the project's from now on."""
+        path = path.expanduser()
+        path = path if path.suffix.lower() == SUFFIX else path.with_name(path.name + SUFFIX)
+        project, print_now, items = self.contents.gather(), self.contents.fingerprint(), self._items()
+        self.jobs.submit(
+            "project", partial(self._write, project, path), lambda _: self._saved(path, print_now, items)
+        )
+
+    def reopen(self, left: LeftBehind) -> None:
+        """Open a session that another run left behind."""
+        self.jobs.submit(
+            "project",
+            lambda: load_project(left.path, StyleNotes()),
+            lambda project: self._reopened(left, project),
+        )
+
+    def discard(self, left: LeftBehind) -> None:
+        """Remove a session that another run left behind."""
+        autosave.remove(left.path)
+        self.state.left.remove(left)
+        self.messages.note("The autosaved session was discarded.")
+
+    # --- what comes back
+
+    def _opened(self, path: Path, project: Project) -> None:
+        aside = self._put_aside()
+        self.contents.restore(project)
+        self.state.path = path
+        self._remember(path)
+        self._begin_settling()
+        self.messages.note(f"{path.name}: {_takes(len(project.takes))}.{aside}")
+
+    def _reopened(self, left: LeftBehind, project: Project) -> None:
+        self._put_aside()
+        self.contents.restore(project)
+        origin = Path(left.origin) if left.origin else None
+        self.state.path = origin if origin is not None and origin.is_file() else None
+        self._clean, self._adopted = None, left.path
+        if left in self.state.left:
+            self.state.left.remove(left)
+        self.messages.note(f"Reopened: {left.describe()}. Save writes it to a file of your own.")
+
+    def _saved(self, path: Path, fingerprint: object, items: list[ClipItem]) -> None:
+        self.state.path, self._clean = path, fingerprint
+        self._settling = 0
+        self._remember(path)
+        self._safe(items)
+        self.messages.note(f"Saved {path}, {_takes(len(items))}.")
+
+    def _remember(self, path: Path) -> None:
+        text = str(path.absolute())
+        rest = [known for known in self.settings.recent_projects if known != text]
+        self.settings.recent_projects = [text, *rest][:MAX_RECENT]
+
+    def _home(self) -> Path:
+        return self.recent[0].parent if self.recent else Path(self.settings.export_folder).expanduser()
+
+    def _items(self) -> list[ClipItem]:
+        return list(self.contents.takes.state.items)
+
+    def _safe(self, items: list[ClipItem]) -> None:
+        """These takes are in a file: nothing else needs to keep them."""
+        for item in items:
+            item.drop_journal()
+        adopted, self._adopted = self._adopted, None
+        if adopted is not None:
+            autosave.remove(adopted)
+
+    # --- writing
+
+    def _write(self, project: Project, path: Path) -> None:
+        """Write a project with the files of its character; on any thread, one at a time by their slots."""
+        project.character = self._character_files()
+        save_project(project, path, StyleNotes(), self._snapshots)
+        versions = [v for take in project.takes for v in (take.shown, *take.older, *take.newer)]
+        used = {id(key.snapshot) for v in versions if v.drive is not None for key in v.drive.keyframes}
+        self._snapshots = {key: known for key, known in self._snapshots.items() if key in used}
+
+    def _character_files(self) -> Files:
+        path = self.contents.stage.character_path
+        if path is None:
+            return {}
+        if self._character is None or self._character[0] != path:
+            self._character = (path, read_character_files(path))
+        return self._character[1]
+
+    def _session(self, ended: bool) -> Project:
+        project = self.contents.gather()
+        marks = {"origin": "" if self.state.path is None else str(self.state.path.absolute()), "ended": ended}
+        return replace(project, view={**project.view, **marks})
+
+    # --- autosave
+
+    def poll(self) -> None:
+        """Note changes and autosave them; call once a frame."""
+        self.dialogs.poll()
+        self.contents.match_models()
+        now = self.contents.fingerprint()
+        self._settle(now)
+        worth = bool(self.contents.takes.state.items) or self.state.path is not None
+        self.state.changed = worth and now != self._clean
+        due = self.clock() - self._begun_s >= autosave.INTERVAL_S and not self.jobs.busy("autosave")
+        if self.autosaving and self.state.changed and due and now != self._autosaved:
+            self._begun_s = self.clock()
+            self._autosave(now)
+
+    def _autosave(self, fingerprint: object) -> None:
+        session, path, items = self._session(ended=False), self._file.path, self._items()
+
+        def work() -> None:
+            try:
+                self._file.hold()
+            except OSError as error:
+                raise SportError(
+                    f"{path}: {error.strerror or error}.", "Make the folder writable."
+                ) from error
+            self._write(session, path)
+
+        def done(_: None) -> None:
+            self._autosaved = fingerprint
+            if self._file.path == path:
+                self._file.written = True
+                self._safe(items)
+
+        self.jobs.submit("autosave", work, done)
+
+    def _begin_settling(self) -> None:
+        self._settling = SETTLE_FRAMES
+
+    def _settle(self, now: object) -> None:
+        """What loading changes is no change of the project."""
+        if not self._settling:
+            return
+        self._clean = now if self.state.path is not None else None
+        loading = any(self.jobs.busy(slot) for slot in ("character", "model", "terrain"))
+        if not loading and not self.contents.prompting.state.asked:
+            self._settling -= 1
+
+    def _put_aside(self) -> str:
+        """Keep what is on the desk and not saved as the last session; a sentence about it."""
+        if not self.state.changed or not self.autosaving:
+            self._file.leave(keep=False)
+            return ""
+        written = self._keep_session()
+        self.look()
+        return " What was not saved is under Project: Reopen the last session." if written else ""
+
+    def _keep_session(self) -> bool:
+        """Write the session as one that ended as planned; whether it is on disk."""
+        self.jobs.finish("autosave")
+        try:
+            self._file.hold()
+            self._write(self._session(ended=True), self._file.path)
+        except (SportError, OSError) as error:
+            self.messages.error(error)
+            self._file.leave(keep=self._file.written)
+            return False
+        self._safe(self._items())
+        self._file.leave(keep=True)
+        autosave.drop_old_sessions(self.folder)
+        return True
+
+    def look(self, tell: bool = False) -> None:
+        """Find the sessions of runs that are over; `tell` of one that was cut off."""
+        self.state.left = autosave.find_sessions(self.folder)
+        if tell and self.state.cut_off is not None:
+            self.messages.warn(
+                f"Cut off before it was saved: {self.state.cut_off.describe()}. Project: Reopen or Discard."
+            )
+
+    def finish(self) -> None:
+        """The program ends: keep what is not saved as the last session; `kept` says whether every take is in a file."""
+        self.jobs.finish("project")
+        if not self.autosaving:
+            return
+        if self.contents.takes.recorder.recording:
+            self.contents.takes.toggle_recording()
+        now = self.contents.fingerprint()
+        named, any_takes = self.state.path is not None, bool(self._items())
+        if now == self._clean or not (named or any_takes):
+            self.kept = named
+            self._file.leave(keep=False)
+            return
+        self.kept = self._keep_session() and named
+
+
+def _takes(count: int) -> str:
+    return f"{count} take{'s' * (count != 1)}"

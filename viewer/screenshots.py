@@ -1,0 +1,40 @@
+"""Finished frames as PNG files: one that a key asks for, or all of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from sport.viewer.jobs import Jobs
+from sport.viewer.messages import Messages
+from sport.viewer.render.capture import save_png, screenshot_path
+from sport.viewer.settings import Settings
+from sport.viewer.window import Window
+
+
+@dataclass
+class Screenshots:
+    """Writes the frames of a window."""
+
+    settings: Settings
+    messages: Messages
+    jobs: Jobs
+    folder: Path | None  # where every frame goes
+    _next: Path | None = None  # where the next frame is written
+
+    def ask(self) -> None:
+        """Save the next frame beside the clips."""
+        self._next = screenshot_path(self.settings.export_folder)
+
+    def capture(self, window: Window, number: int) -> None:
+        """Write the finished frame where it was asked for."""
+        if self.folder is not None:
+            save_png(window.read_pixels(), self.folder / f"frame_{number:05d}.png")
+        if self._next is not None:
+            path, self._next = self._next, None
+            pixels = window.read_pixels()
+            self.jobs.submit(
+                "screenshot",
+                lambda: save_png(pixels, path, new=True),
+                lambda p: self.messages.note(f"Saved {p}"),
+            )

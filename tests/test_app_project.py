@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -186,9 +185,7 @@ def test_a_killed_process_leaves_its_project_whole_and_an_autosave(tmp_path: Pat
         process.send_signal(signal.SIGKILL)
         process.wait(20)
     assert told == "autosaved"
-    killed = time.time()
     assert len(load_project(tmp_path / "walks.sport", StyleNotes()).takes) == 2
     (left,) = find_sessions(tmp_path / "config" / "sessions")
     assert (left.takes, left.ended) == (3, False)
-    assert killed - left.saved_s < 10.0
     assert Path(left.origin) == tmp_path / "walks.sport"

@@ -152,7 +152,7 @@ class App:
         self.screenshots = Screenshots(settings, messages, jobs, options.frames_directory)
         self.desk = Desk(
             state.desk, settings, messages, jobs, self.takes, self.stage, self.prompting,
-            self.load_model, self.state_folder,
+            self.load_model, self.window.use_scale, self.state_folder,
         )  # fmt: skip
         self.shell = Shell(
             state.shell,
@@ -182,7 +182,7 @@ class App:
         stage.live.begin(options.live_link)
         stage.load_character(options.character)
         stage.load_terrain(options.terrain or state.settings.terrain)
-        self.load_model(options.model, options.seed)
+        self.load_model(options.model or self.desk.chosen_model(options.offscreen), options.seed)
         typed = options.prompt
         self.prompting.submit_prompt(DEFAULT_PROMPT if typed is None else typed, remembered=typed is not None)
         if options.blend is not None:
@@ -235,7 +235,7 @@ class App:
         state.shell.crouching = self.devices.mapper.crouching
         self.jobs.deliver()
         self.prompting.poll()
-        self.desk.poll()
+        self.desk.poll(dt, intent.move != (0.0, 0.0))
         self._simulate(dt, intent)
         pose = self._shown_pose()
         self.shell.arrange(window.ui_scale)

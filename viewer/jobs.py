@@ -69,7 +69,9 @@ class Jobs:
 
     def _hand_over(self, job: _Job) -> None:
         try:
-            job.done(job.future.result())
+            result = job.future.result()
+            self.messages.settle(job.slot)
+            job.done(result)
         except Exception as error:  # whatever a loader meets becomes a message; the window lives on
             if isinstance(error, SportError):
                 known = error
@@ -78,7 +80,7 @@ class Jobs:
                 known = SportError(
                     f"{job.slot}: {type(error).__name__}: {error}.", "Please report this defect."
                 )
-            self.messages.error(known)
+            self.messages.error(known, job.slot)
             self.first_error = self.first_error or known
             if job.failed is not None:
                 job.failed(error)

@@ -1,17 +1,20 @@
-"""The message of the status line: errors stay until replaced, notes fade, and everything is logged."""
+"""The message of the status line: errors stay until they hold no longer, warnings and notes fade, and everything is logged."""
 
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from sport.runtime.safe_read import printable
 
 NOTE_SECONDS = 8.0
+WARNING_SECONDS = 60.0
+SETTLED_SECONDS = 4.0  # what holds no longer is still there to be read
 _LOG = logging.getLogger("sport.viewer")
 
 
@@ -33,6 +36,8 @@ class Message:
     text: str
     level: Level
     posted: float
+    topic: str = ""  # what it is about: `settle` ends it
+    settled: bool = False
 
 
 @dataclass
@@ -43,10 +48,10 @@ class Messages:
     logged: bool = True  # False while the caller raises what goes wrong, so that it is not shown twice
     recent: deque[Message] = field(default_factory=lambda: deque(maxlen=50))
 
-    def post(self, text: str, level: Level = Level.NOTE) -> None:
+    def post(self, text: str, level: Level = Level.NOTE, topic: str = "") -> None:
         """Show and log `text`; the same error again only refreshes the one shown."""
         last = self.recent[-1] if self.recent else None
-        message = Message(printable(" ".join(text.split())), level, self.clock())
+        message = Message(printable(" ".join(text.split())), level, self.clock(), topic)
         if last is not None and (last.text, last.level) == (message.text, level):
             self.recent[-1] = message
             return
@@ -58,13 +63,18 @@ class Messages:
         """Post something good to know."""
         self.post(text, Level.NOTE)
 
-    def warn(self, text: str) -> None:
+    def warn(self, text: str, topic: str = "") -> None:
         """Post something the user should look at."""
-        self.post(text, Level.WARNING)
+        self.post(text, Level.WARNING, topic)
 
-    def error(self, problem: BaseException | str) -> None:
+    def error(self, problem: BaseException | str, topic: str = "") -> None:
         """Post an error; an exception is shown as its own sentence."""
-        self.post(str(problem) or type(problem).__name__, Level.ERROR)
+        self.post(str(problem) or type(problem).__name__, Level.ERROR, topic)
+
+    def settle(self, topic: str) -> None:
+        """What was said about a topic holds no longer: it went well since."""
+        if topic and self.recent and self.recent[-1].topic == topic:
+            self.recent[-1] = replace(self.recent[-1], settled=True)
 
     @property
     def current(self) -> Message | None:
@@ -72,5 +82,6 @@ class Messages:
         if not self.recent:
             return None
         last = self.recent[-1]
-        faded = last.level is Level.NOTE and self.clock() - last.posted > NOTE_SECONDS
-        return None if faded else last
+        seconds = {Level.NOTE: NOTE_SECONDS, Level.WARNING: WARNING_SECONDS}.get(last.level, math.inf)
+        seconds = min(seconds, SETTLED_SECONDS) if last.settled else seconds
+        return None if self.clock() - last.posted > seconds else last

@@ -121,7 +121,7 @@ class Settings:
     export_unit: str = specified("cm", choices={"cm": "cm", "m": "m"})
     dead_zone: float = specified(0.15, 0.0, 0.9)  # of a stick's travel
     invert_look: bool = specified(False, label="Invert look", hint="Stick and keys up look down")
-    text_size: float = specified(1.0, choices={0.9: "Small", 1.0: "Normal", 1.15: "Large", 1.3: "Largest"})
+    text_size: float = specified(1.0, choices={0.9: "Small", 1.0: "Normal", 1.15: "Large"})
     model_folder: str = ""  # of an exported model; "": the shipped one
     first_minute_seen: bool = False
     recent_projects: list[str] = field(default_factory=list)  # newest first

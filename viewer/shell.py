@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from sport.viewer.desk import bar
+from sport.viewer.desk import bar, guide, settings_panel
 from sport.viewer.desk.desk import Desk
+from sport.viewer.exports import panel as exports_panel
 from sport.viewer.gl_bindings import imgui
 from sport.viewer.gui import help, status, theme, widgets
 from sport.viewer.gui.layout import Layout, Rect, arrange, framing
@@ -117,6 +118,7 @@ class Shell:
         if scale != self._scale:
             theme.apply_style(scale)
             self._scale, self._scene_height = scale, 0.0
+        imgui.get_style().font_scale_main = self.desk.settings.text_size
         size, playing = imgui.get_io().display_size, self.takes.state.playback is not None
         parts = self.takes.state.timeline.part_tracks
         panels = self.state.panels_open
@@ -133,7 +135,7 @@ class Shell:
         self._undo_keys()
         one = self._words()
         two = _Contents("Scene", ICON.scene, self._draw_scene)
-        three = _Contents("Clips", ICON.clips, lambda: clips_panel.draw(self.takes))
+        three = _Contents("Clips", ICON.clips, lambda: clips_panel.draw(self.takes, self.desk.exporting.open))
         for panel, rect in ((one, layout.prompt), (two, layout.scene), (three, layout.clips)):
             _window(panel.name, rect, partial(self._titled, panel))
         _window("Right", layout.right_tabs, lambda: _tabs((two, three)))
@@ -143,6 +145,9 @@ class Shell:
             self._status(layout)
         if self.state.panels_open:
             bar.draw(self.desk, layout.view)
+            guide.draw(self.desk.guide, layout.view)
+        settings_panel.draw(self.desk, self.fonts)
+        exports_panel.draw(self.desk.exporting, self.fonts)
         self.desk.dialogs.draw()
         self._badge(layout.view)
         if self.state.help_open and help.draw(self.fonts):

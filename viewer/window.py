@@ -123,6 +123,10 @@ class Window:
             return 1.0
         return min(max(scale * width / pixels, 0.5), 4.0)
 
+    def use_scale(self, scale: float) -> None:
+        """Draw the interface at another scale from the next frame on; 0 is the monitor's."""
+        self.wanted_scale = scale
+
     # --- one frame
 
     def poll(self, wait_seconds: float = 0.0) -> None:

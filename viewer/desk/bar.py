@@ -39,7 +39,7 @@ def draw(desk: Desk, view: Rect) -> None:
 
 
 def keys(desk: Desk) -> None:
-    """Ctrl+S, Ctrl+Shift+S and Ctrl+O; also while a prompt is typed."""
+    """Ctrl+S, Ctrl+Shift+S, Ctrl+O and Ctrl+E; also while a prompt is typed."""
     if desk.dialogs.question is not None:
         return
     key, ctrl = imgui.Key, imgui.Key.mod_ctrl
@@ -49,6 +49,8 @@ def keys(desk: Desk) -> None:
         desk.projects.save()
     elif imgui.is_key_chord_pressed(ctrl | key.o):
         desk.projects.ask_open()
+    elif imgui.is_key_chord_pressed(ctrl | key.e):
+        desk.exporting.open()
 
 
 def _buttons(desk: Desk) -> None:
@@ -67,6 +69,8 @@ def _buttons(desk: Desk) -> None:
 
 
 def _menu(desk: Desk) -> None:
+    corner = imgui.get_window_pos()
+    imgui.set_next_window_pos(imgui.ImVec2(corner.x, corner.y + imgui.get_window_height() + px(4)))
     imgui.set_next_window_size_constraints(imgui.ImVec2(px(MENU_WIDTH), 0), imgui.ImVec2(px(420), px(2000)))
     if not imgui.begin_popup(POPUP):
         return
@@ -82,6 +86,13 @@ def _menu(desk: Desk) -> None:
         projects.save()
     if imgui.menu_item("Save as…", "Ctrl+Shift+S", False)[0]:
         projects.ask_save()
+    imgui.separator()
+    if imgui.menu_item("Export the take…", "Ctrl+E", False)[0]:
+        desk.exporting.open()
+    if imgui.menu_item("Settings…", "", False)[0]:
+        desk.state.settings_open = True
+    if imgui.menu_item("First minute", "", False)[0]:
+        desk.guide.begin()
     imgui.end_popup()
 
 

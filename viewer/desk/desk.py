@@ -6,7 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from sport.viewer.desk.guide import Guide
 from sport.viewer.desk.state import DeskState
+from sport.viewer.exports.exporting import Exporting
 from sport.viewer.gui.dialogs import Dialogs
 from sport.viewer.input.bindings import Action
 from sport.viewer.jobs import Jobs
@@ -31,9 +33,12 @@ class Desk:
     stage: Stage
     prompting: Prompting
     load_model: Callable[[Path | None, int], None]
+    use_scale: Callable[[float], None]  # of the interface
     folder: Path  # the state folder
     dialogs: Dialogs = field(init=False)
     projects: Projects = field(init=False)
+    exporting: Exporting = field(init=False)
+    guide: Guide = field(init=False)
 
     def __post_init__(self) -> None:
         self.dialogs = Dialogs(self.messages)
@@ -55,6 +60,10 @@ class Desk:
             self.dialogs,
             self.folder / "sessions",
         )
+        self.exporting = Exporting(
+            self.state.exports, self.takes, self.stage, self.messages, self.jobs, self.dialogs
+        )
+        self.guide = Guide(self.settings, self.prompting.state, self.takes)
         self.takes.is_safe = lambda _: self.projects.kept
 
     @property
@@ -72,14 +81,39 @@ class Desk:
         self.projects.autosaving = autosaving
         if autosaving:
             self.projects.look(tell=True)
+            if not self.settings.first_minute_seen:
+                self.guide.begin()
         if project == "last":
             self.projects.open_last()
         elif project is not None:
             self.projects.open(Path(project))
 
-    def poll(self) -> None:
-        """Notice changes and answers of dialogs; call once a frame."""
+    def poll(self, dt: float, moving: bool) -> None:
+        """Notice changes, answers of dialogs and steps of the first minute; call once a frame."""
         self.projects.poll()
+        self.guide.watch(dt, moving)
+
+    @property
+    def model_home(self) -> Path:
+        """Where the dialog for a model begins."""
+        folder = self.stage.state.model_folder
+        return Path.home() if folder is None else folder.parent
+
+    def chosen_model(self, offscreen: bool) -> Path | None:
+        """The model to begin with: the one chosen in the settings, as long as it is there."""
+        text = self.settings.model_folder
+        if not text or offscreen:
+            return None
+        if not Path(text).is_dir():
+            self.messages.warn(f"The model {text} is not there any more: the shipped one is used.")
+            return None
+        return Path(text)
+
+    def choose_model(self, folder: Path | None) -> None:
+        """Load another model, now and at the next start; None is the shipped one."""
+        controller = self.stage.state.controller
+        self.settings.model_folder = "" if folder is None else str(folder)
+        self.load_model(folder, 0 if controller is None else controller.seed)
 
     def cancel(self) -> bool:
         """Close the innermost window of the desk; whether one was open."""
@@ -87,6 +121,8 @@ class Desk:
             self.dialogs.close()
         elif self.state.settings_open:
             self.state.settings_open = False
+        elif self.state.exports.open:
+            self.state.exports.open = False
         else:
             return False
         return True

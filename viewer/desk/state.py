@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from sport.viewer.exports.state import ExportState
 from sport.viewer.projects.state import ProjectsState
 
 
@@ -13,5 +14,4 @@ class DeskState:
 
     projects: ProjectsState = field(default_factory=ProjectsState)
     settings_open: bool = False
-    model_path: str = ""  # the field of the settings
-    folder_path: str = ""
+    exports: ExportState = field(default_factory=ExportState)

@@ -41,6 +41,7 @@ class Question:
     native: Any = None  # the system's dialog
     typed: str = ""
     shown: bool = False
+    replacing: str = ""  # the path of a file that is there, once it was said
 
 
 def has_native_dialogs() -> bool:
@@ -133,9 +134,17 @@ class Dialogs:
         question.shown = True
         flags = imgui.InputTextFlags_.enter_returns_true
         entered, question.typed = imgui.input_text("##dialog path", question.typed, flags)
+        if question.replacing and question.replacing == question.typed.strip():
+            widgets.muted("This file exists: the button again replaces it.")
         half = (imgui.get_content_region_avail().x - px(4)) / 2
         path = question.typed.strip().strip('"').replace("\0", "")
         if widgets.button(f"{question.kind.value}###dialog ok", half, primary=True) or entered:
+            target = Path(path).expanduser()
+            ending = question.filters[-1].removeprefix("*") if question.filters else ""
+            there = target.is_file() or target.with_name(target.name + ending).is_file()
+            if question.kind is Kind.SAVE and path and path != question.replacing and there:
+                question.replacing = path
+                return None
             return path or None
         imgui.same_line(0, px(4))
         left = widgets.button("Cancel###dialog cancel", half) or imgui.is_key_pressed(imgui.Key.escape)

@@ -27,6 +27,8 @@ from sport.viewer.stage.path_tool import PathTool
 from sport.viewer.stage.simulation import Simulation
 from sport.viewer.stage.state import StageState
 
+SIMULATION = "simulation"  # topic of its messages
+
 
 @dataclass
 class Stage:
@@ -86,7 +88,9 @@ class Stage:
         self.live.publish(poses)
         if simulation.problem:
             self.drives.forget()
-            self.messages.error(simulation.problem)
+            self.messages.error(simulation.problem, SIMULATION)
+        elif poses:
+            self.messages.settle(SIMULATION)
         return poses
 
     def led(self, own: Controls, dt: float) -> Controls:
@@ -126,12 +130,13 @@ class Stage:
 
     def _take_terrain(self, spec: str, terrain: Terrain) -> None:
         self._stop_loading()
+        known = bool(self.state.terrain_spec)  # not the first one
         self.show_ground(spec, terrain)
         if spec in self.state.terrain_names:
             self.settings.terrain = spec
         self.reset_character()
-        if terrain.note:
-            self.messages.note(terrain.note)
+        if terrain.note or known:
+            self.messages.note(terrain.note or f"Ground: {terrain.name}.")
 
     def show_ground(self, spec: str, terrain: Terrain) -> None:
         """Put a ground under the character where it stands."""

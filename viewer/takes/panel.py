@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from sport.runtime.safe_read import printable
@@ -12,9 +13,11 @@ from sport.viewer.gui.widgets import px
 from sport.viewer.takes import recovery_panel
 from sport.viewer.takes.takes import EXPORT_ALL, Takes
 
+RENAME_HINT = "Double-click renames it"
 
-def draw(takes: Takes) -> None:
-    """Contents of the panel."""
+
+def draw(takes: Takes, export_window: Callable[[], None]) -> None:
+    """Contents of the panel; `export_window` opens the other formats."""
     _record(takes)
     recovery_panel.draw(takes.journals)
     export_height = _export_height() if takes.state.current is not None else 0.0
@@ -24,7 +27,7 @@ def draw(takes: Takes) -> None:
         _list(takes)
     imgui.end_child()
     if takes.state.current is not None:
-        _export(takes)
+        _export(takes, export_window)
 
 
 def _record(takes: Takes) -> None:
@@ -123,8 +126,7 @@ def _row(takes: Takes, i: int) -> None:
         imgui.end_popup()
     if hovered:
         saved = f"Saved as {printable(item.saved)}" if item.saved else "Not exported yet"
-        saved += ". Double-click renames it."
-        widgets.tooltip("\n".join(filter(None, (saved, item.clip.describe()))))
+        widgets.tooltip("\n".join(filter(None, (saved, RENAME_HINT, item.clip.describe()))))
     if hovered or clips.selected == i:
         fill = theme.ACCENT_DIM if clips.selected == i else theme.FIELD
         low, high = corner, imgui.ImVec2(corner.x + width, corner.y + height)
@@ -171,7 +173,7 @@ def _export_height() -> float:
     return imgui.get_frame_height_with_spacing() * 3 + px(8)
 
 
-def _export(takes: Takes) -> None:
+def _export(takes: Takes, export_window: Callable[[], None]) -> None:
     clips, settings = takes.state, takes.settings
     imgui.separator()
     widgets.full_width()
@@ -198,11 +200,12 @@ def _export(takes: Takes) -> None:
     imgui.begin_disabled(busy)
     trimmed = clips.playback is not None and clips.playback.trimmed
     text = "Exporting…" if busy else "Export trimmed BVH" if trimmed else "Export BVH"
-    if (
-        widgets.button(
-            f"{ICON.save} {text}###export", -1, "Write the clip for Blender, Maya, MotionBuilder", True
-        )
-        or entered
-    ):
+    more = px(64)
+    width = imgui.get_content_region_avail().x - more - px(4)
+    hint = "Write the clip for Blender, Maya, MotionBuilder"
+    if widgets.button(f"{ICON.save} {text}###export", width, hint, True) or entered:
         takes.export()
     imgui.end_disabled()
+    imgui.same_line(0, px(4))
+    if widgets.button("More…###more formats", more, "GLB, FBX, film, loop, root and ground (Ctrl+E)"):
+        export_window()

@@ -113,6 +113,7 @@ class Takes:
             ground = self.stage.terrain_spec
             origin = origin_of(self.stage.controller, ground)
             self.journals.begin(self.recorder, f"Take {self.state.counter + 1}", ground, origin)
+            self.messages.note(f"Take {self.state.counter + 1} is being recorded. R ends it.")
         else:
             journal = self.journals.end(self.recorder)
             item = self._keep("Take", self.recorder.stop)

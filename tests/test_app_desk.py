@@ -1,0 +1,231 @@
+"""The real application without a display: names of takes, removing and undo, exports, settings, the first minute."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from app_driver import Start, click, click_on, drawn, message, place, press, run
+
+from sport.runtime.takes.clip import load_clip_bvh
+from sport.viewer.app import App
+from sport.viewer.desk.guide import STEPS
+from sport.viewer.filming import film
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.messages import SETTLED_SECONDS, WARNING_SECONDS, Messages
+
+
+def record(app: App, frames: int = 20) -> None:
+    app.takes.toggle_recording()
+    run(app, frames)
+    app.takes.toggle_recording()
+    run(app)
+
+
+def names(app: App) -> list[str]:
+    return [item.name for item in app.state.takes.items]
+
+
+def labels(app: App) -> str:
+    return " ".join(label for label, _ in drawn(app))
+
+
+def test_a_take_is_renamed_in_its_row_and_exported_under_its_name(start: Start, tmp_path: Path) -> None:
+    app = start()
+    app.state.settings.export_folder = str(tmp_path)
+    run(app, 3)
+    record(app)
+    x, y = place(app, "row")
+    click(app, x, y)
+    click(app, x, y)  # twice within the time of a double click
+    run(app, 3)
+    app.window.inject_text("A proud walk")
+    run(app, 2)
+    press(app, "enter")
+    run(app, 2)
+    assert names(app) == ["A proud walk"]
+    app.takes.export()
+    run(app, 2)
+    assert (tmp_path / "a-proud-walk.bvh").is_file()
+
+
+def test_a_removed_take_comes_back_by_button_and_by_key(start: Start) -> None:
+    app = start()
+    for _ in range(3):
+        record(app)
+    app.takes.remove(1)
+    run(app, 2)
+    assert names(app) == ["Take 1", "Take 3"]
+    assert "Ctrl+Z brings it back" in message(app)
+    press(app, "ctrl", "z")
+    assert names(app) == ["Take 1", "Take 2", "Take 3"]
+    assert app.state.takes.items[1].journal is not None
+    app.takes.remove(0)
+    run(app, 2)
+    click_on(app, "##restore")
+    assert names(app) == ["Take 1", "Take 2", "Take 3"]
+
+
+def test_every_take_is_exported_at_once_and_no_file_is_replaced(start: Start, tmp_path: Path) -> None:
+    app = start()
+    app.state.settings.export_folder = str(tmp_path)
+    (tmp_path / "take-1.bvh").write_text("of somebody else", encoding="utf-8")
+    record(app)
+    record(app)
+    run(app, 2)
+    click_on(app, "##export all")
+    run(app, 2)
+    assert sorted(path.name for path in tmp_path.glob("*.bvh")) == [
+        "take-1-2.bvh",
+        "take-1.bvh",
+        "take-2.bvh",
+    ]
+    assert "Saved 2 takes" in message(app)
+    assert app.takes.unsaved == []
+
+
+def test_the_export_window_writes_what_the_command_writes(start: Start, tmp_path: Path) -> None:
+    app = start()
+    app.state.settings.export_folder = str(tmp_path)
+    record(app, 40)
+    click_on(app, "##more formats")
+    form = app.state.desk.exports.form
+    app.desk.exporting.choose_format(".bvh")
+    form.fps, form.rest_frame, form.ground = 30, True, ".obj"
+    run(app, 3)
+    click_on(app, "##export now")
+    run(app, 2)
+    assert len(load_clip_bvh(tmp_path / "take-1.bvh")) == 21  # 40 frames at half the rate, and the rest pose
+    assert (tmp_path / "take-1-ground.obj").is_file()
+    assert "21 frames at 30 fps" in app.state.desk.exports.report
+    assert app.state.takes.items[0].saved == tmp_path / "take-1.bvh"
+    form.in_place = True
+    click_on(app, "##export now")
+    run(app, 2)
+    assert "In place with a ground beside it" in app.state.desk.exports.report
+    press(app, "escape")
+    run(app, 2)
+    assert "##export now" not in labels(app)
+
+
+def test_a_film_shows_its_progress_and_can_be_given_up(
+    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Any] = []
+
+    def make_film(clip: Any, terrain: Any, path: Path, options: Any, **more: Any) -> Any:
+        more["progress"](3, 20)
+        asked.append((path, options, len(clip)))
+        gone = more["cancel"].is_set()
+        return SimpleNamespace(cancelled=gone, frames=20, seconds=0.7)
+
+    monkeypatch.setattr(film, "make_film", make_film)
+    app = start()
+    app.state.settings.export_folder = str(tmp_path)
+    record(app, 40)
+    app.takes.play(0)
+    app.state.takes.playback.trim_out(19)  # type: ignore[union-attr]
+    app.desk.exporting.open()
+    app.desk.exporting.choose_format(".mp4")
+    app.state.desk.exports.form.camera = "side"
+    app.desk.exporting.export()
+    ((path, options, count),) = asked
+    assert (path, options.camera, options.size, count) == (tmp_path / "take-1.mp4", "side", (1280, 720), 20)
+    assert app.state.desk.exports.progress == (3, 20)
+    assert "20 frames" in app.state.desk.exports.report
+    assert app.state.takes.items[0].saved is None  # a film is no copy of the take
+    cancelled = threading.Event()
+    cancelled.set()
+    monkeypatch.setattr(
+        app.desk.exporting, "_cancel", SimpleNamespace(clear=lambda: None, is_set=lambda: True)
+    )
+    app.desk.exporting.export()
+    assert "Cancelled" in app.state.desk.exports.report
+
+
+def test_settings_are_chosen_in_a_window(start: Start, tmp_path: Path) -> None:
+    app = start()
+    run(app, 2)
+    click_on(app, "##settings")
+    run(app, 2)
+    settings = app.state.settings
+    click_on(app, "Invert look")
+    assert settings.invert_look
+    click_on(app, "##ui scale")
+    click_on(app, "150 %")
+    run(app, 2)
+    assert settings.ui_scale == app.window.ui_scale == 1.5
+    click_on(app, "##text size")
+    click_on(app, "Large")
+    run(app, 2)
+    assert imgui.get_style().font_scale_main == pytest.approx(1.15)
+    click_on(app, "Back to the defaults")
+    run(app, 2)
+    assert (settings.ui_scale, settings.text_size, settings.invert_look) == (0.0, 1.0, False)
+    press(app, "escape")
+    assert not app.state.desk.settings_open
+
+
+def test_another_model_is_loaded_by_a_dialog_and_remembered(start: Start, tmp_path: Path) -> None:
+    app = start()
+    before = app.state.stage.controller
+    app.desk.choose_model(tmp_path)
+    run(app, 2)
+    assert app.state.settings.model_folder == str(tmp_path)
+    assert app.state.stage.controller is not before
+    app.state.settings.model_folder = str(tmp_path / "gone")
+    assert app.desk.chosen_model(offscreen=False) is None
+    assert "is not there any more" in message(app)
+
+
+def test_the_first_minute_ticks_itself_off_and_does_not_come_back(start: Start, tmp_path: Path) -> None:
+    app = start()
+    app.state.settings.export_folder = str(tmp_path)
+    run(app, 3)
+    guide = app.desk.guide
+    guide.begin()
+    app.window.inject_key("w", True)
+    run(app, 70)
+    app.window.inject_key("w", False)
+    assert guide.is_done(0)
+    app.prompting.submit_prompt("a proud king")
+    run(app, 2)
+    app.state.prompt.parts["left_arm"] = "the left arm hangs"
+    app.prompting.submit_part("left_arm")
+    run(app, 2)
+    record(app)
+    assert [guide.is_done(step) for step in range(len(STEPS))] == [True, True, True, True, False]
+    app.takes.export()
+    run(app, 2)
+    assert guide.is_done(4)
+    guide._left_s = 0.05
+    run(app, 5)
+    assert not guide.shown
+    assert app.state.settings.first_minute_seen
+    guide.begin()
+    run(app, 2)
+    click_on(app, "##guide")
+    assert not guide.shown
+
+
+def test_a_message_leaves_when_it_holds_no_longer() -> None:
+    now = [0.0]
+    messages = Messages(clock=lambda: now[0])
+    messages.error("no such ground", "terrain")
+    now[0] = 1000.0
+    assert messages.current is not None  # an error stays
+    messages.settle("model")
+    assert messages.current is not None
+    messages.settle("terrain")
+    assert messages.current is None
+    messages.error("no such ground", "terrain")
+    messages.settle("terrain")
+    assert messages.current is not None  # there to be read
+    now[0] += SETTLED_SECONDS + 0.1
+    assert messages.current is None
+    messages.warn("something")
+    now[0] += WARNING_SECONDS + 0.1
+    assert messages.current is None

@@ -1,0 +1,124 @@
+"""The first minute: five steps that tick themselves off, shown once, and gone when skipped or done."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.gui import theme, widgets
+from sport.viewer.gui.layout import Rect
+from sport.viewer.gui.theme import ICON
+from sport.viewer.gui.widgets import px
+from sport.viewer.prompt.state import PromptState
+from sport.viewer.settings import Settings
+from sport.viewer.takes.takes import Takes
+
+ARMS = ("left_arm", "right_arm")
+WALK_SECONDS = 1.0
+DONE_SECONDS = 6.0  # that the finished list stays
+STEPS = (
+    ("Walk", "W A S D or the left stick"),
+    ("Prompt", "Press Enter and type, for example: an old king"),
+    ("Edit an arm", "Under Body parts: other words for an arm, then Enter"),
+    ("Record", "R starts a take, R ends it"),
+    ("Export", "Under Clips, or Ctrl+E for every format"),
+)
+WIDTH, MARGIN = 210.0, 10.0  # pixels at scale 1
+BELOW_BAR = 50.0
+SMALL_VIEW = 560.0
+MIN_HEIGHT = 330.0  # a lower view keeps its room
+
+
+@dataclass
+class Guide:
+    """Which steps are done."""
+
+    settings: Settings
+    prompt: PromptState
+    takes: Takes
+    shown: bool = False
+    done: int = 0  # bits
+    _walked_s: float = 0.0
+    _left_s: float = DONE_SECONDS
+    _asked: str = ""  # the prompt that was there at the beginning
+    _takes: int = 0
+
+    def begin(self) -> None:
+        """Show the steps from the first one on."""
+        self.shown, self.done = True, 0
+        self._walked_s, self._left_s = 0.0, DONE_SECONDS
+        self._asked, self._takes = self._prompt, len(self.takes.state.items)
+
+    def skip(self) -> None:
+        """Away with it, for good."""
+        self.shown, self.settings.first_minute_seen = False, True
+
+    @property
+    def _prompt(self) -> str:
+        answer = self.prompt.edit.a
+        return "" if answer is None else answer.prompt
+
+    def is_done(self, step: int) -> bool:
+        """Whether a step was taken."""
+        return bool(self.done >> step & 1)
+
+    def watch(self, dt: float, moving: bool) -> None:
+        """Look at what the user does; call once a frame."""
+        if not self.shown:
+            return
+        self.settings.first_minute_seen = True  # it was seen: it does not come back by itself
+        self._walked_s += dt * moving
+        self._asked = self._asked or self._prompt  # the first answer comes by itself
+        answer, items = self.prompt.edit.a, self.takes.state.items
+        signs = (
+            self._walked_s >= WALK_SECONDS,
+            self._prompt != self._asked,
+            answer is not None and any(arm in answer.edited for arm in ARMS),
+            len(items) > self._takes,
+            any(item.saved for item in items[self._takes :]),
+        )
+        for step, sign in enumerate(signs):
+            self.done |= sign << step
+        if self.done == (1 << len(STEPS)) - 1:
+            self._left_s -= dt
+            self.shown = self._left_s > 0.0
+
+
+def draw(guide: Guide, view: Rect) -> None:
+    """The card under the project's bar; nothing where the view is too low for it."""
+    if not guide.shown or view.height < px(MIN_HEIGHT) or view.width < px(WIDTH + 4 * MARGIN):
+        return
+    imgui.set_next_window_pos(imgui.ImVec2(view.x + px(MARGIN), view.y + px(MARGIN + BELOW_BAR)))
+    imgui.set_next_window_size(imgui.ImVec2(px(WIDTH), 0))
+    flags = (
+        imgui.WindowFlags_.no_decoration
+        | imgui.WindowFlags_.no_move
+        | imgui.WindowFlags_.no_saved_settings
+        | imgui.WindowFlags_.no_focus_on_appearing
+        | imgui.WindowFlags_.no_bring_to_front_on_focus
+    )
+    imgui.push_style_var(imgui.StyleVar_.window_padding, imgui.ImVec2(px(10), px(8)))
+    imgui.begin("First minute", None, flags)
+    imgui.pop_style_var()
+    _steps(guide, small=min(view.height, view.width) < px(SMALL_VIEW))
+    imgui.end()
+
+
+def _steps(guide: Guide, small: bool) -> None:
+    """All steps, or the next one alone where a small view needs its room."""
+    finished = all(guide.is_done(step) for step in range(len(STEPS)))
+    now = next((step for step in range(len(STEPS)) if not guide.is_done(step)), -1)
+    title = f"The first minute, step {now + 1} of {len(STEPS)}"
+    widgets.label("That is all. The project menu saves it." if finished else title, theme.ACCENT)
+    for step, (name, how) in enumerate(STEPS):
+        if small and step != now:
+            continue
+        done = guide.is_done(step)
+        with widgets.color(
+            imgui.Col_.text, theme.ACCENT if done else theme.TEXT if step == now else theme.MUTED
+        ):
+            imgui.text_unformatted(f"{ICON.check if done else ICON.on if step == now else '    '}  {name}")
+        if step == now:
+            widgets.muted(how, wrap=True)
+    if widgets.button("Close" if finished else "Skip##guide", -1):
+        guide.skip()

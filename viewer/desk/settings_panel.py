@@ -1,0 +1,101 @@
+"""The settings window: interface, takes, controls and the model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sport.runtime.safe_read import printable
+from sport.viewer.desk.desk import Desk
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.gui import overlay, setting_widgets, theme, widgets
+from sport.viewer.gui.dialogs import Kind
+from sport.viewer.gui.theme import ICON, Fonts
+from sport.viewer.gui.widgets import px
+from sport.viewer.settings import Settings, spec_of
+
+WIDTH = 470.0  # pixels at scale 1
+SCALES = (
+    (0.0, "As the monitor says"),
+    (0.75, "75 %"),
+    (1.0, "100 %"),
+    (1.25, "125 %"),
+    (1.5, "150 %"),
+    (2.0, "200 %"),
+    (3.0, "300 %"),
+)
+
+
+def draw(desk: Desk, fonts: Fonts) -> None:
+    """The window, when it is open."""
+    if not desk.state.settings_open:
+        return
+    with overlay.window(fonts, "Settings", ICON.gear, WIDTH) as closed:
+        _interface(desk)
+        _takes(desk)
+        _model(desk)
+        setting_widgets.toggle(desk.settings, "invert_look", px(140))
+        imgui.same_line(0, px(4))
+        if widgets.button("Show the first minute", -1, "The steps for beginners over the view"):
+            desk.guide.begin()
+            closed[0] = True
+        if widgets.button("Back to the defaults", -1, "Of this window; folders and the model stay"):
+            _reset(desk)
+    if closed[0]:
+        desk.state.settings_open = False
+
+
+def _interface(desk: Desk) -> None:
+    settings = desk.settings
+    overlay.row("Interface", "Size of everything; at the next frame")
+    scale = float(str(overlay.combo("##ui scale", SCALES, settings.ui_scale)))
+    if scale != settings.ui_scale:
+        settings.ui_scale = scale
+        desk.use_scale(scale)
+    overlay.row("Text", "Size of the letters alone")
+    sizes = list((spec_of(Settings, "text_size").choices or {}).items())
+    settings.text_size = float(str(overlay.combo("##text size", sizes, settings.text_size)))
+
+
+def _takes(desk: Desk) -> None:
+    settings, side = desk.settings, imgui.get_frame_height()
+    overlay.row("Export folder")
+    imgui.set_next_item_width(imgui.get_content_region_avail().x - side - px(4))
+    _, text = imgui.input_text("##export folder", printable(settings.export_folder))
+    if text.strip() and text != printable(settings.export_folder):
+        settings.export_folder = text.strip()
+    imgui.same_line(0, px(4))
+    if widgets.icon_button(ICON.folder, "browse folder", "Choose by a dialog", theme.TEXT):
+        start = Path(settings.export_folder).expanduser()
+
+        def chosen(path: Path) -> None:
+            settings.export_folder = str(path)
+            desk.messages.note(f"Exports go to {path}.")
+
+        desk.dialogs.ask(Kind.FOLDER, "Folder of exports", start, chosen)
+    overlay.row("Seconds kept", "What T keeps of the rolling memory")
+    setting_widgets.slider(settings, "keep_seconds")
+
+
+def _model(desk: Desk) -> None:
+    state, side = desk.stage.state, imgui.get_frame_height()
+    overlay.row("Model", "Takes that were recorded stay with the model that made them")
+    shipped = state.model_folder is None and state.controller is not None
+    width = imgui.get_content_region_avail().x - side - px(4)
+    name = f"{state.model_name or 'none'}{', shipped' if shipped else ''}"
+    imgui.begin_disabled(desk.jobs.busy("model") or shipped)
+    text = "Loading…" if desk.jobs.busy("model") else widgets.elided(printable(name), width - px(20))
+    if widgets.button(
+        f"{text}##model", width, "" if shipped else f"{state.model_folder}: back to the shipped one"
+    ):
+        desk.choose_model(None)
+    imgui.end_disabled()
+    imgui.same_line(0, px(4))
+    if widgets.icon_button(ICON.folder, "browse model", "Choose the folder of an exported model", theme.TEXT):
+        desk.dialogs.ask(Kind.FOLDER, "Folder of an exported model", desk.model_home, desk.choose_model)
+
+
+def _reset(desk: Desk) -> None:
+    fresh = Settings()
+    for name in ("ui_scale", "text_size", "keep_seconds", "invert_look"):
+        setattr(desk.settings, name, getattr(fresh, name))
+    desk.use_scale(fresh.ui_scale)

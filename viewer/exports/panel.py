@@ -1,0 +1,149 @@
+"""The export window: format, path, options of motion or film, progress."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+from sport.viewer.exports.exporting import Exporting
+from sport.viewer.exports.state import FORMATS, GROUNDS, SIZES, ExportForm
+from sport.viewer.filming.shots import CAMERAS
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.gui import overlay, theme, widgets
+from sport.viewer.gui.theme import ICON, Fonts
+from sport.viewer.gui.widgets import px
+
+WIDTH = 470.0  # pixels at scale 1
+MOTION_RATES = ((24, "24 fps"), (30, "30 fps"), (60, "60 fps"), (120, "120 fps"))
+FILM_RATES = ((15, "15 fps"), (24, "24 fps"), (25, "25 fps"), (30, "30 fps"), (60, "60 fps"))
+MAX_DISTANCE_M = 20.0
+
+
+def draw(exporting: Exporting, fonts: Fonts) -> None:
+    """The window, when it is open."""
+    state, item = exporting.state, exporting.takes.state.current
+    if not state.open or item is None:
+        state.open = False
+        return
+    with overlay.window(fonts, "Export", ICON.save, WIDTH) as closed:
+        playback = exporting.takes.state.playback
+        trimmed = playback is not None and playback.clip is item.clip and playback.trimmed
+        length = f"{item.clip.seconds:.1f} s, on {item.clip.terrain.rsplit('/', 1)[-1]}"
+        widgets.muted(widgets.elided(f"{item.name}: {length}", imgui.get_content_region_avail().x))
+        imgui.begin_disabled(exporting.busy)
+        _target(exporting)
+        form = state.form
+        if form.film:
+            _film(form)
+        elif form.suffix != ".obj":
+            _motion(form)
+        _common(exporting, form, trimmed)
+        imgui.end_disabled()
+        _end(exporting)
+    if closed[0]:
+        state.open = False
+
+
+def _set(form: ExportForm, name: str, value: Any) -> None:
+    setattr(form, name, value)
+
+
+def _target(exporting: Exporting) -> None:
+    state = exporting.state
+    overlay.row("Format")
+    chosen = str(overlay.combo("##export format", list(FORMATS.items()), state.form.suffix))
+    if chosen != state.form.suffix:
+        exporting.choose_format(chosen)
+    overlay.row("File")
+    side = imgui.get_frame_height()
+    imgui.set_next_item_width(imgui.get_content_region_avail().x - side - px(4))
+    flags = imgui.InputTextFlags_.elide_left
+    state.path = imgui.input_text("##export file", state.path, flags)[1]
+    imgui.same_line(0, px(4))
+    if widgets.icon_button(ICON.folder, "browse export", "Choose by a dialog", theme.TEXT):
+        exporting.browse()
+
+
+def _motion(form: ExportForm) -> None:
+    overlay.row("Frames a second")
+    form.fps = int(str(overlay.combo("##export rate", MOTION_RATES, form.fps)))
+    if form.suffix == ".bvh":
+        overlay.row("Unit")
+        units = (("cm", "Centimetres"), ("m", "Metres"))
+        form.unit = str(overlay.combo("##export unit", units, form.unit))
+    overlay.row("Ground", "As a second node of the file, or as a file beside it, in the same coordinates")
+    inside = form.suffix in (".glb", ".fbx")
+    grounds = [(key, text) for key, text in GROUNDS.items() if inside or key != "inside"]
+    form.ground = form.ground if inside or form.ground != "inside" else ""
+    form.ground = str(overlay.combo("##export ground", grounds, form.ground))
+    entries = (
+        ("In place", "in_place", "The way over the ground is taken out; the heading stays"),
+        ("Root on the ground", "ground_root", "A root joint on the ground, above the hips"),
+        ("At the origin", "at_origin", "Begin at the origin on height 0, facing +Z"),
+        ("Rest pose first", "rest_frame", "Frame 0 is the rest pose"),
+    )
+    overlay.toggles(
+        [(text, getattr(form, name), hint, partial(_set, form, name)) for text, name, hint in entries]
+    )
+
+
+def _film(form: ExportForm) -> None:
+    overlay.row("Frames a second")
+    form.film_fps = int(str(overlay.combo("##film rate", FILM_RATES, form.film_fps)))
+    overlay.row("Size")
+    form.size = str(overlay.combo("##film size", [(size, size) for size in SIZES], form.size))
+    overlay.row("Camera")
+    cameras = [(name, name.capitalize()) for name in CAMERAS]
+    form.camera = str(overlay.combo("##film camera", cameras, form.camera))
+    overlay.row("Distance")
+    text = "%.1f m" if form.distance else "as usual"
+    moved, distance = widgets.slider("##film distance", form.distance, 0.0, MAX_DISTANCE_M, text)
+    if moved:
+        form.distance = distance if distance >= 0.5 else 0.0
+    overlay.toggles(
+        (
+            ("Captions", form.captions, "The prompts under the film", partial(_set, form, "captions")),
+            (
+                "High quality",
+                form.quality == "high",
+                "Off: faster without a graphics card",
+                lambda on: _set(form, "quality", "high" if on else "software"),
+            ),
+        )
+    )
+
+
+def _common(exporting: Exporting, form: ExportForm, trimmed: bool) -> None:
+    entries = []
+    if form.suffix != ".obj":
+        hint = "Only the best cycle of a steady walk; its seam is reported"
+        entries.append(("Loop", form.loop, hint, partial(_set, form, "loop")))
+    if trimmed:
+        hint = "Only what lies between the trim marks of the timeline"
+        entries.append(("Trimmed range", form.trimmed, hint, partial(_set, form, "trimmed")))
+    own = exporting.stage.character_path
+    if own is not None and form.suffix not in (".bvh", ".obj"):
+        hint = f"{own.name} in the place of the mannequin"
+        entries.append(("My character", form.own_character, hint, partial(_set, form, "own_character")))
+    if entries:
+        overlay.toggles(entries)
+
+
+def _end(exporting: Exporting) -> None:
+    """Progress and the buttons, and what became of the last export."""
+    state = exporting.state
+    imgui.separator()
+    if exporting.busy:
+        done, total = state.progress
+        share, text = (done / total, f"{done} of {total} frames") if total else (0.0, "Exporting…")
+        imgui.progress_bar(share, imgui.ImVec2(-px(90), 0), text)
+        imgui.same_line(0, px(4))
+        imgui.begin_disabled(not state.form.film)
+        if widgets.button("Cancel##cancel export", -1, "Give it up; nothing of it stays"):
+            exporting.cancel()
+        imgui.end_disabled()
+    elif widgets.button(f"{ICON.save} Export##export now", -1, primary=True):
+        exporting.export()
+    if state.report:
+        with widgets.color(imgui.Col_.text, theme.TEXT if state.report_good else theme.ERROR):
+            imgui.text_wrapped(state.report)

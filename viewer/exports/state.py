@@ -1,0 +1,59 @@
+"""The exports room's slice of the state: what the export window shows, as it is chosen there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+FORMATS = {
+    ".bvh": "BVH: motion",
+    ".glb": "GLB: character with motion",
+    ".fbx": "FBX: through Blender",
+    ".mp4": "MP4: film",
+    ".png": "PNG: numbered frames",
+    ".webp": "WebP: animation",
+    ".gif": "GIF: animation",
+    ".obj": "OBJ: the ground alone",
+}
+FILMS = (".mp4", ".png", ".webp", ".gif")
+SIZES = {"640x360": (640, 360), "1280x720": (1280, 720), "1920x1080": (1920, 1080), "1080x1080": (1080, 1080)}
+GROUNDS = {"": "No ground", "inside": "Ground inside", ".obj": "OBJ beside", ".glb": "GLB beside"}
+
+
+@dataclass
+class ExportForm:
+    """What is chosen: for motion, then for films."""
+
+    suffix: str = ".glb"
+    fps: int = 60
+    unit: str = "cm"
+    trimmed: bool = True  # only what lies between the trim marks
+    loop: bool = False
+    in_place: bool = False
+    ground_root: bool = False
+    at_origin: bool = False
+    rest_frame: bool = False
+    ground: str = ""  # one of `GROUNDS`
+    own_character: bool = True  # where one is on the stage
+    film_fps: int = 30
+    size: str = "1280x720"
+    camera: str = "front"
+    distance: float = 0.0  # metres, 0 for the camera's usual one
+    captions: bool = True
+    quality: str = "high"
+
+    @property
+    def film(self) -> bool:
+        """Whether a film is made."""
+        return self.suffix in FILMS
+
+
+@dataclass
+class ExportState:
+    """The export window."""
+
+    open: bool = False
+    form: ExportForm = field(default_factory=ExportForm)
+    path: str = ""  # the field
+    progress: tuple[int, int] = (0, 0)  # frames of film done, and in all
+    report: str = ""  # what became of the last export
+    report_good: bool = True

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from sport.runtime.feet.carried_hips import CarriedHips
 from sport.runtime.feet.leg_scalar import leg_bones, leg_forward, leg_inverse
+from sport.runtime.feet.narrow_support import SidewaysLead, side_of_beam
 from sport.runtime.feet.planted_foot import PlantedFoot
 from sport.runtime.feet.settings import FootLockSettings
 from sport.runtime.skeleton import SPORT_SKELETON, Skeleton
@@ -47,6 +48,7 @@ class FootLock:
         """Forget all holds and offsets."""
         self._feet = tuple(PlantedFoot(bones, self._settings) for bones in self._bones)
         self._hips = CarriedHips(self._settings)
+        self._leads = (SidewaysLead(), SidewaysLead())
 
     @property
     def held(self) -> tuple[str, str]:
@@ -72,7 +74,13 @@ class FootLock:
         s = self._settings
         ground = PointHeights(terrain, y - s.ground_under_hips, y + s.ground_over_hips)
         drop = -self._hips.offset
-        legs = [leg_forward(foot.bones, (x, y, z), local) for foot in self._feet]
+        left, right = (leg_forward(foot.bones, (x, y, z), local) for foot in self._feet)
+        incoming = (left, right)
+        side_way = side_of_beam((x, y, z), incoming, ground)
+        legs = [
+            lead.apply(leg, (x, y, z), side_way, bool(foot.anchor), ground, dt)
+            for lead, leg, foot in zip(self._leads, incoming, self._feet, strict=True)
+        ]
         for side, (foot, leg) in enumerate(zip(self._feet, legs, strict=True)):
             foot.observe(leg, chances[2 * side], chances[2 * side + 1], ground, dt)
             foot.choose_anchor(leg, drop, self._feet[1 - side].refractory > 0.0)
@@ -80,9 +88,9 @@ class FootLock:
         self._hips.carry(legs, self._feet, dt)
         drop = -self._hips.offset
         result = np.array(local_rotations, copy=True)
-        for foot, leg in zip(self._feet, legs, strict=True):
+        for foot, led, leg in zip(self._feet, legs, incoming, strict=True):
             first = foot.bones.joints[1]
-            target = foot.within_reach(leg, drop, ground)
+            target = foot.within_reach(led, drop, ground)
             result[first : first + 3] = leg_inverse(leg, target, foot.rotation, drop)
         hips = np.array([x, y - drop, z], np.asarray(hips_position).dtype)
         return FootLockResult(hips, result)

@@ -14,7 +14,7 @@ from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.skeleton import SPORT_SKELETON, mirror_motion
 from sport.training.text.captions import main, measured_captions, merge_captions
 from sport.training.text.clip_measures import measure_clips, styles_of
-from sport.training.text.measure import average, facing_yaw, measure
+from sport.training.text.measure import average, measure, smoothed_facing
 from sport.training.text.wording import describe
 
 FRAMES = 240
@@ -72,7 +72,7 @@ def test_words_are_true_of_the_pose(turns: dict, part: str, said: str, unsaid: s
 def test_facing_follows_a_turned_body() -> None:
     hips, local, _ = _motion(HANGING, yaw=1.2)
     positions, _ = SPORT_SKELETON.forward_kinematics(hips, local)
-    np.testing.assert_allclose(facing_yaw(positions), 1.2, atol=1e-4)
+    np.testing.assert_allclose(smoothed_facing(positions), 1.2, atol=1e-4)
 
 
 def test_a_mirrored_motion_has_mirrored_words() -> None:

@@ -176,17 +176,3 @@ def _checked(
             "Replace NaN and infinite values, and check the unit.",
         )
     return Terrain(path.stem, np.ascontiguousarray(heights, np.float32), cell_m, origin, note)
-
-
-def main() -> None:
-    """Write the shipped example height map, `assets/terrains/bowl.png`."""
-    from sport.runtime.assets import PROJECT_ROOT
-    from sport.runtime.terrain.library import example_heights
-
-    target = PROJECT_ROOT / "assets" / "terrains" / "bowl.png"
-    target.parent.mkdir(parents=True, exist_ok=True)
-    write_height_png(target, example_heights())
-
-
-if __name__ == "__main__":
-    main()

@@ -67,18 +67,6 @@ def load_terrain(spec: str | Path, cell_m: float = 0.1, height_m: float = 2.0) -
     return make_terrain(text)  # raises with the list of names
 
 
-def example_heights(n: int = 401) -> Array:
-    """Heights `(n, n)` in 0..1 of the shipped example PNG: a terraced bowl with a smooth gully, level at its centre."""
-    axis = np.linspace(-1.0, 1.0, n)
-    x, z = np.meshgrid(axis, axis, indexing="ij")
-    radius = np.hypot(x, z)
-    bowl = 0.75 * _smoothstep(0.15, 1.0, radius)
-    terraces = np.round(bowl * 10.0) / 10.0
-    share = _smoothstep(-0.2, 0.2, x)  # smooth slope on one side, terraces on the other
-    gully = 0.25 * np.exp(-(((x + 0.5 * z) / 0.12) ** 2)) * _smoothstep(0.2, 0.4, radius)
-    return np.clip(bowl * (1.0 - share) + terraces * share - gully + 0.1, 0.0, 1.0)
-
-
 # --- makers ----------------------------------------------------------------------------------------------------------
 
 

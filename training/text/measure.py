@@ -108,7 +108,7 @@ class BodyMeasures:
 def measure(hips: Array, local: Array, contacts: Array) -> BodyMeasures:
     """Measures of a motion: hips `(T, 3)`, local rotations `(T, 31, 4)`, contacts `(T, 4)` heel and toe, left first."""
     positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
-    facing = facing_yaw(positions)
+    facing = smoothed_facing(positions)
     undo = rotations.inverse(rotations.from_yaw(facing))
     body = positions - hips[:, None] * np.array([1, 0, 1])
     body = rotations.rotate(undo[:, None], body)
@@ -139,7 +139,7 @@ def average(measures: Iterable[tuple[BodyMeasures, float]]) -> BodyMeasures:
     return BodyMeasures(**parts)
 
 
-def facing_yaw(positions: Array) -> Array:
+def smoothed_facing(positions: Array) -> Array:
     """Smoothed facing direction `(T,)` in radians, from hips and shoulders; 0 is +Z."""
     at = SPORT_SKELETON.index
     across = (positions[:, at("LeftUpLeg")] - positions[:, at("RightUpLeg")]) + (

@@ -21,7 +21,7 @@ from sport.runtime.motion.model import MotionModel, load_model
 from sport.runtime.motion.paths import control_script
 from sport.runtime.skeleton import SPORT_SKELETON
 from sport.training.evaluation.motion.driving import flat_ground
-from sport.training.text.measure import BodyMeasures, facing_yaw, measure
+from sport.training.text.measure import BodyMeasures, measure, smoothed_facing
 
 Array = NDArray[np.floating]
 
@@ -47,7 +47,7 @@ def summarise(hips: Array, local: Array, contacts: NDArray[Any]) -> Summary:
     positions, _ = SPORT_SKELETON.forward_kinematics(hips.astype(np.float64), local)
     ahead = local.copy()
     ahead[:, 0] = rotations.multiply(
-        rotations.inverse(rotations.from_yaw(facing_yaw(positions))), local[:, 0]
+        rotations.inverse(rotations.from_yaw(smoothed_facing(positions))), local[:, 0]
     )
     mean = mean_rotation(ahead)
     away = 2.0 * np.arccos(np.clip(np.abs((ahead * mean).sum(-1)), 0.0, 1.0))

@@ -216,7 +216,7 @@ def test_every_action_that_is_no_held_one_is_done_by_exactly_one_room(start: Sta
     rooms = (app.stage.actions, app.takes.actions, app.shell.actions)
     assert sum(len(room) for room in rooms) + 2 == len(app.actions)  # and two of the window
     assert set(Action) - set(app.actions) == {
-        Action.FORWARD, Action.BACK, Action.LEFT, Action.RIGHT, Action.JOG, Action.CROUCH_HOLD, Action.STRAFE,
+        Action.FORWARD, Action.BACK, Action.LEFT, Action.RIGHT, Action.JOG, Action.STRAFE,
         Action.LOOK_LEFT, Action.LOOK_RIGHT, Action.LOOK_UP, Action.LOOK_DOWN, Action.ZOOM_IN, Action.ZOOM_OUT,
         Action.JUMP, Action.CROUCH,
     }  # fmt: skip

@@ -13,7 +13,15 @@ from hypothesis import strategies as st
 
 from sport.runtime.controls import Gait
 from sport.runtime.errors import UsageError
-from sport.viewer.input.bindings import BINDINGS, JUMP_SECONDS, Action, InputMapper, Intent, to_controls
+from sport.viewer.input.bindings import (
+    BINDINGS,
+    HOLD_SECONDS,
+    JUMP_SECONDS,
+    Action,
+    InputMapper,
+    Intent,
+    to_controls,
+)
 from sport.viewer.input.gamepad import BUTTONS, GamepadState, GlfwGamepads, radial_dead_zone
 from sport.viewer.input.keyboard import Keyboard
 from sport.viewer.input.script import ControlScript
@@ -75,7 +83,23 @@ def test_two_keys_do_not_walk_faster_than_one() -> None:
 def test_gaits_of_the_keyboard() -> None:
     assert InputMapper().read(pressed_keys("w"), None, DT).gait is Gait.WALK
     assert InputMapper().read(pressed_keys("w", "shift"), None, DT).gait is Gait.JOG
-    assert InputMapper().read(pressed_keys("ctrl"), None, DT).gait is Gait.CROUCH
+
+
+def test_keys_of_a_shortcut_do_nothing_of_their_own() -> None:
+    keyboard, mapper = pressed_keys("w", "ctrl", "c", "r", "s"), InputMapper()
+    intent = mapper.read(keyboard, None, DT)
+    assert (intent.gait, intent.move, mapper.crouching) == (Gait.WALK, (0.0, 1.0), False)
+    assert intent.pressed == (Action.FORWARD,)
+    keyboard.key("f12", True)
+    assert mapper.read(keyboard, None, DT).pressed == (Action.SCREENSHOT,)
+
+
+def test_a_crouch_key_that_is_held_stands_up_when_it_is_let_go() -> None:
+    mapper, keyboard = InputMapper(), pressed_keys("c")
+    frames = round(2 * HOLD_SECONDS / DT)
+    assert {mapper.read(keyboard, None, DT).gait for _ in range(frames)} == {Gait.CROUCH}
+    keyboard.key("c", False)
+    assert mapper.read(keyboard, None, DT).gait is Gait.WALK
 
 
 def test_crouch_is_a_toggle_and_jump_lasts() -> None:

@@ -147,7 +147,7 @@ class App:
         self.takes = Takes(
             state.takes, settings, messages, stage, jobs, ClipRecorder(), drives, self.state_folder
         )
-        self.prompting.mark = self.takes.mark_style
+        self.prompting.mark, self.stage.shown = self.takes.mark_style, self._shown_pose
         self.editing = TakeEditing(self.takes, self.stage, self.prompting)
         self.screenshots = Screenshots(settings, messages, jobs, options.frames_directory)
         self.desk = Desk(
@@ -177,7 +177,7 @@ class App:
         state.shell.panels_open = options.panels
         saved = options.offscreen or options.screenshot is not None or options.frames_directory is not None
         state.shell.bare = saved and not options.panels
-        stage.camera.use(options.camera or state.settings.camera)
+        stage.begin_camera(options.camera or state.settings.camera)
         stage.renderer.set_terrain(state.stage.terrain)
         stage.live.begin(options.live_link)
         stage.load_character(options.character)
@@ -229,6 +229,8 @@ class App:
             self.jobs.deliver()
             return
         window.begin_frame(dt if self.options.offscreen else None)
+        if self._typing:
+            window.take_input(self.shell.draw_at)
         intent = self._read_devices(dt)
         for action in intent.pressed:  # held actions and gaits are none of this table
             self.actions.get(action, lambda: None)()
@@ -279,7 +281,7 @@ class App:
             playback.advance(dt)
             self.stage.live.publish([playback.pose()], dt)
             return
-        controls = self.stage.led(to_controls(intent, self.stage.camera.current.yaw), dt)
+        controls = self.stage.led(to_controls(intent, self.stage.camera.current.heading), dt)
         self.takes.before_steps()
         poses = self.stage.advance(dt, controls)
         self._steps = len(poses)
@@ -293,17 +295,11 @@ class App:
         return simulation.current if self.options.offscreen else simulation.shown()
 
     def _move_camera(self, pose: Pose, intent: Intent, dt: float) -> None:
-        io, camera = imgui.get_io(), self.stage.camera
-        zoom, dragging = intent.zoom * dt, False
+        camera = self.stage.camera
         drawing = self.stage.path.use_mouse(camera.current, self.state.stage.terrain)
-        if not io.want_capture_mouse:
-            zoom += io.mouse_wheel
-            buttons = [imgui.is_mouse_down(button) for button in range(3)]  # left, right, middle
-            dragging = any(buttons[drawing:])
-            if dragging:
-                pan = buttons[2] or (buttons[1] and io.key_shift)
-                camera.drag(io.mouse_delta.x, io.mouse_delta.y, pan, io.display_size.y)
+        wheel, dragging = camera.use_mouse(drawing)
         moving = intent.move != (0.0, 0.0) and not intent.strafe and not dragging
+        zoom = intent.zoom * dt + wheel
         camera.update(pose, dt, intent.look, zoom, self.state.stage.terrain, moving)
         camera.frame_in(self.shell.framing, dt)
 

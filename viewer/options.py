@@ -9,7 +9,7 @@ from pathlib import Path
 from sport.runtime.atomic import check_target
 from sport.runtime.errors import UsageError
 from sport.runtime.prompts.blend import ALL_A, Weights
-from sport.viewer.settings import CAMERAS, QUALITIES, spec_of, specified
+from sport.viewer.settings import CAMERAS, QUALITIES, VIEWS, spec_of, specified
 
 SIDES = (64, 8192)  # pixels
 
@@ -41,7 +41,7 @@ class ViewOptions:
     project: str | None = None  # file of a project, or "last"
     seed: int = specified(0, 0, flag="--seed")
     quality: str | None = specified(None, choices=QUALITIES, flag="--quality")
-    camera: str | None = specified(None, choices=CAMERAS, flag="--camera")
+    camera: str | None = specified(None, choices=CAMERAS | VIEWS, flag="--camera")
     controls: str = ""
     live_link: str | None = None  # where poses go, see `sport.viewer.live.address`; None: nowhere
 

@@ -65,6 +65,7 @@ def spec_of(owner: Any, name: str) -> Spec:
 
 QUALITIES = {"": "Automatic", "software": "Software", "high": "High"}
 CAMERAS = {"follow": "Follow", "orbit": "Orbit"}
+VIEWS = {"front": "Front", "side": "Side", "three_quarters": "3/4", "feet": "Feet"}  # of the orbit camera
 
 
 @dataclass

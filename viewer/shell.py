@@ -11,7 +11,7 @@ from sport.viewer.desk import bar, guide, settings_panel
 from sport.viewer.desk.desk import Desk
 from sport.viewer.exports import panel as exports_panel
 from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import help, status, theme, widgets
+from sport.viewer.gui import help, lists, status, theme, widgets
 from sport.viewer.gui.layout import Layout, Rect, arrange, framing
 from sport.viewer.gui.theme import ICON, Fonts
 from sport.viewer.gui.widgets import px
@@ -108,6 +108,8 @@ class Shell:
 
     def _cancel(self) -> None:
         """Leave the innermost thing that is open."""
+        if lists.close_innermost():
+            return
         if self.state.help_open:
             self.state.help_open = False
         elif not self.desk.cancel():
@@ -123,6 +125,11 @@ class Shell:
         parts = self.takes.state.timeline.part_tracks
         panels = self.state.panels_open
         self._layout = arrange(size.x, size.y, scale, panels, playing, self._scene_height, parts)
+
+    def draw_at(self, scale: float) -> None:
+        """Fit and draw every panel, for a pass that only takes input."""
+        self.arrange(scale)
+        self.draw()
 
     @property
     def framing(self) -> tuple[float, float, float]:

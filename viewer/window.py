@@ -18,6 +18,9 @@ from sport.viewer.gl_bindings import glfw, imgui, moderngl
 _LOG = logging.getLogger("sport.viewer")
 _OFFSCREEN_HINT = "Without a display, `sport view --offscreen --screenshot out.png` renders into a file."
 
+MAX_PASSES = 60  # of the panels in one frame
+PASS_SECONDS = 1e-4
+
 _PLAIN_KEYS = (
     "SPACE", "ENTER", "ESCAPE", "BACKSPACE", "TAB", "LEFT", "RIGHT", "UP", "DOWN", "HOME", "PAGE_UP", "PAGE_DOWN",
     "EQUAL", "MINUS", "COMMA", "PERIOD", "DELETE",
@@ -139,6 +142,11 @@ class Window:
         except UnicodeDecodeError:  # glfw decodes the names of dropped files, and of nothing else here
             _LOG.warning("A dropped file's name is not UTF-8. Rename it, or open it from the command line.")
 
+    @property
+    def input_waits(self) -> bool:
+        """Whether events are left that ImGui did not take into this frame."""
+        return len(imgui.get_current_context().input_events_queue) > 0
+
     def begin_frame(self, dt: float | None = None) -> None:
         """Match the framebuffer to the window and begin an ImGui frame; `dt` overrides the clock."""
         self._match_framebuffer()
@@ -147,6 +155,15 @@ class Window:
         if dt is not None:
             imgui.get_io().delta_time = dt
         imgui.new_frame()
+
+    def take_input(self, draw: Callable[[float], None]) -> None:
+        """Let panels take all events of a slow frame: ImGui hands out key by key. `draw` draws them at a scale, unseen."""
+        for _ in range(MAX_PASSES):
+            if not self.input_waits:
+                return
+            draw(self.ui_scale)
+            imgui.end_frame()
+            self.begin_frame(PASS_SECONDS)
 
     def draw_interface(self) -> None:
         """Draw the panels over what is in the framebuffer; `imgui.render()` must have run."""

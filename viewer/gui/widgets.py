@@ -11,7 +11,8 @@ from sport.viewer.gl_bindings import imgui
 from sport.viewer.gui import theme
 from sport.viewer.gui.theme import Color
 
-TOOLTIP_WIDTH = 380.0  # pixels at scale 1
+TOOLTIP_WIDTH, TOOLTIP_MIN_WIDTH = 380.0, 200.0  # pixels at scale 1
+TOOLTIP_EDGE = 40.0  # a column is at most so far from the edge of the window
 
 
 def px(length: float) -> float:
@@ -55,15 +56,38 @@ def heading(fonts: theme.Fonts, icon: str, text: str) -> None:
 
 
 def tooltip(text: str) -> None:
-    """Explain the item before, when the mouse rests on it."""
+    """Explain the item before, when the mouse rests on it: beside its panel, so that it covers no other field."""
     if text and imgui.is_item_hovered(
         imgui.HoveredFlags_.delay_normal | imgui.HoveredFlags_.allow_when_disabled
     ):
+        width = _place_beside()
         imgui.begin_tooltip()
-        imgui.push_text_wrap_pos(px(TOOLTIP_WIDTH))
+        imgui.push_text_wrap_pos(width)
         imgui.text_unformatted(text)
         imgui.pop_text_wrap_pos()
         imgui.end_tooltip()
+
+
+def _place_beside() -> float:
+    """Put the next window into the view beside the item's column; the width of its text.
+
+    Of what lies in no column at the left or right, as the status line, the tooltip stays at the mouse.
+    """
+    root = imgui.internal.get_current_window().root_window
+    space, gap, item = imgui.get_io().display_size, px(6), imgui.get_item_rect_min()
+    right = space.x - (root.pos.x + root.size.x)
+    left, width = root.pos.x, px(TOOLTIP_WIDTH)
+    if max(left, right) < px(TOOLTIP_MIN_WIDTH) or min(left, right) > px(TOOLTIP_EDGE):
+        return width
+    padding = 2 * imgui.get_style().window_padding.x
+    width = min(width, max(left, right) - padding - 2 * gap)
+    to_right = right >= left
+    x = root.pos.x + root.size.x + gap if to_right else root.pos.x - gap
+    below = item.y > 0.6 * space.y  # grows upwards near the bottom
+    y = min(imgui.get_item_rect_max().y, space.y) if below else max(item.y, 0.0)
+    pivot = imgui.ImVec2(0.0 if to_right else 1.0, 1.0 if below else 0.0)
+    imgui.set_next_window_pos(imgui.ImVec2(x, y), imgui.Cond_.always, pivot)
+    return width
 
 
 def icon_button(

@@ -11,9 +11,9 @@ from sport.viewer.input.gamepad import GamepadState, radial_dead_zone
 from sport.viewer.input.keyboard import Keyboard
 
 ZOOM_RATE = 9.0  # wheel steps per second of a held key
+HOLD_SECONDS = 0.35  # a crouch key that is held longer stands up when it is let go
 JUMP_SECONDS = 0.05  # a press lasts at least this long: one shorter than a step must not be lost
 TRIGGER_ON = 0.3
-UNDO_KEYS = frozenset({"z", "y"})  # with Ctrl; ImGui sees to them, which knows the layout of the keyboard
 
 
 class Action(Enum):
@@ -24,7 +24,6 @@ class Action(Enum):
     LEFT = auto()
     RIGHT = auto()
     JOG = auto()
-    CROUCH_HOLD = auto()
     STRAFE = auto()
     LOOK_LEFT = auto()
     LOOK_RIGHT = auto()
@@ -41,6 +40,11 @@ class Action(Enum):
     FRAME_ON = auto()
     RESET = auto()
     CAMERA = auto()
+    FRAME = auto()
+    FRONT = auto()
+    SIDE = auto()
+    THREE_QUARTERS = auto()
+    FEET = auto()
     HELP = auto()
     TRAJECTORY = auto()
     SKELETON = auto()
@@ -51,6 +55,10 @@ class Action(Enum):
     SCREENSHOT = auto()
     PROMPT = auto()
     CANCEL = auto()
+
+
+# Views of the character, in the order of `sport.viewer.stage.views.VIEWS`.
+VIEW_ACTIONS = (Action.FRONT, Action.SIDE, Action.THREE_QUARTERS, Action.FEET)
 
 
 @dataclass(frozen=True)
@@ -68,7 +76,6 @@ BINDINGS = (
     Binding(Action.BACK, ("s",)),
     Binding(Action.RIGHT, ("d",)),
     Binding(Action.JOG, ("shift",)),
-    Binding(Action.CROUCH_HOLD, ("ctrl",)),
     Binding(Action.STRAFE, ("x", "alt"), "left_bumper"),
     Binding(Action.LOOK_LEFT, ("q", "left")),
     Binding(Action.LOOK_RIGHT, ("e", "right")),
@@ -85,6 +92,11 @@ BINDINGS = (
     Binding(Action.FRAME_ON, ("period",)),
     Binding(Action.RESET, ("home",), "left_thumb"),
     Binding(Action.CAMERA, ("f",), "right_thumb"),
+    Binding(Action.FRAME, ("0",)),
+    Binding(Action.FRONT, ("1",)),
+    Binding(Action.SIDE, ("2",)),
+    Binding(Action.THREE_QUARTERS, ("3",)),
+    Binding(Action.FEET, ("4",)),
     Binding(Action.HELP, ("f1",), "start"),
     Binding(Action.TRAJECTORY, ("f2",)),
     Binding(Action.SKELETON, ("f3",)),
@@ -102,7 +114,7 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
     ("Move", (
         ("Walk", "W  A  S  D", "Left stick"),
         ("Jog", "Shift (hold)", "Right trigger"),
-        ("Crouch", "C, or Ctrl (hold)", "B"),
+        ("Crouch", "C (press or hold)", "B (press or hold)"),
         ("Jump", "Space", "A"),
         ("Strafe, face the camera", "X or Alt (hold)", "Left shoulder (hold)"),
         ("Back to the start", "Home", "Left stick press"),
@@ -111,6 +123,8 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
         ("Turn", "Q  E, arrows, right drag", "Right stick"),
         ("Zoom", "Wheel, Page Up / Down", "D-pad up / down"),
         ("Follow or orbit", "F", "Right stick press"),
+        ("Front, side, 3/4, feet", "1, 2, 3, 4", ""),
+        ("Bring the character into view", "0", ""),
     )),
     ("Record", (
         ("Start or stop", "R", "Y"),
@@ -156,6 +170,7 @@ class InputMapper:
 
     crouching: bool = False
     _jump_left_s: float = 0.0
+    _crouch_held_s: float = 0.0
     _last_buttons: frozenset[str] = field(default_factory=frozenset)
 
     def read(
@@ -201,23 +216,28 @@ class InputMapper:
                 self.crouching = not self.crouching
             elif action is Action.JUMP:
                 self._jump_left_s = JUMP_SECONDS
+        self._release_crouch(Action.CROUCH in held, dt)
         jumping = self._jump_left_s > 0.0
         self._jump_left_s = max(self._jump_left_s - dt, 0.0)
         if jumping:
             return Gait.JUMP
-        if self.crouching or Action.CROUCH_HOLD in held:
+        if self.crouching:
             return Gait.CROUCH
         trigger = pad is not None and pad.right_trigger > TRIGGER_ON
         return Gait.JOG if trigger or Action.JOG in held else Gait.WALK
 
+    def _release_crouch(self, held: bool, dt: float) -> None:
+        """A key that was held for some time was no toggle."""
+        if not held and self._crouch_held_s > HOLD_SECONDS:
+            self.crouching = False
+        self._crouch_held_s = self._crouch_held_s + dt if held else 0.0
+
 
 def _held_actions(keyboard: Keyboard, pad: GamepadState | None) -> frozenset[Action]:
     buttons = pad.buttons if pad is not None else frozenset()
-    held = frozenset(
+    return frozenset(
         b.action for b in BINDINGS if b.button in buttons or not keyboard.held.isdisjoint(b.keys)
     )
-    # Ctrl with one of these is undo or redo, no crouch
-    return held if keyboard.held.isdisjoint(UNDO_KEYS) else held - {Action.CROUCH_HOLD}
 
 
 def _key_axes(held: frozenset[Action]) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 # Keys that work while a text field has the focus: they type nothing.
 NEVER_TYPED = frozenset(f"f{i}" for i in range(1, 13))
+MODIFIERS = frozenset({"ctrl", "shift", "alt"})
 
 
 @dataclass
@@ -16,9 +17,14 @@ class Keyboard:
     _pressed: list[str] = field(default_factory=list)
 
     def key(self, name: str, down: bool, typing: bool = False) -> None:
-        """Take one key event; while `typing`, a press counts only for keys that type nothing."""
+        """Take one key event; while `typing`, a press counts only for keys that type nothing.
+
+        A key pressed while Ctrl is held belongs to a shortcut (Ctrl+Z), and neither moves nor acts.
+        """
         if not down:
             self.held.discard(name)
+        elif "ctrl" in self.held and name not in NEVER_TYPED | MODIFIERS:
+            return
         elif not typing or name in NEVER_TYPED:
             self.held.add(name)
             self._pressed.append(name)

@@ -51,9 +51,11 @@ def _who(answer: Answer, asked: bool, prompt: PromptState, rows: int) -> None:
         )
     text = _summary(answer, asked, prompt, rows)
     imgui.same_line(0, px(7))
+    shown = widgets.elided(text, imgui.get_content_region_avail().x)
     with widgets.color(imgui.Col_.text, theme.MUTED):
-        imgui.text_unformatted(widgets.elided(text, imgui.get_content_region_avail().x))
-    widgets.tooltip(text)
+        imgui.text_unformatted(shown)
+    if shown != text:
+        widgets.tooltip(text)
 
 
 def _summary(answer: Answer, asked: bool, prompt: PromptState, rows: int) -> str:
@@ -103,7 +105,9 @@ def _note(text: str, warns: bool, lines: int) -> None:
     imgui.begin_group()
     with widgets.color(imgui.Col_.text, theme.MUTED):
         imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + width)
-        imgui.text_unformatted(widgets.elided(text, (lines - 0.15 * (lines > 1)) * width))
+        shown = widgets.elided(text, (lines - 0.15 * (lines > 1)) * width)
+        imgui.text_unformatted(shown)
         imgui.pop_text_wrap_pos()
     imgui.end_group()
-    widgets.tooltip(text)
+    if shown != text:
+        widgets.tooltip(text)

@@ -62,7 +62,9 @@ def _all(edit: StyleEdit, prompting: Prompting) -> None:
 
 def _part(part: str, share: float, edit: StyleEdit, prompting: Prompting) -> None:
     name, locked = part.replace("_", " "), part in edit.locked
+    imgui.begin_disabled(locked)
     moved, value = _slider(name.capitalize(), part, share, px(NAME_WIDTH), imgui.get_frame_height() + px(2))
+    imgui.end_disabled()
     if moved:
         prompting.set_weight(part, value)
     if imgui.is_item_deactivated_after_edit():
@@ -70,7 +72,7 @@ def _part(part: str, share: float, edit: StyleEdit, prompting: Prompting) -> Non
     widgets.tooltip(f"A: {_words(edit.a, part)}\nB: {_words(edit.b, part)}")
     imgui.same_line(0, px(4))
     hint = (
-        "Locked: the slider for all leaves this part alone" if locked else "Hold this part's words and share"
+        "Locked: no prompt and no slider changes this part" if locked else "Hold this part's words and share"
     )
     icon, tint = (ICON.lock, theme.ACCENT) if locked else (ICON.unlock, theme.MUTED)
     if widgets.icon_button(icon, f"lock {part}", hint, tint):

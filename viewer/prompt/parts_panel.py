@@ -84,6 +84,13 @@ def _hardly_shown(part: str, prompt: PromptState) -> None:
     widgets.tooltip("On a walk the body did this little of what these words say. Other words may do more.")
 
 
+def _overflows(text: str, height: float) -> bool:
+    """Whether a field of this height, which was drawn last, shows less than all of its words."""
+    padding = imgui.get_style().frame_padding
+    width = imgui.get_item_rect_size().x - 2 * padding.x
+    return bool(imgui.calc_text_size(text, False, width).y > height - 2 * padding.y + 1.0)
+
+
 def _field(part: str, height: float, prompt: PromptState, prompting: Prompting) -> None:
     field_id = imgui.get_id("##words")
     active = is_active(field_id)
@@ -95,7 +102,7 @@ def _field(part: str, height: float, prompt: PromptState, prompting: Prompting) 
             "##words", prompt.parts[part], imgui.ImVec2(-1, height), WRAPPED
         )
     left = imgui.is_item_deactivated_after_edit()  # by Enter, or for something else
-    if not active:
+    if not active and _overflows(prompt.parts[part], height):
         widgets.tooltip(prompt.parts[part])
     if left and prompt.parts[part] != prompt.applied(part):
         prompting.submit_part(part)

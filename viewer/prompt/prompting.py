@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from sport.runtime.errors import PromptError, SportError
-from sport.runtime.prompts.blend import ALL_A, Weights
+from sport.runtime.prompts.blend import ALL_A
 from sport.runtime.prompts.expander import Expander
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.takes.recorder import LIVE_SECONDS
@@ -25,7 +25,7 @@ from sport.viewer.settings import Settings
 CLOSE_SECONDS = 30.0
 FIRST_STYLE_SECONDS = 1.0  # of the blend from neutral to the first prompt, at most
 BLOCKING_SECONDS = 60.0  # how long an offscreen run waits for an answer
-FIRST_BLEND: Weights = (0.5,) * len(ALL_A)  # of a new prompt B: half, so that it shows
+FIRST_SHARE = 0.5  # of a new prompt B in every part that is not locked, so that it shows
 MAX_LABEL = 40  # characters of a prompt in the name of its step
 
 
@@ -104,7 +104,7 @@ class Prompting:
             self.submit_part(part, f"reset of {_named(part)}")
 
     def toggle_lock(self, part: str) -> None:
-        """Lock a field's words against the next prompt and its blend against the master slider, or release them."""
+        """Lock a field's words against the next prompt, and its blend against prompt B and every slider, or release them."""
         edit = self.state.edit
         self.state.edit = dataclasses.replace(edit, locked=edit.locked ^ {part})
         self.commit(f"lock of {_named(part)}")
@@ -112,8 +112,9 @@ class Prompting:
     # --- blending
 
     def set_weight(self, part: str, weight: float) -> None:
-        """Share of prompt B in one part, at once; `commit` makes it a step of undo."""
-        self._reweigh(self.state.edit.with_weight(part, weight))
+        """Share of prompt B in one part that is not locked, at once; `commit` makes it a step of undo."""
+        if part not in self.state.edit.locked:
+            self._reweigh(self.state.edit.with_weight(part, weight))
 
     def set_all_weights(self, weight: float) -> None:
         """Share of prompt B in every part that is not locked, at once; `commit` makes it a step of undo."""
@@ -129,9 +130,16 @@ class Prompting:
         self.commit("exchange of A and B")
 
     def drop_blend(self) -> None:
-        """Back to prompt A alone."""
+        """Back to prompt A alone; parts that are locked with a share of prompt B keep it."""
         self._withdraw(Side.B)
         edit = self.state.edit
+        held = edit.locked_on(Side.B)
+        if held and edit.b is not None:
+            self._show(edit.with_all_weights(0.0), self.settings.blend_seconds)
+            self.commit("end of the blend")
+            names = ", ".join(map(_named, sorted(held)))
+            self.messages.note(f"Locked with a share of prompt B, which they keep: {names}.")
+            return
         self.state.boxes[Side.B].text = ""
         if edit.b is not None:
             alone = dataclasses.replace(edit, answers=(edit.a, None), weights=ALL_A)
@@ -286,7 +294,7 @@ class Prompting:
         """Put a question's first answer into force, as a step of undo."""
         edit = self.state.edit.with_answer(side, answer)
         if side is Side.B and not any(edit.weights):
-            edit = dataclasses.replace(edit, weights=FIRST_BLEND)
+            edit = edit.with_all_weights(FIRST_SHARE)
         self.state.edit, question.answered = edit, True
         self.history.push(question.label, edit)
 

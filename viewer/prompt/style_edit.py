@@ -109,8 +109,10 @@ class StyleEdit:
         return dataclasses.replace(self, answers=(answer, self.b) if side is Side.A else (self.a, answer))
 
     def locked_on(self, side: Side) -> frozenset[str]:
-        """Parts whose words the answers on a side leave alone."""
-        return self.locked if side is Side.A else frozenset()
+        """Parts whose words the answers on a side leave alone: of prompt B those that have a share of it."""
+        if side is Side.A:
+            return self.locked
+        return frozenset(p for p, w in zip(PART_NAMES, self.weights, strict=True) if w > 0.0) & self.locked
 
     @property
     def blended(self) -> bool:

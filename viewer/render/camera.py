@@ -29,7 +29,9 @@ STICK_HALF_LIFE = 0.05
 STICK_REST = 0.02  # a stick this close to its middle rests
 ALIGN_HALF_LIFE = 1.1
 LIFT_HALF_LIFE = 0.10
+OPENING_HALF_LIFE = 0.35  # of the turn of an opening view, once the character walks
 GROUND_CLEARANCE_M = 0.35
+ORBIT_CLEARANCE_M = 0.08  # an orbit camera may look at feet from close to the ground
 
 
 def look_at(eye: Array, target: Array) -> Array:
@@ -80,6 +82,11 @@ class Camera:
         return np.array([math.sin(self.yaw) * c, -math.sin(self.pitch), math.cos(self.yaw) * c])
 
     @property
+    def heading(self) -> float:
+        """Yaw that the controls call forward."""
+        return self.yaw
+
+    @property
     def half_height(self) -> float:
         """Half the height of what the window shows, at a distance of 1."""
         return math.tan(self.fov_y / 2) / self.fit
@@ -105,6 +112,13 @@ class OrbitCamera(Camera):
 
     MIN_PITCH, MAX_PITCH = math.radians(-20.0), math.radians(88.0)
     MIN_DISTANCE, MAX_DISTANCE = 0.6, 60.0
+    CLEARANCE_M = ORBIT_CLEARANCE_M
+    _lift_m = _lift_velocity = 0.0
+
+    @property
+    def position(self) -> Array:
+        """Eye position `(3,)` in metres, lifted where the ground would hide the target."""
+        return super().position + np.array([0.0, self._lift_m, 0.0])
 
     def orbit(self, dx_px: float, dy_px: float) -> None:
         """Drag the scene by pixels: right turns it to the right, down shows it from above."""
@@ -123,12 +137,30 @@ class OrbitCamera(Camera):
         distance = self.distance * ZOOM_PER_STEP**steps
         self.distance = min(max(distance, self.MIN_DISTANCE), self.MAX_DISTANCE)
 
+    def keep_above(self, terrain: Terrain | None, dt: float) -> None:
+        """Glide to where the boom clears the ground."""
+        goal = 0.0
+        if terrain is not None:
+            share = np.linspace(0.25, 1.0, 12)
+            points = self.target - share[:, None] * self.distance * self.forward
+            ground = terrain.height(points[:, 0], points[:, 2]) + self.CLEARANCE_M
+            goal = max(0.0, float(np.max((ground - points[:, 1]) / share)))
+        lift, velocity = spring(
+            np.array(self._lift_m), np.array(self._lift_velocity), np.array(goal), LIFT_HALF_LIFE, dt
+        )
+        self._lift_m, self._lift_velocity = float(lift), float(velocity)
+        if terrain is not None:  # never inside the ground, however fast it rises
+            eye = self.position
+            floor = float(terrain.height(eye[0], eye[2])) + 0.3 * self.CLEARANCE_M
+            self._lift_m += max(0.0, floor - float(eye[1]))
+
 
 class FollowCamera(OrbitCamera):
     """Follows a moving target with critically damped springs, rotated by the right stick, kept above the terrain."""
 
     MIN_PITCH, MAX_PITCH = math.radians(-10.0), math.radians(75.0)
     MIN_DISTANCE, MAX_DISTANCE = 1.5, 15.0
+    CLEARANCE_M = GROUND_CLEARANCE_M
 
     def __init__(
         self,
@@ -141,13 +173,22 @@ class FollowCamera(OrbitCamera):
         self._target_velocity: Array = np.zeros(3)
         self._turn: Array = np.zeros(2)  # yaw and pitch speed, radians per second
         self._turn_velocity: Array = np.zeros(2)
-        self._lift_m = 0.0
-        self._lift_velocity = 0.0
+        self._opening = 0.0  # radians that an opening view is turned from behind the character
 
     @property
-    def position(self) -> Array:
-        """Eye position `(3,)` in metres, lifted where the ground would hide the target."""
-        return super().position + np.array([0.0, self._lift_m, 0.0])
+    def heading(self) -> float:
+        """Yaw that the controls call forward: in an opening view where the character looks, not the camera."""
+        return self.yaw - self._opening
+
+    def open_at(self, heading: float, turn: float) -> None:
+        """Look along `heading` from `turn` radians beside; once the character walks, the camera goes behind it."""
+        self._opening = turn
+        self.yaw = math.remainder(heading + turn, math.tau)
+
+    def orbit(self, dx_px: float, dy_px: float) -> None:
+        """Drag the scene by pixels, which ends an opening view."""
+        self._opening = 0.0 if dx_px else self._opening
+        super().orbit(dx_px, dy_px)
 
     def snap(self, target: Array) -> None:
         """Jump to a target at once, as after a reset of the character."""
@@ -174,32 +215,24 @@ class FollowCamera(OrbitCamera):
         self._turn_by_stick(stick, dt)
         if align_yaw is not None and math.hypot(*stick) < STICK_REST:
             self._align(align_yaw, dt)
-        self._keep_above(terrain, dt)
+        self.keep_above(terrain, dt)
 
     def _turn_by_stick(self, stick: tuple[float, float], dt: float) -> None:
+        if abs(stick[0]) >= STICK_REST:
+            self._opening = 0.0
         goal = np.array([-stick[0] * STICK_TURN_SPEED, -stick[1] * STICK_TILT_SPEED])
         self._turn, self._turn_velocity = spring(self._turn, self._turn_velocity, goal, STICK_HALF_LIFE, dt)
         self.yaw = math.remainder(self.yaw + float(self._turn[0]) * dt, math.tau)
         self.pitch = min(max(self.pitch + float(self._turn[1]) * dt, self.MIN_PITCH), self.MAX_PITCH)
 
     def _align(self, yaw: float, dt: float) -> None:
+        if self._opening:
+            step = self._opening * (1.0 - 0.5 ** (dt / OPENING_HALF_LIFE))
+            step = step if abs(self._opening) > 0.01 else self._opening
+            self._opening -= step
+            self.yaw = math.remainder(self.yaw - step, math.tau)
+            return
         difference = math.remainder(yaw - self.yaw, math.tau)
         share = 1.0 - 0.5 ** (dt / ALIGN_HALF_LIFE)
         # sin: a character that comes straight at the camera must not spin it round
         self.yaw = math.remainder(self.yaw + share * math.sin(difference), math.tau)
-
-    def _keep_above(self, terrain: Terrain | None, dt: float) -> None:
-        goal = 0.0
-        if terrain is not None:
-            share = np.linspace(0.25, 1.0, 12)
-            points = self.target - share[:, None] * self.distance * self.forward
-            ground = terrain.height(points[:, 0], points[:, 2]) + GROUND_CLEARANCE_M
-            goal = max(0.0, float(np.max((ground - points[:, 1]) / share)))
-        lift, velocity = spring(
-            np.array(self._lift_m), np.array(self._lift_velocity), np.array(goal), LIFT_HALF_LIFE, dt
-        )
-        self._lift_m, self._lift_velocity = float(lift), float(velocity)
-        if terrain is not None:  # never inside the ground, however fast it rises
-            eye = self.position
-            floor = float(terrain.height(eye[0], eye[2])) + 0.3 * GROUND_CLEARANCE_M
-            self._lift_m += max(0.0, floor - float(eye[1]))

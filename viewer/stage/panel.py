@@ -11,7 +11,7 @@ from sport.viewer.gui import setting_widgets, widgets
 from sport.viewer.gui.theme import ICON
 from sport.viewer.gui.widgets import px
 from sport.viewer.live import panel as live_panel
-from sport.viewer.settings import CAMERAS, QUALITIES, Settings
+from sport.viewer.settings import CAMERAS, QUALITIES, VIEWS, Settings
 from sport.viewer.stage import path_panel
 from sport.viewer.stage.stage import Stage
 
@@ -24,6 +24,7 @@ def draw(stage: Stage, open_files: Callable[[list[Path]], None]) -> None:
     mode = widgets.segmented("camera", list(CAMERAS.items()), stage.camera.mode)
     if mode != stage.camera.mode:
         stage.use_camera(mode)
+    _views(stage)
     path_panel.draw(stage)
     widgets.label("Show")
     _toggles(stage.settings)
@@ -76,6 +77,18 @@ def _open_file(stage: Stage, open_files: Callable[[list[Path]], None]) -> None:
         stage.load_character(None)
     imgui.indent(imgui.get_style().indent_spacing)
     imgui.tree_pop()
+
+
+def _views(stage: Stage) -> None:
+    spacing = px(4)
+    texts = [(text, f"The character from there ({key})") for key, text in enumerate(VIEWS.values(), 1)]
+    width = (imgui.get_content_region_avail().x - spacing * len(texts)) / (len(texts) + 1)
+    for name, (text, hint) in zip(VIEWS, texts, strict=True):
+        if widgets.button(f"{text}##view {name}", width, hint):
+            stage.view(name)
+        imgui.same_line(0, spacing)
+    if widgets.button("All##frame", width, "Bring the whole character into the middle (0)"):
+        stage.frame_character()
 
 
 def _toggles(settings: Settings) -> None:

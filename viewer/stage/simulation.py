@@ -19,22 +19,26 @@ from sport.runtime.terrain.height_map import Terrain
 from sport.viewer.services import ControllerLike
 
 STEP_SECONDS = 1.0 / FPS
-MAX_STEPS = 6  # per displayed frame: a slow machine plays slower instead of falling behind for ever
+# per displayed frame: motion keeps its own time down to 4 frames a second, but where the model itself is slow the
+# character slows down instead of falling behind for ever
+MIN_STEPS, MAX_STEPS = 6, 15
+MODEL_SHARE = 0.5  # of a frame's time that its steps may take
 _STANDS = "The character stands until you reset it (Home)."
 MAX_FAILURES = 3  # in a row; then the character stands still until it is reset
 MS_HALF_LIFE_STEPS = 20.0
 _LOG = logging.getLogger("sport.viewer")
 
 
-def rest_pose(terrain: Terrain, x: float = 0.0, z: float = 0.0) -> Pose:
-    """The skeleton standing with lowered arms at x, z: shown until a model is loaded."""
+def rest_pose(terrain: Terrain, x: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Pose:
+    """The skeleton standing with lowered arms at x, z, facing `yaw`: shown until a model is loaded."""
     local = rotations.identity((len(SPORT_SKELETON),))
     forward = np.array([0.0, 0.0, 1.0])
     for name, angle in (("LeftArm", -1.25), ("RightArm", 1.25)):
         local[SPORT_SKELETON.index(name)] = rotations.from_axis_angle(forward, np.array(angle))
+    local[0] = rotations.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.array(yaw))
     ground = float(terrain.height(x, z))
     return make_pose(
-        np.array([x, ground + REST_HIPS_HEIGHT, z], np.float32), local, np.ones(4, np.float32), ground, 0.0
+        np.array([x, ground + REST_HIPS_HEIGHT, z], np.float32), local, np.ones(4, np.float32), ground, yaw
     )
 
 
@@ -77,9 +81,9 @@ class Simulation:
     _failures: int = 0
 
     @staticmethod
-    def standing(terrain: Terrain) -> Simulation:
+    def standing(terrain: Terrain, yaw: float = 0.0) -> Simulation:
         """A simulation without a controller: the character stands."""
-        pose = rest_pose(terrain)
+        pose = rest_pose(terrain, yaw=yaw)
         return Simulation(pose, pose)
 
     @property
@@ -116,7 +120,9 @@ class Simulation:
         self._left_s += seconds
         steps = int(self._left_s / STEP_SECONDS + 1e-6)
         self._left_s = min(max(self._left_s - steps * STEP_SECONDS, 0.0), STEP_SECONDS)
-        return [pose for _ in range(min(steps, MAX_STEPS)) if (pose := self._step(controls)) is not None]
+        affordable = int(MODEL_SHARE * seconds * 1e3 / max(self.model_ms, 1e-3))
+        steps = min(steps, max(affordable, MIN_STEPS), MAX_STEPS)
+        return [pose for _ in range(steps) if (pose := self._step(controls)) is not None]
 
     def shown(self) -> Pose:
         """The pose for the display, between the last two steps."""

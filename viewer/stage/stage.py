@@ -16,7 +16,7 @@ from sport.runtime.prompts.gpt.settings import GptSettings
 from sport.runtime.takes.drive import DriveRecorder, GroundChange
 from sport.runtime.terrain.files import SUFFIXES as GROUNDS
 from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.input.bindings import Action
+from sport.viewer.input.bindings import VIEW_ACTIONS, Action
 from sport.viewer.jobs import Jobs
 from sport.viewer.live.link import LiveLink
 from sport.viewer.messages import Messages
@@ -26,6 +26,7 @@ from sport.viewer.stage.camera_control import CameraControl
 from sport.viewer.stage.path_tool import PathTool
 from sport.viewer.stage.simulation import Simulation
 from sport.viewer.stage.state import StageState
+from sport.viewer.stage.views import VIEWS, start_yaw
 
 SIMULATION = "simulation"  # topic of its messages
 
@@ -45,12 +46,15 @@ class Stage:
     camera: CameraControl = field(default_factory=CameraControl)
     character_path: Path | None = None
     _character: Any = None
+    _first_view: str = ""
     path: PathTool = field(init=False)
     live: LiveLink = field(init=False)
+    shown: Callable[[], Pose] = field(init=False)  # the pose in view: the live one, or that of a take
 
     def __post_init__(self) -> None:
         self.path = PathTool(self.messages)
         self.live = LiveLink(self.messages)
+        self.shown = lambda: self.state.simulation.current
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
@@ -58,6 +62,8 @@ class Stage:
         return {
             Action.RESET: self.reset_character,
             Action.CAMERA: lambda: self.use_camera("orbit" if self.camera.mode == "follow" else "follow"),
+            Action.FRAME: self.frame_character,
+            **{action: partial(self.view, name) for action, name in zip(VIEW_ACTIONS, VIEWS, strict=True)},
             Action.TRAJECTORY: partial(self._toggle, "show_trajectory"),
             Action.SKELETON: partial(self._toggle, "show_skeleton"),
             Action.CONTACTS: partial(self._toggle, "show_contacts"),
@@ -77,6 +83,20 @@ class Stage:
         """Follow or orbit, now and at the next start."""
         self.camera.use(mode)
         self.settings.camera = mode
+
+    def begin_camera(self, name: str) -> None:
+        """The camera of a start: follow, orbit, or a view."""
+        self._first_view = name if name in VIEWS else ""
+        self.camera.use("orbit" if self._first_view else name)
+
+    def view(self, name: str) -> None:
+        """Look at the character from a place of `VIEWS`."""
+        self.camera.view(VIEWS[name], self.shown())
+        self.settings.camera = self.camera.mode
+
+    def frame_character(self) -> None:
+        """Bring the whole character into the middle."""
+        self.camera.frame_character(self.shown())
 
     def advance(self, seconds: float, controls: Controls) -> list[Pose]:
         """Let time pass for the character; the new poses."""
@@ -100,16 +120,21 @@ class Stage:
         return self.path.controls(own, place, dt)
 
     def reset_character(self) -> None:
-        """Put the character back to the start, facing +Z."""
-        self.put_character(0.0, 0.0, 0.0)
+        """Put the character back to the start; it and the camera look at what there is to walk over."""
+        yaw = start_yaw(self.state.terrain)
+        self.put_character(0.0, 0.0, yaw)
+        self.camera.open_at(self.state.simulation.current, yaw)
+        if self._first_view:
+            self.camera.view(VIEWS[self._first_view], self.state.simulation.current)
 
     def put_character(self, x: float, z: float, yaw: float) -> None:
-        """Let the character stand at a place (metres, radians)."""
+        """Let the character stand at a place (metres, radians); the camera stays where it is put."""
         if self.state.controller is not None:
             self.drives.mark_restart(x, z, yaw)
             self.state.simulation.reset(x, z, yaw)
         else:
-            self.state.simulation = Simulation.standing(self.state.terrain)
+            self.state.simulation = Simulation.standing(self.state.terrain, yaw)
+        self.camera.lose_track()
 
     # --- loading
 
@@ -207,7 +232,10 @@ class Stage:
     def use_model(self, loaded: Loaded) -> None:
         """Let another model move the character."""
         loaded.controller.set_terrain(self.state.terrain)  # it may have changed while the model was loading
+        first = self.state.controller is None
         self.state.simulation.use(loaded.controller)
+        if first:
+            self.reset_character()
         self.drives.forget()
         self.state.model_name, self.state.provider = loaded.name, loaded.provider
         if loaded.notice:

@@ -149,9 +149,9 @@ class LibraryExpander:
         made = compose_elements(
             elements, self._entries_on(side), library.embeddings, library.neutral, self._worth
         )
-        similarity = {e.entry: e.similarity for e in elements}
         if len(set(made.sources.values())) > 1:
-            note = f"{sources_note(made.sources, library.entries, similarity)}. {note}".strip()
+            # no similarity of single words: beside that of the whole prompt it is another figure for the same entry
+            note = f"{sources_note(made.sources, library.entries, {})}. {note}".strip()
         return _expansion(made.descriptions, near, stated, note)
 
     def _by_neighbours(

@@ -1,5 +1,6 @@
 #version 330
-// Soft key light that wraps round the form, sky and ground light, a rim against the background.
+// Soft key light that wraps round the form, sky and ground light, a fill from the eye, a rim against the background;
+// bright surfaces keep their form: light above the knee is compressed.
 #include "common.glsl"
 #include "shadow.glsl"
 uniform vec4 tint;  // colour to mix in, and how much of it
@@ -8,6 +9,13 @@ in vec3 position;
 in vec3 normal;
 in vec3 albedo;
 out vec4 color;
+
+const float KNEE = 0.55;  // linear
+
+vec3 compress(vec3 light) {
+    vec3 above = max(light - KNEE, 0.0);
+    return min(light, KNEE) + (1.0 - KNEE) * above / (above + (1.0 - KNEE));
+}
 
 void main() {
     vec3 n = normalize(normal);
@@ -19,12 +27,12 @@ void main() {
     key *= mix(0.25, 1.0, sun_visibility(position, n));
 #endif
     vec3 base = mix(albedo, tint.rgb, tint.a);
-    vec3 light = base * (0.62 * ambient_light(n) + 0.95 * key * SUN_LIGHT);
+    vec3 light = base * (0.42 * ambient_light(n) + 0.95 * key * SUN_LIGHT + 0.16 * facing * SUN_LIGHT);
     vec3 halfway = normalize(to_eye + sun_direction.xyz);
     float gloss = max(dot(n, halfway), 0.0);
     gloss *= gloss; gloss *= gloss; gloss *= gloss; gloss *= gloss;
     float rim = (1.0 - facing) * (1.0 - facing);
     rim *= rim * (0.5 + 0.5 * n.y);
-    light += 0.06 * gloss * SUN_LIGHT + 0.50 * rim * SKY_LIGHT;
-    color = vec4(encode_srgb(mix(light, HORIZON, fog_amount(position))), opacity);
+    light += 0.06 * gloss * SUN_LIGHT + 0.40 * rim * SKY_LIGHT;
+    color = vec4(encode_srgb(mix(compress(light), HORIZON, fog_amount(position))), opacity);
 }

@@ -13,8 +13,8 @@ layout(std140, row_major) uniform Frame {
     vec4 fog;             // focus x, focus z, radius where it begins, radius where all is fog
 };
 
-const vec3 HORIZON = vec3(0.805, 0.840, 0.865);
-const vec3 ZENITH = vec3(0.330, 0.500, 0.690);
+const vec3 HORIZON = vec3(0.430, 0.490, 0.550);
+const vec3 ZENITH = vec3(0.150, 0.240, 0.370);
 const vec3 SUN_LIGHT = vec3(1.00, 0.955, 0.88);
 const vec3 SKY_LIGHT = vec3(0.66, 0.73, 0.82);
 const vec3 GROUND_LIGHT = vec3(0.36, 0.34, 0.32);

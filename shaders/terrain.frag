@@ -1,25 +1,32 @@
 #version 330
-// Ground: hemisphere and sun light, a metre grid that keeps its width in perspective, height and slope tints, fog.
+// Ground: sun and hemisphere light on steepened slopes, tints by height, darkness in hollows and light on edges,
+// a metre grid that keeps its width in perspective, fog.
 #include "common.glsl"
 #include "grid.glsl"
 #include "ground_normal.glsl"
 uniform float grid_strength;  // 0 hides the grid
+uniform vec2 level;           // height of the start in metres, and what a metre above it counts for: -1..1 is full tint
 in vec3 position;
 in vec3 normal;
+in float relief;
 out vec4 color;
 
-const vec3 GROUND = vec3(0.470, 0.485, 0.500);
-const vec3 HIGH_GROUND = vec3(0.575, 0.560, 0.530);
-const vec3 STEEP_GROUND = vec3(0.440, 0.455, 0.475);
-const vec3 LINE = vec3(0.210, 0.250, 0.300);
+const vec3 GROUND = vec3(0.215, 0.232, 0.245);
+const vec3 HIGH_GROUND = vec3(0.400, 0.360, 0.290);
+const vec3 LOW_GROUND = vec3(0.105, 0.155, 0.195);
+const vec3 LINE = vec3(0.075, 0.095, 0.120);
+const float WALL = 0.68;      // of the light on what is too steep to stand on, so that edges read in the sun too
+const float STEEPER = 1.7;  // slopes are lit as if they were so much steeper
 
 void main() {
     vec3 n = ground_normal(position, normal);
-    vec3 albedo = mix(GROUND, HIGH_GROUND, clamp(position.y * 0.35, -0.5, 1.0));
-    albedo = mix(STEEP_GROUND, albedo, smoothstep(0.55, 0.95, n.y));
+    float stands = mix(WALL, 1.0, smoothstep(0.30, 0.75, n.y));
+    n = normalize(n * vec3(STEEPER, 1.0, STEEPER));
+    float height = clamp((position.y - level.x) * level.y, -1.0, 1.0);
+    vec3 albedo = mix(GROUND, height > 0.0 ? HIGH_GROUND : LOW_GROUND, abs(height));
     vec2 lines = metre_grid(position.xz);
-    albedo = mix(albedo, LINE, grid_strength * max(0.45 * lines.x, 0.75 * lines.y));
+    albedo = mix(albedo, LINE, grid_strength * max(0.55 * lines.x, 0.85 * lines.y));
     float sun = max(dot(n, sun_direction.xyz), 0.0);
-    vec3 light = albedo * (0.68 * ambient_light(n) + 0.74 * sun * SUN_LIGHT);
+    vec3 light = albedo * (0.50 * ambient_light(n) + 0.98 * sun * SUN_LIGHT) * (stands * (1.0 + relief));
     color = vec4(encode_srgb(mix(light, HORIZON, fog_amount(position))), 1.0);
 }

@@ -12,6 +12,7 @@ from PIL import Image
 from viewer_fakes import FakeRenderer, fake_services
 
 from sport.runtime.assets import asset_path
+from sport.runtime.controls import Controls
 from sport.runtime.errors import SportError
 from sport.viewer.app import App
 from sport.viewer.messages import Level
@@ -156,3 +157,28 @@ def test_without_panels_saved_frames_hold_the_scene_alone(start: Start, tmp_path
     status, above = frame[-26:], frame[-80:-40]
     dark = above[:, 330:].mean() - status.mean()
     assert (dark > 60) if panels else (abs(dark) < 25), dark
+
+
+def test_a_slow_machine_goes_to_the_fast_preset_where_nobody_chose_one(start: Start) -> None:
+    app = start()
+    run(app, 2)
+    for _ in range(7):
+        app.stage.ease(12.0, 1.0)
+    assert (app.state.stage.quality, app.state.settings.quality) == ("fast", "")
+    assert "Fast" in message(app)
+    app.stage.set_quality("software")
+    for _ in range(7):
+        app.stage.ease(12.0, 1.0)
+    assert app.state.stage.quality == "software"
+
+
+def test_the_motion_keeps_its_own_time_at_five_frames_a_second(start: Start) -> None:
+    app = start()
+    run(app, 2)
+    simulation, steps = app.state.stage.simulation, controller(app).steps
+    for _ in range(10):
+        simulation.model_ms = 2.0
+        app.stage.advance(0.2, Controls())
+    assert controller(app).steps - steps == pytest.approx(120, abs=1)
+    simulation.model_ms = 100.0  # a model that is slow itself must not hold the display up for ever
+    assert len(app.stage.advance(0.2, Controls())) == 6

@@ -116,7 +116,7 @@ def test_without_a_display_the_error_names_the_remedy(
         {"width": 5},
         {"frames": 0},
         {"ui_scale": 9.0},
-        {"camera": "side"},
+        {"camera": "behind"},
         {"controls": "jump"},
         {"frames_directory": Path("x")},
     ],

@@ -5,7 +5,6 @@ After a wanted change of the look: SPORT_UPDATE_GOLDEN=1 pytest tests/test_rende
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +13,7 @@ from types import SimpleNamespace
 import moderngl
 import numpy as np
 import pytest
-from PIL import Image
+from golden_images import check_golden
 from render_scene import CapsuleBody, capsule_body, hills, stairs, walking_pose
 
 from sport.runtime.errors import DisplayError, FileError
@@ -31,8 +30,6 @@ from sport.viewer.render.renderer import Renderer
 from sport.viewer.render.targets import scene_size
 
 WIDTH, HEIGHT = 160, 120
-GOLDEN = Path(__file__).parent / "golden"
-FAILURES = Path(__file__).parent / "failures"
 SMALL_HIGH = replace(HIGH, shadow_map_size=512)
 
 Picture = np.ndarray
@@ -92,22 +89,6 @@ def everything(terrain: Terrain) -> Overlays:
     return Overlays(trajectory(terrain), show_trajectory=True, show_skeleton=True, show_contacts=True)
 
 
-def check_golden(name: str, picture: Picture) -> None:
-    """Compare with tests/golden; on a mismatch leave picture, golden and difference in tests/failures."""
-    path = GOLDEN / f"{name}.png"
-    if os.environ.get("SPORT_UPDATE_GOLDEN"):
-        GOLDEN.mkdir(exist_ok=True)
-        save_png(picture, path)
-    golden = np.asarray(Image.open(path).convert("RGB")).astype(int)
-    difference = np.abs(picture.astype(int) - golden)
-    far_off = float(np.mean(difference.max(-1) > 32))
-    if difference.mean() > 1.5 or far_off > 0.01:  # drivers differ by single pixels on edges
-        FAILURES.mkdir(exist_ok=True)
-        shown = np.clip(4 * difference, 0, 255).astype(np.uint8)
-        save_png(np.hstack([picture, golden.astype(np.uint8), shown]), FAILURES / f"{name}.png")
-        pytest.fail(f"{name}: mean difference {difference.mean():.2f}, {far_off:.1%} far off; see {FAILURES}")
-
-
 def test_golden_flat(render: Render) -> None:
     check_golden("flat_software", render())
 
@@ -130,7 +111,7 @@ def test_the_picture_is_the_same_each_time(render: Render) -> None:
 
 def test_horizon_has_its_exact_srgb_colour(render: Render) -> None:
     picture = render(pose=None, overlays=Overlays(show_grid=False), pitch=0.0)
-    linear = np.array([0.805, 0.840, 0.865])  # HORIZON in common.glsl
+    linear = np.array([0.430, 0.490, 0.550])  # HORIZON in common.glsl
     expected = 255 * (1.055 * linear ** (1 / 2.4) - 0.055)
     np.testing.assert_allclose(picture[HEIGHT // 2 + 1, WIDTH // 2], expected, atol=2.5)
 
@@ -139,7 +120,7 @@ def test_horizon_has_its_exact_srgb_colour(render: Render) -> None:
 def test_ground_melts_into_the_background(render: Render, terrain: Terrain) -> None:
     picture = render(terrain, Overlays(show_grid=False), pose=None, pitch=0.25, distance=4.0)
     column = picture[:, 10].astype(int)
-    assert np.abs(np.diff(column, axis=0)).max() < 12, "a hard edge"
+    assert np.abs(np.diff(column, axis=0)).max() < 16, "a hard edge"
     assert column[-1].mean() < column.mean() - 5, "ground is darker than sky"
 
 
@@ -279,7 +260,7 @@ def test_a_target_with_depth_and_another_size_each_frame(target: OffscreenTarget
 def test_without_terrain_and_character_there_is_sky(target: OffscreenTarget) -> None:
     renderer = Renderer(target.ctx)
     renderer.render(target.framebuffer, OrbitCamera(), walking_pose(Terrain.flat()), Overlays())
-    assert target.read().min() > 120
+    assert target.read().min() > 90
     renderer.release()
 
 

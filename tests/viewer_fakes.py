@@ -155,9 +155,8 @@ class FakePrompts:
 class FakeRenderer:
     """Remembers what it was asked to draw and clears the picture."""
 
-    quality = SimpleNamespace(name="software")
-
-    def __init__(self, ctx: Any) -> None:
+    def __init__(self, ctx: Any, quality: str = "") -> None:
+        self.quality = SimpleNamespace(name=quality or "software")
         self.ctx = ctx
         self.terrain: Terrain | None = None
         self.poses: list[Pose] = []
@@ -191,7 +190,7 @@ def fake_services(real_renderer: bool = False, notice: str = "") -> Services:
         load_model=load_model,
         load_terrain=real.load_terrain,
         load_character=real.load_character if real_renderer else lambda path: SimpleNamespace(path=path),
-        make_renderer=real.make_renderer if real_renderer else lambda ctx, quality: FakeRenderer(ctx),
+        make_renderer=real.make_renderer if real_renderer else FakeRenderer,
         terrain_names=real.terrain_names,
         library_prompts=lambda: (
             ("a proud king",),

@@ -174,7 +174,7 @@ class App:
         state.stage.terrain_names = stage.services.terrain_names()
         state.stage.quality = stage.renderer.quality.name
         self.prompt.load_library(self.jobs, stage.services)
-        state.shell.panels_open = options.panels
+        state.shell.panels_open, state.shell.clocked = options.panels, not options.offscreen
         saved = options.offscreen or options.screenshot is not None or options.frames_directory is not None
         state.shell.bare = saved and not options.panels
         stage.begin_camera(options.camera or state.settings.camera)
@@ -310,11 +310,12 @@ class App:
         self.frames_shown += 1
         after = time.perf_counter()
         # a GPU's swap waits for the monitor, which is no work; a software renderer does its work there
-        software = self.stage.renderer.quality.name == "software"
+        software = self.stage.renderer.quality.name != "high"
         if self.frames_shown > 1:  # the first interval is the loading
             work_s = (after if software else before) - self._last_s
             self.state.shell.stats.add(work_s, self._interval_s, self._steps)
         if not self.options.offscreen:
+            self.stage.ease(self.state.shell.stats.fps, self._interval_s)
             spare = 1.0 / self.state.settings.max_fps - (after - self._last_s)
             if spare > 0.0:
                 time.sleep(spare)

@@ -63,7 +63,7 @@ def spec_of(owner: Any, name: str) -> Spec:
     return spec
 
 
-QUALITIES = {"": "Automatic", "software": "Software", "high": "High"}
+QUALITIES = {"": "Automatic", "fast": "Fast", "software": "Software", "high": "High"}
 CAMERAS = {"follow": "Follow", "orbit": "Orbit"}
 VIEWS = {"front": "Front", "side": "Side", "three_quarters": "3/4", "feet": "Feet"}  # of the orbit camera
 

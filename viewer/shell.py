@@ -13,6 +13,7 @@ from sport.viewer.exports import panel as exports_panel
 from sport.viewer.gl_bindings import imgui
 from sport.viewer.gui import help, lists, status, theme, widgets
 from sport.viewer.gui.layout import Layout, Rect, arrange, framing
+from sport.viewer.gui.system_fonts import SystemFonts
 from sport.viewer.gui.theme import ICON, Fonts
 from sport.viewer.gui.widgets import px
 from sport.viewer.input.bindings import Action
@@ -60,6 +61,7 @@ class ShellState:
     crouching: bool = False  # the toggle is on
     help_open: bool = False
     panels_open: bool = True
+    clocked: bool = True  # times by the clock are shown; they say nothing of a run without a display
     bare: bool = False  # no status line either: frames that are saved without panels
 
 
@@ -76,11 +78,15 @@ class Shell:
     desk: Desk
     open_files: Callable[[list[Path]], None]
     fonts: Fonts = field(default_factory=theme.load_fonts)
+    _system_fonts: SystemFonts = field(init=False)
     _scale: float = 0.0
     _scene_height: float = 0.0
     _removals: int = 0  # takes that can be brought back
     _top_then: object = None  # the prompt's last change when the last of them was removed
     _layout: Layout = field(default_factory=lambda: arrange(64.0, 64.0, 1.0))
+
+    def __post_init__(self) -> None:
+        self._system_fonts = SystemFonts(self.fonts.regular)
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
@@ -139,6 +145,7 @@ class Shell:
     def draw(self) -> None:
         """Draw every panel."""
         layout = self._layout
+        self._cover_scripts()
         self._undo_keys()
         one = self._words()
         two = _Contents("Scene", ICON.scene, self._draw_scene)
@@ -159,6 +166,17 @@ class Shell:
         self._badge(layout.view)
         if self.state.help_open and help.draw(self.fonts):
             self.state.help_open = False
+
+    def _cover_scripts(self) -> None:
+        """Have a font for what is typed and said, or say that there is none."""
+        prompt, said = self.prompt.state, self.messages.current
+        texts = [*(box.text for box in prompt.boxes), *prompt.parts.values(), said.text if said else ""]
+        missing = self._system_fonts.cover(texts)
+        if missing:
+            codes = ", ".join(f"U+{ord(c):04X}" for c in missing[:4])
+            self.messages.warn(
+                f"No font of this system has {codes}: they show as “?”. Install one that does, such as Noto Sans CJK."
+            )
 
     def _words(self) -> _Contents:
         """The live prompt, or that of the take that plays."""
@@ -209,6 +227,9 @@ class Shell:
         stats, stage, device = self.state.stats, self.stage.state, self.state.device
         icon = ICON.keyboard if device == KEYBOARD else ICON.gamepad
         model = f"{ICON.chip} {stage.model_name or 'no model'}  {stage.provider}".rstrip()
+        driven_by = (f"{icon} {device[:24]}", "The device that drives the character")
+        if not self.state.clocked:
+            return [(model, "The motion model and what runs it"), driven_by]
         return [
             (model, "The motion model and what runs it"),
             (f"model {stage.simulation.model_ms:.1f} ms", "Time of one step of the model, with foot lock"),
@@ -218,7 +239,7 @@ class Shell:
                 f"sim {stats.steps_per_s:.0f} Hz",
                 "Steps of the simulation a second, by the clock; 60 is real time",
             ),
-            (f"{icon} {device[:24]}", "The device that drives the character"),
+            driven_by,
         ]
 
     def _badge(self, view: Rect) -> None:

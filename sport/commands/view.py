@@ -23,7 +23,7 @@ def add(commands: Subparsers) -> None:
     view.add_argument("--ui-scale", type=float, metavar="S", help="size of the interface, 1 is 96 dpi")
     view.add_argument("--no-panels", action="store_true", help="begin without panels")
     view.add_argument(
-        "--quality", choices=("software", "high"), help="rendering preset (default: by machine)"
+        "--quality", choices=("fast", "software", "high"), help="rendering preset (default: by machine)"
     )
     view.add_argument("--camera", choices=("follow", "orbit"))
     view.add_argument("--seed", type=int, default=0, metavar="N")

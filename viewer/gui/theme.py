@@ -89,8 +89,9 @@ ICON = Icons()
 
 @dataclass(frozen=True)
 class Fonts:
-    """Fonts besides the regular one, with the icons merged in."""
+    """The fonts of the panels, with the icons merged in."""
 
+    regular: Any
     bold: Any
 
 
@@ -114,8 +115,8 @@ def load_fonts() -> Fonts:
         atlas.add_font_from_file_ttf(str(icons), FONT_SIZE * 0.86, merge)
         return font
 
-    load("Roboto/Roboto-Regular.ttf")  # the first one is the default
-    return Fonts(load("Roboto/Roboto-Bold.ttf"))
+    regular = load("Roboto/Roboto-Regular.ttf")  # the first one is the default
+    return Fonts(regular, load("Roboto/Roboto-Bold.ttf"))
 
 
 _LENGTHS: dict[str, float | tuple[float, float]] = {  # pixels at scale 1

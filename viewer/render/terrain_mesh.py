@@ -27,6 +27,9 @@ MAX_CELLS = 1024  # per side of the window
 WINDOW_M = 64.0  # what the window covers at least, where the terrain is as large
 HAZE_M = 25.0
 APRON_M = 150.0  # how far the ring lies outside, beyond all fog
+# relief: heights over the mean around them, at the size of edges and at that of hollows; each with what is full
+EDGE_M, EDGE_FULL_M, EDGE_SHARE = 0.07, 0.05, 0.30
+HOLLOW_M, HOLLOW_FULL_M, HOLLOW_SHARE = 0.60, 0.10, 0.45
 
 
 @dataclass(frozen=True)
@@ -54,6 +57,19 @@ class TerrainWindow:
         return np.stack(tuple(np.gradient(self.heights, self.cell_m)), -1).astype(np.float16)
 
     @cached_property
+    def relief(self) -> NDArray[np.float16]:
+        """How much lighter (edges, crests) or darker (hollows) each vertex is than level ground, `(nx + 2, nz + 2)`."""
+        h = self.heights
+        relief = np.zeros(h.shape, np.float32)
+        for size, full, share in (
+            (EDGE_M, EDGE_FULL_M, EDGE_SHARE),
+            (HOLLOW_M, HOLLOW_FULL_M, HOLLOW_SHARE),
+        ):
+            apart = (h - _mean_around(h, max(round(size / self.cell_m), 1))) / full
+            relief += share * np.clip(apart, -1.0, 1.0)
+        return relief.astype(np.float16)
+
+    @cached_property
     def height_range(self) -> tuple[Array, Array]:
         """Lowest and highest vertex of each tile, both `(tiles x, tiles z)`."""
         blocks = _tile_blocks(self.heights[1:-1, 1:-1])
@@ -73,6 +89,18 @@ class TerrainWindow:
                 worst = _tile_blocks(difference if axis == 0 else difference.T).max((1, 3))
                 errors[axis, level] = np.maximum(errors[axis, level - 1], worst)
         return errors
+
+
+def _mean_around(grid: Array, radius: int) -> Array:
+    """Mean over the square of `2 * radius + 1` cells about each point; edges carry on."""
+    for axis in (0, 1):
+        pad = [(0, 0), (0, 0)]
+        pad[axis] = (radius + 1, radius)
+        total = np.cumsum(np.pad(grid, pad, mode="edge"), axis=axis, dtype=np.float64)
+        count = grid.shape[axis]
+        lower, upper = (np.take(total, at + np.arange(count), axis=axis) for at in (0, 2 * radius + 1))
+        grid = ((upper - lower) / (2 * radius + 1)).astype(np.float32)
+    return grid
 
 
 def _skip_error(grid: Array, step: int) -> Array:

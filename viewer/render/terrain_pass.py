@@ -16,6 +16,12 @@ from sport.viewer.render.terrain_mesh import APRON_M, Levels, TerrainMesh, cut_w
 Array = NDArray[np.floating]
 MAX_FEET = 32  # the array in ground_shadow.frag
 RECENTRE_SHARE = 0.12  # of the window's size
+MIN_RELIEF_M, MAX_RELIEF_M = 0.25, 3.0  # height over the start that has the full tint
+LAYOUTS = {  # of a vertex: what each program reads
+    "surface": ("1f4 2f2 1f2 2x", "in_height", "in_slope", "in_relief"),
+    "depth": ("1f4 8x", "in_height"),
+    "shadow": ("1f4 2f2 4x", "in_height", "in_slope"),
+}
 
 
 class TerrainPass:
@@ -35,6 +41,7 @@ class TerrainPass:
         self._vertices: moderngl.Buffer | None = None
         self._arrays: dict[str, moderngl.VertexArray] = {}
         self._terrain: Terrain | None = None
+        self._level = 0.0, 1.0  # see terrain.frag
         self._mesh: TerrainMesh | None = None
         self._levels: Levels = np.zeros((2, 0, 0), np.int64)
         self._visible: NDArray[np.bool_] = np.zeros((0, 0), np.bool_)
@@ -43,6 +50,9 @@ class TerrainPass:
         """Show another height map from the next frame on."""
         self._terrain = terrain
         self._mesh = None
+        start = float(terrain.height(0.0, 0.0))
+        highest = float(np.max(np.abs(terrain.heights - start), initial=MIN_RELIEF_M))
+        self._level = start, 1.0 / min(highest, MAX_RELIEF_M)
 
     def prepare(self, frame: Frame, focus: Array) -> None:
         """Re-centre the window on `focus` (x, z) where the terrain is larger, and choose levels of detail."""
@@ -63,9 +73,12 @@ class TerrainPass:
 
     def _upload(self, mesh: TerrainMesh) -> None:
         window = mesh.window
-        packed = np.zeros(window.heights.size, np.dtype([("height", "<f4"), ("slope", "<f2", 2)]))
+        packed = np.zeros(
+            window.heights.size, np.dtype([("height", "<f4"), ("slope", "<f2", 2), ("relief", "<f2", 2)])
+        )
         packed["height"] = window.heights.ravel()
         packed["slope"] = window.slopes.reshape(-1, 2)
+        packed["relief"][:, 0] = window.relief.ravel()
         for array in self._arrays.values():
             array.release()
         if self._vertices is not None:
@@ -77,12 +90,11 @@ class TerrainPass:
                 "grid_cell": window.cell_m,
                 "grid_size": window.heights.shape,
                 "apron": APRON_M,
+                "level": self._level,
             }
             set_uniforms(program, uniforms)
-            sloped = "in_slope" in program
-            layout = ("1f4 2f2", "in_height", "in_slope") if sloped else ("1f4 4x", "in_height")
             self._arrays[name] = self._ctx.vertex_array(
-                program, [(self._vertices, *layout)], self._indices, index_element_size=4
+                program, [(self._vertices, *LAYOUTS[name])], self._indices, index_element_size=4
             )
 
     def _draw(self, name: str, indices: NDArray[np.uint32]) -> None:

@@ -87,7 +87,7 @@ def _views(stage: Stage) -> None:
         if widgets.button(f"{text}##view {name}", width, hint):
             stage.view(name)
         imgui.same_line(0, spacing)
-    if widgets.button("All##frame", width, "Bring the whole character into the middle (0)"):
+    if widgets.button("Frame##frame", width, "Bring the whole character into the middle (0)"):
         stage.frame_character()
 
 

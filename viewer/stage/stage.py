@@ -29,6 +29,7 @@ from sport.viewer.stage.state import StageState
 from sport.viewer.stage.views import VIEWS, start_yaw
 
 SIMULATION = "simulation"  # topic of its messages
+SLOW_FPS, SLOW_SECONDS = 20.0, 5.0  # fewer frames a second for so long, and automatic quality goes down
 
 
 @dataclass
@@ -47,6 +48,7 @@ class Stage:
     character_path: Path | None = None
     _character: Any = None
     _first_view: str = ""
+    _slow_s: float = 0.0
     path: PathTool = field(init=False)
     live: LiveLink = field(init=False)
     shown: Callable[[], Pose] = field(init=False)  # the pose in view: the live one, or that of a take
@@ -243,13 +245,27 @@ class Stage:
 
     def set_quality(self, name: str) -> None:
         """Render with another preset, "" for the one that fits this machine."""
+        self._render_with(name)
+        self.settings.quality = name
+
+    def ease(self, fps: float, dt: float) -> None:
+        """Go to the fast preset where nobody chose one and the processor shows too few pictures a second for some time."""
+        slow = not self.settings.quality and self.state.quality == "software" and 0.0 < fps < SLOW_FPS
+        self._slow_s = self._slow_s + dt if slow else 0.0
+        if self._slow_s > SLOW_SECONDS:
+            self._render_with("fast")
+            self.messages.note(
+                "This machine draws slowly: quality is “Fast” now. The Scene panel has the others."
+            )
+
+    def _render_with(self, name: str) -> None:
         renderer = self.services.make_renderer(self.ctx, name)
         renderer.set_terrain(self.state.terrain)
         if self._character is not None:
             renderer.set_character(self._character)
         self.renderer.release()
         self.renderer = renderer
-        self.settings.quality, self.state.quality = name, renderer.quality.name
+        self.state.quality = renderer.quality.name
 
 
 def has_skin(path: Path) -> bool:

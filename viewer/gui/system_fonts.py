@@ -1,0 +1,93 @@
+"""Scripts that the shipped font lacks, such as Japanese, are drawn with fonts of the system."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.gui.theme import FONT_SIZE
+
+# By script, the ones to be preferred first, in lower case.
+NAMES: dict[str, tuple[str, ...]] = {
+    "Chinese and Japanese": (
+        "notosanscjk-regular.ttc", "notosanscjkjp-regular.otf", "notosansjp-regular.otf", "notosansjp-regular.ttf",
+        "yugothm.ttc", "yugothr.ttc", "meiryo.ttc", "msgothic.ttc", "msyh.ttc", "simsun.ttc",
+        "ヒラギノ角ゴシック w3.ttc", "hiragino sans gb.ttc", "pingfang.ttc", "arial unicode.ttf",
+        "takaopgothic.ttf", "ipagp.ttf", "ipag.ttf", "vl-gothic-regular.ttf", "wqy-microhei.ttc", "wqy-zenhei.ttc",
+        "droidsansfallbackfull.ttf", "droidsansfallback.ttf", "unifont.ttf", "unifont.otf",
+    ),
+    "Korean": ("malgun.ttf", "applesdgothicneo.ttc", "nanumgothic.ttf", "notosanskr-regular.otf", "notosanskr-regular.ttf"),
+    "other scripts": (
+        "dejavusans.ttf", "segoeui.ttf", "seguisym.ttf", "tahoma.ttf", "notosans-regular.ttf", "freesans.ttf",
+        "nirmala.ttf", "nirmala.ttc", "leelawui.ttf", "geeza pro.ttc", "geezapro.ttc", "kohinoor.ttc", "thonburi.ttc",
+        "notosansarabic-regular.ttf", "notosanshebrew-regular.ttf", "notosansdevanagari-regular.ttf",
+        "notosansthai-regular.ttf", "apple symbols.ttf",
+    ),
+}  # fmt: skip
+FOLDERS: dict[str, tuple[str, ...]] = {
+    "linux": ("~/.local/share/fonts", "~/.fonts", "/usr/local/share/fonts", "/usr/share/fonts"),
+    "darwin": ("~/Library/Fonts", "/Library/Fonts", "/System/Library/Fonts"),
+    "win32": ("${LOCALAPPDATA}/Microsoft/Windows/Fonts", "${WINDIR}/Fonts"),
+}
+FIRST = 0x0250  # the first character that may be missing
+_LOG = logging.getLogger("sport.viewer")
+
+
+def find_fonts(platform: str = sys.platform, environment: Mapping[str, str] | None = None) -> list[Path]:
+    """Installed fonts of `NAMES`, in their order; those of the user before those of the system."""
+    known = [name for names in NAMES.values() for name in names]
+    found: dict[str, Path] = {}
+    for folder in font_folders(platform, os.environ if environment is None else environment):
+        for root, _, files in os.walk(folder):
+            for name in files:
+                if name.lower() in known:
+                    found.setdefault(name.lower(), Path(root) / name)
+    return [found[name] for name in known if name in found]
+
+
+def font_folders(platform: str, environment: Mapping[str, str]) -> list[Path]:
+    """Where a platform keeps fonts; what its environment does not name is left out."""
+    folders = []
+    for template in FOLDERS.get(platform, FOLDERS["linux"]):
+        for name, value in environment.items():
+            template = template.replace(f"${{{name}}}", value)
+        if "${" not in template:
+            folders.append(Path(template).expanduser())
+    return folders
+
+
+@dataclass
+class SystemFonts:
+    """Merges fonts of the system into the panels' font when a text first needs them."""
+
+    regular: Any
+    _seen: set[str] = field(default_factory=set)  # characters that were looked at
+    _rest: list[Path] | None = None  # fonts that were not loaded yet; None before any was looked for
+
+    def cover(self, texts: Iterable[str]) -> str:
+        """Characters of new texts that no font here has; each is answered once."""
+        new = {c for text in texts for c in text if ord(c) >= FIRST} - self._seen
+        self._seen |= new
+        missing = {c for c in new if not self.regular.is_glyph_in_font(ord(c))}
+        if missing and self._rest is None:
+            self._rest = find_fonts()
+        while missing and self._rest:
+            self._merge(self._rest.pop(0))
+            missing = {c for c in missing if not self.regular.is_glyph_in_font(ord(c))}
+        return "".join(sorted(missing))
+
+    def _merge(self, path: Path) -> None:
+        config = imgui.ImFontConfig()
+        config.merge_mode, config.dst_font = True, self.regular
+        try:
+            imgui.get_io().fonts.add_font_from_file_ttf(str(path), FONT_SIZE, config)
+        except RuntimeError:  # ImGui's word for a file that is no font
+            _LOG.warning("%s: this font cannot be read.", path)
+            return
+        _LOG.info("Font %s", path)

@@ -65,7 +65,7 @@ def _connect(address: str, workers: int) -> Any:
         ray.init(
             address=address, log_to_driver=False, configure_logging=False, runtime_env={"env_vars": dict(THREADS)}, **own
         )  # fmt: skip
-    except (ConnectionError, ValueError, RuntimeError) as error:
+    except Exception as error:  # Ray raises that itself where a node does not start in time
         said = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
         raise UsageError(f" {address}: {said}.", "Name a cluster that runs, or local.", "ray") from error
     return ray

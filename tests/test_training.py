@@ -168,16 +168,6 @@ def short_work(monkeypatch):
     monkeypatch.setattr("sport.training.export.quantize.COURSES", courses)
 
 
-def copied_from(folder: Path):
-    """In place of `export_graph` for the graphs that both decoders share: every export takes seconds."""
-
-    def copy(module, example, inputs, outputs, shapes, path: Path) -> float:
-        shutil.copy(folder / path.name, path)
-        return 0.0
-
-    return copy
-
-
 def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(
     clips, tmp_path, short_work, monkeypatch
 ):
@@ -187,7 +177,6 @@ def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(
     steps = {"phase": 2, "content": 2, "words": 2, "stage2": 3, "stage3": 3}
     counts = [f"--{stage}-steps={count}" for stage, count in steps.items()]
     assert main(["all", *common, *counts, "--layers", "0"]) == 0
-    monkeypatch.setattr("sport.training.export.model.export_graph", copied_from(out / "model"))
     assert main(["export", *common, "--decoder", "mixture"]) == 0  # stage 2 alone: w/o-Diffusion
     assert load_model(out / "model-mixture").metadata["decoder"] == "mixture"
     model = load_model(out / "model")

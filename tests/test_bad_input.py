@@ -300,7 +300,7 @@ IN_THE_VIEWER: dict[str, tuple[Callable[[Path], Path], tuple[str, ...]]] = {
     "BVH": (damaged_bvh, ("cut.bvh", "Export the clip again")),
     "foreign BVH": (foreign_bvh, ("foreign.bvh", "Open a BVH")),
     "PNG": (damaged_png, ("cut.png", "Save it again")),
-    "unknown ending": (text_file("notes.txt"), ("notes.txt", "Drop a BVH")),
+    "unknown ending": (text_file("notes.txt"), ("notes.txt", "Drop a project")),
 }
 
 

@@ -20,13 +20,11 @@ def draw(stage: Stage, open_files: Callable[[list[Path]], None]) -> None:
     """Contents of the panel."""
     _terrain(stage)
     _open_file(stage, open_files)
-    widgets.label("Camera")
     mode = widgets.segmented("camera", list(CAMERAS.items()), stage.camera.mode)
     if mode != stage.camera.mode:
         stage.use_camera(mode)
     _views(stage)
     path_panel.draw(stage)
-    widgets.label("Show")
     _toggles(stage.settings)
     _drawing(stage)
     live_panel.draw(stage.live)

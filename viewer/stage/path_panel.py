@@ -17,7 +17,6 @@ GAITS = [(Gait.WALK, "Walk"), (Gait.JOG, "Jog"), (Gait.CROUCH, "Crouch")]
 def draw(stage: Stage) -> None:
     """Contents of this part."""
     tool = stage.path
-    widgets.label("Path")
     half = (imgui.get_content_region_avail().x - px(4)) / 2
     hint = "Click on the ground: a point. Drag moves one, Delete removes it."
     tool.active = widgets.toggle("Draw a path", tool.active, half, hint)

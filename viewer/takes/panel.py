@@ -21,11 +21,13 @@ def draw(takes: Takes, export_window: Callable[[], None]) -> None:
     _record(takes)
     recovery_panel.draw(takes.journals)
     export_height = _export_height() if takes.state.current is not None else 0.0
-    minimum = imgui.get_frame_height_with_spacing() * 2
-    height = max(imgui.get_content_region_avail().y - export_height, minimum)
+    below = imgui.get_frame_height_with_spacing() if _has_below(takes) else 0.0
+    minimum = imgui.get_frame_height_with_spacing() * 1.5
+    height = max(imgui.get_content_region_avail().y - export_height - below, minimum)
     if imgui.begin_child("clip list", imgui.ImVec2(0, height)):
         _list(takes)
     imgui.end_child()
+    _below(takes)
     if takes.state.current is not None:
         _export(takes, export_window)
 
@@ -71,17 +73,23 @@ def _list(takes: Takes) -> None:
             _name_field(takes, i) if clips.renaming == i else _row(takes, i)
             imgui.pop_id()
     imgui.pop_style_var()
-    _below(takes)
+
+
+def _has_below(takes: Takes) -> bool:
+    return bool(takes.state.removed) or len(takes.state.items) > 1
 
 
 def _below(takes: Takes) -> None:
-    """What can be done with the list: bring a removed take back, export all."""
-    clips = takes.state
+    """What can be done with the list, in one row: bring a removed take back, export all."""
+    clips, free = takes.state, imgui.get_content_region_avail().x
+    both = bool(clips.removed) and len(clips.items) > 1
     if clips.removed:
-        gone = clips.removed[-1].item.name
-        text = widgets.elided(f"{ICON.undo} Bring back {gone}", imgui.get_content_region_avail().x - px(20))
-        if widgets.button(f"{text}###restore", -1, f"{gone} was removed"):
+        gone, width = clips.removed[-1].item.name, (free - px(4)) / 2 if both else free
+        text = widgets.elided(f"{ICON.undo} Bring back {gone}", width - px(20))
+        if widgets.button(f"{text}###restore", width, f"{gone} was removed"):
             takes.restore()
+    if both:
+        imgui.same_line(0, px(4))
     if len(clips.items) > 1:
         busy = takes.jobs.busy(EXPORT_ALL)
         imgui.begin_disabled(busy)

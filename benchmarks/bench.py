@@ -20,6 +20,7 @@ from sport.runtime.atomic import check_target, write_atomic
 from sport.runtime.errors import SportError, UsageError
 
 WARM_UP = 60  # frames
+CROWDS = (1, 9, 32)  # characters
 PROMPTS = (
     "an exhausted soldier, left arm hanging",
     "a proud queen",
@@ -35,7 +36,10 @@ _EXPLAINED = {
     "model_ms_p99": "the same, 99th percentile",
     "model_ms_fastest": "the same, fastest: far below the median where others use the processor too",
     "step_ms": "control, network, foot lock and IK, median",
-    "frame_cpu_ms": "the same and the interface, without rasterising, median",
+    "crowd_1_ms": "the same for 1 character of a crowd, each with a style of its own, median",
+    "crowd_9_ms": "for 9 characters",
+    "crowd_32_ms": "for 32 characters",
+    "frame_cpu_ms": "one character and the interface, without rasterising, median",
     "frame_cpu_ms_p99": "the same, 99th percentile",
     "journal_ms": "what a recorded frame costs more to be on disk, at 60 Hz: queue and writing thread, mean",
     "journal_queue_ms_p99": "the part of it on the frame's path, 99th percentile",
@@ -63,6 +67,7 @@ def measure(frames: int, model: Path | None) -> dict[str, Any]:
     """All figures by name; a figure that cannot be taken here is None, and `notes` says why."""
     figures: dict[str, Any] = {"notes": []}
     figures.update(_model_times(frames, model))
+    figures.update(_crowd_times(max(frames // 4, 10), model))
     figures.update(_journal_times(min(frames, 600)))
     figures.update(_prompt_times(model))
     for name, part in (
@@ -125,6 +130,29 @@ def _model_times(frames: int, model: Path | None) -> dict[str, Any]:
     result.update(_summary("step_ms", _timed(lambda: controller.step(forward), frames)))
     result.update(model=network.name, precision=network.precision)
     return result
+
+
+def _crowd_times(frames: int, model: Path | None) -> dict[str, float]:
+    """A step of characters that walk side by side on one stick, on two threads: ms for all of them."""
+    from sport.runtime.controls import Controls
+    from sport.runtime.motion.controller import Controller
+    from sport.runtime.motion.crowd import Crowd
+    from sport.runtime.motion.model import load_model
+    from sport.runtime.terrain.height_map import Terrain
+
+    network, ground, forward = load_model(model), Terrain.flat(), Controls(move=(0.0, 1.0))
+    codes = np.random.default_rng(0).normal(0.0, 0.5, (CROWDS[-1], *network.style_shape)).astype(np.float32)
+    figures = {}
+    for count in CROWDS:
+        members = [Controller(network, ground, seed) for seed in range(count)]
+        for member, code in zip(members, codes, strict=False):
+            member.set_style(code, 0.0)
+        crowd = Crowd(members)
+        _timed(lambda crowd=crowd: crowd.step(forward), min(WARM_UP, frames))  # type: ignore[misc]
+        times = _timed(lambda crowd=crowd: crowd.step(forward), frames)  # type: ignore[misc]
+        crowd.close()
+        figures[f"crowd_{count}_ms"] = _summary("ms", times)["ms"]
+    return figures
 
 
 def _journal_times(frames: int) -> dict[str, float]:

@@ -48,7 +48,7 @@ ROOMS = {
     ),
     "viewer": (
         "gl_bindings", "signals", "messages", "jobs", "settings", "options", "input", "render", "services", "gui",
-        "prompt", "live", "stage", "takes", "filming", "exports", "projects", "tools", "desk", "shell", "state", "window", "screenshots", "app",
+        "prompt", "live", "stage", "takes", "wall", "filming", "exports", "projects", "tools", "desk", "shell", "state", "window", "screenshots", "app",
     ),
 }  # fmt: skip
 LIBRARIES = {

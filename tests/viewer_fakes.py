@@ -177,6 +177,23 @@ class FakeRenderer:
         self.ctx = None
 
 
+class FakeCrowd:
+    """Fake controllers, stepped one after the other."""
+
+    def __init__(self, members: list[Any]) -> None:
+        self.members = members
+
+    def step(self, controls: Controls) -> list[Pose]:
+        return [member.step(controls) for member in self.members]
+
+    def set_terrain(self, terrain: Terrain) -> None:
+        for member in self.members:
+            member.set_terrain(terrain)
+
+    def close(self) -> None:
+        pass
+
+
 def fake_services(real_renderer: bool = False, notice: str = "") -> Services:
     """Services with a fake model; terrains are real, character and renderer fake unless asked."""
     real = Services()
@@ -192,6 +209,7 @@ def fake_services(real_renderer: bool = False, notice: str = "") -> Services:
         load_character=real.load_character if real_renderer else lambda path: SimpleNamespace(path=path),
         make_renderer=real.make_renderer if real_renderer else FakeRenderer,
         terrain_names=real.terrain_names,
+        make_crowd=FakeCrowd,
         library_prompts=lambda: (
             ("a proud king",),
             ("a proud king", "proud peacock", "someone limping", "an old king"),

@@ -44,6 +44,7 @@ from sport.viewer.stage.state import StageState
 from sport.viewer.state import AppState
 from sport.viewer.takes.editing import TakeEditing
 from sport.viewer.takes.takes import Takes
+from sport.viewer.wall.wall import Wall
 from sport.viewer.window import KEY_CODES, Window, WindowEvents
 
 __all__ = ["App", "ViewOptions", "run"]
@@ -129,13 +130,8 @@ class App:
 
     def _assemble(self, services: Services) -> None:
         """The rooms, each with its slice of the state; they need the window's context."""
-        state, options, settings, messages = (
-            self.state,
-            self.options,
-            self.state.settings,
-            self.state.messages,
-        )
-        prompt, stage, drives = state.prompt, state.stage, DriveRecorder()
+        state, options, drives = self.state, self.options, DriveRecorder()
+        settings, messages, prompt, stage = state.settings, state.messages, state.prompt, state.stage
         self.jobs = jobs = Jobs(messages, blocking=options.offscreen)
         self.prompting = Prompting(prompt, settings, messages, lambda: stage.controller)
         self.prompting.blocking = options.offscreen
@@ -154,18 +150,12 @@ class App:
             state.desk, settings, messages, jobs, self.takes, self.stage, self.prompting,
             self.load_model, self.window.use_scale, self.state_folder,
         )  # fmt: skip
-        self.shell = Shell(
-            state.shell,
-            messages,
-            self.prompt,
-            self.stage,
-            self.takes,
-            self.editing,
-            self.desk,
-            self.open_files,
-        )
+        self.wall = Wall(state.wall, settings, messages, self.stage, self.takes, self.prompting)
+        self.prompt.compare = self.wall.toggle
+        panels = self.prompt, self.stage, self.takes, self.editing, self.desk, self.wall
+        self.shell = Shell(state.shell, messages, *panels, self.open_files)
         own = {Action.FULLSCREEN: self.window.toggle_full_screen, Action.SCREENSHOT: self.screenshots.ask}
-        rooms = (self.stage, self.takes, self.desk, self.shell)
+        rooms = (self.stage, self.takes, self.wall, self.desk, self.shell)
         self.actions = {action: do for room in rooms for action, do in room.actions.items()} | own
 
     def _load(self) -> None:
@@ -239,14 +229,14 @@ class App:
         self.prompting.poll()
         self.desk.poll(dt, intent.move != (0.0, 0.0))
         self._simulate(dt, intent)
-        pose = self._shown_pose()
+        pose, *others = self.wall.shown(not self.options.offscreen) or [self._shown_pose()]
         self.shell.arrange(window.ui_scale)
         self._move_camera(pose, intent, dt)
 
         self.shell.draw()
         imgui.render()
-        live = None if state.takes.playback is not None else state.stage.controller
-        overlays = make_overlays(state.settings, live, self.stage.path.overlay())
+        live = None if state.takes.playback is not None or others else state.stage.controller
+        overlays = make_overlays(state.settings, live, self.stage.path.overlay(), others)
         self.stage.renderer.render(window.framebuffer, self.stage.camera.current, pose, overlays)
         window.draw_interface()
         self.screenshots.capture(window, self.frames_shown)
@@ -278,10 +268,13 @@ class App:
         if playback is not None and begins_to_move:
             self.takes.close_playback()  # back to the live character
         elif playback is not None:
+            self.wall.close()
             playback.advance(dt)
             self.stage.live.publish([playback.pose()], dt)
             return
         controls = self.stage.led(to_controls(intent, self.stage.camera.current.heading), dt)
+        if self.wall.advance(dt, controls):
+            return
         self.takes.before_steps()
         poses = self.stage.advance(dt, controls)
         self._steps = len(poses)
@@ -301,6 +294,7 @@ class App:
         moving = intent.move != (0.0, 0.0) and not intent.strafe and not dragging
         zoom = intent.zoom * dt + wheel
         camera.update(pose, dt, intent.look, zoom, self.state.stage.terrain, moving)
+        self.wall.frame_all(camera, self.shell.aspect, dt)
         camera.frame_in(self.shell.framing, dt)
 
     def _finish_frame(self) -> None:

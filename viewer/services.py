@@ -52,6 +52,19 @@ class ControllerLike(Protocol):
         """Another character of the same model; may be called and used on another thread."""
 
 
+class CrowdLike(Protocol):
+    """What the viewer needs of `sport.runtime.motion.crowd.Crowd`."""
+
+    def step(self, controls: Controls) -> list[Pose]:
+        """Advance all by 1/60 s."""
+
+    def set_terrain(self, terrain: Terrain) -> None:
+        """Let all walk on another ground."""
+
+    def close(self) -> None:
+        """They are no longer needed."""
+
+
 class PromptWorkerLike(Protocol):
     """What the viewer needs of `sport.runtime.prompts.service.PromptWorker`."""
 
@@ -129,6 +142,13 @@ def check_endpoint(gpt: GptSettings, stop: threading.Event) -> str:
     return check(gpt, stop)
 
 
+def make_crowd(members: list[ControllerLike]) -> CrowdLike:
+    """Characters of one model that are stepped together."""
+    from sport.runtime.motion.crowd import Crowd
+
+    return Crowd(members)  # type: ignore[arg-type]
+
+
 def load_terrain(spec: str, cell_m: float, height_m: float) -> Terrain:
     """A terrain by name or file."""
     from sport.runtime.terrain.library import load_terrain as load
@@ -179,6 +199,7 @@ class Services:
     load_character: Callable[[Path | None], Any] = load_character
     make_renderer: Callable[[Any, str], Any] = make_renderer
     terrain_names: Callable[[], tuple[str, ...]] = terrain_names
+    make_crowd: Callable[[list[ControllerLike]], CrowdLike] = make_crowd
     library_prompts: Callable[[], tuple[tuple[str, ...], tuple[str, ...]]] = library_prompts
     open_expander: Callable[[LibraryLike, GptSettings], Expander] = open_expander
     check_endpoint: Callable[[GptSettings, threading.Event], str] = check_endpoint

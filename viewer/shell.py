@@ -29,6 +29,9 @@ from sport.viewer.takes import panel as clips_panel
 from sport.viewer.takes import transport, words_panel
 from sport.viewer.takes.editing import TakeEditing
 from sport.viewer.takes.takes import Takes
+from sport.viewer.wall import labels
+from sport.viewer.wall import panel as wall_panel
+from sport.viewer.wall.wall import Wall
 
 _FIXED = (
     imgui.WindowFlags_.no_title_bar
@@ -76,6 +79,7 @@ class Shell:
     takes: Takes
     editing: TakeEditing
     desk: Desk
+    wall: Wall
     open_files: Callable[[list[Path]], None]
     fonts: Fonts = field(default_factory=theme.load_fonts)
     _system_fonts: SystemFonts = field(init=False)
@@ -109,6 +113,8 @@ class Shell:
         self.state.panels_open = True
         if self.takes.state.playback is not None:
             self.takes.state.timeline.focus_requested = True
+        elif self.wall.state.open:
+            self.wall.state.focus_requested = True
         else:
             self.prompt.state.boxes[Side.A].focus_requested = True
 
@@ -118,6 +124,8 @@ class Shell:
             return
         if self.state.help_open:
             self.state.help_open = False
+        elif self.wall.state.open:
+            self.wall.close()
         elif not self.desk.cancel():
             self.takes.close_playback()
 
@@ -142,10 +150,20 @@ class Shell:
         """Where the panels leave the view free, see `layout.framing`."""
         return framing(self._layout)
 
+    @property
+    def aspect(self) -> float:
+        """Width of the free view over the height of the window."""
+        size = imgui.get_io().display_size
+        return self._layout.view.width / max(size.y, 1.0)
+
     def draw(self) -> None:
         """Draw every panel."""
         layout = self._layout
         self._cover_scripts()
+        if self.wall.state.open:
+            clicked = labels.draw(self.wall.state, self.wall.poses, self.stage.camera.current, layout.view)
+            if clicked >= 0:
+                self.wall.keep(clicked)
         self._undo_keys()
         one = self._words()
         two = _Contents("Scene", ICON.scene, self._draw_scene)
@@ -182,6 +200,8 @@ class Shell:
         """The live prompt, or that of the take that plays."""
         if self.takes.state.playback is not None:
             return _Contents("Prompt", ICON.prompt, lambda: words_panel.draw(self.editing))
+        if self.wall.state.open:
+            return _Contents("Compare", ICON.exchange, lambda: wall_panel.draw(self.wall))
         one = _Contents("Prompt", ICON.prompt, lambda: prompt_panel.draw(self.prompt))
         one.tools, one.tools_width = lambda: prompt_panel.tools(self.prompt), prompt_panel.TOOLS_WIDTH
         return one

@@ -11,6 +11,7 @@ from sport.viewer.settings import Settings
 from sport.viewer.shell import ShellState
 from sport.viewer.stage.state import StageState
 from sport.viewer.takes.state import TakesState
+from sport.viewer.wall.state import WallState
 
 
 @dataclass
@@ -22,5 +23,6 @@ class AppState:
     messages: Messages = field(default_factory=Messages)
     prompt: PromptState = field(default_factory=PromptState)
     takes: TakesState = field(default_factory=TakesState)
+    wall: WallState = field(default_factory=WallState)
     shell: ShellState = field(default_factory=ShellState)
     desk: DeskState = field(default_factory=DeskState)

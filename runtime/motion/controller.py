@@ -13,6 +13,7 @@ from sport.runtime.controls import Controls, Gait
 from sport.runtime.errors import UsageError
 from sport.runtime.feet.foot_lock import FootLock
 from sport.runtime.motion import features
+from sport.runtime.motion.body import Body
 from sport.runtime.motion.features import FPS, GAITS, InputParts, split_output
 from sport.runtime.motion.inertialization import Inertialization
 from sport.runtime.motion.model import MotionModel, Style
@@ -54,15 +55,6 @@ class TrajectoryView:
 
     positions: Array  # (12, 3)
     directions: Array  # (12, 2)
-
-
-@dataclass
-class _Body:
-    """The network's own state: what is fed back, relative to the root."""
-
-    joints: Array  # (31, 3)
-    velocities: Array  # (31, 3)
-    phase: Array  # (121, 5, 2) dense ±60 frames
 
 
 def _check(**numbers: float) -> None:
@@ -112,14 +104,7 @@ class Controller:
         _check(x=x, z=z, yaw=yaw)
         start = self.model.metadata["start"]
         y = split_output(np.array(start["output"], np.float64))
-        phase = np.array(start["phase"], np.float64).reshape(-1, features.C, 2)
-        dense = np.arange(-PRESENT, PRESENT + 1)
-        interpolated = [np.interp(dense, features.PHASE_OFFSETS, p) for p in phase.reshape(len(phase), -1).T]
-        self._body = _Body(
-            y.joint_positions,
-            np.zeros_like(y.joint_velocities),
-            np.stack(interpolated, -1).reshape(-1, features.C, 2),
-        )
+        self._body = Body.standing(y.joint_positions, np.array(start["phase"], np.float64))
         self._trajectory = Trajectory(float(x), float(z), float(yaw))
         self._noise = DriftingNoise((1, *self.model.noise_shape), self.seed)
         self._jump_left = 0.0
@@ -219,10 +204,7 @@ class Controller:
         x, ground = self._input()
         y_flat, _ = self.model.step(x[None], self._next_noise(), self._style)
         if not np.all(np.isfinite(y_flat)):
-            self.message = "The motion network gave values that are not finite; the character was reset."
-            log.error(self.message)
-            root = self.pose.root_position
-            return self.reset(float(root[0]), float(root[2]), self.pose.root_yaw)
+            return self._set_back()
         y = split_output(y_flat[0].astype(np.float64))
         self._ground = ground
         self.pose = self._pose(y, np.clip(y.contacts, 0.0, 1.0))
@@ -230,6 +212,13 @@ class Controller:
         return self.pose
 
     # -- one frame, in order -------------------------------------------------------------------------------------
+
+    def _set_back(self) -> Pose:
+        """Stand again after a fault of the network."""
+        self.message = "The motion network gave values that are not finite; the character was reset."
+        log.error(self.message)
+        root = self.pose.root_position
+        return self.reset(float(root[0]), float(root[2]), self.pose.root_yaw)
 
     def _advance_style(self) -> None:
         if self._blend >= 1.0:
@@ -243,13 +232,19 @@ class Controller:
         self._style = self._to_style if t >= 1.0 else mixed(ends, (1.0 - t, t))
 
     def _steer(self, controls: Controls) -> None:
+        self._trajectory.steer(*self._asked(controls))
+
+    def _asked(self, controls: Controls, clear: bool = False) -> tuple[Array, float | None, Array]:
+        """Velocity (m/s), facing (radians or None) and one-hot gait; `clear` where no step is known to lie ahead."""
         move: Array = np.array(controls.move, np.float64)
         amount = float(np.linalg.norm(move))
         if amount > 1.0:
             move, amount = move / amount, 1.0
         speed = self.full_speed(controls.gait)
         velocity: Array = move * speed
-        velocity, amount = self._stopped(velocity, amount)
+        self.blocked = None
+        if not clear:
+            velocity, amount = self._stopped(velocity, amount)
         self.asked_speed = amount * speed
         moving = self.asked_speed > STAND_SPEED
         if moving:
@@ -272,11 +267,10 @@ class Controller:
             facing = float(np.arctan2(*controls.facing))
         elif moving:
             facing = float(np.arctan2(*velocity))
-        self._trajectory.steer(velocity, facing, one_hot)
+        return velocity, facing, one_hot
 
     def _stopped(self, velocity: Array, amount: float) -> tuple[Array, float]:
         """Velocity (m/s) and share of the stick, both zero before ground that nobody can walk on."""
-        self.blocked = None
         speed = float(np.linalg.norm(velocity))
         if speed <= STAND_SPEED:
             return velocity, amount
@@ -355,13 +349,8 @@ class Controller:
         )
         body.velocities = y.joint_velocities
         body.phase = advance_phase(body.phase, y.phase)
-        if self._stall.update(body.joints, self._gait_speed()):
-            body.phase = turned(body.phase, TURNS_PER_SECOND * DT)
-        velocity = features.to_world(y.root[:2], yaw)
-        velocity = self._calmed(velocity)
-        self._root_speed = float(np.linalg.norm(velocity))
-        self._measured_speed += (self._root_speed - self._measured_speed) * (1 - decay(SPEED_HALF_LIFE))
-        velocity = self._held_back(velocity * self._stride_warp())
+        self._unstall()
+        velocity = self._root_velocity(features.to_world(y.root[:2], yaw))
         next_yaw = yaw + y.root[2] * DT
         t.advance(
             velocity * DT,
@@ -369,6 +358,18 @@ class Controller:
             features.to_world(y.trajectory_positions, next_yaw),
             features.to_world(y.trajectory_directions, next_yaw),
         )
+
+    def _unstall(self) -> None:
+        if self._stall.update(self._body.joints, self._gait_speed()):
+            self._body.phase = turned(self._body.phase, TURNS_PER_SECOND * DT)
+
+    def _root_velocity(self, velocity: Array, clear: bool = False) -> Array:
+        """The velocity (m/s) that the root takes of the network's; `clear` where no step is known to lie ahead."""
+        velocity = self._calmed(velocity)
+        self._root_speed = float(np.linalg.norm(velocity))
+        self._measured_speed += (self._root_speed - self._measured_speed) * (1 - decay(SPEED_HALF_LIFE))
+        velocity = velocity * self._stride_warp()
+        return velocity if clear else self._held_back(velocity)
 
     def _gait_speed(self) -> float:
         """The speed at which feet should be stepping, m/s: 0 at rest, in a jump, and while the root has not set off."""

@@ -20,6 +20,14 @@ VELOCITY_HALF_LIFE = 0.09  # seconds in which the asked velocity covers half of 
 FACING_HALF_LIFE = 0.09
 GAIT_HALF_LIFE = 0.10
 
+_AT = features.FUTURE_OFFSETS.astype(float)  # the network's coming samples,
+_FRAMES = np.arange(1, LENGTH - PRESENT)  # the coming frames,
+_BEFORE = np.minimum(_FRAMES // features.SAMPLE_STEP, len(_AT) - 2)  # the sample before each,
+_BEYOND = _AT[-1] <= _FRAMES  # and those after the last sample
+_TIME = _FRAMES / (LENGTH - PRESENT - 1)
+_ALONG = (1 - (1 - _TIME) ** POSITION_BIAS)[:, None]
+_AROUND = 1 - (1 - _TIME) ** DIRECTION_BIAS
+
 
 def decay(half_life: float, dt: float = 1.0 / FPS) -> float:
     """Fraction of a difference that is left after `dt` seconds."""
@@ -53,38 +61,69 @@ class Trajectory:
         return np.stack([np.sin(self.yaw), np.cos(self.yaw)], axis=-1)
 
     def steer(self, velocity: Array, facing_yaw: float | None, gait: Array) -> None:
-        """Blend the wish (m/s, radians, one-hot) into the coming second."""
+        """Blend the asked velocity (m/s), facing (radians) and gait (one-hot) into the coming second."""
+        self.aim(velocity, facing_yaw)
+        bend(self.xz, self.yaw, self.gait, self.velocity, self.wished_yaw, gait)
+
+    def aim(self, velocity: Array, facing_yaw: float | None) -> None:
+        """Smooth the asked velocity (m/s) and facing (radians; None keeps it)."""
         self.velocity += (velocity - self.velocity) * (1 - decay(VELOCITY_HALF_LIFE))
         if facing_yaw is not None:
             turn = wrap_angle(facing_yaw - self.wished_yaw)
             self.wished_yaw += float(turn) * (1 - decay(FACING_HALF_LIFE))
-        t = np.arange(1, LENGTH - PRESENT) / (LENGTH - PRESENT - 1)
-        along = (1 - (1 - t) ** POSITION_BIAS)[:, None]
-        increments = np.diff(self.xz[PRESENT:], axis=0)
-        increments += (self.velocity / FPS - increments) * along
-        self.xz[PRESENT + 1 :] = self.xz[PRESENT] + np.cumsum(increments, axis=0)
-        around = 1 - (1 - t) ** DIRECTION_BIAS
-        self.yaw[PRESENT + 1 :] += wrap_angle(self.wished_yaw - self.yaw[PRESENT + 1 :]) * around
-        present = self.gait[PRESENT]
-        self.gait[PRESENT:] = present + (gait - present) * (1 - decay(GAIT_HALF_LIFE))
 
     def advance(self, displacement: Array, turn: float, positions: Array, directions: Array) -> None:
-        """Move on by one frame: displacement `(2,)` metres and turn in radians, in world space.
+        """Move on by one frame: see `advance`."""
+        advance(self.xz, self.yaw, self.gait, displacement, turn, positions, directions)
 
-        `positions`, `directions` `(6, 2)` are the network's coming samples (0, 10 ... 50 frames on), in world space.
-        """
-        for array in (self.xz, self.yaw, self.gait):
-            array[:PRESENT] = array[1 : PRESENT + 1]
-        self.xz[PRESENT] = self.xz[PRESENT] + displacement
-        self.yaw[PRESENT] = self.yaw[PRESENT] + turn
-        at = features.FUTURE_OFFSETS.astype(float)
-        frames = np.arange(1, LENGTH - PRESENT)
-        for axis in range(2):
-            shifted = positions[:, axis] - positions[0, axis]
-            path = np.interp(frames, at, shifted)
-            slope = (shifted[-1] - shifted[-2]) / (at[-1] - at[-2])
-            beyond = np.maximum(frames - at[-1], 0.0)
-            self.xz[PRESENT + 1 :, axis] = self.xz[PRESENT, axis] + path + slope * beyond
-        angle = np.arctan2(directions[:, 0], directions[:, 1])
-        relative = wrap_angle(angle - self.yaw[PRESENT])
-        self.yaw[PRESENT + 1 :] = self.yaw[PRESENT] + np.interp(frames, at, np.unwrap(relative))
+
+def bend(
+    xz: Array, yaw: Array, gaits: Array, velocity: Array, wished_yaw: Array | float, gait: Array
+) -> None:
+    """Blend smoothed velocity `(..., 2)`, facing `(...)` and the one-hot gait `(..., 6)` into the coming second, in place.
+
+    The windows are `(..., 121, 2)`, `(..., 121)` and `(..., 121, 6)`: those of one character or of many.
+    """
+    increments = np.diff(xz[..., PRESENT:, :], axis=-2)
+    increments += (velocity[..., None, :] / FPS - increments) * _ALONG
+    xz[..., PRESENT + 1 :, :] = xz[..., PRESENT, None, :] + np.cumsum(increments, axis=-2)
+    ahead = yaw[..., PRESENT + 1 :]
+    ahead += wrap_angle(np.asarray(wished_yaw)[..., None] - ahead) * _AROUND
+    present = gaits[..., PRESENT, :]
+    gaits[..., PRESENT:, :] = (present + (gait - present) * (1 - decay(GAIT_HALF_LIFE)))[..., None, :]
+
+
+def advance(
+    xz: Array,
+    yaw: Array,
+    gaits: Array,
+    displacement: Array,
+    turn: Array | float,
+    positions: Array,
+    directions: Array,
+) -> None:
+    """Move the windows of `bend` on by one frame, in place: displacement `(..., 2)` metres and turn `(...)` radians.
+
+    `positions`, `directions` `(..., 6, 2)` are the network's coming samples (0, 10 ... 50 frames on); all in world space.
+    """
+    for array in (xz, gaits):
+        array[..., :PRESENT, :] = array[..., 1 : PRESENT + 1, :]
+    yaw[..., :PRESENT] = yaw[..., 1 : PRESENT + 1]
+    xz[..., PRESENT, :] += displacement
+    yaw[..., PRESENT] += turn
+    for axis in range(2):
+        shifted = positions[..., axis] - positions[..., :1, axis]
+        slope = (shifted[..., -1:] - shifted[..., -2:-1]) / (_AT[-1] - _AT[-2])
+        beyond = np.maximum(_FRAMES - _AT[-1], 0.0)
+        xz[..., PRESENT + 1 :, axis] = xz[..., PRESENT, None, axis] + _every_frame(shifted) + slope * beyond
+    angle = np.arctan2(directions[..., 0], directions[..., 1])
+    relative = wrap_angle(angle - yaw[..., PRESENT, None])
+    yaw[..., PRESENT + 1 :] = yaw[..., PRESENT, None] + _every_frame(np.unwrap(relative))
+
+
+def _every_frame(values: Array) -> Array:
+    """Values `(..., 60)` of the coming frames from the six samples `(..., 6)`: `np.interp`, bit by bit, along many rows."""
+    slopes = np.diff(values) / np.diff(_AT)
+    return np.where(
+        _BEYOND, values[..., -1:], slopes[..., _BEFORE] * (_FRAMES - _AT[_BEFORE]) + values[..., _BEFORE]
+    )

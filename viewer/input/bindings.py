@@ -54,6 +54,7 @@ class Action(Enum):
     FULLSCREEN = auto()
     SCREENSHOT = auto()
     PROMPT = auto()
+    COMPARE = auto()
     CANCEL = auto()
 
 
@@ -106,6 +107,7 @@ BINDINGS = (
     Binding(Action.FULLSCREEN, ("f11",)),
     Binding(Action.SCREENSHOT, ("f12",)),
     Binding(Action.PROMPT, ("enter",)),
+    Binding(Action.COMPARE, ("v",)),
     Binding(Action.CANCEL, ("escape",)),
 )
 
@@ -143,6 +145,7 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
         ("Write a prompt, leave the field", "Enter, Esc", ""),
         ("Choose a suggestion, take it", "Up / Down, Tab or Enter", ""),
         ("Last prompts, in an empty field", "Up / Down", ""),
+        ("Compare side by side", "V", ""),
         ("Undo, redo", "Ctrl+Z, Ctrl+Y", ""),
     )),
 )  # fmt: skip

@@ -72,9 +72,13 @@ def _apply(room: PromptRoom) -> None:
     """The button, how long the change takes and how far it goes."""
     width, text = imgui.get_content_region_avail().x, room.state.boxes[Side.A].text
     hint = "Enter in the box does the same; Ctrl+Enter begins a new line"
-    if widgets.button(f"{ICON.wand} Apply", width * 0.4, hint, primary=True) and text.strip():
+    if widgets.button(f"{ICON.wand} Apply", width * 0.29, hint, primary=True) and text.strip():
         room.prompting.submit_prompt(text)
-    imgui.same_line(0, px(6))
+    imgui.same_line(0, px(4))
+    hint = "Seeds, blends or prompts side by side on one stick (V)"
+    if widgets.button("Compare", width * 0.27, hint):
+        room.compare()
+    imgui.same_line(0, px(4))
     widgets.full_width()
     setting_widgets.slider(room.settings, "blend_seconds")
     widgets.full_width()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from sport.runtime.prompts.gpt.settings import GptSettings
@@ -23,6 +24,7 @@ class PromptRoom:
     prompting: Prompting
     expanders: Expanders
     suggester: Suggester
+    compare: Callable[[], None] = lambda: None  # opens the wall
 
     def load_library(self, jobs: Jobs, services: Services) -> None:
         """Fetch the prompts to choose from and to suggest."""

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from sport.runtime.pose import Pose
 from sport.viewer.render.overlays import Overlays, PathOverlay, TrajectoryOverlay
 from sport.viewer.services import ControllerLike
 from sport.viewer.settings import Settings
@@ -12,9 +15,12 @@ PAST_SAMPLES = 6  # of the 12 of the trajectory: one second back, then the prese
 
 
 def make_overlays(
-    settings: Settings, controller: ControllerLike | None, path: PathOverlay | None = None
+    settings: Settings,
+    controller: ControllerLike | None,
+    path: PathOverlay | None = None,
+    others: Sequence[Pose] = (),
 ) -> Overlays:
-    """Overlays of the live character; without a controller there is no trajectory."""
+    """Overlays of the live character; without a controller there is no trajectory. `others` are drawn beside it."""
     trajectory = None
     if settings.show_trajectory and controller is not None:
         view = controller.trajectory
@@ -27,4 +33,5 @@ def make_overlays(
         show_contacts=settings.show_contacts,
         show_grid=settings.show_grid,
         path=path,
+        extra_poses=list(others),
     )

@@ -1,0 +1,145 @@
+"""The real application without a display: characters side by side on one stick, one of which is kept."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from app_driver import Start, click, click_on, controller, message, press, prompt, run, type_prompt
+
+from sport.viewer.app import App
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.stage.path_tool import on_screen
+from sport.viewer.wall.lineup import SPACING_M, places
+
+
+def over(app: App, index: int) -> tuple[float, float]:
+    """Where a character of the wall is clicked: its hips."""
+    hips = np.asarray(app.wall.poses[index].hips_position, float)
+    found = on_screen(app.stage.camera.current, hips, imgui.get_io().display_size)
+    assert found is not None
+    return found
+
+
+def apply(app: App, text: str) -> None:
+    type_prompt(app, text)
+    press(app, "enter")
+    run(app, 2)
+
+
+def test_variants_by_seed_walk_on_one_stick_and_one_is_kept(start: Start) -> None:
+    app = start()
+    apply(app, "a proud king")
+    walker, mode = controller(app), app.stage.camera.mode
+    click_on(app, "Compare")
+    assert app.state.wall.titles == [f"a proud king, seed {k}" for k in range(3)]
+    begun = [pose.root_position.copy() for pose in app.wall.poses]
+    steps = walker.steps
+    app.window.inject_key("w", True)
+    run(app, 60)
+    app.window.inject_key("w", False)
+    moved = [pose.root_position - old for pose, old in zip(app.wall.poses, begun, strict=True)]
+    assert all(np.linalg.norm(way) > 1.0 for way in moved)
+    assert walker.steps == steps  # who waits
+    for index in range(3):  # all are in view, beside the panels
+        x, y = over(app, index)
+        assert 330 < x < 970
+        assert 0 < y < 690
+    place_of = app.wall.poses[2].root_position
+    click(app, *over(app, 2))
+    assert not app.state.wall.open
+    assert controller(app) is walker
+    assert (walker.seed, app.stage.camera.mode) == (2, mode)
+    assert np.allclose(app.state.stage.simulation.current.root_position, place_of, atol=0.05)
+    assert message(app) == "Kept: a proud king, seed 2."
+
+
+def test_a_kept_prompt_is_the_current_one_until_undo(start: Start) -> None:
+    app = start()
+    apply(app, "a proud king")
+    press(app, "v")
+    assert app.state.wall.open
+    click_on(app, "##wall prompt", 1)
+    press(app, "ctrl", "a")
+    app.window.inject_text("someone limping")
+    run(app, 3)
+    press(app, "enter")
+    run(app, 3)
+    assert app.state.wall.titles[1] == "someone limping"
+    assert prompt(app) == "a proud king"
+    click_on(app, "Keep", 1)
+    assert prompt(app) == "someone limping"
+    assert app.state.prompt.boxes[0].text == "someone limping"
+    press(app, "ctrl", "z")
+    run(app, 2)
+    assert prompt(app) == "a proud king"
+
+
+def test_escape_leaves_the_walker_as_it_was(start: Start) -> None:
+    app = start()
+    run(app, 5)
+    before = app.state.stage.simulation.current
+    press(app, "v")
+    app.window.inject_key("w", True)
+    run(app, 10)
+    app.window.inject_key("w", False)
+    press(app, "f1")
+    press(app, "escape")  # the help first
+    assert app.state.wall.open
+    press(app, "escape")
+    assert not app.state.wall.open
+    assert np.allclose(app.state.stage.simulation.current.root_position, before.root_position, atol=1e-3)
+
+
+def test_blends_steps_more_and_fewer(start: Start) -> None:
+    app = start(prompt="a proud king", blend="someone limping", blend_weights=(0.5,) * 6)
+    run(app, 3)
+    press(app, "v")
+    names = [candidate.name for candidate in app.state.wall.candidates]
+    assert names == [
+        "a proud king",
+        "50% someone limping, else a proud king",
+        "100% someone limping, else a proud king",
+    ]
+    for _ in range(6):
+        click_on(app, "+ Add")
+    assert len(app.wall.poses) == 9
+    click_on(app, "Blend")
+    weights = [candidate.edit.weights[0] for candidate in app.state.wall.candidates]
+    assert weights == pytest.approx([k / 8 for k in range(9)])
+    for count in range(8, 1, -1):
+        click_on(app, "##remove")
+        assert len(app.wall.poses) == count
+    click_on(app, "##remove")
+    assert len(app.wall.poses) == 2
+
+
+def test_a_recording_ends_before_the_wall_and_the_wall_before_a_recording(start: Start) -> None:
+    app = start()
+    press(app, "r")
+    run(app, 20)
+    press(app, "v")
+    assert (app.state.takes.recording, len(app.state.takes.items)) == (False, 1)
+    press(app, "r")
+    assert app.state.takes.recording
+    assert not app.state.wall.open
+
+
+def test_the_wall_stands_on_the_ground_that_is_chosen(start: Start) -> None:
+    app = start()
+    run(app, 3)
+    press(app, "v")
+    app.stage.load_terrain("hills")
+    run(app, 3)
+    heights = [
+        float(app.state.stage.terrain.height(p.root_position[0], p.root_position[2])) for p in app.wall.poses
+    ]
+    assert any(heights)
+    assert [float(p.root_position[1]) for p in app.wall.poses] == pytest.approx(heights, abs=1e-3)
+
+
+@pytest.mark.parametrize("count", range(2, 10))
+def test_nobody_stands_in_another(count: int) -> None:
+    spots = np.array(places(count, (3.0, -2.0), 0.7))
+    apart = np.linalg.norm(spots[:, None] - spots[None], axis=-1) + 9.0 * np.eye(count)
+    assert apart.min() > 0.99 * SPACING_M
+    assert np.allclose(spots.mean(0), (3.0, -2.0), atol=0.5)

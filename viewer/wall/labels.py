@@ -1,0 +1,84 @@
+"""Names over the characters of the wall, and the mouse that chooses one of them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sport.runtime.pose import Pose
+from sport.runtime.skeleton import SPORT_SKELETON
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.gui import theme, widgets
+from sport.viewer.gui.layout import Rect
+from sport.viewer.gui.widgets import px
+from sport.viewer.render.camera import Camera
+from sport.viewer.stage.path_tool import on_screen
+from sport.viewer.wall.lineup import LONGEST_ROW
+from sport.viewer.wall.state import WallState
+
+HEAD = SPORT_SKELETON.index("Head")
+OVER_HEAD_M = 0.34
+HALF_WIDTH_M = 0.4  # of a character, to be clicked
+WIDEST, NARROWEST = 190.0, 60.0  # pixels at scale 1
+
+
+def draw(state: WallState, poses: list[Pose], camera: Camera, view: Rect) -> int:
+    """Draw the names behind the panels; the index of the character that was clicked in this frame, -1 for none."""
+    io = imgui.get_io()
+    heads = [on_screen(camera, _over(pose), io.display_size) for pose in poses]
+    feet = [on_screen(camera, np.asarray(pose.root_position, float), io.display_size) for pose in poses]
+    free = not io.want_capture_mouse
+    state.hovered = _under_mouse(heads, feet) if free else -1
+    widths = _widths([head for head in heads if head is not None])
+    for i, (title, head) in enumerate(zip(state.titles, heads, strict=False)):
+        if head is not None and view.x <= head[0] <= view.x + view.width:
+            text = "…" if state.candidates[i].asked else title
+            # of two rows the first has its names under the feet: over the heads they would cover the second
+            foot = feet[i] if i < (len(poses) + 1) // 2 and len(poses) > LONGEST_ROW else None
+            _label(f"{i + 1}  {text}", _below(foot) or head, widths, i == state.hovered, view)
+    if state.hovered >= 0:
+        imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
+    return state.hovered if free and imgui.is_mouse_clicked(0) else -1
+
+
+def _over(pose: Pose) -> np.ndarray:
+    return np.asarray(pose.positions[HEAD] + np.array([0.0, OVER_HEAD_M, 0.0]))
+
+
+def _below(foot: tuple[float, float] | None) -> tuple[float, float] | None:
+    """Where the name of a character stands under its feet."""
+    return None if foot is None else (foot[0], foot[1] + 2.0 * imgui.get_text_line_height())
+
+
+def _widths(heads: list[tuple[float, float]]) -> float:
+    """Pixels for one name, so that neighbours at about the same height do not overlap."""
+    line = 1.5 * imgui.get_text_line_height()
+    gaps = [abs(a[0] - b[0]) for k, a in enumerate(heads) for b in heads[:k] if abs(a[1] - b[1]) < line]
+    return min(max(min(gaps, default=px(WIDEST)) - px(6), px(NARROWEST)), px(WIDEST))
+
+
+def _under_mouse(heads: list[tuple[float, float] | None], feet: list[tuple[float, float] | None]) -> int:
+    """The nearest character whose box or name is under the mouse; -1 for none."""
+    mouse, best = imgui.get_io().mouse_pos, (math.inf, -1)
+    for i, (head, foot) in enumerate(zip(heads, feet, strict=True)):
+        if head is None or foot is None:
+            continue
+        height = foot[1] - head[1]
+        half = max(HALF_WIDTH_M / 2.0 * height, px(10))
+        aside = abs(mouse.x - head[0])
+        if aside < half and head[1] - px(14) < mouse.y < foot[1] + 0.05 * height:
+            best = min(best, (aside, i))
+    return best[1]
+
+
+def _label(text: str, head: tuple[float, float], width: float, hovered: bool, view: Rect) -> None:
+    drawing, pad = imgui.get_background_draw_list(), px(6)
+    text = widgets.elided(text, width - 2 * pad)
+    size = imgui.calc_text_size(text)
+    left = min(max(head[0] - size.x / 2, view.x + pad), view.x + view.width - size.x - pad)
+    low = imgui.ImVec2(left - pad, head[1] - size.y - px(3))
+    high = imgui.ImVec2(left + size.x + pad, head[1] + px(3))
+    drawing.add_rect_filled(low, high, widgets.packed(theme.ACCENT if hovered else theme.PANEL), px(5))
+    tint = theme.ON_ACCENT if hovered else theme.TEXT
+    drawing.add_text(imgui.ImVec2(left, low.y + px(3)), widgets.packed(tint), text)

@@ -35,10 +35,10 @@ def test_variants_by_seed_walk_on_one_stick_and_one_is_kept(start: Start) -> Non
     begun = [pose.root_position.copy() for pose in app.wall.poses]
     steps = walker.steps
     app.window.inject_key("w", True)
-    run(app, 60)
+    run(app, 45)
     app.window.inject_key("w", False)
     moved = [pose.root_position - old for pose, old in zip(app.wall.poses, begun, strict=True)]
-    assert all(np.linalg.norm(way) > 1.0 for way in moved)
+    assert all(np.linalg.norm(way) > 0.8 for way in moved)
     assert walker.steps == steps  # who waits
     for index in range(3):  # all are in view, beside the panels
         x, y = over(app, index)
@@ -100,16 +100,17 @@ def test_blends_steps_more_and_fewer(start: Start) -> None:
         "50% someone limping, else a proud king",
         "100% someone limping, else a proud king",
     ]
-    for _ in range(6):
-        click_on(app, "+ Add")
+    click_on(app, "+ Add")
+    for _ in range(6):  # the tenth is none
+        app.wall.add()
     assert len(app.wall.poses) == 9
     click_on(app, "Blend")
     weights = [candidate.edit.weights[0] for candidate in app.state.wall.candidates]
     assert weights == pytest.approx([k / 8 for k in range(9)])
-    for count in range(8, 1, -1):
-        click_on(app, "##remove")
-        assert len(app.wall.poses) == count
     click_on(app, "##remove")
+    assert len(app.wall.poses) == 8
+    for _ in range(8):  # two stay
+        app.wall.remove(0)
     assert len(app.wall.poses) == 2
 
 
@@ -133,7 +134,8 @@ def test_the_wall_stands_on_the_ground_that_is_chosen(start: Start) -> None:
     heights = [
         float(app.state.stage.terrain.height(p.root_position[0], p.root_position[2])) for p in app.wall.poses
     ]
-    assert any(heights)
+    assert app.state.stage.terrain.name == "hills"
+    assert all(member.terrain is app.state.stage.terrain for member in app.wall.members)
     assert [float(p.root_position[1]) for p in app.wall.poses] == pytest.approx(heights, abs=1e-3)
 
 

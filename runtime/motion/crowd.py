@@ -71,8 +71,11 @@ class Crowd:
         split = split_output(y.astype(np.float64))
         poses = self._poses(split, parts)
         self._feed_back(split, parts)
-        for i in np.flatnonzero(~sound).tolist():
-            poses[i] = self.members[i]._set_back()
+        for i, (member, is_sound) in enumerate(zip(self.members, sound.tolist(), strict=True)):
+            if is_sound:
+                member.pose = poses[i]
+            else:
+                poses[i] = member._set_back()  # to where its last pose stood
         return poses
 
     # -- one frame, in order: as in Controller -------------------------------------------------------------------
@@ -163,10 +166,7 @@ class Crowd:
         height = self.terrain.height(root[:, 0], root[:, 1])
         arrays = (shown_hips, shown_local, positions, world, contacts, np.insert(root, 1, height, axis=1))
         rows = zip(*(a.astype(np.float32) for a in arrays), yaw.tolist(), strict=True)
-        poses = [Pose(*row) for row in rows]
-        for member, pose in zip(members, poses, strict=True):
-            member.pose = pose
-        return poses
+        return [Pose(*row) for row in rows]
 
     def _feed_back(self, y: OutputParts, x: InputParts) -> None:
         members, root, yaw = self.members, x.root_position, x.root_yaw

@@ -64,7 +64,7 @@ class Crowd:
         self._steer(controls)
         parts, grounds = self._input()
         y = self._network(features.build_input(parts))
-        sound = np.isfinite(y).all(axis=-1)
+        sound = np.asarray(np.isfinite(y).all(axis=-1))
         y[~sound] = 0.0  # nobody sees them
         for member, ground in zip(self.members, grounds.tolist(), strict=True):
             member._ground = member._lifted(ground)

@@ -1,7 +1,7 @@
-// Linear blend skinning by up to 128 joint matrices (rest mesh to world).
+// Linear blend skinning by up to 256 joint matrices (rest mesh to world).
 
 layout(std140, row_major) uniform Joints {
-    mat4 joint[128];
+    mat4 joint[256];
 };
 in vec3 in_position;
 in uvec4 in_joints;

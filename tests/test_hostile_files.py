@@ -18,7 +18,8 @@ from gltf_characters import join_glb, split_glb, user_character
 from PIL import Image
 
 from sport.runtime.assets import PROJECT_ROOT
-from sport.runtime.character.character import load_character, read_joint_map
+from sport.runtime.character.character import load_character
+from sport.runtime.character.joint_map import read_joint_map
 from sport.runtime.character.writer import write_character
 from sport.runtime.errors import FileError, SportError
 from sport.runtime.generate import load_parts, parse_prompts

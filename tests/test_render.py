@@ -280,8 +280,8 @@ def test_a_large_terrain_is_drawn_wherever_the_focus_is(target: OffscreenTarget)
 
 def test_too_many_joints_are_refused_with_a_remedy(target: OffscreenTarget, body: CapsuleBody) -> None:
     renderer = Renderer(target.ctx, SOFTWARE)
-    with pytest.raises(FileError, match="200 joints, expected at most 128"):
-        renderer.set_character(replace(body, joint_indices=np.full_like(body.joint_indices, 199)))
+    with pytest.raises(FileError, match="300 joints, expected at most 256"):
+        renderer.set_character(replace(body, joint_indices=np.full_like(body.joint_indices, 299)))
     renderer.release()
 
 

@@ -11,17 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sport.runtime import rotations
-from sport.runtime.character.joints import REQUIRED, Alignment, align, match_joints
+from sport.runtime.character.guess import JointGuess, guess_joints, require
+from sport.runtime.character.joint_map import saved_joint_map
+from sport.runtime.character.joints import Alignment, align
 from sport.runtime.character.mesh import MeshData, read_meshes
 from sport.runtime.character.read import MAX_VALUE, REMEDY, STRUCTURE_ERRORS, GltfFile, open_gltf
 from sport.runtime.errors import FileError
 from sport.runtime.pose import Pose
-from sport.runtime.safe_read import is_text, parse_json, read_bounded, reason
+from sport.runtime.safe_read import is_text, reason
 from sport.runtime.skeleton import SPORT_SKELETON
 
 Array = NDArray[Any]
-
-MAX_MAP_BYTES = 1024 * 1024
 
 
 @dataclass(frozen=True)
@@ -99,42 +99,38 @@ def skin_vertices(character: Character, matrices: Array) -> Array:
     return np.einsum("vjk,vk->vj", blended[..., :3], character.positions) + blended[..., 3]
 
 
-def read_joint_map(path: str | Path) -> dict[str, str]:
-    """A JSON object that maps SPORT joint names to joint names of the user's character."""
-    path = Path(path)
-    form = 'Expected {"LeftArm": "name in the file", ...}.'
-    try:
-        data = parse_json(read_bounded(path, MAX_MAP_BYTES, form))
-    except ValueError as error:
-        raise FileError(f"{path}: not JSON ({reason(error)}).", form) from error
-    if not isinstance(data, dict):
-        raise FileError(f"{path}: not a JSON object.", form)
-    wrong = sorted(
-        key for key, value in data.items() if key not in SPORT_SKELETON.names or not is_text(value)
-    )
-    if wrong:
-        raise FileError(
-            f"{path}: expected SPORT joint names mapped to text, found"
-            f" {', '.join(ascii(key[:40]) for key in wrong[:4])}.",
-            f"Known joints: {', '.join(SPORT_SKELETON.names)}.",
-        )
-    return data
-
-
 def load_character(path: str | Path, joint_map: Mapping[str, str] | None = None) -> Character:
-    """Load a skinned .glb or .gltf; FileError names the file, what is wrong and what to do.
+    """Load a skinned .glb, .gltf or .vrm; FileError names the file, what is wrong and what to do.
 
-    Joints are found by the names of SPORT / CMU, Mixamo, VRM, Unreal or SMPL skeletons, or by `joint_map` (SPORT joint
-    name -> joint name in the file), which overrides them one by one.
+    Joints are found by known names or by the tree and the rest pose (`guess_joints`). `joint_map` (SPORT joint name ->
+    joint name in the file, "" for none) overrides them one by one; by default it is the one beside the file.
     """
     file = open_gltf(Path(path))
+    chosen = saved_joint_map(path) if joint_map is None else joint_map
     try:
         with np.errstate(all="ignore"):  # what comes of it is checked
-            character = _assemble(file, read_meshes(file), joint_map or {})
+            character = _assemble(file, read_meshes(file), chosen)
     except STRUCTURE_ERRORS as error:
         raise FileError(f"{file.name}: damaged glTF structure ({reason(error)}).", REMEDY) from error
     _check_finite(file, character)
     return character
+
+
+def joints_of(path: str | Path, joint_map: Mapping[str, str] | None = None) -> JointGuess:
+    """What the joints of a character file play, also where some are missing; FileError as `load_character`."""
+    file = open_gltf(Path(path))
+    chosen = saved_joint_map(path) if joint_map is None else joint_map
+    try:
+        with np.errstate(all="ignore"):
+            data = read_meshes(file)
+            return guess_joints(file.path, data, _names(file, data), chosen)[0]
+    except STRUCTURE_ERRORS as error:
+        raise FileError(f"{file.name}: damaged glTF structure ({reason(error)}).", REMEDY) from error
+
+
+def _names(file: GltfFile, data: MeshData) -> tuple[str, ...]:
+    nodes = file.gltf.nodes
+    return tuple(nodes[n].name if is_text(nodes[n].name) else f"node{n}" for n in data.joint_nodes)
 
 
 def _check_finite(file: GltfFile, character: Character) -> None:
@@ -150,10 +146,10 @@ def _check_finite(file: GltfFile, character: Character) -> None:
 
 
 def _assemble(file: GltfFile, data: MeshData, joint_map: Mapping[str, str]) -> Character:
-    nodes = file.gltf.nodes
-    names = tuple(nodes[n].name if is_text(nodes[n].name) else f"node{n}" for n in data.joint_nodes)
-    found = _find_joints(file, data, names, joint_map)
-    alignment = align(found, data.joint_parents, data.rest_world, data.rest_positions())
+    names = _names(file, data)
+    guess, data = guess_joints(file.path, data, names, joint_map)
+    require(file.path, guess)
+    alignment = align(guess.found, data.joint_parents, data.rest_world, data.rest_positions())
     return Character(
         positions=data.positions,
         normals=data.normals,
@@ -168,24 +164,3 @@ def _assemble(file: GltfFile, data: MeshData, joint_map: Mapping[str, str]) -> C
         sport_joints=alignment.source,
         alignment=alignment,
     )
-
-
-def _find_joints(
-    file: GltfFile, data: MeshData, names: tuple[str, ...], joint_map: Mapping[str, str]
-) -> dict[str, int]:
-    found = match_joints(names) | data.humanoid
-    for joint, name in joint_map.items():
-        if joint not in SPORT_SKELETON.names or name not in names:
-            raise FileError(
-                f"{file.name}: the joint map names {joint!r} -> {name!r}, which is not in the skeleton.",
-                f"Joints of the file: {', '.join(names[:80])}.",
-            )
-        found[joint] = names.index(name)
-    missing = [name for name in REQUIRED if name not in found]
-    if missing:
-        raise FileError(
-            f"{file.name}: no joints found for {', '.join(missing)} (names of SPORT, Mixamo, VRM, Unreal and SMPL"
-            " skeletons are known).",
-            "Give a joint map: a JSON file of SPORT joint names and the joint names of this character.",
-        )
-    return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -47,6 +48,21 @@ _VROID = {
 }
 
 
+_SMPL_SHORT = {key: value.replace("{s}", "{i}") for key, value in _SMPL.items()}
+_RIGIFY = {
+    "Hips": "spine", "LowerBack": "spine001", "Spine": "spine002", "Spine1": "spine003", "Neck1": "spine004",
+    "Head": "spine006", "{S}Shoulder": "shoulder{i}", "{S}Arm": "upperarm{i}", "{S}ForeArm": "forearm{i}",
+    "{S}Hand": "hand{i}", "{S}HandIndex1": "fmiddle01{i}", "{S}UpLeg": "thigh{i}", "{S}Leg": "shin{i}",
+    "{S}Foot": "foot{i}", "{S}ToeBase": "toe{i}",
+}  # fmt: skip
+_ASF = {
+    "Hips": "root", "LowerBack": "lowerback", "Spine": "upperback", "Spine1": "thorax", "Neck1": "upperneck",
+    "Head": "head", "{S}Shoulder": "{i}clavicle", "{S}Arm": "{i}humerus", "{S}ForeArm": "{i}radius",
+    "{S}Hand": "{i}hand", "{S}HandIndex1": "{i}fingers", "{S}UpLeg": "{i}femur", "{S}Leg": "{i}tibia",
+    "{S}Foot": "{i}foot", "{S}ToeBase": "{i}toes",
+}  # fmt: skip
+
+
 def _both_sides(table: Mapping[str, str]) -> dict[str, str]:
     result = {}
     for key, value in table.items():
@@ -58,29 +74,45 @@ def _both_sides(table: Mapping[str, str]) -> dict[str, str]:
 CONVENTIONS: dict[str, dict[str, str]] = {
     "SPORT": _SPORT, "Mixamo": _both_sides(_MIXAMO), "VRM": _both_sides(_VRM), "VRoid": _both_sides(_VROID),
     "Unreal": _both_sides(_UNREAL), "SMPL": _both_sides(_SMPL),
+    "SMPL short": _both_sides(_SMPL_SHORT), "Rigify": _both_sides(_RIGIFY), "CMU": _both_sides(_ASF),
 }  # fmt: skip
-REQUIRED = (
-    "Hips", "Head", *(s + bone for s in _SIDED for bone in ("UpLeg", "Leg", "Foot", "Arm", "ForeArm", "Hand"))
-)  # fmt: skip
+HANDS = ("Hand",)
+NEEDED = ("Hips", "Head", *(s + bone for s in _SIDED for bone in ("UpLeg", "Leg", "Foot", "Arm", "ForeArm")))
+REQUIRED = (*NEEDED, *(s + bone for s in _SIDED for bone in HANDS))  # of names that are to be believed
 
 
 def simple_name(name: str) -> str:
     """A joint name without namespace, case and punctuation: "mixamorig:LeftArm" becomes "leftarm"."""
     bare = re.split(r"[:|]", name)[-1]
+    bare = re.sub(r"^(DEF|ORG)[-_]", "", bare)  # Rigify's layers of bones
     return re.sub(r"^mixamorig\d*|[^a-z0-9]", "", bare.lower())
 
 
 def match_joints(names: Sequence[str]) -> dict[str, int]:
     """SPORT joint name -> index into `names`, by the naming convention that recognises most joints."""
-    index: dict[str, int] = {}
-    for i, name in enumerate(names):
-        index.setdefault(simple_name(name), i)
-    best: dict[str, int] = {}
-    for table in CONVENTIONS.values():
-        found = {joint: index[simple] for joint, simple in table.items() if simple in index}
-        if (_score(found)) > _score(best):
-            best = found
+    return match_names(names)[0]
+
+
+def match_names(names: Sequence[str]) -> tuple[dict[str, int], str]:
+    """What `match_joints` finds, and the convention that told it."""
+    best: tuple[dict[str, int], str] = ({}, "")
+    for bare in (tuple(map(simple_name, names)), tuple(map(simple_name, _without_prefix(names)))):
+        index: dict[str, int] = {}
+        for i, name in enumerate(bare):
+            index.setdefault(name, i)
+        for convention, table in CONVENTIONS.items():
+            found = {joint: index[simple] for joint, simple in table.items() if simple in index}
+            if _score(found) > _score(best[0]):
+                best = (found, convention)
     return best
+
+
+def _without_prefix(names: Sequence[str]) -> list[str]:
+    """Names without what most of them begin with, up to a separator: "m_avg_L_Hip" becomes "L_Hip"."""
+    counts = Counter(name[: cut.end()] for name in names for cut in re.finditer(r"[-_:|. ]", name))
+    common = [prefix for prefix, count in counts.items() if count > 0.6 * len(names)]
+    longest = max(common, key=len, default="")
+    return [name.removeprefix(longest) for name in names]
 
 
 def _score(found: Mapping[str, int]) -> tuple[int, int]:
@@ -112,7 +144,7 @@ def align(found: Mapping[str, int], parents: Sequence[int], rest_world: Array, v
 
     Rest poses in A-pose, of another size, facing, or up axis are turned and scaled onto the SPORT rest pose.
     """
-    facing = _canonical_axes(found, rest_world[:, :3, 3].astype(np.float64))
+    facing = canonical_axes(found, rest_world[:, :3, 3].astype(np.float64))
     scale = _leg_scale(found, rest_world[:, :3, 3])
     position = rest_world[:, :3, 3] @ facing.T * scale
     source = np.full(len(parents), -1)
@@ -120,10 +152,11 @@ def align(found: Mapping[str, int], parents: Sequence[int], rest_world: Array, v
         source[k] = SPORT_SKELETON.index(name)
     hips = found["Hips"]
     driver = _drivers(parents, source, hips)
-    order = _ancestors_first([int(k) for k in np.flatnonzero(source >= 0)], parents, hips)
     anchor = np.array(
         [driver[p] if source[k] >= 0 and (p := parents[k]) >= 0 else driver[k] for k in range(len(parents))]
     )
+    _hang_on_limbs(found, anchor, parents)
+    order = _carriers_first([int(k) for k in np.flatnonzero(source >= 0)], anchor, hips)
     turns = _turns(found, order, anchor, source, position)
     legs = 0.5 * (position[found["LeftUpLeg"]] + position[found["RightUpLeg"]])
     ankle = 0.5 * (position[found["LeftFoot"]] + position[found["RightFoot"]])
@@ -148,7 +181,22 @@ def align(found: Mapping[str, int], parents: Sequence[int], rest_world: Array, v
     )
 
 
-def _canonical_axes(found: Mapping[str, int], position: Array) -> Array:
+def _hang_on_limbs(found: Mapping[str, int], anchor: NDArray[np.int64], parents: Sequence[int]) -> None:
+    """Carry feet and hands that hang on the root, as targets of a rig do, by their limbs."""
+    for side in _SIDED:
+        for bone, above in _LIMBS:
+            k, carrier = found.get(side + bone, -1), found.get(side + above, -1)
+            node = k
+            while node >= 0 and node != carrier:
+                node = parents[node]
+            if k >= 0 and carrier >= 0 and node < 0:
+                anchor[k] = carrier
+
+
+_LIMBS = (("Leg", "UpLeg"), ("Foot", "Leg"), ("ToeBase", "Foot"), ("ForeArm", "Arm"), ("Hand", "ForeArm"))
+
+
+def canonical_axes(found: Mapping[str, int], position: Array) -> Array:
     """Rotation `(3, 3)` in quarter turns that puts the character's left on +X and its head on +Y."""
     left = position[found["LeftUpLeg"]] - position[found["RightUpLeg"]]
     up = position[found["Head"]] - position[found["Hips"]]
@@ -181,14 +229,20 @@ def _drivers(parents: Sequence[int], source: NDArray[np.int64], hips: int) -> ND
     return driver
 
 
-def _ancestors_first(joints: list[int], parents: Sequence[int], hips: int) -> tuple[int, ...]:
+def _carriers_first(joints: list[int], anchor: NDArray[np.int64], hips: int) -> tuple[int, ...]:
+    """Driven joints, each after the one that carries it; a joint in a ring of them is put on the hips."""
+
     def depth(k: int) -> int:
         steps = 0
-        while k >= 0:
-            k, steps = parents[k], steps + 1
+        while k != hips and steps <= len(joints):
+            k, steps = int(anchor[k]), steps + 1
         return steps
 
-    return (hips, *sorted((k for k in joints if k != hips), key=depth))
+    depths = {k: depth(k) for k in joints}
+    for k in joints:
+        if depths[k] > len(joints):
+            anchor[k], depths[k] = hips, 1
+    return (hips, *sorted((k for k in joints if k != hips), key=lambda k: depths[k]))
 
 
 _AIM = {"Arm": "ForeArm", "ForeArm": "Hand", "Hand": "HandIndex1", "UpLeg": "Leg", "Leg": "Foot"}

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from sport.runtime import rotations
 from sport.runtime.assets import asset_path
-from sport.runtime.character.character import load_character, read_joint_map
+from sport.runtime.character.character import load_character
+from sport.runtime.character.joint_map import read_joint_map
 from sport.runtime.character.mesh import read_meshes
 from sport.runtime.character.read import open_gltf
 from sport.runtime.takes.glb_buffer import GlbBuffer

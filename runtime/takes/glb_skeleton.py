@@ -54,7 +54,9 @@ def open_rig(
         joints.setdefault(node, k)  # a joint of several skins moves as the first of them
     hips = int(np.flatnonzero(character.sport_joints == SPORT_SKELETON.index("Hips"))[0])
     space = np.eye(4)
-    space[:3, :3] = character.alignment.basis[hips] @ np.linalg.inv(data.rest_world[hips, :3, :3])
+    space[:3, :3] = character.alignment.basis[hips] @ np.linalg.inv(
+        character.rest_world[hips, :3, :3].astype(np.float64)
+    )
     order, parents = ancestors(file)
     rest = space @ node_world_matrices(file, order, parents)
     soles = float((data.rest_positions() @ space[:3, :3].T)[:, 1].min())

@@ -25,7 +25,7 @@ class ExportOptions:
     with_ground: bool = False  # the ground as a second node (GLB, FBX)
     character: Path | None = None  # of GLB, FBX and film; None: the mannequin
     joint_map: Path | None = (
-        None  # names of its joints, see `sport.runtime.character.character.read_joint_map`
+        None  # names of its joints, see `sport.runtime.character.joint_map.read_joint_map`
     )
 
     def check(self) -> None:

@@ -45,7 +45,8 @@ def write_film(
     arguments: argparse.Namespace,
 ) -> str:
     """Make a film of a take; a sentence about it. SportError names what cannot be used."""
-    from sport.runtime.character.character import load_character, read_joint_map
+    from sport.runtime.character.character import load_character
+    from sport.runtime.character.joint_map import read_joint_map
     from sport.runtime.takes.prepare import on_its_ground, prepare
     from sport.viewer.filming.film import count_frames, make_film
 

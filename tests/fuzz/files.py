@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sport.runtime.character.character import load_character, read_joint_map
+from sport.runtime.character.character import load_character
+from sport.runtime.character.joint_map import read_joint_map
 from sport.runtime.character.writer import write_character
 from sport.runtime.errors import SportError
 from sport.runtime.pose import Pose

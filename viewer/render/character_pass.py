@@ -17,7 +17,7 @@ from sport.viewer.render.shaders import load_program
 
 Array = NDArray[np.floating]
 
-MAX_JOINTS = 128  # the block in skinning.glsl
+MAX_JOINTS = 256  # the block in skinning.glsl
 SLOT_BYTES = MAX_JOINTS * 64
 SHADOW_CELL_M = 0.018
 GHOST_TINT = (0.20, 0.45, 0.80, 0.75)  # linear colour, share

@@ -1,0 +1,59 @@
+"""The map of a character's joints that its user chose by hand: a JSON file beside the character."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+from sport.runtime.atomic import write_atomic
+from sport.runtime.errors import FileError
+from sport.runtime.safe_read import is_text, parse_json, read_bounded, reason
+from sport.runtime.skeleton import SPORT_SKELETON
+
+MAX_MAP_BYTES = 1024 * 1024
+MAP_ENDING = ".joints.json"
+
+
+def joint_map_path(character: str | Path) -> Path:
+    """Where the map of a character file is kept: FILE.joints.json beside it."""
+    path = Path(character)
+    return path.with_name(path.name + MAP_ENDING)
+
+
+def read_joint_map(path: str | Path) -> dict[str, str]:
+    """A JSON object that maps SPORT joint names to joint names of the user's character, "" for none of them."""
+    path = Path(path)
+    form = 'Expected {"LeftArm": "name in the file", ...}.'
+    try:
+        data = parse_json(read_bounded(path, MAX_MAP_BYTES, form))
+    except ValueError as error:
+        raise FileError(f"{path}: not JSON ({reason(error)}).", form) from error
+    if not isinstance(data, dict):
+        raise FileError(f"{path}: not a JSON object.", form)
+    wrong = sorted(
+        key
+        for key, value in data.items()
+        if key not in SPORT_SKELETON.names or not (value == "" or is_text(value))
+    )
+    if wrong:
+        raise FileError(
+            f"{path}: expected SPORT joint names mapped to text, found"
+            f" {', '.join(ascii(key[:40]) for key in wrong[:4])}.",
+            f"Known joints: {', '.join(SPORT_SKELETON.names)}.",
+        )
+    return data
+
+
+def save_joint_map(character: str | Path, joints: Mapping[str, str]) -> Path:
+    """Keep the map of a character file beside it; the path written. FileError where that cannot be done."""
+    path = joint_map_path(character)
+    ordered = {name: joints[name] for name in SPORT_SKELETON.names if name in joints}
+    write_atomic(path, json.dumps(ordered, indent=2, ensure_ascii=False) + "\n")
+    return path
+
+
+def saved_joint_map(character: str | Path) -> dict[str, str]:
+    """The map beside a character file, empty where there is none; FileError when it is damaged."""
+    path = joint_map_path(character)
+    return read_joint_map(path) if path.is_file() else {}

@@ -1,0 +1,292 @@
+"""Which joint is which where no name tells: by the tree of the joints and by where they stand in the rest pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sport.runtime.character.tree import JointTree
+
+Array = NDArray[Any]
+
+# shares of the height of all joints
+NEAR_GROUND = 0.2  # ends of legs
+HIGH = 0.25  # tops of legs
+LEG = 0.2  # from top to end
+ANKLE = 0.15  # the first joint of a leg below this is its ankle
+TOE = 0.03  # from ankle to toe, along the ground
+TOLERANCE = 0.1  # between left and right
+# shares of an arm from its first joint to its tip
+UPPER_ARM_FROM = 0.47  # joints up to here may be the upper arm, those beyond are twists
+FINGERS = 0.25  # what a hand without separate fingers may have beyond the wrist
+HEAD_JOINT = 0.8  # of the way from chest to crown; joints above are ends and hair
+
+
+@dataclass(frozen=True)
+class _Leg:
+    top: int
+    tip: int
+    foot: int  # of its own where it hangs on something else, -1 otherwise
+
+    @property
+    def end(self) -> int:
+        return self.tip if self.foot < 0 else self.foot
+
+
+def guess_by_structure(tree: JointTree, vertices: Array) -> dict[str, int]:
+    """SPORT joint -> index by tree and rest pose; empty where no upright body with two legs and arms is seen.
+
+    `vertices` `(V, 3)` are the mesh in that pose. Sides go by where the feet point.
+    """
+    forks = _leg_forks(tree)
+    if len(forks) != 1:
+        return {}
+    hips, legs = forks[0]
+    if hips < 0:
+        return {}
+    across = _across(tree, legs)
+    chest, arms = _arms(tree, hips, legs, across)
+    if chest < 0:
+        return {}
+    left = _left(tree, legs, vertices)
+    if left @ across < 0.0:
+        legs, arms = (legs[1], legs[0]), (arms[1], arms[0])
+    found = {"Hips": hips, **_trunk(tree, hips, chest, legs, arms, vertices)}
+    for side, leg, arm in zip(("Left", "Right"), legs, arms, strict=True):
+        for bone, joint in {**_leg_joints(tree, leg, hips), **_arm_joints(tree, arm, chest, across)}.items():
+            found[side + bone] = joint
+    return found if len(set(found.values())) == len(found) else {}
+
+
+def leg_count(tree: JointTree) -> int:
+    """How many legs are seen: ends of limbs on the ground."""
+    return sum(len(legs) for _, legs in _leg_forks(tree))
+
+
+def _leg_forks(tree: JointTree) -> list[tuple[int, tuple[_Leg, ...]]]:
+    """Joints from which legs go down, each with two of them."""
+    forks: list[tuple[int, tuple[_Leg, ...]]] = []
+    taken: set[int] = set()
+    for joint in reversed(tree.order):  # the deepest first
+        legs = [leg for child in tree.children[joint] if (leg := _leg(tree, child, taken)) is not None]
+        pair = _pair(tree, joint, legs)
+        if pair is not None:
+            forks.append((joint, pair))
+            taken.update(tree.ancestors(joint))
+    return _in_the_middle(tree, forks)
+
+
+def _in_the_middle(
+    tree: JointTree, forks: list[tuple[int, tuple[_Leg, ...]]]
+) -> list[tuple[int, tuple[_Leg, ...]]]:
+    """Those whose legs stand on both sides of one plane: two fingers of a hand are no legs."""
+    if len(forks) < 2:
+        return forks
+    gaps = [tree.positions[legs[0].end] - tree.positions[legs[1].end] for _, legs in forks]
+    widest = max(gaps, key=lambda gap: float(np.linalg.norm(gap)))
+    across = widest / np.linalg.norm(widest)
+    middles = [
+        float(across @ (tree.positions[legs[0].end] + tree.positions[legs[1].end])) / 2 for _, legs in forks
+    ]
+    plane = middles[int(np.argmax([np.linalg.norm(gap) for gap in gaps]))]
+    return [
+        fork
+        for fork, middle in zip(forks, middles, strict=True)
+        if abs(middle - plane) < TOLERANCE * tree.size
+    ]
+
+
+def _leg(tree: JointTree, top: int, taken: set[int]) -> _Leg | None:
+    if top in taken:
+        return None
+    tip, limit = tree.lowest(top), tree.floor + NEAR_GROUND * tree.size
+    joints = tree.along(tree.chain(top, tip))
+    length = 0.0 if len(joints) < 2 else float(joints[-1])
+    if length < LEG * tree.size or tree.positions[top, 1] < tree.floor + HIGH * tree.size:
+        return None
+    if tree.positions[tip, 1] < limit:
+        return _Leg(top, tip, -1) if len(joints) > 2 else None
+    foot = _loose_foot(tree, top, tip, limit)
+    return None if foot < 0 else _Leg(top, tip, foot)
+
+
+def _loose_foot(tree: JointTree, top: int, tip: int, limit: float) -> int:
+    """A foot that hangs on the root, as in rigs whose feet are targets, -1 where none stands under the leg."""
+    below, own = tree.positions[tip], set(tree.under(top))
+    for joint in range(len(tree.parents)):
+        gap = tree.positions[joint] - below
+        if joint in own or tree.children[joint] or tree.positions[joint, 1] >= limit:
+            continue
+        if np.hypot(gap[0], gap[2]) < 0.15 * tree.size and -gap[1] < 0.45 * tree.size:
+            return joint
+    return -1
+
+
+def _pair(tree: JointTree, joint: int, legs: list[_Leg]) -> tuple[_Leg, ...] | None:
+    """The two legs most like each other that stand beside each other."""
+    best, least = None, TOLERANCE * tree.size
+    for i, a in enumerate(legs):
+        for b in legs[:i]:
+            apart = (tree.positions[a.end] - tree.positions[b.end])[[0, 2]]
+            length = tree.distance(a.top, a.end) - tree.distance(b.top, b.end)
+            differ = max(abs(length), abs(float(tree.positions[a.top, 1] - tree.positions[b.top, 1])))
+            if np.hypot(*apart) > 0.02 * tree.size and a.end != b.end and differ < least:
+                best, least = (a, b), differ
+    return best
+
+
+def _across(tree: JointTree, legs: tuple[_Leg, ...]) -> Array:
+    """Unit direction over the ground from the second leg to the first."""
+    first, second = (_leg_joints(tree, leg, tree.parents[leg.top])["UpLeg"] for leg in legs)
+    gap = (tree.positions[first] - tree.positions[second]) * (1.0, 0.0, 1.0)
+    return np.asarray(gap / max(float(np.linalg.norm(gap)), 1e-9))
+
+
+def _left(tree: JointTree, legs: tuple[_Leg, ...], vertices: Array) -> Array:
+    """The direction of the character's left: up times where its toes, or the vertices of its feet, point."""
+    across = _across(tree, legs)
+    forward = np.zeros(3)
+    for leg in legs:
+        joints = _leg_joints(tree, leg, tree.parents[leg.top])
+        if "ToeBase" in joints:
+            forward += tree.positions[joints["ToeBase"]] - tree.positions[joints["Foot"]]
+    ankles = np.mean([tree.positions[leg.end] for leg in legs], axis=0)
+    soles = vertices[vertices[:, 1] < tree.floor + 0.05 * tree.size]
+    if np.linalg.norm(forward * (1.0, 0.0, 1.0)) < TOE * tree.size and len(soles):
+        forward = 0.5 * (soles.max(axis=0) + soles.min(axis=0)) - ankles
+    forward = forward - (forward @ across) * across
+    if np.hypot(forward[0], forward[2]) < 0.005 * tree.size:
+        forward = np.array([0.0, 0.0, 1.0])  # the front of a glTF file
+    return np.cross([0.0, 1.0, 0.0], forward)
+
+
+def _leg_joints(tree: JointTree, leg: _Leg, hips: int) -> dict[str, int]:
+    chain = tree.chain(leg.top, leg.tip)
+    at = tree.positions[chain]
+    if leg.foot >= 0:
+        return {"UpLeg": chain[0], "Leg": chain[1], "Foot": leg.foot}
+    low = np.flatnonzero(at[:, 1] < tree.floor + ANKLE * tree.size)
+    ankle = max(int(low[0]) if len(low) else len(chain) - 1, 2)
+    offset = np.linalg.norm((at - tree.positions[hips])[:, [0, 2]], axis=1)
+    first = next((i for i in range(ankle - 1) if offset[i] > 0.15 * offset[ankle]), 0)
+    knee = max(range(first + 1, ankle), key=lambda i: _shorter(tree, chain[first], chain[i], chain[ankle]))
+    joints = {"UpLeg": chain[first], "Leg": chain[knee], "Foot": chain[ankle]}
+    ahead = np.hypot(*(at[ankle + 1 :] - at[ankle])[:, [0, 2]].T)
+    toe = np.flatnonzero(ahead > TOE * tree.size)
+    if len(toe):
+        joints["ToeBase"] = chain[ankle + 1 + int(toe[0])]
+    return joints
+
+
+def _shorter(tree: JointTree, a: int, b: int, c: int) -> float:
+    """The shorter one of two bones."""
+    return min(tree.distance(a, b), tree.distance(b, c))
+
+
+def _arms(
+    tree: JointTree, hips: int, legs: tuple[_Leg, ...], across: Array
+) -> tuple[int, tuple[list[int], list[int]]]:
+    """The joint where the arms fork, and the chain of each arm to its farthest end; -1 where there are none."""
+    middle = 0.5 * (tree.positions[legs[0].top] + tree.positions[legs[1].top])
+    in_legs = {joint for leg in legs for joint in (*tree.under(leg.top), leg.foot)}
+    top = _trunk_root(tree, hips, in_legs)
+    ends = [
+        joint for joint in tree.under(top) if len(tree.chain(top, joint)) > 3 and not tree.children[joint]
+    ]
+    ends = [joint for joint in ends if joint not in in_legs]
+    out = {joint: float((tree.positions[joint] - middle) @ across) for joint in ends}
+    nothing: tuple[list[int], list[int]] = ([], [])
+    if not ends:
+        return -1, nothing
+    first, second = max(out, key=lambda j: out[j]), min(out, key=lambda j: out[j])
+    chest = tree.meeting(first, second)
+    if chest < 0 or min(out[first], -out[second]) < 0.1 * tree.size:
+        return -1, nothing
+    chains = tuple(tree.chain(chest, tip)[1:] for tip in (first, second))
+    if min(map(len, chains)) < 2:
+        return -1, nothing
+    above = min(float(tree.positions[chain[0], 1]) for chain in chains) - middle[1] > 0.1 * tree.size
+    return (chest, (chains[0], chains[1])) if above else (-1, nothing)
+
+
+def _trunk_root(tree: JointTree, hips: int, in_legs: set[int]) -> int:
+    """The hips, or the joint above them where the spine hangs beside them."""
+    for joint in tree.ancestors(hips):
+        rest = [each for each in tree.under(joint) if each not in in_legs]
+        if max(float(tree.positions[each, 1]) for each in rest) > tree.floor + 0.7 * tree.size:
+            return joint
+    return hips
+
+
+def _arm_joints(tree: JointTree, chain: list[int], chest: int, across: Array) -> dict[str, int]:
+    out = np.abs((tree.positions[chain] - tree.positions[chest]) @ across)
+    if len(chain) > 3 and out[0] < 0.5 * out[1]:
+        return {"Shoulder": chain[0], **_free_arm(tree, chain[1:])}
+    return _free_arm(tree, chain)
+
+
+def _free_arm(tree: JointTree, chain: list[int]) -> dict[str, int]:
+    along = tree.along(chain)
+    if len(chain) == 2 or along[-1] <= 0.0:
+        return {"Arm": chain[0], "ForeArm": chain[1]}  # the hand is none of its joints
+    hand = _wrist(tree, chain, along / along[-1])
+    elbow = max(range(1, hand), key=lambda i: _shorter(tree, chain[0], chain[i], chain[hand]))
+    reach = along[: elbow + 1] / max(float(along[elbow]), 1e-9)
+    upper = max(i for i in range(elbow) if reach[i] < UPPER_ARM_FROM)
+    joints = {"Arm": chain[upper], "ForeArm": chain[elbow]}
+    if upper:
+        joints["Shoulder"] = chain[0]
+    above = chain[hand - 1]
+    far = 0.85 * tree.distance(above, chain[hand])
+    if sum(tree.distance(above, each) > far for each in tree.children[above]) > 2:
+        return joints  # the pieces of a hand that has no joint of its own
+    joints["Hand"] = chain[hand]
+    if hand + 1 < len(chain):
+        joints["HandIndex1"] = chain[hand + 1]
+    return joints
+
+
+def _wrist(tree: JointTree, chain: list[int], share: Array) -> int:
+    """The first joint of the outer half with several fingers, else the first one near the tip."""
+    below = tree.heights[0]
+    for i in range(2, len(chain)):
+        fingers = sum(below[child] >= 1 for child in tree.children[chain[i]])
+        if share[i] > 0.5 and fingers >= 2:
+            return i
+    return next(i for i in range(2, len(chain)) if 1.0 - share[i] < FINGERS or i == len(chain) - 1)
+
+
+def _trunk(
+    tree: JointTree,
+    hips: int,
+    chest: int,
+    legs: tuple[_Leg, ...],
+    arms: tuple[list[int], list[int]],
+    vertices: Array,
+) -> dict[str, int]:
+    """Spine, neck and head."""
+    found: dict[str, int] = {}
+    if hips in tree.ancestors(chest):
+        spine = [joint for joint in tree.chain(hips, chest)[1:]]
+        names = ("Spine1", "Spine", "LowerBack")  # from the chest down
+        picks = spine[::-1] if len(spine) <= 3 else [spine[-1], spine[len(spine) // 2], spine[0]]
+        found |= dict(zip(names, picks, strict=False))
+    elif chest != hips:
+        found["Spine1"] = chest
+    limbs = {joint for chain in arms for joint in tree.under(chain[0])}
+    limbs |= {joint for leg in legs for joint in (*tree.under(leg.top), leg.foot)}
+    above = [joint for joint in tree.under(chest) if joint not in limbs and joint != chest]
+    if not above:
+        return found
+    top = max(above, key=lambda joint: float(tree.positions[joint, 1]))
+    chain = tree.chain(chest, top)[1:]
+    crown = max(float(vertices[:, 1].max()) if len(vertices) else 0.0, float(tree.positions[top, 1]))
+    low = float(tree.positions[chest, 1])
+    below = [j for j in chain if tree.positions[j, 1] - low <= HEAD_JOINT * (crown - low)] or chain[:1]
+    head = next((j for j in below if sum(tree.heights[0][c] > 0 for c in tree.children[j]) > 1), below[-1])
+    found["Head"] = head
+    between = chain[: chain.index(head)]
+    return found | ({"Neck1": between[-1]} if between else {})

@@ -1,0 +1,93 @@
+"""A joint hierarchy in its rest pose, asked for chains, leaves and extents."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+
+class JointTree:
+    """Joints by index with their parents (-1 at roots) and positions `(K, 3)`, Y up."""
+
+    def __init__(self, parents: Sequence[int], positions: Array) -> None:
+        self.parents = tuple(parents)
+        self.positions = np.asarray(positions, np.float64)
+        self.children: list[list[int]] = [[] for _ in self.parents]
+        for joint, parent in enumerate(self.parents):
+            if parent >= 0:
+                self.children[parent].append(joint)
+
+    @cached_property
+    def order(self) -> list[int]:
+        """Parents before their children."""
+        order = [joint for joint, parent in enumerate(self.parents) if parent < 0]
+        for joint in order:  # which grows meanwhile
+            order.extend(self.children[joint])
+        return order
+
+    @cached_property
+    def heights(self) -> tuple[list[int], list[int]]:
+        """For each joint how many joints lie on its longest way down, and how many above it."""
+        below, above = [0] * len(self.parents), [0] * len(self.parents)
+        for joint in self.order:
+            parent = self.parents[joint]
+            above[joint] = above[parent] + 1 if parent >= 0 else 0
+        for joint in reversed(self.order):
+            below[joint] = max((below[child] + 1 for child in self.children[joint]), default=0)
+        return below, above
+
+    @cached_property
+    def floor(self) -> float:
+        """Height of the lowest joint."""
+        return float(self.positions[:, 1].min())
+
+    @cached_property
+    def size(self) -> float:
+        """Height of the joints, from the lowest to the highest one."""
+        return max(float(np.ptp(self.positions[:, 1])), 1e-9)
+
+    def under(self, joint: int) -> list[int]:
+        """A joint and all that hang on it."""
+        found = [joint]
+        for each in found:
+            found.extend(self.children[each])
+        return found
+
+    def chain(self, top: int, tip: int) -> list[int]:
+        """The joints from `top` down to `tip`, both included."""
+        found = [tip]
+        while found[-1] != top:
+            found.append(self.parents[found[-1]])
+        return found[::-1]
+
+    def lowest(self, top: int) -> int:
+        """The lowest end of a branch."""
+        ends = [joint for joint in self.under(top) if not self.children[joint]]
+        return min(ends, key=lambda joint: float(self.positions[joint, 1]))
+
+    def ancestors(self, joint: int) -> list[int]:
+        """A joint and those above it, the root last."""
+        found = [joint]
+        while self.parents[found[-1]] >= 0:
+            found.append(self.parents[found[-1]])
+        return found
+
+    def meeting(self, a: int, b: int) -> int:
+        """The lowest joint above both, -1 where they hang on different roots."""
+        above = set(self.ancestors(a))
+        return next((joint for joint in self.ancestors(b) if joint in above), -1)
+
+    def distance(self, a: int, b: int) -> float:
+        """How far two joints are from each other."""
+        return float(np.linalg.norm(self.positions[a] - self.positions[b]))
+
+    def along(self, chain: Sequence[int]) -> Array:
+        """How far each joint of a chain is from its first one, along the chain."""
+        steps = np.linalg.norm(np.diff(self.positions[list(chain)], axis=0), axis=1)
+        return np.concatenate([[0.0], np.cumsum(steps)])

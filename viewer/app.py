@@ -205,7 +205,7 @@ class App:
             else:
                 self.state.messages.error(
                     f"{path.name}: nothing here opens {suffix or 'a file without an ending'}."
-                    " Drop a project, a BVH clip, a GLB character, or a PNG, NPY or mesh ground."
+                    " Drop a project, a BVH clip, a GLB or VRM character, or a PNG, NPY or mesh ground."
                 )
 
     # --- one frame

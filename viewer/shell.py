@@ -23,6 +23,7 @@ from sport.viewer.prompt import field_panel
 from sport.viewer.prompt import panel as prompt_panel
 from sport.viewer.prompt.room import PromptRoom
 from sport.viewer.prompt.style_edit import Side
+from sport.viewer.stage import joint_panel
 from sport.viewer.stage import panel as scene_panel
 from sport.viewer.stage.stage import Stage
 from sport.viewer.takes import panel as clips_panel
@@ -180,6 +181,7 @@ class Shell:
             guide.draw(self.desk.guide, layout.view)
         settings_panel.draw(self.desk, self.fonts)
         exports_panel.draw(self.desk.exporting, self.fonts)
+        joint_panel.draw(self.stage.joints, self.fonts)
         self.desk.dialogs.draw()
         self._badge(layout.view)
         if self.state.help_open and help.draw(self.fonts):
@@ -207,7 +209,7 @@ class Shell:
         return one
 
     def _draw_scene(self) -> None:
-        scene_panel.draw(self.stage, self.open_files)
+        scene_panel.draw(self.stage, self.open_files, lambda: self.desk.ask_file(self.open_files))
         # the contents end one spacing above the cursor; the next frame fits the window to them
         spacing, padding = imgui.get_style().item_spacing.y, imgui.get_style().window_padding.y
         self._scene_height = imgui.get_cursor_pos_y() + imgui.get_scroll_y() - spacing + padding

@@ -17,6 +17,7 @@ from sport.runtime.safe_read import parse_json, read_bounded, reason
 
 Array = NDArray[Any]
 
+SUFFIXES = (".glb", ".gltf", ".vrm")  # a VRM is a GLB
 MAX_FILE_BYTES = 256 * 1024 * 1024
 MAX_VALUE = 1e9  # of any coordinate or matrix element
 MAX_ENTRIES = 20_000  # of a list of the document

@@ -9,7 +9,7 @@ from typing import Any
 from urllib.parse import unquote
 
 from sport.runtime.atomic import write_atomic
-from sport.runtime.character.read import MAX_FILE_BYTES, open_gltf
+from sport.runtime.character.read import MAX_FILE_BYTES, SUFFIXES, open_gltf
 from sport.runtime.errors import FileError
 from sport.runtime.safe_read import is_text, read_bounded
 
@@ -51,7 +51,7 @@ def write_character_files(files: Files, folder: Path) -> Path:
 def check_character_files(files: Files) -> None:
     """FileError unless the names are those of files in one folder, the first one of a glTF."""
     names = list(files)
-    if not names or len(names) > MAX_FILES or Path(names[0]).suffix.lower() not in (".glb", ".gltf"):
+    if not names or len(names) > MAX_FILES or Path(names[0]).suffix.lower() not in SUFFIXES:
         raise FileError("its character: no glTF file.", REMEDY)
     for name in names:
         if not safe_name(name):

@@ -16,7 +16,7 @@ def add(commands: Subparsers) -> None:
     view.add_argument("--prompt", metavar="TEXT", help="style to begin with")
     add_blend(view)
     view.add_argument("--model", type=Path, metavar="DIR", help="folder of an exported model")
-    view.add_argument("--character", type=Path, metavar="GLB", help="skinned character")
+    view.add_argument("--character", type=Path, metavar="FILE", help="skinned character (GLB, glTF, VRM)")
     view.add_argument("--clip", type=Path, metavar="BVH", help="clip to open")
     view.add_argument("--project", metavar="FILE", help='project to open, or "last"')
     view.add_argument("--size", metavar="WxH", help="window in pixels, e.g. 1280x720")

@@ -9,7 +9,7 @@ from pathlib import Path
 from sport.viewer.desk.guide import Guide
 from sport.viewer.desk.state import DeskState
 from sport.viewer.exports.exporting import Exporting
-from sport.viewer.gui.dialogs import Dialogs
+from sport.viewer.gui.dialogs import Dialogs, Kind
 from sport.viewer.input.bindings import Action
 from sport.viewer.jobs import Jobs
 from sport.viewer.messages import Messages
@@ -76,6 +76,14 @@ class Desk:
         """What opens a file, by its suffix."""
         return self.projects.files
 
+    def ask_file(self, open_files: Callable[[list[Path]], None]) -> None:
+        """Choose a file of any kind that is opened here."""
+        endings = sorted({*self.stage.files, *self.takes.files, *self.files})
+        filters = ["All that opens", " ".join(f"*{ending}" for ending in endings), "All files", "*"]
+        start = Path(self.settings.export_folder).expanduser()
+        start = start if start.is_dir() else Path.home()
+        self.dialogs.ask(Kind.OPEN, "Open a file", start, lambda path: open_files([path]), filters)
+
     def begin(self, project: str | None, autosaving: bool) -> None:
         """Look for what other runs left, and open the project of the command line; "last" is the one open last."""
         self.projects.autosaving = autosaving
@@ -121,6 +129,8 @@ class Desk:
             self.dialogs.close()
         elif self.state.settings_open:
             self.state.settings_open = False
+        elif self.stage.joints.state.open:
+            self.stage.joints.close()
         elif self.state.exports.open:
             self.state.exports.open = False
         else:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from sport.runtime.safe_read import printable
 from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import setting_widgets, widgets
+from sport.viewer.gui import setting_widgets, theme, widgets
 from sport.viewer.gui.theme import ICON
 from sport.viewer.gui.widgets import px
 from sport.viewer.live import panel as live_panel
@@ -16,10 +16,10 @@ from sport.viewer.stage import path_panel
 from sport.viewer.stage.stage import Stage
 
 
-def draw(stage: Stage, open_files: Callable[[list[Path]], None]) -> None:
-    """Contents of the panel."""
+def draw(stage: Stage, open_files: Callable[[list[Path]], None], browse: Callable[[], None]) -> None:
+    """Contents of the panel; `browse` asks for a file to open."""
     _terrain(stage)
-    _open_file(stage, open_files)
+    _open_file(stage, open_files, browse)
     mode = widgets.segmented("camera", list(CAMERAS.items()), stage.camera.mode)
     if mode != stage.camera.mode:
         stage.use_camera(mode)
@@ -47,20 +47,23 @@ def _terrain(stage: Stage) -> None:
         stage.reset_character()
 
 
-def _open_file(stage: Stage, open_files: Callable[[list[Path]], None]) -> None:
+def _open_file(stage: Stage, open_files: Callable[[list[Path]], None], browse: Callable[[], None]) -> None:
     if not imgui.tree_node_ex("Open a file", imgui.TreeNodeFlags_.span_avail_width):
         return
     imgui.unindent(imgui.get_style().indent_spacing)
     state, load_width = stage.state, px(60)
-    imgui.set_next_item_width(-load_width - px(4))
+    imgui.set_next_item_width(-load_width - imgui.get_frame_height() - px(8))
     entered, state.file_path = imgui.input_text_with_hint(
-        "##path", "PNG, NPY, OBJ, GLB or BVH", state.file_path, imgui.InputTextFlags_.enter_returns_true
+        "##path", "PNG, OBJ, GLB, VRM, BVH", state.file_path, imgui.InputTextFlags_.enter_returns_true
     )
+    imgui.same_line(0, px(4))
+    if widgets.icon_button(ICON.folder, "browse file", "Choose by a dialog", theme.TEXT):
+        browse()
     imgui.same_line(0, px(4))
     load = widgets.button(
         "Open",
         load_width,
-        "A ground (PNG, NPY, mesh), a character (GLB) or a clip (BVH); dropping a file does the same",
+        "A ground (PNG, NPY, mesh), a character (GLB, VRM) or a clip (BVH); dropping a file does the same",
     )
     path = state.file_path.strip().strip('"')
     if (entered or load) and path:
@@ -71,8 +74,12 @@ def _open_file(stage: Stage, open_files: Callable[[list[Path]], None]) -> None:
     imgui.same_line(0, px(4))
     imgui.set_next_item_width(half)
     setting_widgets.drag(stage.settings, "height_map_height_m")
-    if stage.character_path is not None and widgets.button("Back to the mannequin", -1):
-        stage.load_character(None)
+    if stage.character_path is not None:
+        if widgets.button("Joints…", half, "Which joint of this character plays which of ours"):
+            stage.joints.begin(stage.character_path)
+        imgui.same_line(0, px(4))
+        if widgets.button("Back to the mannequin", -1):
+            stage.load_character(None)
     imgui.indent(imgui.get_style().indent_spacing)
     imgui.tree_pop()
 

@@ -8,6 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from sport.runtime.character.guess import JointsUnknown
+from sport.runtime.character.read import SUFFIXES as GLTF_SUFFIXES
 from sport.runtime.controls import Controls
 from sport.runtime.motion.paths import Place
 from sport.runtime.motion.snapshot import Snapshot
@@ -23,6 +25,7 @@ from sport.viewer.messages import Messages
 from sport.viewer.services import Loaded, Services
 from sport.viewer.settings import Settings
 from sport.viewer.stage.camera_control import CameraControl
+from sport.viewer.stage.joint_mapping import JointMapping
 from sport.viewer.stage.path_tool import PathTool
 from sport.viewer.stage.simulation import Simulation
 from sport.viewer.stage.state import StageState
@@ -50,11 +53,13 @@ class Stage:
     _first_view: str = ""
     _slow_s: float = 0.0
     path: PathTool = field(init=False)
+    joints: JointMapping = field(init=False)
     live: LiveLink = field(init=False)
     shown: Callable[[], Pose] = field(init=False)  # the pose in view: the live one, or that of a take
 
     def __post_init__(self) -> None:
         self.path = PathTool(self.messages)
+        self.joints = JointMapping(self.messages, self.jobs, self.load_character)
         self.live = LiveLink(self.messages)
         self.shown = lambda: self.state.simulation.current
 
@@ -76,7 +81,7 @@ class Stage:
     def files(self) -> dict[str, Callable[[Path], None]]:
         """What opens a file, by its suffix."""
         grounds = {suffix: self._load_ground for suffix in GROUNDS}
-        return {**grounds, ".glb": self._open_gltf, ".gltf": self._open_gltf}
+        return {**grounds, **dict.fromkeys(GLTF_SUFFIXES, self._open_gltf)}
 
     def _toggle(self, name: str) -> None:
         setattr(self.settings, name, not getattr(self.settings, name))
@@ -201,13 +206,22 @@ class Stage:
             "character",
             lambda: self.services.load_character(path),
             lambda character: self._take_character(path, character),
+            lambda error: self._refuse_character(path, error),
         )
+
+    def _refuse_character(self, path: Path | None, error: Exception) -> None:
+        """Let the joints be chosen by hand where they could not be guessed."""
+        self.joints.refused(error)
+        if path is not None and isinstance(error, JointsUnknown) and self.joints.shown != path:
+            self.joints.begin(path)
 
     def _take_character(self, path: Path | None, character: Any) -> None:
         self.renderer.set_character(character)
         self._character, self.character_path = character, path
         if path is not None:
             self.messages.note(f"Character {path.name} loaded.")
+        if self.joints.state.path == path:
+            self.joints.close()
 
     def load_model(
         self,

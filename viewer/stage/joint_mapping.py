@@ -1,0 +1,134 @@
+"""Joints of a character that its user names by hand: what is guessed, what is chosen, and keeping it beside the file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from sport.runtime.character.character import joints_of
+from sport.runtime.character.guess import JointGuess
+from sport.runtime.character.joint_map import joint_map_path, save_joint_map, saved_joint_map
+from sport.runtime.character.joints import NEEDED
+from sport.runtime.skeleton import SPORT_SKELETON
+from sport.viewer.jobs import Jobs
+from sport.viewer.messages import Messages
+
+
+@dataclass(frozen=True)
+class FileJoints:
+    """The joints of a character file: what is guessed without a map, and the map that lies beside it."""
+
+    guess: JointGuess
+    saved: dict[str, str]
+
+
+@dataclass
+class JointsState:
+    """The joints window; `chosen` are SPORT joints -> joints of the file, "" for none of them."""
+
+    open: bool = False
+    path: Path | None = None
+    guess: JointGuess | None = None
+    chosen: dict[str, str] = field(default_factory=dict)
+    saved: dict[str, str] = field(default_factory=dict)
+    selected: str = ""  # the SPORT joint whose row was used last
+    problem: str = ""  # why it could not be applied
+
+    @property
+    def changed(self) -> bool:
+        """Whether something was chosen that is not kept yet."""
+        return self.chosen != self.saved
+
+    def guessed(self, joint: str) -> str:
+        """The joint of the file that names or rest pose tell, "" for none."""
+        found = {} if self.guess is None else self.guess.found
+        return self.guess.names[found[joint]] if self.guess is not None and joint in found else ""
+
+    def plays(self, joint: str) -> str:
+        """The joint of the file that plays a SPORT joint, "" for none."""
+        return self.chosen.get(joint, self.guessed(joint))
+
+    @property
+    def missing(self) -> list[str]:
+        """SPORT joints without which nothing can be driven."""
+        return [joint for joint in NEEDED if not self.plays(joint)]
+
+
+@dataclass
+class JointMapping:
+    """Actions of the joints window; `load` shows a character with the map beside it."""
+
+    messages: Messages
+    jobs: Jobs
+    load: Callable[[Path], None]
+    state: JointsState = field(default_factory=JointsState)
+
+    @property
+    def shown(self) -> Path | None:
+        """The file whose joints are in the window, None while it is closed."""
+        return self.state.path if self.state.open else None
+
+    def begin(self, path: Path) -> None:
+        """Open the window with what is found in a character file."""
+        self.jobs.submit(f"joints {path}", lambda: read_joints(path), lambda found: self._show(path, found))
+
+    def _show(self, path: Path, found: FileJoints) -> None:
+        known = {joint: name for joint, name in found.saved.items() if not name or name in found.guess.names}
+        lost = len(found.saved) - len(known)
+        self.state = JointsState(True, path, found.guess, dict(known), known)
+        if lost:
+            self.state.saved = found.saved
+            self.state.problem = f"{lost} names of {joint_map_path(path).name} are not in the skeleton."
+
+    def choose(self, joint: str, name: str | None) -> None:
+        """Let a joint of the file play a SPORT joint: "" for none, None for what is guessed.
+
+        It can play one only: another SPORT joint that had it has none.
+        """
+        state = self.state
+        chosen = {key: value for key, value in state.chosen.items() if key != joint}
+        name = state.guessed(joint) if name is None else name
+        if name != state.guessed(joint):
+            chosen[joint] = name
+        others = [key for key in SPORT_SKELETON.names if key != joint and name and state.plays(key) == name]
+        chosen |= dict.fromkeys(others, "")
+        state.chosen, state.selected, state.problem = chosen, joint, ""
+
+    def guess_all(self) -> None:
+        """Drop everything that was chosen."""
+        self.state.chosen, self.state.problem = {}, ""
+
+    def apply(self) -> None:
+        """Keep the map beside the file and show the character by it."""
+        state = self.state
+        if state.path is None or state.missing:
+            return
+        path, chosen = state.path, dict(state.chosen)
+
+        def keep() -> Path | None:
+            if chosen:
+                return save_joint_map(path, chosen)
+            joint_map_path(path).unlink(missing_ok=True)
+            return None
+
+        def kept(written: Path | None) -> None:
+            self.state.saved = chosen
+            where = f"Joints of {path.name} kept in {written.name}." if written else "Joints as guessed."
+            self.messages.note(where)
+            self.load(path)
+
+        self.jobs.submit(f"joints {path}", keep, kept, self.refused)
+
+    def refused(self, error: Exception) -> None:
+        """The character could not be shown by what was chosen, or that not be kept."""
+        self.state.problem = str(error)
+
+    def close(self) -> None:
+        """Leave the window; what was not applied is forgotten."""
+        self.state = replace(self.state, open=False)
+
+
+def read_joints(path: Path) -> FileJoints:
+    """What is found in a character file by itself, and what is kept beside it; FileError."""
+    return FileJoints(joints_of(path, {}), saved_joint_map(path))

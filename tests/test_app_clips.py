@@ -93,7 +93,7 @@ def test_an_exported_take_tells_its_styles_with_their_transitions_and_what_was_a
     assert changed.seconds == pytest.approx(12 / 60, abs=2 / 60)
     assert dict(back.gait_seconds)["walk"] > 0.4
     assert (back.terrain, back.origin.terrain_seed, back.origin.temperature) == ("hills", 0, TEMPERATURE)
-    app.takes.open(tmp_path / "walk.bvh")
+    app.takes.opening.open(tmp_path / "walk.bvh")
     run(app, 2)
     assert "an old king" in app.state.takes.items[-1].clip.describe()
 
@@ -156,7 +156,7 @@ def test_a_trimmed_file_is_not_written_over_the_one_it_was_opened_from(start: St
     app.takes.export()
     app.takes.remove(0)
     before = original.read_bytes()
-    app.takes.open(original)
+    app.takes.opening.open(original)
     run(app)
     playback = app.state.takes.playback
     assert playback is not None

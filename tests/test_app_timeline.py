@@ -205,7 +205,7 @@ def test_a_take_from_a_file_says_why_it_cannot_be_edited(start: Start, tmp_path:
     app.state.takes.export_path = f"{tmp_path}/walk.bvh"
     app.takes.export()
     run(app)
-    app.takes.open(app.state.takes.items[0].saved)  # type: ignore[arg-type]
+    app.takes.opening.open(app.state.takes.items[0].saved)  # type: ignore[arg-type]
     seek(app, 10)
     assert [bar.text for bar in app.editing.tracks.prompts] == ["a proud king", "an old king"]  # type: ignore[union-attr]
     assert "comes from a file" in app.editing.fixed

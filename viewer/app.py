@@ -144,6 +144,7 @@ class App:
             state.takes, settings, messages, stage, jobs, ClipRecorder(), drives, self.state_folder
         )
         self.prompting.mark, self.stage.shown = self.takes.mark_style, self._shown_pose
+        self.takes.opening.put_ground = self.stage.put_ground
         self.editing = TakeEditing(self.takes, self.stage, self.prompting)
         self.screenshots = Screenshots(settings, messages, jobs, options.frames_directory)
         self.desk = Desk(
@@ -180,7 +181,7 @@ class App:
             state.prompt.tab_requested = "blend"
             self.prompting.submit_prompt(options.blend, Side.B)
         if options.clip is not None:
-            self.takes.open(options.clip)
+            self.takes.opening.open(options.clip, keep_ground=options.terrain is not None)
         if not options.offscreen:
             self.takes.journals.look()
         self.desk.begin(options.project, autosaving=not options.offscreen)

@@ -96,12 +96,35 @@ def _not_upright(path: Path) -> FileError:
     )
 
 
+def guess_skeleton(
+    path: Path, names: tuple[str, ...], tree: JointTree, points: Array, joint_map: Mapping[str, str]
+) -> JointGuess:
+    """What the joints of a skeleton without a mesh play, in a rest pose with `points` `(N, 3)` on its body.
+
+    FileError where the map names a joint that is not there, `NotUpright` for a quadruped.
+    """
+    found, origin = _told(tree, points, names, {})
+    if not _complete(found) and not joint_map and leg_count(tree) > 2:
+        raise _not_upright(path)
+    found = {joint: k for joint, k in (found | _chosen(path, names, joint_map)).items() if k >= 0}
+    if _four_legged(found, tree.positions):
+        raise _not_upright(path)
+    missing = tuple(name for name in NEEDED if name not in found)
+    return JointGuess(names, tree.parents, tree.positions, found, origin, frozenset(joint_map), missing)
+
+
 def _found(data: MeshData, names: tuple[str, ...]) -> tuple[dict[str, int], str]:
+    return _told(_tree(data), data.rest_positions(), names, data.humanoid)
+
+
+def _told(
+    tree: JointTree, points: Array, names: tuple[str, ...], humanoid: Mapping[str, int]
+) -> tuple[dict[str, int], str]:
     by_name, convention = match_names(names)
-    by_name = by_name | data.humanoid
+    by_name = {**by_name, **humanoid}
     if all(name in by_name for name in REQUIRED):
-        return by_name, "VRM" if data.humanoid else convention
-    by_tree = guess_by_structure(_tree(data), data.rest_positions())
+        return by_name, "VRM" if humanoid else convention
+    by_tree = guess_by_structure(tree, points)
     if _complete(by_tree) or len(by_tree) > len(by_name):
         return by_tree, BY_TREE
     return by_name, convention if by_name else ""

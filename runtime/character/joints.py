@@ -61,6 +61,9 @@ _ASF = {
     "{S}Hand": "{i}hand", "{S}HandIndex1": "{i}fingers", "{S}UpLeg": "{i}femur", "{S}Leg": "{i}tibia",
     "{S}Foot": "{i}foot", "{S}ToeBase": "{i}toes",
 }  # fmt: skip
+_SUFFIXED = {  # UpperArm_L, of Unity and of Bandai Namco's motions
+    key: value.replace("{s}", "") + ("{i}" if "{s}" in value else "") for key, value in _VRM.items()
+}
 
 
 def _both_sides(table: Mapping[str, str]) -> dict[str, str]:
@@ -75,6 +78,7 @@ CONVENTIONS: dict[str, dict[str, str]] = {
     "SPORT": _SPORT, "Mixamo": _both_sides(_MIXAMO), "VRM": _both_sides(_VRM), "VRoid": _both_sides(_VROID),
     "Unreal": _both_sides(_UNREAL), "SMPL": _both_sides(_SMPL),
     "SMPL short": _both_sides(_SMPL_SHORT), "Rigify": _both_sides(_RIGIFY), "CMU": _both_sides(_ASF),
+    "Unity": _both_sides(_SUFFIXED),
 }  # fmt: skip
 HANDS = ("Hand",)
 NEEDED = ("Hips", "Head", *(s + bone for s in _SIDED for bone in ("UpLeg", "Leg", "Foot", "Arm", "ForeArm")))

@@ -28,7 +28,7 @@ from sport.runtime.takes.metadata import (
 )
 from sport.runtime.takes.sidecar import write_sidecar
 
-__all__ = ["Clip", "PromptEvent", "check_bvh_options", "load_clip_bvh", "save_bvh"]
+__all__ = ["Clip", "OtherSkeleton", "PromptEvent", "check_bvh_options", "load_clip_bvh", "save_bvh"]
 
 Array = NDArray[np.floating]
 
@@ -47,6 +47,10 @@ END_OFFSETS = {
     29: np.array([-0.04, 0.0, 0.0], np.float32),
     30: np.array([-0.03, 0.0, 0.03], np.float32),
 }
+
+
+class OtherSkeleton(FileError):
+    """A BVH that is sound, but not of the SPORT skeleton."""
 
 
 @dataclass(frozen=True)
@@ -228,7 +232,7 @@ def _joint_order(motion: BvhMotion, path: Path) -> list[int]:
     missing = [name for name in SPORT_SKELETON.names if name not in motion.skeleton.names]
     if missing:
         more = f" and {len(missing) - 4} more" if len(missing) > 4 else ""
-        raise FileError(f"{path}: joint {', '.join(missing[:4])}{more} is missing.", _OWN_BVH)
+        raise OtherSkeleton(f"{path}: joint {', '.join(missing[:4])}{more} is missing.", _OWN_BVH)
     return [motion.skeleton.index(name) for name in SPORT_SKELETON.names]
 
 
@@ -241,7 +245,7 @@ def _in_world(motion: BvhMotion, order: list[int], path: Path) -> tuple[Array, A
     if above < 0:
         return hips, local
     if motion.skeleton.parents[above] >= 0:
-        raise FileError(f"{path}: expected the joint Hips as ROOT, or one joint above it.", _OWN_BVH)
+        raise OtherSkeleton(f"{path}: expected the joint Hips as ROOT, or one joint above it.", _OWN_BVH)
     turn = motion.local_rotations[:, above]
     hips = motion.positions[:, above] + rotations.rotate(turn, hips)
     local[:, 0] = rotations.multiply(turn, local[:, 0])
@@ -254,7 +258,7 @@ def _metres_per_unit(motion: BvhMotion, order: list[int], path: Path) -> float:
         parent = motion.skeleton.parents[j]
         ours = SPORT_SKELETON.parents[SPORT_SKELETON.index(name)]
         if ours >= 0 and (parent < 0 or motion.skeleton.names[parent] != SPORT_SKELETON.names[ours]):
-            raise FileError(
+            raise OtherSkeleton(
                 f"{path}: joint {name} is not a child of {SPORT_SKELETON.names[ours]}.",
                 _OWN_BVH,
             )
@@ -266,7 +270,7 @@ def _metres_per_unit(motion: BvhMotion, order: list[int], path: Path) -> float:
     difference = np.linalg.norm(theirs * scale - wanted, axis=-1)
     worst = int(np.argmax(difference))
     if scale <= 0.0 or difference[worst] > 0.01:
-        raise FileError(
+        raise OtherSkeleton(
             f"{path}: joint {SPORT_SKELETON.names[worst]} rests {difference[worst] * 100:.0f} cm from its"
             " place in the SPORT skeleton.",
             _OWN_BVH,

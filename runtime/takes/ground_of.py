@@ -6,8 +6,14 @@ from pathlib import Path
 
 from sport.runtime.errors import FileError
 from sport.runtime.takes.clip import Clip
+from sport.runtime.takes.metadata import UNKNOWN
 from sport.runtime.terrain.height_map import Terrain
 from sport.runtime.terrain.library import TERRAIN_NAMES, load_terrain
+
+
+def names_ground(clip: Clip) -> bool:
+    """Whether a clip from a file says where it was made; one without metadata does not."""
+    return clip.terrain != "flat" or bool(clip.prompts) or clip.origin != UNKNOWN
 
 
 def ground_spec(clip: Clip, clip_path: Path | None = None, asked: str | None = None) -> str:

@@ -19,8 +19,9 @@ from sport.runtime.pose import Pose
 from sport.runtime.prompts.blend import read_words
 from sport.runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 from sport.runtime.takes.bvh import MAX_VALUE, format_bvh, read_bvh
-from sport.runtime.takes.clip import MAX_DISTANCE_M, Clip, PromptEvent, load_clip_bvh, save_bvh
+from sport.runtime.takes.clip import MAX_DISTANCE_M, Clip, OtherSkeleton, PromptEvent, load_clip_bvh, save_bvh
 from sport.runtime.takes.metadata import Origin, format_metadata, read_metadata, title
+from sport.runtime.takes.reference import load_reference_bvh
 from sport.runtime.terrain.files import MAX_HEIGHT_M, read_terrain, write_height_png
 
 from .mutate import damaged_bytes, damaged_glb, damaged_json, damaged_png, damaged_text
@@ -71,7 +72,10 @@ def _read_bvh(folder: Path, data: bytes) -> None:
     assert np.isfinite(motion.fps)
     with np.errstate(over="ignore", invalid="ignore"):
         motion.world()
-    take = load_clip_bvh(path)
+    try:
+        take = load_clip_bvh(path)
+    except OtherSkeleton:
+        take = load_reference_bvh(path).clip
     assert np.abs(take.hips_positions).max() <= MAX_DISTANCE_M
     assert np.isfinite(take.pose(0).positions).all()
     if take.seconds < 100.0:

@@ -157,6 +157,20 @@ class Stage:
             lambda _: self._stop_loading(),
         )
 
+    def put_ground(self, spec: str, then: Callable[[], None]) -> None:
+        """Show the ground of a take, by name or file, and go on with `then`; the next start has the one before."""
+        self.state.loading = spec
+        cell, height = self.settings.height_map_cell_m, self.settings.height_map_height_m
+
+        def show(terrain: Terrain) -> None:
+            self._stop_loading()
+            self.show_ground(spec, terrain)
+            self.reset_character()
+            then()
+
+        load = partial(self.services.load_terrain, spec, cell, height)
+        self.jobs.submit("terrain", load, show, lambda _: self._stop_loading())
+
     def _load_ground(self, path: Path) -> None:
         self.load_terrain(str(path))
 

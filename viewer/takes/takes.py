@@ -22,6 +22,7 @@ from sport.viewer.prompt.style_edit import StyleEdit
 from sport.viewer.settings import Settings
 from sport.viewer.stage.state import StageState
 from sport.viewer.takes.journals import Journals
+from sport.viewer.takes.opening import Opening
 from sport.viewer.takes.playback import Playback
 from sport.viewer.takes.rescue import Rescue
 from sport.viewer.takes.state import ClipItem, Removed, TakesState
@@ -56,6 +57,7 @@ class Takes:
 
     def __post_init__(self) -> None:
         self.journals = Journals(self.state, self.messages, self.jobs, self.folder / "journals", self._add)
+        self.opening = Opening(self.messages, self.jobs, self.stage, self._take_opened)
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
@@ -71,7 +73,7 @@ class Takes:
     @property
     def files(self) -> dict[str, Callable[[Path], None]]:
         """What opens a file, by its suffix."""
-        return {".bvh": self.open}
+        return {".bvh": self.opening.open}
 
     def before_steps(self) -> None:
         """Keep the controller's state when it is time; call once a frame before it is simulated."""
@@ -149,17 +151,9 @@ class Takes:
         self.state.items.append(item)
         self.select(len(self.state.items) - 1)
 
-    def open(self, path: Path) -> None:
-        """Add a BVH file to the list and play it."""
-        from sport.runtime.takes.clip import load_clip_bvh as load
-
-        self.jobs.submit(f"clip {path}", lambda: load(path), lambda clip: self._take_opened(path, clip))
-
     def _take_opened(self, path: Path, clip: Clip) -> None:
-        clips = self.state
-        clips.items.append(ClipItem(clip, path))
-        self.play(len(clips.items) - 1)
-        self.messages.note(f"{path.name}: {len(clip)} frames at {clip.fps:g} fps.")
+        self.state.items.append(ClipItem(clip, path))
+        self.play(len(self.state.items) - 1)
 
     def select(self, index: int) -> None:
         """Make a clip the current one and propose where to export it."""

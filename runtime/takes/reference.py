@@ -1,0 +1,176 @@
+"""A motion of another skeleton played by ours, to look at: rotations relative to its rest pose, scaled by the legs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sport.runtime import rotations
+from sport.runtime.character.guess import JointGuess, NotUpright, guess_skeleton
+from sport.runtime.character.joint_map import joint_map_path, saved_joint_map
+from sport.runtime.character.joints import align, canonical_axes
+from sport.runtime.character.tree import JointTree
+from sport.runtime.errors import FileError
+from sport.runtime.safe_read import printable
+from sport.runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON, J
+from sport.runtime.takes.bvh import BvhMotion, read_bvh
+from sport.runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, Clip
+
+Array = NDArray[np.floating]
+
+UPRIGHT = 0.3  # share of a body's extent that its head is above its feet in a rest pose that is one
+STANDS = 0.05  # share of the frames whose lowest foot may be below the ground
+LEGS = ("LeftUpLeg", "RightUpLeg")
+SOLES = ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A motion of another skeleton on ours, on flat ground; `scale` is metres of it for a unit of the file."""
+
+    clip: Clip
+    joints: int  # of ours that were found
+    origin: str  # what told them
+    scale: float
+
+    def describe(self) -> str:
+        """What a person should know of it."""
+        return f", another skeleton: {self.joints} of {J} joints by {self.origin}, a reference to look at"
+
+
+@dataclass(frozen=True)
+class _Rest:
+    guess: JointGuess
+    world: Array  # (K, 4) rotations of the file's joints in it
+    points: Array  # (N, 3)
+
+
+def load_reference_bvh(path: str | Path) -> Reference:
+    """A BVH of any two-legged skeleton whose joints can be told, as a clip of ours that begins at the origin.
+
+    FileError when it cannot be read, when joints are missing, or when it stands on four legs. Joints are those that
+    `guess_skeleton` tells, and those of `FILE.joints.json` beside it.
+    """
+    path = Path(path)
+    motion = read_bvh(path)
+    fps = float(round(motion.fps, 3))
+    if not 0.0 < fps <= MAX_FPS:
+        raise FileError(f"{path}: {fps:g} frames per second; expected at most {MAX_FPS:.0f}.", "Resample it.")
+    positions, world = motion.world()
+    rest = _rest(motion, positions, world, path)
+    with np.errstate(all="ignore"):  # what comes of it is checked
+        hips, local, scale = _retarget(rest, motion.skeleton.parents, positions, world)
+    if not np.all(np.abs(hips) <= MAX_DISTANCE_M) or not np.all(np.isfinite(local)):
+        raise FileError(f"{path}: its legs have no length, or it is too far away.", "Choose another file.")
+    clip = Clip(
+        printable(path.stem),
+        fps,
+        hips.astype(np.float32),
+        local.astype(np.float32),
+        np.zeros((len(hips), 4), np.float32),
+    )
+    return Reference(clip, len(rest.guess.found), rest.guess.origin, scale)
+
+
+def _rest(motion: BvhMotion, positions: Array, world: Array, path: Path) -> _Rest:
+    """The rest pose of the file where it is a body that stands, else the first frame, which many files begin with."""
+    skeleton, joint_map = motion.skeleton, saved_joint_map(path)
+    standing = np.zeros((len(skeleton), 3))
+    for k, parent in enumerate(skeleton.parents):
+        standing[k] = skeleton.offsets[k] + (standing[parent] if parent >= 0 else 0.0)
+    still = rotations.identity((len(skeleton),)).astype(np.float64)
+    first = rotations.normalize(world[0].astype(np.float64))
+    problems = []
+    for at, turns in ((standing, still), (positions[0].astype(np.float64), first)):
+        ends = [at[k] + rotations.rotate(turns[k], end) for k, end in motion.end_offsets.items()]
+        points = np.concatenate([at, np.array(ends).reshape(-1, 3)])
+        tree = JointTree(skeleton.parents, at)
+        try:
+            guess = guess_skeleton(path, skeleton.names, tree, points, joint_map)
+        except NotUpright:  # a rest pose of zeros may look so: the first frame tells
+            problems.append("it stands on four legs")
+            continue
+        if not guess.missing and _stands(guess.found, at):
+            return _Rest(guess, turns, points)
+        missing = f"no joints found for {', '.join(guess.missing)}"
+        problems.append(missing if guess.missing else "neither rest pose nor first frame stands")
+    raise FileError(
+        f"{path}: a motion of another skeleton, and {problems[-1]}: it cannot be played as reference.",
+        f"Name its joints in {joint_map_path(path).name} beside it, or export it with a T-pose as rest pose.",
+    )
+
+
+def _stands(found: dict[str, int], at: Array) -> bool:
+    """Whether a body is stretched out: its head is far from its feet, the hips between them."""
+    up = at[found["Head"]] - at[found["Hips"]]
+    down = at[[found["LeftFoot"], found["RightFoot"]]].mean(axis=0) - at[found["Hips"]]
+    size = float(np.linalg.norm(np.ptp(at[list(found.values())], axis=0)))
+    apart = float(np.linalg.norm(at[found["LeftUpLeg"]] - at[found["RightUpLeg"]]))
+    return bool(
+        np.linalg.norm(up - down) > UPRIGHT * size and up @ down < 0.0 and apart > 0.01 * size and size > 0.0
+    )
+
+
+def _retarget(
+    rest: _Rest, parents: tuple[int, ...], positions: Array, world: Array
+) -> tuple[Array, Array, float]:
+    """Hips `(T, 3)` in metres, local rotations `(T, 31, 4)`, and metres for a unit of the file."""
+    found, at = rest.guess.found, rest.guess.positions
+    heading = _heading(found, at)  # a first frame may face anywhere
+    matrices = np.tile(np.eye(4), (len(at), 1, 1))
+    matrices[:, :3, 3] = rotations.rotate(heading, at)
+    points = rotations.rotate(heading, rest.points)
+    alignment = align(found, parents, matrices, points)
+    scaled = alignment.basis[0]  # of a rest matrix that turns nothing: scale and axes alone
+    scale = float(np.cbrt(np.linalg.det(scaled)))
+    axes = rotations.multiply(rotations.from_matrix(scaled / scale), heading)
+    upright = _upright(rotations.rotate(axes, positions.astype(np.float64)), found)
+    ours = np.empty((len(world), J, 4))
+    for j in range(J):
+        k = found.get(SPORT_SKELETON.names[j], -1)
+        if k < 0:
+            ours[:, j] = ours[:, SPORT_SKELETON.parents[j]]
+            continue
+        turned = rotations.multiply(world[:, k].astype(np.float64), rotations.inverse(rest.world[k]))
+        turned = rotations.multiply(rotations.multiply(axes, turned), rotations.inverse(axes))
+        turned = rotations.multiply(upright, turned)
+        ours[:, j] = rotations.multiply(turned, rotations.inverse(alignment.turns[k]))
+    local = rotations.normalize(SPORT_SKELETON.local_rotations(ours))
+    legs = positions[:, [found[name] for name in LEGS]].astype(np.float64).mean(axis=1)
+    axes = rotations.multiply(upright, axes)
+    return _placed(rotations.rotate(axes, legs) * scale, local), local, scale
+
+
+def _heading(found: dict[str, int], at: Array) -> Array:
+    """The turn about the body's upright axis that puts its left on an axis: none where it is on one already."""
+    axes = canonical_axes(found, at)
+    left = axes @ (at[found["LeftUpLeg"]] - at[found["RightUpLeg"]])
+    return rotations.from_axis_angle(axes[1], np.arctan2(left[2], left[0]))
+
+
+def _upright(positions: Array, found: dict[str, int]) -> Array:
+    """The quarter turn that puts the heads of all frames up: none but where the motion has another upright axis."""
+    up = np.mean(positions[:, found["Head"]] - positions[:, found["Hips"]], axis=0)
+    axis = int(np.argmax(np.abs(up)))
+    if axis == 1 and up[1] > 0.0:
+        return rotations.identity().astype(np.float64)
+    toward = np.zeros(3)
+    toward[axis] = np.sign(up[axis])
+    return rotations.between(toward, np.array([0.0, 1.0, 0.0]))
+
+
+def _placed(legs: Array, local: Array) -> Array:
+    """Hips that put the middle of our legs where theirs is, from the origin on, the lowest foot on the ground."""
+    at, _ = SPORT_SKELETON.forward_kinematics(np.zeros((len(legs), 3)), local)
+    hips = legs - at[:, [SPORT_SKELETON.index(name) for name in LEGS]].mean(axis=1)
+    soles = [SPORT_SKELETON.index(name) for name in SOLES]
+    above = SPORT_SKELETON.rest_positions[soles, 1] + REST_HIPS_HEIGHT  # of a sole on the ground
+    lowest = (hips[:, 1, None] + at[:, soles, 1] - above).min(axis=1)
+    start = np.array([hips[0, 0], float(np.quantile(lowest, STANDS)), hips[0, 2]])
+    return np.asarray(hips - start)
+
+
+__all__ = ["Reference", "load_reference_bvh"]

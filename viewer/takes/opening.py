@@ -1,0 +1,83 @@
+"""Opening BVH files: a take on the ground that it was made on, a motion of another skeleton as reference."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sport.runtime.errors import FileError
+from sport.viewer.jobs import Jobs
+from sport.viewer.messages import Messages
+from sport.viewer.stage.state import StageState
+
+if TYPE_CHECKING:
+    from sport.runtime.takes.clip import Clip
+
+PutGround = Callable[[str, Callable[[], None]], None]  # by name or file; what to do when it is there
+
+
+@dataclass(frozen=True)
+class Opened:
+    """A clip from a file; `ground` is where it goes over, "" where the ground on the stage does."""
+
+    clip: Clip
+    ground: str
+    problem: str = ""  # why its ground cannot be shown
+    said: str = ""  # what else is to be known
+
+
+def read_clip(path: Path) -> Opened:
+    """A BVH of ours with its ground, or one of another skeleton as reference on flat ground; FileError."""
+    from sport.runtime.takes.clip import OtherSkeleton, load_clip_bvh
+    from sport.runtime.takes.ground_of import ground_spec, names_ground
+    from sport.runtime.takes.prepare import on_its_ground
+    from sport.runtime.takes.reference import load_reference_bvh
+
+    try:
+        clip = load_clip_bvh(path)
+    except OtherSkeleton:
+        reference = load_reference_bvh(path)
+        return Opened(reference.clip, "flat", said=reference.describe())
+    if not names_ground(clip):
+        return Opened(clip, "")
+    try:
+        return Opened(on_its_ground(clip), ground_spec(clip, path))
+    except FileError as error:
+        return Opened(clip, "", error.problem)
+
+
+@dataclass
+class Opening:
+    """Opens files; `take` puts a clip into the list and plays it, `put_ground` loads a ground."""
+
+    messages: Messages
+    jobs: Jobs
+    stage: StageState
+    take: Callable[[Path, Clip], None]
+    put_ground: PutGround = lambda _, done: done()
+
+    def open(self, path: Path, keep_ground: bool = False) -> None:
+        """Add a BVH file to the list and play it, on its own ground unless `keep_ground`."""
+        self.jobs.submit(
+            f"clip {path}", lambda: read_clip(path), lambda opened: self._opened(path, opened, keep_ground)
+        )
+
+    def _opened(self, path: Path, opened: Opened, keep_ground: bool) -> None:
+        clip, here = opened.clip, self.stage.terrain_spec
+        text = f"{path.name}: {len(clip)} frames at {clip.fps:g} fps{opened.said}"
+
+        def play(ground: str) -> None:
+            self.take(path, clip)
+            self.messages.note(f"{text}{ground}.")
+
+        if opened.problem:
+            play("")
+            self.messages.warn(
+                f"{opened.problem} It plays on {self.stage.terrain.name}. Put that file beside it and open it again."
+            )
+        elif keep_ground or not opened.ground or opened.ground == here:
+            play("")
+        else:
+            self.put_ground(opened.ground, lambda: play(f", on the ground {Path(opened.ground).name}"))

@@ -76,6 +76,36 @@ def test_feet_slide_no_more_than_before_in_the_loop_and_over_its_seam() -> None:
     assert np.median(played[standing]) < 1e-4
 
 
+def onto_the_last(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The turn about the vertical and the way over the ground that bring the first frame's joints onto the last's."""
+    first, last = positions[0], positions[-1]
+    a, b = ((points - points.mean(axis=0))[:, [0, 2]] for points in (first, last))
+    turn = rotations.from_yaw(np.arctan2((a[:, 1] * b[:, 0] - a[:, 0] * b[:, 1]).sum(), (a * b).sum()))
+    way = last.mean(axis=0) - rotations.rotate(turn, first.mean(axis=0))
+    return turn, way * (1.0, 0.0, 1.0)
+
+
+@pytest.mark.parametrize("fps", [60.0, 30.0])
+@pytest.mark.parametrize("ground_root", [False, True])
+def test_the_file_closes_by_what_is_read_from_it_alone(tmp_path: Path, fps: float, ground_root: bool) -> None:
+    save_motion(
+        uneven_walk(),
+        tmp_path / "loop.bvh",
+        ExportOptions(loop=True, fps=fps, ground_root=ground_root),
+        FLAT,
+    )
+    positions, world = load_clip_bvh(tmp_path / "loop.bvh").world()
+    positions = positions.astype(float)
+    turn, way = onto_the_last(positions)
+    second = rotations.rotate(turn, positions) + way
+    assert np.linalg.norm(second[0] - positions[-1], axis=-1).max() < 0.01
+    angles = rotations.angle_between(rotations.multiply(turn, world[0]), world[-1])
+    assert np.rad2deg(angles.max()) < 2.0
+    played, n = np.concatenate([positions, second[1:]]), len(positions) - 1
+    slow = feet_way(played)[n - 4 : n + 4] * fps / 60.0
+    assert np.sort(slow, axis=1)[:, 0].max() < 0.002, "the foot that stands does not slide over the seam"
+
+
 def test_what_does_not_walk_is_refused() -> None:
     hips, local, contacts = walk(300)
     still = Clip("still", 60.0, np.repeat(hips[:1], 300, 0), np.repeat(local[:1], 300, 0), contacts)

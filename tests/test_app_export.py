@@ -1,0 +1,88 @@
+"""The export window of the real application, driven without a display: the files are there and hold the take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+import trimesh
+from app_driver import Start, click_on, run
+from glb_playback import play
+from gltf_characters import user_character
+
+from sport.runtime.character.writer import write_character
+from sport.runtime.skeleton import SPORT_SKELETON
+from sport.runtime.takes import fbx
+from sport.viewer.app import App
+from sport.viewer.exports.state import FORMATS
+from sport.viewer.services import Services
+
+FRAMES = 24
+REAL = {"load_character": Services().load_character}
+
+
+def export(app: App, folder: Path, suffix: str, **form: object) -> Path:
+    """Record a walk, choose a format in the window as a person would, and press Export."""
+    app.state.settings.export_folder = str(folder)
+    app.takes.toggle_recording()
+    app.window.inject_key("w", True)
+    run(app, FRAMES)
+    app.window.inject_key("w", False)
+    app.takes.toggle_recording()
+    run(app, 2)
+    click_on(app, "##more formats")
+    if app.state.desk.exports.form.suffix != suffix:
+        click_on(app, "##export format")
+        click_on(app, FORMATS[suffix])
+    for name, value in form.items():
+        setattr(app.state.desk.exports.form, name, value)
+    run(app, 2)
+    click_on(app, "##export now")
+    run(app, 2)
+    report = app.state.desk.exports
+    assert report.report_good, report.report
+    return folder / f"take-1{suffix}"
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_a_glb_has_mesh_skin_motion_and_ground(start: Start, tmp_path: Path, own: bool) -> None:
+    app = start(services=REAL, terrain="hills")
+    if own:
+        write_character(tmp_path / "me.glb", user_character())
+        app.open_files([tmp_path / "me.glb"])
+    path = export(app, tmp_path, ".glb", ground="inside")
+    scene = trimesh.load(str(path))
+    triangles = sorted(len(mesh.faces) for mesh in scene.geometry.values())
+    assert len(triangles) >= 2, "the character and the ground"
+    played = play(path)
+    assert len(played.times) == FRAMES
+    assert np.allclose(np.diff(played.times), 1 / 60, atol=1e-5)
+    clip = app.state.takes.items[0].clip
+    moved = next(at for name, at in played.joints().items() if name.endswith("Hips"))[:, :3, 3]
+    wanted = clip.hips_positions - clip.hips_positions[0]
+    assert np.allclose((moved - moved[0])[:, [0, 2]], wanted[:, [0, 2]], atol=1e-3)
+    if not own:
+        joints = np.stack([played.joints()[name][:, :3, 3] for name in SPORT_SKELETON.names], 1)
+        assert np.abs(joints - clip.world()[0]).max() < 1e-3
+
+
+def test_an_mp4_has_a_frame_for_each_thirtieth_second(start: Start, tmp_path: Path) -> None:
+    app = start(services=REAL)
+    path = export(app, tmp_path, ".mp4", size="640x360", quality="software", camera="side")
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        pictures = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
+        assert (stream.width, stream.height, stream.codec_context.name) == (640, 360, "h264")
+        assert stream.average_rate == 30
+    assert len(pictures) == FRAMES // 2
+    assert app.state.desk.exports.progress == (FRAMES // 2, FRAMES // 2)
+    assert np.std(pictures[0]) > 10.0, "something is drawn"
+    assert np.abs(pictures[0].astype(int) - pictures[-1]).max() > 30, "it moves"
+
+
+@pytest.mark.skipif(fbx.find_blender() is None, reason="neither bpy nor a command blender")
+def test_an_fbx_is_written_where_blender_is(start: Start, tmp_path: Path) -> None:
+    path = export(start(services=REAL), tmp_path, ".fbx")
+    assert path.read_bytes().startswith(b"Kaydara FBX Binary")

@@ -241,7 +241,7 @@ def peak_memory_mb(command: list[str]) -> float | None:
 def _run(command: list[str]) -> str:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
-        raise SportError(f"`sport view --offscreen` failed: {done.stderr.strip()[-300:]}", "Mend that first.")
+        raise SportError(f"`sport view --offscreen` failed: {done.stderr.strip()[-300:]}", "Fix that first.")
     return done.stdout
 
 

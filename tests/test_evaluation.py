@@ -18,7 +18,7 @@ from sport.training.data.height_patches import Patches
 from sport.training.evaluation.command import build_parser, main
 from sport.training.evaluation.motion.capture import TERRAIN_GROUP, driving_segments, read_capture
 from sport.training.evaluation.motion.courses import run_course
-from sport.training.evaluation.motion.driving import follow, replay, transition, wish_of
+from sport.training.evaluation.motion.driving import follow, replay, requests_of, transition
 from sport.training.evaluation.motion.motion import load_motion
 from sport.training.evaluation.motion.plan import Options, make_plan, style_texts
 from sport.training.evaluation.motion.score_capture import score_held_out, score_rollouts
@@ -128,9 +128,9 @@ def test_root_features_are_those_that_training_sees(clips):
 
 def test_following_goes_where_the_clip_goes_at_its_time(clips):
     clip = load_motion(clips / "a_1.npz")
-    wish = wish_of(clip, lead_in=60)
-    assert len(wish.xz) == len(clip) + 60
-    assert np.diff(wish.xz[:61, 1]) == pytest.approx(np.full(60, wish.velocity[0, 1] / 60))
+    requests = requests_of(clip, lead_in=60)
+    assert len(requests.xz) == len(clip) + 60
+    assert np.diff(requests.xz[:61, 1]) == pytest.approx(np.full(60, requests.velocity[0, 1] / 60))
     made = follow(WalkerModel(), clip, Z)
     assert (len(made), made.style, made.source) == (len(clip), "neutral", "generated")
     assert np.linalg.norm(made.positions[:, 0] - clip.positions[:, 0], axis=-1).max() < 0.35

@@ -113,7 +113,7 @@ def test_a_damaged_vocabulary_is_named(tmp_path, content):
         load_structured_prompt(path)
 
 
-# answers that need mending
+# answers that need correction
 
 
 @pytest.mark.parametrize(
@@ -149,7 +149,7 @@ BAD = {
 
 
 @pytest.mark.parametrize(("answer", "reason"), BAD.values(), ids=BAD.keys())
-def test_a_wrong_answer_is_mended_once_with_the_reason(endpoint, expander_of, answer, reason):
+def test_a_wrong_answer_is_corrected_once_with_the_reason(endpoint, expander_of, answer, reason):
     endpoint.script = [say(answer), say(PROUD.to_json())]
     assert expander_of(endpoint).expand("proud").descriptions == PROUD
     first, second = endpoint.bodies

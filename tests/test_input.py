@@ -1,4 +1,4 @@
-"""Keys, pads and scripts become the wishes that drive the character."""
+"""Keys, pads and scripts become the commands that drive the character."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sentences told of the left side: what is mirrored, what has no side, and that the codes are mirrored with it."""
+"""Sentences described of the left side: what is mirrored, what has no side, and that the codes are mirrored with it."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ WORDS = [
 
 
 @pytest.mark.parametrize(
-    ("part", "text", "told", "sign"),
+    ("part", "text", "description", "sign"),
     [
         ("left_arm", "left hand on the hip", "left hand on the hip", 1.0),
         ("right_arm", "right hand on the hip", "left hand on the hip", 1.0),
@@ -50,20 +50,20 @@ WORDS = [
         ("torso", "upright as a bright knight", "upright as a bright knight", 0.0),
     ],
 )
-def test_a_sentence_is_told_of_the_left(part, text, told, sign):
-    assert one_sided(part, text) == (told, sign)
+def test_a_sentence_describes_the_left(part, text, description, sign):
+    assert one_sided(part, text) == (description, sign)
 
 
 @given(st.lists(st.sampled_from(WORDS), min_size=1, max_size=8).map(" ".join), st.sampled_from(PART_NAMES))
 def test_mirrored_words_are_told_alike_with_the_other_sign(text, part):
     mirrored = mirror_text(text)
     other = {"left": "right_", "right": "left_"}.get(part.split("_")[0], "")
-    told, sign = one_sided(part, text)
+    description, sign = one_sided(part, text)
     told_mirrored, sign_mirrored = one_sided(other + part.split("_")[1] if other else part, mirrored)
     if sign == 0:
-        assert (told, told_mirrored, sign_mirrored) == (text, mirrored, 0.0)
+        assert (description, told_mirrored, sign_mirrored) == (text, mirrored, 0.0)
     else:
-        assert told == told_mirrored
+        assert description == told_mirrored
         assert sign_mirrored == (sign if other else -sign)
 
 

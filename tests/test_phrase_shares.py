@@ -13,7 +13,7 @@ from sport.runtime.prompts.english.compose import compose_neighbours
 from sport.runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
 from sport.runtime.prompts.expander import Expansion
 from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.prompts.shares import PhraseShares, load_shares, told_of_left
+from sport.runtime.prompts.shares import PhraseShares, as_left_limb, load_shares
 from sport.runtime.skeleton import PART_NAMES
 from sport.training.evaluation.text import phrase_shares
 from sport.training.evaluation.text import walks as text_walks
@@ -42,8 +42,8 @@ def measured(name: str = "") -> BodyMeasures:
 
 
 def test_a_sentence_of_the_right_limb_is_looked_up_as_one_of_the_left() -> None:
-    assert told_of_left("Right hand on the  hip", "right_arm") == ("arm", "left hand on the hip")
-    assert told_of_left("head turned to the right", "head") == ("head", "head turned to the right")
+    assert as_left_limb("Right hand on the  hip", "right_arm") == ("arm", "left hand on the hip")
+    assert as_left_limb("head turned to the right", "head") == ("head", "head turned to the right")
     assert TABLE.of("right hand on the hip, held still", "right_arm") == 0.2
     assert TABLE.of("right hand on the hip, held still", "left_arm") is None
 

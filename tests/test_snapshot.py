@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -62,6 +64,17 @@ def test_the_same_in_another_controller_from_bytes(walked: Controller, model: Mo
     play(other, 0, 25)
     Snapshot.from_bytes(data).restore(other)
     assert same(play(other, 110, 170), once)
+
+
+def test_a_file_with_the_former_name_of_an_attribute_is_read(walked: Controller) -> None:
+    state = take_snapshot(walked)
+    trajectory = state.tree["_trajectory"]
+    former = {
+        ("wished_yaw" if name == "requested_yaw" else name): value for name, value in trajectory.items()
+    }
+    assert former.keys() != trajectory.keys()
+    old = dataclasses.replace(state, tree=state.tree | {"_trajectory": former})
+    assert Snapshot.from_bytes(old.to_bytes()).tree["_trajectory"].keys() == trajectory.keys()
 
 
 def test_a_snapshot_holds_what_changes_and_not_what_follows_later(walked: Controller) -> None:

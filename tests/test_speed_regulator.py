@@ -11,15 +11,15 @@ from sport.runtime.motion.speed_regulator import RANGE, STANDING_GAIN, SpeedRegu
 LATE, SLUGGISH = (
     round(0.25 * FPS),
     0.7 * FPS,
-)  # frames until a changed wish is noticed, and followed; as the trained network
+)  # frames until a changed request is noticed, and followed; as the trained network
 
 
 def walk(pace: float, asked: float, seconds: float = 12.0) -> np.ndarray:
     """Speeds of a body that goes `pace` times the speed it is asked for, late and sluggishly."""
-    regulator, speed, wishes, speeds = SpeedRegulator(), 0.0, [0.0] * LATE, []
+    regulator, speed, requests, speeds = SpeedRegulator(), 0.0, [0.0] * LATE, []
     for _ in range(round(seconds * FPS)):
-        wishes.append(asked * regulator.update(asked, speed))
-        speed += (pace * wishes.pop(0) - speed) / SLUGGISH
+        requests.append(asked * regulator.update(asked, speed))
+        speed += (pace * requests.pop(0) - speed) / SLUGGISH
         speeds.append(speed)
     return np.array(speeds)
 

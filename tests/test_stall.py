@@ -1,11 +1,11 @@
-"""A gait that stalls is noticed, one that steps or rests is not; phases are turned as steps turn them."""
+"""A gait that stalls is noticed, one that steps or rests is not; phases are advanced as steps advance them."""
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sport.runtime.motion.features import FPS
-from sport.runtime.motion.stall import FEET, STALLED_SECONDS, Stall, turned
+from sport.runtime.motion.stall import FEET, STALLED_SECONDS, Stall, advance_by_cycles
 
 WANTED = 1.4  # m/s
 
@@ -47,8 +47,8 @@ def test_it_ends_when_the_feet_move_again():
 
 
 @given(st.floats(-3.0, 3.0), st.floats(0.1, 2.0), st.floats(0.0, 1.0))
-def test_turned_phases_keep_their_amplitude_and_go_forward(start: float, amplitude: float, turns: float):
+def test_advanced_phases_keep_their_amplitude_and_go_forward(start: float, amplitude: float, cycles: float):
     before = amplitude * np.array([np.sin(start), np.cos(start)])
-    after = turned(before, turns)
-    angle = start + 2.0 * np.pi * turns
+    after = advance_by_cycles(before, cycles)
+    angle = start + 2.0 * np.pi * cycles
     np.testing.assert_allclose(after, amplitude * np.array([np.sin(angle), np.cos(angle)]), atol=1e-9)

@@ -22,7 +22,7 @@ PAD = 61  # frames of extrapolated root path at each end of a clip
 FACING_SIGMA = 12.0  # frames; the root faces the forward direction smoothed by this Gaussian
 MAX_PATCHES = 3
 LAYERED = "layered"  # content of clips made by sport.training.layering
-PLAIN = "neutral"  # of the neutral styles the one that "a person walking normally" is told of
+PLAIN = "neutral"  # of the neutral styles the one that "a person walking normally" describes
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""Rollouts in which one body part is told what another clip's does: the others must go on as their own words say.
+"""Rollouts in which one body part has the words of another clip: the others must go on as their own words say.
 
 In capture the parts of a style always move together, so a network may read the right arm off the left arm's code, or
 off the left arm itself. A lane with a swap keeps the other clip's code for one part until it ends. That part runs
@@ -42,7 +42,7 @@ _MOVES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 
 @dataclass
 class Swaps:
-    """Of every lane: the part `(lanes,)` that is swapped, or NOTHING, and the clip `(lanes,)` that it is told of."""
+    """Of every lane: the part `(lanes,)` that is swapped, or NOTHING, and the clip `(lanes,)` whose words it has."""
 
     part: Tensor
     clip: Tensor
@@ -54,7 +54,7 @@ class Swaps:
         return Swaps(zero + NOTHING, zero)
 
     def draw(self, lanes: Tensor, clips: Tensor) -> None:
-        """New swaps for the lanes with indices `lanes` `(n,)`, told of `clips` `(n,)`."""
+        """New swaps for the lanes with indices `lanes` `(n,)`, with the words of `clips` `(n,)`."""
         chance = torch.tensor([SHARE * _CHANCE[p] for p in PART_NAMES] + [1.0 - SHARE], device=clips.device)
         self.part[lanes] = torch.multinomial(chance, len(lanes), replacement=True)
         self.clip[lanes] = clips

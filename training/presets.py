@@ -43,12 +43,12 @@ class ModelConfig:
     text_encoder: str = "all-MiniLM-L6-v2"  # paper CLIP ViT-B/32, of 512
     text_size: int = 384  # numbers of a sentence embedding
     direction_words: bool = True  # also numbers for words such as left and right (paper: the embedding alone)
-    # every sentence is read as told of the left side, and mirrored back (paper: left and right are words like others)
+    # every sentence is read as of the left side, and mirrored back (paper: left and right are words like others)
     one_sided_words: bool = True
     # Eq. 14 with the captured motion in place of E_d's own codes, and the denoiser's output added to these codes
     # (paper: the codes alone, which the denoiser learns from nothing)
     residual_diffusion: bool = True
-    # stages 2 and 3 also see rollouts in which one part is told what another clip's does (paper: no)
+    # stages 2 and 3 also see rollouts in which one part follows the words of another clip (paper: no)
     part_swaps: bool = True
     # after stage 1 the text network learns phrases in longer sentences, `sport.training.stages.words` (paper: no)
     longer_sentences: bool = True

@@ -92,7 +92,7 @@ def load_style_texts(
     """Gather and embed every description; FileError names a style of the data that has none.
 
     `clips` is the folder of the clips: its `layers.json` holds the descriptions of layered clips, its
-    `captions.json`, if there, sentences measured on each captured one. `words` appends the direction words, `side` tells every sentence of the left.
+    `captions.json`, if there, sentences measured on each captured one. `words` appends the direction words, `side` describes every limb as the left one.
     """
     library = _read(path, "Restore assets/prompts/styles.json.")
     layers = _optional(clips, LAYERS)

@@ -222,16 +222,16 @@ def _read_bvh(path):
     fps = round(1.0 / float(step[1]), 3)
     offsets = re.findall(r"OFFSET\s+(\S+)\s+(\S+)\s+(\S+)", text)
     longest = max((math.dist((0, 0, 0), map(float, offset)) for offset in offsets[1:]), default=0.0)
-    told = {}
+    described = {}
     with contextlib.suppress(OSError, ValueError):  # a BVH of another program has no JSON beside it
-        told = json.loads(path.with_name(path.name + ".json").read_text(encoding="utf-8"))
-    told = told if isinstance(told, dict) and told.get("format") == "sport-take" else {}
-    marks = [(_title(e), max(float(e.get("seconds", 0.0)), 0.0)) for e in told.get("prompts", [])]
-    marks += [(str(name), float(seconds)) for seconds, name in told.get("gaits", [])]
+        described = json.loads(path.with_name(path.name + ".json").read_text(encoding="utf-8"))
+    described = described if isinstance(described, dict) and described.get("format") == "sport-take" else {}
+    marks = [(_title(e), max(float(e.get("seconds", 0.0)), 0.0)) for e in described.get("prompts", [])]
+    marks += [(str(name), float(seconds)) for seconds, name in described.get("gaits", [])]
     found = tuple(sorted(((name, round(s * fps)) for name, s in marks), key=lambda mark: mark[1]))
     scale = 0.01 if longest > 3.0 else 1.0  # no bone is three metres long
-    placed = told.get("placed", True) is not None
-    return TakeFacts(fps, int(frames[1]), found, scale, str(told.get("terrain", "")), placed)
+    placed = described.get("placed", True) is not None
+    return TakeFacts(fps, int(frames[1]), found, scale, str(described.get("terrain", "")), placed)
 
 
 def _title(event):
@@ -256,12 +256,14 @@ def glb_json(path):
 
 def _read_glb(path):
     document = glb_json(path)
-    told = [a.get("extras", {}).get("sport") for a in document.get("animations", [])]
-    told = next((value for value in told if value), None)
-    if told is None:
+    described = [a.get("extras", {}).get("sport") for a in document.get("animations", [])]
+    described = next((value for value in described if value), None)
+    if described is None:
         raise ValueError(f"{path.name}: no take of the SPORT viewer; use File > Import > glTF 2.0")
-    marks = tuple((m["name"], int(m["frame"])) for m in told["markers"])
-    return TakeFacts(float(told["fps"]), int(told["frames"]), marks, 1.0, told.get("ground", ""), True)
+    marks = tuple((m["name"], int(m["frame"])) for m in described["markers"])
+    return TakeFacts(
+        float(described["fps"]), int(described["frames"]), marks, 1.0, described.get("ground", ""), True
+    )
 
 
 def find_ground(path, terrain=""):

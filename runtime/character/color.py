@@ -102,27 +102,27 @@ class Textures:
         if not data.startswith((b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff")):
             raise FileError(f"{self._file.name}: {what} is neither PNG nor JPEG.", _EXPORT)
         try:
-            with Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as picture:
+            with Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as image:
                 # each scan of a JPEG is another pass over the whole image
-                passes = 1 + data.count(b"\xff\xda") // 16 if picture.format == "JPEG" else 1
-                self._left += len(data) * PIXELS_PER_BYTE - picture.width * picture.height * passes
-                if self._left < 0 or max(picture.size) > MAX_TEXTURE_SIDE:
+                passes = 1 + data.count(b"\xff\xda") // 16 if image.format == "JPEG" else 1
+                self._left += len(data) * PIXELS_PER_BYTE - image.width * image.height * passes
+                if self._left < 0 or max(image.size) > MAX_TEXTURE_SIDE:
                     raise FileError(
                         f"{self._file.name}: up to {what} its textures are larger than"
                         f" {MAX_TEXTURE_PIXELS >> 20} million pixels.",
                         "Reduce its textures.",
                     )
-                return _reduced(picture)
+                return _reduced(image)
         except (Image.DecompressionBombError, *STRUCTURE_ERRORS, OSError, SyntaxError, EOFError) as error:
             raise FileError(f"{self._file.name}: {what} is damaged ({reason(error)}).", _EXPORT) from error
 
 
-def _reduced(picture: Any) -> NDArray[np.uint8]:
+def _reduced(image: Any) -> NDArray[np.uint8]:
     """RGB of at most `SAMPLED_PIXELS` a side: large images are averaged before they are converted."""
-    picture.draft("RGB", (SAMPLED_PIXELS, SAMPLED_PIXELS))
-    if picture.mode in ("L", "RGB", "RGBA"):
-        factor = max(1, max(picture.size) // (2 * SAMPLED_PIXELS))
-        picture = picture.reduce(factor)
-    small = picture.convert("RGB")
+    image.draft("RGB", (SAMPLED_PIXELS, SAMPLED_PIXELS))
+    if image.mode in ("L", "RGB", "RGBA"):
+        factor = max(1, max(image.size) // (2 * SAMPLED_PIXELS))
+        image = image.reduce(factor)
+    small = image.convert("RGB")
     small.thumbnail((SAMPLED_PIXELS, SAMPLED_PIXELS))
     return np.asarray(small)

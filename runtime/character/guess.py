@@ -36,7 +36,7 @@ class NotUpright(FileError):
 class JointGuess:
     """The joints of a file and what they play.
 
-    `found` maps SPORT joints to indices, `origin` says what told (the convention of the names, or `BY_TREE`),
+    `found` maps SPORT joints to indices, `origin` says by what (the convention of the names, or `BY_TREE`),
     `chosen` are those that a joint map names, `missing` those without which nothing can be driven.
     """
 
@@ -52,7 +52,7 @@ class JointGuess:
 def guess_joints(
     path: Path, data: MeshData, names: tuple[str, ...], joint_map: Mapping[str, str]
 ) -> tuple[JointGuess, MeshData]:
-    """What the joints play, and the mesh data in the rest pose that told it: as the file stands, or as it was bound.
+    """What the joints play, and the mesh data in the rest pose they were read off: as the file stands, or as it was bound.
 
     FileError where the map names a joint that is not there; `NotUpright` for a quadruped.
     """

@@ -98,7 +98,7 @@ def match_joints(names: Sequence[str]) -> dict[str, int]:
 
 
 def match_names(names: Sequence[str]) -> tuple[dict[str, int], str]:
-    """What `match_joints` finds, and the convention that told it."""
+    """What `match_joints` finds, and the convention that gave it."""
     best: tuple[dict[str, int], str] = ({}, "")
     for bare in (tuple(map(simple_name, names)), tuple(map(simple_name, _without_prefix(names)))):
         index: dict[str, int] = {}

@@ -20,7 +20,7 @@ from sport.runtime.motion.model import MotionModel, Style
 from sport.runtime.motion.noise import DriftingNoise
 from sport.runtime.motion.phase import advance_phase
 from sport.runtime.motion.speed_regulator import SpeedRegulator
-from sport.runtime.motion.stall import TURNS_PER_SECOND, Stall, turned
+from sport.runtime.motion.stall import CYCLES_PER_SECOND, Stall, advance_by_cycles
 from sport.runtime.motion.style_mix import StyleFolder, StyleMix, mixed
 from sport.runtime.motion.trajectory import PRESENT, Trajectory, decay
 from sport.runtime.pose import Pose
@@ -35,7 +35,7 @@ DT = 1.0 / FPS
 TEMPERATURE = (
     0.7  # of the sampler: livelier than its mean, and nearer to the capture than at 1 (docs/model.md)
 )
-STAND_SPEED = 0.12  # m/s; slower wishes mean standing
+STAND_SPEED = 0.12  # m/s; slower requests mean standing
 MIN_GAIT_SPEED = 0.3  # m/s; slower, feet may well rest for a while
 CROUCH_SPEED = 0.8  # m/s at full stick
 JUMP_SECONDS = 0.7
@@ -361,7 +361,7 @@ class Controller:
 
     def _unstall(self) -> None:
         if self._stall.update(self._body.joints, self._gait_speed()):
-            self._body.phase = turned(self._body.phase, TURNS_PER_SECOND * DT)
+            self._body.phase = advance_by_cycles(self._body.phase, CYCLES_PER_SECOND * DT)
 
     def _root_velocity(self, velocity: Array, clear: bool = False) -> Array:
         """The velocity (m/s) that the root takes of the network's; `clear` where no step is known to lie ahead."""
@@ -377,7 +377,7 @@ class Controller:
         return self.asked_speed if travels and self.asked_speed > MIN_GAIT_SPEED else 0.0
 
     def _stride_warp(self) -> float:
-        """Scale of the root's displacement towards the asked speed; the foot lock keeps the feet planted."""
+        """Scale of the root's displacement towards the requested speed; the foot lock keeps the feet planted."""
         walks = self._measured_speed > 0.5 * self.asked_speed > 0.5 * STAND_SPEED
         return float(np.clip(self.asked_speed / self._measured_speed, *STRIDE_WARP)) if walks else 1.0
 

@@ -95,7 +95,7 @@ class Crowd:
             gaits.append(gait)
         windows = self._windows()
         velocities = np.array([m._trajectory.velocity for m in members])
-        bend(*windows, velocities, np.array([m._trajectory.wished_yaw for m in members]), np.array(gaits))
+        bend(*windows, velocities, np.array([m._trajectory.requested_yaw for m in members]), np.array(gaits))
         self._keep(windows)
 
     def _windows(self) -> tuple[Array, Array, Array]:

@@ -1,6 +1,6 @@
 """Inertialization of the arms while styles blend (Bollo, GDC 2018): what turns too fast is shown a little later.
 
-Between two styles the network changes its mind at one moment, however slowly Z^t moves: an arm told to go overhead
+Between two styles the network changes its mind at one moment, however slowly Z^t moves: an arm commanded overhead
 is there within 0.15 s. The part of a frame's turn that is too fast goes into an offset on the shown rotation, which
 a critically damped spring takes back to zero.
 """

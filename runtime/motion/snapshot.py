@@ -33,6 +33,7 @@ VALUES = {
     "StyleMix": StyleMix,
     "Pose": Pose,
 }  # immutable records of numbers, shared with the controller
+RENAMED = {"wished_yaw": "requested_yaw"}  # attributes that files of earlier releases name otherwise
 REMEDY = "Record the take again with this model."
 Tree = dict[str, Any]
 
@@ -225,7 +226,7 @@ def _unpacked(value: Any, arrays: dict[str, np.ndarray]) -> Any:
     if not isinstance(value, dict):
         return value
     if "d" in value:
-        return {k: _unpacked(v, arrays) for k, v in value["d"].items()}
+        return {RENAMED.get(k, k): _unpacked(v, arrays) for k, v in value["d"].items()}
     if "t" in value:
         return tuple(_unpacked(v, arrays) for v in value["t"])
     for name, record in VALUES.items():

@@ -1,6 +1,6 @@
 """A stall: the root travels while the feet hardly move, because the phases that the network feeds itself stand still.
 
-Turning them forward, as a step would, lets the gait catch on again within some tenths of a second.
+Advancing them, as a step would, lets the gait catch on again within some tenths of a second.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from sport.runtime.motion.trajectory import decay
 Array = NDArray[np.floating]
 
 FEET = list(SOLE_POINTS)
-STALLED_SHARE = 0.35  # of the asked speed; in a gait feet move against the root about as fast as the root
+STALLED_SHARE = 0.35  # of the requested speed; in a gait feet move against the root about as fast as the root
 STALLED_SECONDS = 0.25  # longer than feet rest against the root in the slowest step
 SMOOTHING = 0.1  # seconds, half-life of the feet's speed
-TURNS_PER_SECOND = 2.0  # of the phases while stalled
+CYCLES_PER_SECOND = 2.0  # of the phases while stalled
 
 
 class Stall:
@@ -33,23 +33,23 @@ class Stall:
         """Forget the motion so far."""
         self._feet, self._seconds = None, 0.0
 
-    def update(self, joints: Array, wanted: float) -> bool:
-        """Whether the gait stalls, given joints `(31, 3)` relative to the root and the speed `wanted` in m/s, 0 at rest."""
+    def update(self, joints: Array, requested: float) -> bool:
+        """Whether the gait stalls, given joints `(31, 3)` relative to the root and the speed `requested` in m/s, 0 at rest."""
         feet = joints[FEET]
         if self._feet is None:
-            self._speed = wanted
+            self._speed = requested
         else:
             speed = float(np.linalg.norm(feet - self._feet, axis=-1).mean()) * FPS
             self._speed += (speed - self._speed) * (1.0 - decay(SMOOTHING))
         self._feet = feet
-        slow = wanted > 0.0 and self._speed < STALLED_SHARE * wanted
+        slow = requested > 0.0 and self._speed < STALLED_SHARE * requested
         self._seconds = self._seconds + 1.0 / FPS if slow else 0.0
         return self._seconds > STALLED_SECONDS
 
 
-def turned(phase: Array, turns: float) -> Array:
-    """Phase vectors `(..., 2)`, amplitude times sine and cosine, `turns` further on."""
-    angle = 2.0 * np.pi * turns
+def advance_by_cycles(phase: Array, cycles: float) -> Array:
+    """Phase vectors `(..., 2)`, amplitude times sine and cosine, advanced by `cycles`."""
+    angle = 2.0 * np.pi * cycles
     sine, cosine = np.sin(angle), np.cos(angle)
     s, c = phase[..., 0], phase[..., 1]
     return np.stack([s * cosine + c * sine, c * cosine - s * sine], axis=-1)

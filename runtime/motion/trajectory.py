@@ -1,4 +1,4 @@
-"""Where the character was and is asked to go: ±1 s of root path, facing and gait, blended from stick and network."""
+"""Where the character was and is requested to go: ±1 s of root path, facing and gait, blended from stick and network."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LENGTH = 2 * PRESENT + 1
 # How strongly the stick overrules the network along the coming second: 1 - (1 - t)^bias at time t of it.
 POSITION_BIAS = 8.0
 DIRECTION_BIAS = 3.0
-VELOCITY_HALF_LIFE = 0.09  # seconds in which the asked velocity covers half of a change of the stick
+VELOCITY_HALF_LIFE = 0.09  # seconds in which the requested velocity covers half of a change of the stick
 FACING_HALF_LIFE = 0.09
 GAIT_HALF_LIFE = 0.10
 
@@ -47,8 +47,8 @@ class Trajectory:
         self.yaw = np.full(LENGTH, float(yaw))
         self.gait = np.zeros((LENGTH, GAITS))
         self.gait[:, 0] = 1.0
-        self.velocity = np.zeros(2)  # smoothed wish, m/s
-        self.wished_yaw = float(yaw)
+        self.velocity = np.zeros(2)  # smoothed request, m/s
+        self.requested_yaw = float(yaw)
 
     @property
     def samples(self) -> NDArray[np.integer]:
@@ -61,16 +61,16 @@ class Trajectory:
         return np.stack([np.sin(self.yaw), np.cos(self.yaw)], axis=-1)
 
     def steer(self, velocity: Array, facing_yaw: float | None, gait: Array) -> None:
-        """Blend the asked velocity (m/s), facing (radians) and gait (one-hot) into the coming second."""
+        """Blend the requested velocity (m/s), facing (radians) and gait (one-hot) into the coming second."""
         self.aim(velocity, facing_yaw)
-        bend(self.xz, self.yaw, self.gait, self.velocity, self.wished_yaw, gait)
+        bend(self.xz, self.yaw, self.gait, self.velocity, self.requested_yaw, gait)
 
     def aim(self, velocity: Array, facing_yaw: float | None) -> None:
-        """Smooth the asked velocity (m/s) and facing (radians; None keeps it)."""
+        """Smooth the requested velocity (m/s) and facing (radians; None keeps it)."""
         self.velocity += (velocity - self.velocity) * (1 - decay(VELOCITY_HALF_LIFE))
         if facing_yaw is not None:
-            turn = wrap_angle(facing_yaw - self.wished_yaw)
-            self.wished_yaw += float(turn) * (1 - decay(FACING_HALF_LIFE))
+            turn = wrap_angle(facing_yaw - self.requested_yaw)
+            self.requested_yaw += float(turn) * (1 - decay(FACING_HALF_LIFE))
 
     def advance(self, displacement: Array, turn: float, positions: Array, directions: Array) -> None:
         """Move on by one frame: see `advance`."""
@@ -78,7 +78,7 @@ class Trajectory:
 
 
 def bend(
-    xz: Array, yaw: Array, gaits: Array, velocity: Array, wished_yaw: Array | float, gait: Array
+    xz: Array, yaw: Array, gaits: Array, velocity: Array, requested_yaw: Array | float, gait: Array
 ) -> None:
     """Blend smoothed velocity `(..., 2)`, facing `(...)` and the one-hot gait `(..., 6)` into the coming second, in place.
 
@@ -88,7 +88,7 @@ def bend(
     increments += (velocity[..., None, :] / FPS - increments) * _ALONG
     xz[..., PRESENT + 1 :, :] = xz[..., PRESENT, None, :] + np.cumsum(increments, axis=-2)
     ahead = yaw[..., PRESENT + 1 :]
-    ahead += wrap_angle(np.asarray(wished_yaw)[..., None] - ahead) * _AROUND
+    ahead += wrap_angle(np.asarray(requested_yaw)[..., None] - ahead) * _AROUND
     present = gaits[..., PRESENT, :]
     gaits[..., PRESENT:, :] = (present + (gait - present) * (1 - decay(GAIT_HALF_LIFE)))[..., None, :]
 

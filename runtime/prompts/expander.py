@@ -13,9 +13,7 @@ from sport.runtime.errors import PromptError
 from sport.runtime.prompts.parts import PartDescriptions, check_text
 
 MAX_PROMPT_CHARACTERS = 1000
-DEFAULT_PROMPT = (
-    "walking in a relaxed, everyday way"  # what the character does until it is told something else
-)
+DEFAULT_PROMPT = "walking in a relaxed, everyday way"  # what the character does until another prompt comes
 
 
 class PromptCancelledError(PromptError):

@@ -1,7 +1,7 @@
 """How much of what a sentence says a model shows: measured once on walks, shipped as `shares.json`.
 
 The file has, for every model by name and for arm, leg, torso and head, shares (0 to 1) of whole sentences and of single
-clauses; limbs are told of the left side. `python -m sport.training.evaluation.text.phrase_shares` writes it.
+clauses; limbs are described as the left ones. `python -m sport.training.evaluation.text.phrase_shares` writes it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class PhraseShares:
 
         A sentence that is not in the table has the mean of its clauses, if any is.
         """
-        group, words = told_of_left(sentence, part)
+        group, words = as_left_limb(sentence, part)
         whole = self.sentences.get((group, words))
         if whole is not None:
             return whole
@@ -54,14 +54,14 @@ class PhraseShares:
         weak = self.hardly_shown(descriptions)
         if not weak:
             return ""
-        told = (
+        listed = (
             f"{part.replace('_', ' ')} “{getattr(descriptions, part)}” ({weak[part]:.0%})" for part in weak
         )
-        return f"Hardly shown by this model: {'; '.join(told)}."
+        return f"Hardly shown by this model: {'; '.join(listed)}."
 
 
-def told_of_left(sentence: str, part: str) -> tuple[str, str]:
-    """Group of a part, and its sentence as it would be told of the left limb; ValueError for an unknown part."""
+def as_left_limb(sentence: str, part: str) -> tuple[str, str]:
+    """Group of a part, and its sentence as it describes the left limb; ValueError for an unknown part."""
     if part not in PART_NAMES:
         raise ValueError(f"unknown body part {part!r}")
     side, _, limb = part.partition("_")

@@ -24,7 +24,7 @@ LIVE_SECONDS = (
 
 
 class Journal(Protocol):
-    """What is told of every frame and prompt as it is recorded; it must answer at once."""
+    """What is notified of every frame and prompt as it is recorded; it must answer at once."""
 
     def add_row(self, row: Array) -> None:
         """One frame, as in `ClipRecorder.add_row`."""

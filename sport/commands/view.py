@@ -39,7 +39,7 @@ def add(commands: Subparsers) -> None:
     )
     view.add_argument("--offscreen", action="store_true", help="no window or display; one step per frame")
     view.add_argument("--frames", type=int, metavar="N", help="end after N frames")
-    view.add_argument("--screenshot", type=Path, metavar="PNG", help="picture of the last frame")
+    view.add_argument("--screenshot", type=Path, metavar="PNG", help="image of the last frame")
     view.add_argument("--save-frames", type=Path, metavar="DIR", help="every frame as PNG (offscreen)")
 
 

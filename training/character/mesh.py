@@ -38,7 +38,7 @@ def extract(body: Body) -> tuple[Array, Triangles]:
 
 
 def edge_length(points: Array) -> Array:
-    """Wished edge length `(N,)` in metres at surface points of the half body."""
+    """Target edge length `(N,)` in metres at surface points of the half body."""
     x, y, _ = points.T
     size = np.full(len(points), 0.0125)
     size = np.where(x > 0.63, 0.0042, size)

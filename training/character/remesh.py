@@ -38,7 +38,7 @@ def face_normals(vertices: Array, triangles: Indices) -> Array:
 
 
 def collapse(vertices: Array, triangles: Indices, target: Field, passes: int) -> tuple[Array, Indices]:
-    """Merge edges shorter than 0.8 of the wished length `target(points)`; the rim x = 0 stays on its plane."""
+    """Merge edges shorter than 0.8 of the target length `target(points)`; the rim x = 0 stays on its plane."""
     for _ in range(passes):
         chosen = _short_edges(vertices, triangles, target)
         if not len(chosen):

@@ -79,7 +79,7 @@ def quantize_step(source: Path, target: Path, kept: Sequence[str] = ()) -> None:
     model = onnx.load(str(source))
     weights = {tensor.name: tuple(tensor.dims) for tensor in model.graph.initializer}
     if not set(REFINED) <= set(weights):
-        raise FileError(f"{source}: its layers cannot be told apart.", "Export the model again.")
+        raise FileError(f"{source}: its layers cannot be identified.", "Export the model again.")
     _refine(model)
     # products with several matrices (one for each expert) have no scale for each column in onnxruntime
     chosen = [

@@ -226,8 +226,8 @@ class StatisticsReader(nn.Module):
             return self.parts[k](z)
         parity, read = getattr(self, f"parity_{name}"), self.parts[_LEFT[k]]
         if not _MIDLINE[k]:
-            told = read(z)
-            return told * parity if _LEFT[k] != k else told
+            values = read(z)
+            return values * parity if _LEFT[k] != k else values
         odd = nn.functional.linear(z * self.odd[k], read.weight)
         return torch.where(parity < 0, odd, read(z * (1.0 - self.odd[k])))
 

@@ -143,9 +143,9 @@ class ContentLosses:
         """Of motion, and of words on windows of their own: many, for nothing has to be encoded or decoded."""
         own = terms.statistics(reader.standardised(joints), reader(motion.mean))
         drawn = [next(self.batches) for _ in range(TEXT_BATCHES)]
-        told = reader.standardised(self.sequences(torch.cat([start for start, _ in drawn]))[0])
+        targets = reader.standardised(self.sequences(torch.cat([start for start, _ in drawn]))[0])
         read = reader(self.text(torch.cat([clips for _, clips in drawn])).mean)
-        return {"statistics": own, "text_statistics": terms.statistics(told, read)}
+        return {"statistics": own, "text_statistics": terms.statistics(targets, read)}
 
 
 def run(

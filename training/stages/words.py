@@ -32,8 +32,8 @@ WORD_NOISE = 0.1  # at most, of the length of a sentence's embedding
 
 
 @dataclass
-class Lesson:
-    """Of one part: sentences `(U, D)`, the codes `(U, 128)` they shall have, mean and log-variance, and their spread."""
+class Targets:
+    """Of one part: sentences `(U, D)`, their target codes `(U, 128)`, mean and log-variance, and their spread."""
 
     words: Tensor
     codes: Tensor
@@ -51,7 +51,7 @@ def learn_longer_sentences(
     """Train `content.text` in place; returns the mean distances (in deviations of the codes) before and after."""
     torch.manual_seed(seed + 5)
     network = content.text.cpu().train()
-    known, longer = lessons(copy.deepcopy(network).eval(), config, texts, encoder)
+    known, longer = targets(copy.deepcopy(network).eval(), config, texts, encoder)
     before = {"longer_before": _error(network, longer), "known_before": _error(network, known)}
     optimizer = torch.optim.AdamW(network.parameters(), lr=1e-3)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
@@ -67,10 +67,10 @@ def learn_longer_sentences(
     return result
 
 
-def lessons(
+def targets(
     teacher: PartTextEncoder, config: ModelConfig, texts: StyleTexts, encoder: TextEncoderLike
-) -> tuple[list[Lesson], list[Lesson]]:
-    """Of every part what is known, and what the longer sentences shall mean. Codes are those of `teacher`."""
+) -> tuple[list[Targets], list[Targets]]:
+    """Of every part targets of the known and of the longer sentences. Codes are those of `teacher`."""
     sentences = longer_sentences()
     known, longer = [], []
     for k, part in enumerate(PART_NAMES):
@@ -79,9 +79,9 @@ def lessons(
             codes = codes_of(teacher, words, k)
         spread = codes.std(0)
         spread = spread.clamp_min(0.2 * float(spread.mean()) + 1e-4)
-        known.append(Lesson(words, codes, spread))
+        known.append(Targets(words, codes, spread))
         own = [s for s in sentences if s.part == part]
-        longer.append(Lesson(*_targets(teacher, config, encoder, own, k, codes.mean(0)), spread))
+        longer.append(Targets(*_targets(teacher, config, encoder, own, k, codes.mean(0)), spread))
     return known, longer
 
 
@@ -102,8 +102,8 @@ def _targets(
     phrases = sorted({p for s in sentences for p in s.of})
     with torch.no_grad():
         codes = dict(zip(phrases, codes_of(teacher, inputs(phrases), k), strict=True))
-    wanted = [torch.stack([codes[p] - middle for p in s.of]).sum(0) + middle for s in sentences]
-    return inputs([s.text for s in sentences]), torch.stack(wanted)
+    goal = [torch.stack([codes[p] - middle for p in s.of]).sum(0) + middle for s in sentences]
+    return inputs([s.text for s in sentences]), torch.stack(goal)
 
 
 def disturbed(words: Tensor, one_sided: bool) -> Tensor:
@@ -120,17 +120,17 @@ def codes_of(network: PartTextEncoder, words: Tensor, k: int) -> Tensor:
     return torch.cat([code.mean[:, k], code.log_variance[:, k]], dim=1)
 
 
-def _distance(network: PartTextEncoder, lessons: list[Lesson], noise: bool = False) -> Tensor:
+def _distance(network: PartTextEncoder, targets: list[Targets], noise: bool = False) -> Tensor:
     """Mean square distance, in deviations, of BATCH sentences of every part from what they shall mean."""
-    rows = [torch.randint(len(one.words), (BATCH,)) for one in lessons]
-    words = torch.stack([one.words[r] for one, r in zip(lessons, rows, strict=True)], dim=1)
-    wanted = torch.stack([one.codes[r] for one, r in zip(lessons, rows, strict=True)], dim=1)
+    rows = [torch.randint(len(one.words), (BATCH,)) for one in targets]
+    words = torch.stack([one.words[r] for one, r in zip(targets, rows, strict=True)], dim=1)
+    goal = torch.stack([one.codes[r] for one, r in zip(targets, rows, strict=True)], dim=1)
     code = network(disturbed(words, network.one_sided) if noise else words)
-    away = torch.cat([code.mean, code.log_variance], dim=-1) - wanted
-    return (away / torch.stack([one.deviation for one in lessons])).square().mean()
+    away = torch.cat([code.mean, code.log_variance], dim=-1) - goal
+    return (away / torch.stack([one.deviation for one in targets])).square().mean()
 
 
 @torch.no_grad()
-def _error(network: PartTextEncoder, lessons: list[Lesson]) -> float:
+def _error(network: PartTextEncoder, targets: list[Targets]) -> float:
     """Root mean square distance in deviations."""
-    return float(torch.stack([_distance(network, lessons) for _ in range(20)]).mean().sqrt())
+    return float(torch.stack([_distance(network, targets) for _ in range(20)]).mean().sqrt())

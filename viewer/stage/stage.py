@@ -277,7 +277,7 @@ class Stage:
         self.settings.quality = name
 
     def ease(self, fps: float, dt: float) -> None:
-        """Go to the fast preset where nobody chose one and the processor shows too few pictures a second for some time."""
+        """Go to the fast preset where nobody chose one and the processor shows too few frames a second for some time."""
         slow = not self.settings.quality and self.state.quality == "software" and 0.0 < fps < SLOW_FPS
         self._slow_s = self._slow_s + dt if slow else 0.0
         if self._slow_s > SLOW_SECONDS:

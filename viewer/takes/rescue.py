@@ -31,7 +31,7 @@ class Rescue:
     written: list[Path] = field(default_factory=list)
 
     def keep(self, item: ClipItem) -> None:
-        """Write one take; whatever goes wrong is told and costs no other take."""
+        """Write one take; whatever goes wrong is reported and costs no other take."""
         reason = ""
         folders = (self.asked, lambda: self.state_folder / "takes", _temporary)
         for number, folder in enumerate(folders):

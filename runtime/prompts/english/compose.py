@@ -104,8 +104,8 @@ def _figure_parts(
     for name, parts in _GROUPS.items():
         columns = [PART_NAMES.index(part) for part in parts]
         first, second = (float(unusual[e.entry, columns].mean()) for e in (ranked[0], others[0]))
-        told = set(parts) <= set(entries[others[0].entry].tells)
-        margins[name] = (second - first) if told else -1.0
+        covers = set(parts) <= set(entries[others[0].entry].tells)
+        margins[name] = (second - first) if covers else -1.0
     order = sorted(margins, key=lambda name: -margins[name])
     # each of the two is seen somewhere
     given = [name for i, name in enumerate(order) if i == 0 or (margins[name] > 0 and i < len(order) - 1)]

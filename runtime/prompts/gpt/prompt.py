@@ -1,4 +1,4 @@
-"""What a language model is told and how its answer is read: the paper's structured prompt (Sec. III-C).
+"""What a language model is asked and how its answer is read: the paper's structured prompt (Sec. III-C).
 
 Two components: a specification with lists of body joints, verbs, adverbs and adjectives, and question-answer examples.
 """
@@ -71,11 +71,11 @@ class StructuredPrompt:
     @cached_property
     def version(self) -> str:
         """Changes with any word of what is asked: answers to other instructions are not reused."""
-        told = json.dumps([self.messages("?"), answer_schema()], ensure_ascii=False, sort_keys=True)
-        return hashlib.sha256(told.encode("utf-8")).hexdigest()[:16]
+        request = json.dumps([self.messages("?"), answer_schema()], ensure_ascii=False, sort_keys=True)
+        return hashlib.sha256(request.encode("utf-8")).hexdigest()[:16]
 
     def read(self, answer: str) -> PartDescriptions:
-        """The six descriptions of a model's answer; PromptError says what is wrong with it, as the model is told."""
+        """The six descriptions of a model's answer; PromptError says what is wrong with it, as the model reads it."""
         descriptions = PartDescriptions.from_mapping(_object(answer))
         known = self._known
         words = re.findall(r"[^\W\d_]+", " ".join(descriptions.as_tuple()).lower())

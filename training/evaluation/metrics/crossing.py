@@ -140,7 +140,7 @@ def flights(positions: Array, contacts: Array, gaps: Sequence[tuple[Obstacle, Ob
 
 
 def frozen_seconds(positions: Array, xz: Array, asked: Array, least_share: float) -> int:
-    """Whole seconds in which the feet move against the root by less than `least_share` of the asked speed (m/s)."""
+    """Whole seconds in which the feet move against the root by less than `least_share` of the requested speed (m/s)."""
     soles = positions[:, feet.SOLE_POINTS].astype(np.float64)
     relative = soles - np.stack([xz[:, 0], np.zeros(len(xz)), xz[:, 1]], -1)[:, None]
     speed = np.linalg.norm(np.diff(relative, axis=0), axis=-1).mean(1) * FPS

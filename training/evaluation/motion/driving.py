@@ -27,7 +27,7 @@ LEAD_IN_FRAMES = (
     2 * FPS
 )  # simulated before the scored part, so that standing still and the start pose are over
 STEADY_FRAMES = 3 * FPS  # on either side of a change of prompt
-WISH_SIGMA = 15.0  # frames; a thumb does not follow the sway of every step
+REQUEST_SIGMA = 15.0  # frames; a thumb does not follow the sway of every step
 CORRECTION_PER_S = 1.0  # a player also steers back to where the clip went
 MAX_CORRECTION = 0.5  # m/s
 STAND_SPEED = 0.15  # m/s; under it, in a frame labelled as standing, the stick is let go
@@ -69,8 +69,8 @@ class Recorder:
 
 
 @dataclass(frozen=True)
-class Wish:
-    """What a stick asks for at every frame of a captured clip, the lead-in first."""
+class Requests:
+    """What a stick requests at every frame of a captured clip, the lead-in first."""
 
     xz: Array  # (N, 2) root path
     velocity: Array  # (N, 2) m/s
@@ -78,13 +78,13 @@ class Wish:
     gait: NDArray[np.integer]  # (N,)
 
 
-def wish_of(clip: Motion, lead_in: int = LEAD_IN_FRAMES) -> Wish:
+def requests_of(clip: Motion, lead_in: int = LEAD_IN_FRAMES) -> Requests:
     """Smoothed root velocity, facing and gait of a clip; the lead-in goes on backwards at the first velocity."""
     xz, yaw = root_motion(clip.positions.astype(np.float64))
-    velocity = smooth(np.gradient(xz, axis=0) * FPS, WISH_SIGMA)
+    velocity = smooth(np.gradient(xz, axis=0) * FPS, REQUEST_SIGMA)
     start = velocity[0] if clip.gait[0] != Gait.STAND else np.zeros(2)
     back = np.arange(lead_in, 0, -1)[:, None] / FPS
-    return Wish(
+    return Requests(
         np.concatenate([xz[0] - back * start, xz]),
         np.concatenate([np.broadcast_to(start, (lead_in, 2)), velocity]),
         np.concatenate([np.full(lead_in, yaw[0]), yaw]),
@@ -100,28 +100,28 @@ def follow(
     The stick asks for the clip's velocity at the same time and steers back to its path; it cannot ask for more than the
     style's own walking or jogging speed. Facing and gait are the clip's.
     """
-    wish = wish_of(clip)
+    requests = requests_of(clip)
     controller = Controller(model, clip.terrain, seed, temperature)
     controller.set_style(z, 0.0)
-    controller.reset(float(wish.xz[0, 0]), float(wish.xz[0, 1]), float(wish.yaw[0]))
+    controller.reset(float(requests.xz[0, 0]), float(requests.xz[0, 1]), float(requests.yaw[0]))
     recorder = Recorder(controller)
-    for frame in range(len(wish.xz)):
-        recorder.step(_stick(wish, frame, controller))
+    for frame in range(len(requests.xz)):
+        recorder.step(_stick(requests, frame, controller))
     return recorder.motion(clip.name, clip.style, clip.gait, LEAD_IN_FRAMES)
 
 
-def _stick(wish: Wish, frame: int, controller: Controller) -> Controls:
-    gait = Gait(int(wish.gait[frame]))
-    speed = float(np.linalg.norm(wish.velocity[frame]))
-    facing = (float(np.sin(wish.yaw[frame])), float(np.cos(wish.yaw[frame])))
+def _stick(requests: Requests, frame: int, controller: Controller) -> Controls:
+    gait = Gait(int(requests.gait[frame]))
+    speed = float(np.linalg.norm(requests.velocity[frame]))
+    facing = (float(np.sin(requests.yaw[frame])), float(np.cos(requests.yaw[frame])))
     if gait == Gait.STAND and speed < STAND_SPEED:
         return Controls((0.0, 0.0), facing, Gait.WALK)
     if gait in (Gait.STAND, Gait.OTHER):
         gait = Gait.WALK
     root = controller.pose.root_position
-    away = CORRECTION_PER_S * (wish.xz[frame] - np.array([root[0], root[2]], np.float64))
+    away = CORRECTION_PER_S * (requests.xz[frame] - np.array([root[0], root[2]], np.float64))
     away *= min(1.0, MAX_CORRECTION / max(float(np.linalg.norm(away)), 1e-9))
-    move = (wish.velocity[frame] + away) / controller.full_speed(gait)
+    move = (requests.velocity[frame] + away) / controller.full_speed(gait)
     move /= max(1.0, float(np.linalg.norm(move)))
     return Controls((float(move[0]), float(move[1])), facing, gait)
 

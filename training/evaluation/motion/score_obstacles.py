@@ -67,7 +67,7 @@ def score_obstacles(
 
 
 def _recognised(run: CourseRun, classifier: StyleClassifier | None) -> float | None:
-    """Share of the windows that are taken for the style, look-alikes counted as one; None where it cannot be told."""
+    """Share of the windows that are taken for the style, look-alikes counted as one; None where it cannot be decided."""
     style = run.motion.style
     if classifier is None or style not in classifier.labels:
         return None

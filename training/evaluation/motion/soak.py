@@ -56,7 +56,7 @@ MAX_SKATING_CM = 0.05  # per frame, walking on flat ground
 MAX_PENETRATION_CM = 2.0  # 99th percentile, hills and stairs
 # A figure that glides in one pose, or stands where it should walk: its feet hardly move relative to the root. In a walk
 # they do so with about the speed of the root.
-FROZEN_SHARE = 0.25  # of the asked speed, mean over a second
+FROZEN_SHARE = 0.25  # of the requested speed, mean over a second
 MAX_GROWTH_MB = (
     60.0  # of memory after the first segment; a tenth of it is what the figures themselves take in an hour
 )
@@ -65,7 +65,7 @@ FEET = list(SOLE_POINTS)
 
 @dataclass
 class Segment:
-    """Twenty seconds on one terrain: poses, and per frame the wish, its speed and the frames since it changed."""
+    """Twenty seconds on one terrain: poses, and per frame the request, its speed and the frames since it changed."""
 
     terrain: Terrain
     poses: list[Pose] = field(default_factory=list)
@@ -180,7 +180,7 @@ def measure(segment: Segment) -> dict[str, Any]:
 
 
 def _steady_stretches(segment: Segment) -> list[tuple[int, int]]:
-    """First and last frame (excluded) of every stretch of moving on which neither wish nor style changed for a while."""
+    """First and last frame (excluded) of every stretch of moving on which neither request nor style changed for a while."""
     steady = np.array(segment.since_change) >= round(SETTLE_SECONDS * FPS)
     moving = (np.array(segment.asked) > 0.3) & (np.array(segment.gaits) != Gait.JUMP)
     good = np.concatenate([[False], steady & moving, [False]]).astype(int)
@@ -190,7 +190,7 @@ def _steady_stretches(segment: Segment) -> list[tuple[int, int]]:
 
 
 def foot_movement(segment: Segment) -> list[tuple[str, float]]:
-    """Gait, and speed of the feet relative to the root over the asked speed, of every whole second of steady moving."""
+    """Gait, and speed of the feet relative to the root over the requested speed, of every whole second of steady moving."""
     root = np.stack([pose.root_position for pose in segment.poses])
     yaw = np.array([pose.root_yaw for pose in segment.poses])
     feet = np.stack([pose.positions for pose in segment.poses])[:, FEET] - root[:, None]
@@ -303,7 +303,7 @@ def print_report(report: dict[str, Any]) -> None:
     least = report["least_foot_movement"]
     print(
         f"frozen {report['frozen_seconds']} of {report['moving_seconds']} moving seconds {report['frozen_gaits']}, least movement of the feet"
-        f" {'-' if least is None else f'{least:.2f}'} of the asked speed"
+        f" {'-' if least is None else f'{least:.2f}'} of the requested speed"
     )
     growth = report["memory_growth_mb"]
     print(f"memory grew by {'-' if growth is None else f'{growth:.0f}'} MB")
@@ -321,7 +321,7 @@ def print_report(report: dict[str, Any]) -> None:
         print(f"{name:10} {g['stretches']:9d} {g['asked']:6.2f} {g['real']:6.2f} {g['worst_ratio']:12.2f}")
     if "speed_ratio" in report:
         print(
-            f"real / asked speed {report['speed_ratio']:.3f}, mean error {report['speed_error'] * 100:.1f} %"
+            f"real / requested speed {report['speed_ratio']:.3f}, mean error {report['speed_error'] * 100:.1f} %"
         )
     print("missed: " + ", ".join(report["missed"]) if report["missed"] else "all bars met")
 

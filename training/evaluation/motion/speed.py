@@ -2,8 +2,8 @@
 
 python -m sport.training.evaluation.motion.speed [--seconds 14] [--json FILE]
 
-Per walk: seconds until 80 % of the asked speed, and over half seconds (a stride speeds up and slows down) the highest
-speed, the lowest after SETTLED, the mean error from then on, and the deviation, all as shares of the asked speed.
+Per walk: seconds until 80 % of the requested speed, and over half seconds (a stride speeds up and slows down) the highest
+speed, the lowest after SETTLED, the mean error from then on, and the deviation, all as shares of the requested speed.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ WINDOW = FPS // 2
 
 @dataclass(frozen=True)
 class Walk:
-    """Figures of one walk; shares of the asked speed, seconds."""
+    """Figures of one walk; shares of the requested speed, seconds."""
 
     prompt: str
     terrain: str

@@ -50,8 +50,8 @@ class Case:
     @property
     def parts(self) -> tuple[str, ...]:
         """The parts that the edits describe."""
-        told = {part for name in self.edits for part in EDITS[name].phrases}
-        return tuple(p for p in PART_NAMES if p in told)
+        described = {part for name in self.edits for part in EDITS[name].phrases}
+        return tuple(p for p in PART_NAMES if p in described)
 
 
 def targets(edits: Iterable[str]) -> list[Target]:

@@ -30,7 +30,7 @@ from sport.runtime.motion.model import MotionModel, load_model
 from sport.runtime.motion.paths import control_script
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.prompts.prompter import Prompter
-from sport.runtime.prompts.shares import FILE, told_of_left
+from sport.runtime.prompts.shares import FILE, as_left_limb
 from sport.runtime.skeleton import PART_NAMES
 from sport.runtime.terrain.height_map import Terrain
 from sport.training.evaluation.motion.driving import flat_ground
@@ -60,20 +60,20 @@ class Found:
     def add(self, part: str, sentence: str, neutral: BodyMeasures, walked: BodyMeasures) -> None:
         """What a walk shows of a sentence by the claims of its clauses."""
         shares: list[tuple[float, bool]] = []
-        for clause in clauses(told_of_left(sentence, part)[1] if "_" in part else sentence.lower()):
+        for clause in clauses(as_left_limb(sentence, part)[1] if "_" in part else sentence.lower()):
             share = clause_share(part, clause, neutral, walked)
             if share is not None:
                 shares.append(share)
-                self.clauses[told_of_left(part, part)[0], clause].append(share[0])
+                self.clauses[as_left_limb(part, part)[0], clause].append(share[0])
         if shares:
             # what neutral does not do already is what the sentence is there for
-            told = [share for share, changes in shares if changes] or [share for share, _ in shares]
-            self.sentences[told_of_left(sentence, part)].append(float(np.mean(told)))
+            shown = [share for share, changes in shares if changes] or [share for share, _ in shares]
+            self.sentences[as_left_limb(sentence, part)].append(float(np.mean(shown)))
 
     def add_edit(self, part: str, phrase: str, share: float) -> None:
         """What a walk shows of a phrase of the catalogue."""
-        self.sentences[told_of_left(phrase, part)].append(share)
-        self.clauses[told_of_left(phrase, part)].append(share)
+        self.sentences[as_left_limb(phrase, part)].append(share)
+        self.clauses[as_left_limb(phrase, part)].append(share)
 
     def table(self) -> dict[str, dict[str, dict[str, float]]]:
         """Medians over the walks, as the file has them."""
@@ -135,7 +135,7 @@ def _hand(summary: Summary, part: str) -> np.ndarray:
 
 
 def _phrases(neutral: PartDescriptions) -> Iterable[tuple[PartDescriptions, str]]:
-    """Every phrase of the catalogue on a neutral walk, with its edit; the sides in turn, as limbs are told of the left."""
+    """Every phrase of the catalogue on a neutral walk, with its edit; the sides in turn, as limbs are described as the left ones."""
     for name, edit in EDITS.items():
         if edit.slot in ("right_arm", "right_leg"):
             continue

@@ -26,7 +26,7 @@ FPS = 60.0
 class Outcome:
     """What came out of one fault."""
 
-    lost_s: float  # of the recording, by the frames that the process had told of
+    lost_s: float  # of the recording, by the frames that the process had reported
     code: int
     where: str  # what holds the take now
     takes: int = 1
@@ -35,7 +35,7 @@ class Outcome:
 
 
 class Recorder:
-    """A recording process; `frames` is what it told last."""
+    """A recording process; `frames` is what it reported last."""
 
     def __init__(self, folder: Path, *options: str, env: dict[str, str] | None = None) -> None:
         self.config, self.export = folder / "config", folder / "clips"
@@ -47,7 +47,7 @@ class Recorder:
             text=True,
             env={**os.environ, **(env or {})},
         )
-        self.frames, self.said = 0, ""
+        self.frames, self.said, self.stuck = 0, "", False
         self._readers = [threading.Thread(target=read, daemon=True) for read in (self._count, self._listen)]
         for reader in self._readers:
             reader.start()
@@ -70,11 +70,13 @@ class Recorder:
             time.sleep(0.02)
 
     def wait(self) -> int:
-        """Its exit code."""
+        """Its exit code; that of SIGKILL where it does not end by itself, which `stuck` says."""
         try:
             code = self.process.wait(START_S)
-        finally:
+        except subprocess.TimeoutExpired:
+            self.stuck = True
             self.process.kill()
+            code = self.process.wait(START_S)
         for reader in self._readers:
             reader.join(10)
         return code
@@ -96,6 +98,7 @@ def _from_journal(recorder: Recorder) -> Outcome:
     code = recorder.wait()
     found, complaints = find_journals(recorder.config / "journals")
     outcome = Outcome(recorder.frames / FPS, code, "journal", len(found), recorder.said, complaints)
+    outcome.problems += [f"it did not end within {START_S:.0f} s"] * recorder.stuck
     if len(found) == 1:
         outcome.lost_s -= len(found[0].read()) / FPS
     if outcome.lost_s > 1.0:
@@ -230,6 +233,9 @@ def _exported(
         outcome.problems.append(f"{len(clips)} takes of {takes}")
     if outcome.lost_s > 0.0:
         outcome.problems.append(f"{outcome.lost_s:.2f} s lost")
+    outcome.problems += [f"it did not end within {START_S:.0f} s"] * any(
+        r.stuck for r in (recorder, *(others or []))
+    )
     codes = [code, *(r.process.returncode for r in others or [])]
     if any(c != expected for c in codes):
         outcome.problems.append(f"exit codes {codes}, expected {expected}: {recorder.said[-300:]}")

@@ -1,4 +1,4 @@
-"""The process that is killed with a project on its desk: two takes are saved, a third one is autosaved; it tells so."""
+"""The process that is killed with a project on its desk: two takes are saved, a third one is autosaved; it reports both."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def main(folder: Path) -> None:
             app.desk.projects.save_as(folder / "walks.sport")
             app.frame()
             print("saved", flush=True)
-    told = False
+    reported = False
     while True:
         app.frame()
         projects = app.desk.projects
-        if not told and projects._autosaved == projects.contents.fingerprint():
-            told = True
+        if not reported and projects._autosaved == projects.contents.fingerprint():
+            reported = True
             print("autosaved", flush=True)
 
 

@@ -1,6 +1,6 @@
 """The process that faults happen to: the viewer with a model that costs nothing, recording from its first frame.
 
-It tells on its output, a line each, how many frames of the running take it has recorded.
+It reports on its output, a line each, how many frames of the running take it has recorded.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import argparse
 import errno
 import logging
 import os
+import signal
 import sys
 import time
 from pathlib import Path
@@ -27,6 +28,10 @@ def main() -> int:
     parser.add_argument("--slow", type=float, default=0.0, help="seconds that saving a take lasts longer")
     parser.add_argument("--full", action="store_true", help="the export folder's disk is full")
     options = parser.parse_args()
+    signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # both are ignored in a background job of a shell
+    signal.signal(signal.SIGQUIT, signal.SIG_DFL)
     logging.basicConfig(stream=sys.stderr, level=logging.WARNING, format="%(message)s")
     sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
     from viewer_fakes import fake_services

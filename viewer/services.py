@@ -168,7 +168,9 @@ def load_character(path: Path | None) -> Any:
     from sport.runtime.assets import asset_path
     from sport.runtime.character.character import load_character as load
 
-    return load(asset_path(DEFAULT_CHARACTER) if path is None else path)
+    character = load(asset_path(DEFAULT_CHARACTER) if path is None else path)
+    _ = character.body  # fitted here, on a worker, not in the first frame
+    return character
 
 
 def make_renderer(ctx: Any, quality: str) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sport.runtime import rotations
+from sport.runtime.character.body_surface import BodySurface, fit_surface
 from sport.runtime.character.guess import JointGuess, guess_joints, require
+from sport.runtime.character.hand_contact import clear_hands
 from sport.runtime.character.joint_map import saved_joint_map
 from sport.runtime.character.joints import Alignment, align
 from sport.runtime.character.mesh import MeshData, read_meshes
@@ -87,10 +90,21 @@ class Character:
         return matrices
 
     def skin_matrices(self, pose: Pose) -> Array:
-        """Skinning matrices `(K, 4, 4)` float32 that carry bind-pose vertices to world space in `pose`."""
-        return (self.joint_matrices(pose.positions, pose.world_rotations) @ self.inverse_bind).astype(
-            np.float32
-        )
+        """Skinning matrices `(K, 4, 4)` float32 that carry bind-pose vertices to world space in `pose`.
+
+        Hands lie on the character's surface (`clear_hands`).
+        """
+        positions, world = clear_hands(self, pose.positions, pose.world_rotations)
+        return (self.joint_matrices(positions, world) @ self.inverse_bind).astype(np.float32)
+
+    @cached_property
+    def body(self) -> BodySurface | None:
+        """The surface that hands end at, None where the mesh has none."""
+        still = rotations.identity((len(SPORT_SKELETON),)).astype(np.float64)
+        rest = SPORT_SKELETON.rest_positions.astype(np.float64)
+        pivots, _ = self.joint_transforms(rest, still)
+        vertices = skin_vertices(self, self.joint_matrices(rest, still) @ self.inverse_bind)
+        return fit_surface(self, vertices, np.asarray(pivots, np.float64))
 
 
 def skin_vertices(character: Character, matrices: Array) -> Array:

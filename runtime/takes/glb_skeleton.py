@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sport.runtime import rotations
 from sport.runtime.character.character import Character
+from sport.runtime.character.hand_contact import clear_hands
 from sport.runtime.character.mesh import MeshData
 from sport.runtime.character.nodes import ancestors, node_world_matrices
 from sport.runtime.character.read import GltfFile, read_accessor
@@ -185,7 +186,7 @@ def joint_worlds(rig: Rig, take: PreparedTake, frames: slice) -> dict[int, Array
     skeleton_positions, world = SPORT_SKELETON.forward_kinematics(
         hips, np.asarray(clip.local_rotations[frames], np.float64)
     )
-    pivots, turns = character.joint_transforms(skeleton_positions, world)
+    pivots, turns = character.joint_transforms(*clear_hands(character, skeleton_positions, world))
     linear = rotations.to_matrix(turns) @ character.alignment.basis
     result: dict[int, Array] = {}
     first = frames.start == 0 and take.rest_frame

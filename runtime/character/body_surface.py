@@ -1,0 +1,197 @@
+"""How far a character's trunk and head reach in every direction: tables of its mesh in the rest pose."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sport.runtime import rotations
+from sport.runtime.skeleton import SPORT_SKELETON
+
+if TYPE_CHECKING:
+    from sport.runtime.character.character import Character
+
+Array = NDArray[Any]
+
+TRUNK = ("Hips", "LowerBack", "Spine", "Spine1")
+HEAD = "Head"
+ARMS = ("Shoulder", "Arm", "ForeArm", "Hand", "FingerBase", "HandIndex1")
+AROUND, RISE_M, UP = (
+    32,
+    0.02,
+    16,
+)  # entries round the trunk, height of one, entries from under the head to its top
+CAP_M = 0.04  # the ends of a trunk's table are rounded over this height
+HEAD_UP_M = 0.06
+SAMPLES = 60_000  # points on the mesh
+LEAST_FILLED = 0.4  # of a table's entries; a body of loose pieces has no surface
+HAND_POINTS = 14  # that stand for a hand
+
+
+@dataclass(frozen=True)
+class Table:
+    """Distances from an axis or a centre to the surface, in the rest frame of a driven joint.
+
+    `origin` `(3,)` is relative to the joint's pivot; `radii` `(heights, AROUND)` of a trunk, by height over the origin
+    in steps of `RISE_M`, or `(UP, AROUND)` of a head, by elevation.
+    """
+
+    joint: int  # of the character
+    source: int  # SPORT joint that turns it
+    origin: Array
+    radii: Array
+    round: bool  # a head
+
+
+class BodySurface:
+    """Tables of trunk and head, read together, and points of each hand in the aligned rest pose.
+
+    `hands` `(S, n, 3)` are about their joints, of the sides `sides`.
+    """
+
+    def __init__(self, tables: Sequence[Table], hands: Mapping[str, Array]) -> None:
+        self.sides = tuple(hands)
+        self.hands = np.stack([hands[side] for side in self.sides])
+        self.joints = np.array([table.joint for table in tables])
+        self.sources = np.array([table.source for table in tables])
+        self.origins = np.stack([table.origin for table in tables])
+        self.round = np.array([table.round for table in tables])
+        self.rows = np.array([len(table.radii) for table in tables])
+        most = int(self.rows.max())
+        self.radii = np.stack(
+            [np.pad(t.radii, ((0, most - len(t.radii)), (0, 0)), mode="edge") for t in tables]
+        )
+
+    def outward(self, points: Array) -> Array:
+        """Unit directions `(..., tables, 3)` from axes or centres to points in the joints' rest frames."""
+        away = points - self.origins
+        # a hand that goes through the middle of a head comes out at its top
+        away[..., 1] = np.where(self.round, away[..., 1] + HEAD_UP_M, 0.0)
+        return rotations.normalize(away)
+
+    def depth(self, points: Array) -> Array:
+        """How far `(..., tables, n)` points `(..., tables, n, 3)` in the joints' rest frames are below the surface, else 0."""
+        away = points - self.origins[:, None]
+        x, height, z = away[..., 0], away[..., 1], away[..., 2]
+        ball, rows = self.round[:, None], self.rows[:, None]
+        flat = np.maximum(np.hypot(x, z), 1e-6)
+        whole = np.hypot(flat, height)
+        around = np.arctan2(z, x) / (2 * np.pi) * AROUND
+        row = np.where(ball, np.arctan2(flat, -height) / np.pi * UP, height / RISE_M) - 0.5
+        over = np.maximum(np.maximum(-height, height - rows * RISE_M), 0.0)
+        share = np.where(ball, 1.0, np.sqrt(np.maximum(1.0 - (over / CAP_M) ** 2, 0.0)))
+        reach = self._radius(np.clip(row, 0.0, rows - 1.0), around) * share
+        return np.asarray(np.maximum(reach - np.where(ball, whole, flat), 0.0))
+
+    def _radius(self, row: Array, around: Array) -> Array:
+        """Between the four entries beside."""
+        r, a = np.floor(row).astype(np.int64), np.floor(around).astype(np.int64)
+        up, on = row - r, around - a
+        table = np.arange(len(self.rows))[:, None]
+        r2 = np.minimum(r + 1, self.rows[:, None] - 1)
+        a, a2 = a % AROUND, (a + 1) % AROUND
+        low = self.radii[table, r, a] * (1 - on) + self.radii[table, r, a2] * on
+        high = self.radii[table, r2, a] * (1 - on) + self.radii[table, r2, a2] * on
+        return np.asarray(low * (1 - up) + high * up)
+
+
+def fit_surface(character: Character, rest: Array, pivots: Array) -> BodySurface | None:
+    """The surface of a character from its vertices `rest` `(V, 3)` and pivots `(K, 3)` in the aligned rest pose.
+
+    None where the mesh is not one: no hands, or holes all over.
+    """
+    names = np.array((*SPORT_SKELETON.names, ""))
+    lead = character.joint_indices[np.arange(len(rest)), character.joint_weights.argmax(axis=1)]
+    source = character.alignment.source[character.alignment.driver[lead]]
+    owner = names[source]
+    joints = {str(names[s]): int(k) for k, s in enumerate(character.alignment.source) if s >= 0}
+    hands = _hands(rest, pivots, owner, joints)
+    points, of = _samples(character, rest, owner)
+    if not hands or not len(points):
+        return None
+    found = []
+    for name in (*TRUNK, HEAD):
+        if name in joints and (of == name).sum() > 50:
+            table = _table(points, of, name, joints[name], pivots)
+            if table is not None:
+                found.append(table)
+    return BodySurface(found, hands) if found else None
+
+
+def _hands(rest: Array, pivots: Array, owner: Array, joints: dict[str, int]) -> dict[str, Array]:
+    found = {}
+    for side in ("Left", "Right"):
+        own = np.isin(owner, [side + bone for bone in ARMS[3:]] + [side[0] + "Thumb"])
+        limb = all(side + bone in joints for bone in ("Arm", "ForeArm", "Hand"))
+        if limb and own.sum() >= HAND_POINTS:
+            found[side] = _spread(rest[own].astype(np.float64)) - pivots[joints[side + "Hand"]]
+    return found
+
+
+def _spread(points: Array) -> Array:
+    """Some of the points, as far from each other as may be."""
+    chosen = [int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))]
+    gap = np.linalg.norm(points - points[chosen[0]], axis=1)
+    while len(chosen) < HAND_POINTS:
+        chosen.append(int(np.argmax(gap)))
+        gap = np.minimum(gap, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return np.asarray(points[chosen])
+
+
+def _samples(character: Character, rest: Array, owner: Array) -> tuple[Array, Array]:
+    """Points on the mesh without its arms, evenly, and the SPORT joint that carries each."""
+    arms = np.isin(owner, [side + bone for side in ("Left", "Right") for bone in ARMS] + ["LThumb", "RThumb"])
+    triangles = character.triangles[~arms[character.triangles].any(axis=1)]
+    corners = rest[triangles].astype(np.float64)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    if not 0.0 < area.sum() < np.inf:
+        return np.zeros((0, 3)), np.zeros(0, "U1")
+    rng = np.random.default_rng(0)
+    which = rng.choice(len(triangles), SAMPLES, p=area / area.sum())
+    u, v = rng.random((2, SAMPLES, 1))
+    u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
+    a, b, c = corners[which].transpose(1, 0, 2)
+    return a + u * (b - a) + v * (c - a), owner[triangles[which, 0]]
+
+
+def _table(points: Array, of: Array, name: str, joint: int, pivots: Array) -> Table | None:
+    own = points[of == name]
+    low, high = own.min(axis=0), own.max(axis=0)
+    origin = 0.5 * (low + high)
+    if name != HEAD:
+        origin[1] = low[1]
+        near = points[(points[:, 1] >= low[1]) & (points[:, 1] <= high[1]) & ~np.char.endswith(of, "Foot")]
+        away = near - origin
+        rows = max(int(np.ceil((high[1] - low[1]) / RISE_M)), 1)
+        row = away[:, 1] / RISE_M
+        away[:, 1] = 0.0
+    else:
+        away = own - origin
+        rows = UP
+        row = np.arccos(np.clip(-away[:, 1] / np.linalg.norm(away, axis=1), -1.0, 1.0)) / np.pi * UP
+    radii = np.zeros((rows, AROUND))
+    column = np.round(np.arctan2(away[:, 2], away[:, 0]) / (2 * np.pi) * AROUND).astype(np.int64) % AROUND
+    at = np.clip(row.astype(np.int64), 0, rows - 1), column
+    np.maximum.at(radii, at, np.linalg.norm(away, axis=1))
+    if (radii > 0.0).mean() < LEAST_FILLED:
+        return None
+    source = SPORT_SKELETON.index(name)
+    return Table(joint, source, origin - pivots[joint], _filled(radii), name == HEAD)
+
+
+def _filled(radii: Array) -> Array:
+    """Empty entries from their neighbours round the axis, then from the rows beside."""
+    filled = radii.copy()
+    for r, row in enumerate(radii):
+        known = np.flatnonzero(row > 0.0)
+        if len(known) >= AROUND // 4:
+            filled[r] = np.interp(np.arange(AROUND), known, row[known], period=AROUND)
+    whole = np.flatnonzero((filled > 0.0).all(axis=1))
+    if len(whole):
+        for column in range(AROUND):
+            filled[:, column] = np.interp(np.arange(len(filled)), whole, filled[whole, column])
+    return filled

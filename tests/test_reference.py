@@ -128,6 +128,11 @@ def test_a_ground_from_a_file_is_looked_for_beside_the_take(start: Start, tmp_pa
     assert "made on the ground bowl.png" in message(app)
     assert app.state.stage.terrain_spec == "flat"
     assert app.state.takes.playback is not None
+    (tmp_path / "bowl.png").write_bytes(b"no picture")
+    app.open_files([path])
+    run(app, 2)
+    assert "bowl.png" in message(app)
+    assert len(app.state.takes.items) == 2, "it plays all the same"
     write_height_png(tmp_path / "bowl.png", np.zeros((32, 32), np.float32))
     app.open_files([path])
     run(app, 2)

@@ -75,7 +75,7 @@ def _open_file(stage: Stage, open_files: Callable[[list[Path]], None], browse: C
     imgui.set_next_item_width(half)
     setting_widgets.drag(stage.settings, "height_map_height_m")
     if stage.character_path is not None:
-        if widgets.button("Joints…", half, "Which joint of this character plays which of ours"):
+        if widgets.button("Joints…", px(80), "Which joint of this character plays which of ours"):
             stage.joints.begin(stage.character_path)
         imgui.same_line(0, px(4))
         if widgets.button("Back to the mannequin", -1):

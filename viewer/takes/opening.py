@@ -50,12 +50,13 @@ def read_clip(path: Path) -> Opened:
 
 @dataclass
 class Opening:
-    """Opens files; `take` puts a clip into the list and plays it, `put_ground` loads a ground."""
+    """Opens files; `take` puts a clip into the list and plays it, `put_ground` loads a ground, `lay` puts it on that."""
 
     messages: Messages
     jobs: Jobs
     stage: StageState
     take: Callable[[Path, Clip], None]
+    lay: Callable[[Clip], None]
     put_ground: PutGround = lambda _, done: done()
 
     def open(self, path: Path, keep_ground: bool = False) -> None:
@@ -65,19 +66,18 @@ class Opening:
         )
 
     def _opened(self, path: Path, opened: Opened, keep_ground: bool) -> None:
-        clip, here = opened.clip, self.stage.terrain_spec
+        clip, ground = opened.clip, opened.ground
         text = f"{path.name}: {len(clip)} frames at {clip.fps:g} fps{opened.said}"
-
-        def play(ground: str) -> None:
-            self.take(path, clip)
-            self.messages.note(f"{text}{ground}.")
-
+        self.take(path, clip)
+        self.messages.note(f"{text}.")
         if opened.problem:
-            play("")
             self.messages.warn(
                 f"{opened.problem} It plays on {self.stage.terrain.name}. Put that file beside it and open it again."
             )
-        elif keep_ground or not opened.ground or opened.ground == here:
-            play("")
-        else:
-            self.put_ground(opened.ground, lambda: play(f", on the ground {Path(opened.ground).name}"))
+        elif ground and not keep_ground and ground != self.stage.terrain_spec:
+
+            def lie() -> None:
+                self.lay(clip)
+                self.messages.note(f"{text}, on the ground {Path(ground).name}.")
+
+            self.put_ground(ground, lie)

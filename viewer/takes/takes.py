@@ -57,7 +57,7 @@ class Takes:
 
     def __post_init__(self) -> None:
         self.journals = Journals(self.state, self.messages, self.jobs, self.folder / "journals", self._add)
-        self.opening = Opening(self.messages, self.jobs, self.stage, self._take_opened)
+        self.opening = Opening(self.messages, self.jobs, self.stage, self._take_opened, self._lay)
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
@@ -154,6 +154,11 @@ class Takes:
     def _take_opened(self, path: Path, clip: Clip) -> None:
         self.state.items.append(ClipItem(clip, path))
         self.play(len(self.state.items) - 1)
+
+    def _lay(self, clip: Clip) -> None:
+        """The ground on the stage is the one under a clip that plays."""
+        if self.state.playback is not None and self.state.playback.clip is clip:
+            self.state.playback.terrain = self.stage.terrain
 
     def select(self, index: int) -> None:
         """Make a clip the current one and propose where to export it."""

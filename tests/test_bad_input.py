@@ -18,12 +18,13 @@ import pytest
 from viewer_fakes import FakeRenderer
 
 from sport import cli
+from sport.runtime import rotations
 from sport.runtime.assets import PROJECT_ROOT, asset_path
 from sport.runtime.errors import ModelError
 from sport.runtime.motion.model_files import INT8_GRAPH, read_metadata
 from sport.runtime.motion.processor import exact_8_bit_products
-from sport.runtime.skeleton import REST_HIPS_HEIGHT
-from sport.runtime.takes.bvh import read_bvh
+from sport.runtime.skeleton import REST_HIPS_HEIGHT, Skeleton
+from sport.runtime.takes.bvh import format_bvh, read_bvh
 from sport.runtime.takes.clip import Clip, load_clip_bvh, save_bvh
 
 MODEL = asset_path("models/compact")
@@ -47,10 +48,14 @@ def damaged_bvh(folder: Path) -> Path:
     return path
 
 
-def foreign_bvh(folder: Path) -> Path:
-    path = save_bvh(still_clip(), folder / "foreign.bvh")
-    path.write_text(path.read_text(encoding="utf-8").replace("LeftFoot", "Paw"), encoding="utf-8")
-    return path
+def worm_bvh(folder: Path) -> Path:
+    """One chain: no body that could be played."""
+    skeleton = Skeleton(
+        tuple(f"ring{k}" for k in range(9)), tuple(range(-1, 8)), np.full((9, 3), 0.1, np.float32)
+    )
+    text = format_bvh(skeleton, np.zeros((2, 3)), rotations.identity((2, 9)), 60.0)
+    (folder / "worm.bvh").write_text(text, encoding="utf-8")
+    return folder / "worm.bvh"
 
 
 def damaged_png(folder: Path) -> Path:
@@ -220,7 +225,7 @@ def test_a_damaged_ground_is_one_sentence(
 VIEW: dict[str, tuple[str, Callable[[Path], Path], tuple[str, ...]]] = {
     "damaged GLB": ("--character", damaged_glb, ("cut.glb", "cut off", "export the file again")),
     "damaged BVH": ("--clip", damaged_bvh, ("cut.bvh", "MOTION", "Export the clip again")),
-    "foreign BVH": ("--clip", foreign_bvh, ("foreign.bvh", "LeftFoot", "Open a BVH")),
+    "foreign BVH": ("--clip", worm_bvh, ("worm.bvh", "LeftFoot", "Name its joints")),
     "wrong version": ("--model", model_with(layout_version=2), ("metadata.json", "layout_version", "Export")),
     "folder as picture": ("--screenshot", lambda folder: folder, ("this is a folder", "Add the name")),
 }
@@ -298,7 +303,7 @@ def test_no_metadata_raise_anything_else(tmp_path: Path) -> None:
 IN_THE_VIEWER: dict[str, tuple[Callable[[Path], Path], tuple[str, ...]]] = {
     "GLB": (damaged_glb, ("cut.glb", "export the file again")),
     "BVH": (damaged_bvh, ("cut.bvh", "Export the clip again")),
-    "foreign BVH": (foreign_bvh, ("foreign.bvh", "Open a BVH")),
+    "foreign BVH": (worm_bvh, ("worm.bvh", "Name its joints")),
     "PNG": (damaged_png, ("cut.png", "Save it again")),
     "unknown ending": (text_file("notes.txt"), ("notes.txt", "Drop a project")),
 }

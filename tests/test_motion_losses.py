@@ -15,7 +15,7 @@ from sport.runtime.skeleton import SPORT_SKELETON, J  # noqa: E402
 from sport.training import losses  # noqa: E402
 from sport.training.batches import Normalisation  # noqa: E402
 from sport.training.frames import LAYERED, FrameTable  # noqa: E402
-from sport.training.kinematics import shown_joints  # noqa: E402
+from sport.training.kinematics import KNEES, knee_flexion, shown_joints  # noqa: E402
 from sport.training.natural_pace import captured_paces, straight_speeds  # noqa: E402
 from sport.training.networks.generator import Generator  # noqa: E402
 from sport.training.presets import preset  # noqa: E402
@@ -128,3 +128,26 @@ def test_swing_is_nothing_for_equal_energies_out_of_step_and_grows_with_less():
     shrunk = [float(losses.swing(s * phase.cos(), captured, scale, kept)) for s in (0.9, 0.7, 0.5)]
     assert 0 < shrunk[0] < shrunk[1] < shrunk[2]
     assert losses.swing(0.5 * captured, captured, scale, torch.zeros(64, 1)) == 0.0
+
+
+def test_knees_out_of_step_bend_as_the_capture_does_and_half_bent_ones_do_not():
+    phase = torch.linspace(0, 2 * torch.pi, 65)[:-1, None]
+    captured = 0.6 + 0.6 * phase.sin()
+    assert losses.distribution(captured.roll(16, 0), captured, losses.BEND) < 1e-8
+    shrunk = [
+        float(losses.distribution(0.6 + s * phase.sin(), captured, losses.BEND)) for s in (0.5, 0.3, 0.1)
+    ]
+    assert 0 < shrunk[0] < shrunk[1] < shrunk[2]
+    assert losses.distribution(captured[:0], captured[:0], losses.BEND) == 0.0
+
+
+def test_the_flexion_of_a_knee_is_the_turn_of_the_shin_in_the_thigh():
+    rng = np.random.default_rng(5)
+    local = rotations.normalize(np.array([1.0, 0, 0, 0]) + 0.2 * rng.normal(size=(3, J, 4)))
+    bends = np.array([[0.0, 1.2], [0.3, -0.05], [0.02, 0.7]])
+    for side, knee in enumerate(KNEES):
+        local[:, knee] = rotations.from_axis_angle(np.array([1.0, 0, 0]), bends[:, side])
+    _, world = SPORT_SKELETON.forward_kinematics(np.zeros((3, 3)), local)
+    y = np.zeros((3, OUTPUT_SIZE))
+    y[:, OUTPUT["joint_rotations"]] = rotations.to_6d(world).reshape(3, -1)
+    np.testing.assert_allclose(knee_flexion(torch.as_tensor(y)).numpy(), bends, atol=1e-6)

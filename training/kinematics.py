@@ -26,6 +26,19 @@ def shown_joints(y: Tensor) -> Tensor:
     return hips + chains @ bones
 
 
+KNEES = [SPORT_SKELETON.index(name) for name in ("LeftLeg", "RightLeg")]
+
+
+def knee_flexion(y: Tensor) -> Tensor:
+    """Angles `(B, 2)` in radians by which the shins are bent backwards from the thighs in real-valued y `(B, 473)`."""
+    turned = matrices(y[:, OUTPUT["joint_rotations"]].unflatten(1, (J, 6)))
+    thighs = [SPORT_SKELETON.parents[knee] for knee in KNEES]
+    _, offsets = _skeleton(y.device)
+    shins = (turned[:, KNEES] @ offsets[[k + 1 for k in KNEES]].to(y)[:, :, None])[..., 0]
+    seen = (turned[:, thighs].transpose(-1, -2) @ shins[..., None])[..., 0]  # from the thigh
+    return torch.atan2(-seen[..., 2], -seen[..., 1])
+
+
 def matrices(d: Tensor) -> Tensor:
     """Rotation matrices `(..., 3, 3)` of 6D rotations `(..., 6)` by Gram-Schmidt, as `rotations.from_6d`."""
     x = normalize(d[..., :3], dim=-1)

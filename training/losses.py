@@ -110,6 +110,18 @@ def swing(own: Tensor, captured: Tensor, scale: Tensor, kept: Tensor) -> Tensor:
     return (moves * ratio.log().square()).sum() / moves.sum().clamp_min(1.0)
 
 
+def distribution(own: Tensor, captured: Tensor, scale: float) -> Tensor:
+    """Squared Wasserstein distance of the values in each column of two batches `(B, n)`, in units of `scale`.
+
+    Sorted values are compared, not frames: a rollout that is out of step with its clip would be taught their mean, and
+    a knee that is bent on average is never straight.
+    """
+    if not len(own):
+        return own.sum()
+    return ((own.sort(0).values - captured.sort(0).values) / scale).square().mean()
+
+
+BEND = 0.2  # radians: unit of errors of a knee
 STILL = 1e-3  # mean square of a movement over its scale
 
 

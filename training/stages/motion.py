@@ -5,23 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from functools import lru_cache
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from sport.runtime.feet.skating import SOLE_POINTS
-from sport.runtime.motion.features import FPS, INPUT, OUTPUT
+from sport.runtime.motion.features import INPUT, OUTPUT
 from sport.training import losses as terms
 from sport.training.batches import Frames, Normalisation, loss_weights, random_rows
-from sport.training.kinematics import shown_joints
 from sport.training.networks.decoder import blend_codes
 from sport.training.networks.diffusion import Schedule, add_noise, analytic_variance, noise_estimate
 from sport.training.networks.generator import Generator
 from sport.training.packed_run import START
 from sport.training.presets import ModelConfig
-from sport.training.rollouts import SWING_FRAMES, RolloutLanes, normalised
+from sport.training.rollouts import RolloutLanes, normalised
 from sport.training.session import (
     Losses,
     MovingAverage,
@@ -31,6 +29,8 @@ from sport.training.session import (
     save_checkpoint,
     train,
 )
+from sport.training.shown_pose import shown_losses
+from sport.training.steered_paths import steered
 from sport.training.styles import StyleTable
 
 _FEET = list(SOLE_POINTS)
@@ -57,9 +57,10 @@ class MotionData:
         random = (torch.rand(len(rows), device=rows.device) * self.frames.patches[rows]).long()
         return torch.where(torch.rand(len(rows), device=rows.device) < 0.5, random, torch.zeros_like(random))
 
-    def input(self, rows: Tensor, patch: Tensor) -> Tensor:
-        """Normalised x."""
-        return (self.frames.inputs(rows, patch) - self.normal.x_mean) / self.normal.x_deviation
+    def input(self, rows: Tensor, patch: Tensor, paths_as_captured: bool = True) -> Tensor:
+        """Normalised x; the paths as a stick gives them where they are not asked for as captured."""
+        x = self.frames.inputs(rows, patch)
+        return normalised(x if paths_as_captured else steered(x), self.normal)
 
     def output(self, rows: Tensor, patch: Tensor) -> Tensor:
         """Normalised y."""
@@ -103,9 +104,9 @@ def stage2_loss(data: MotionData, target: Tensor, predicted: Tensor, supervised:
 
 CONTACT_WEIGHT = 0.1
 SHOWN_WEIGHT = 0.3
-UNREST_WEIGHT = 0.3
-SWING_WEIGHT = 0.02
-SETTLED_FRAMES = 10  # a rollout that began in another pose than its clip's has to move towards it first
+UNREST_WEIGHT = 0.05
+SWING_WEIGHT = 0.05
+BEND_WEIGHT = 0.3  # of the knees' flexion: in lanes of its distribution too
 NOISE = 0.12  # of captured frames' inputs: more makes the network trust its own pose less, and swings shrink
 LANES = 0.5  # share of a batch that goes on from the network's own output
 LANE_FRAMES = 60.0  # mean length of such a rollout
@@ -129,8 +130,8 @@ def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes, noise: floa
     patch = data.patch(fresh)
     x = torch.cat(
         [
-            _corrupt(data.input(fresh, patch), noise),
-            _corrupt(normalised(lanes.inputs(), data.normal), 0.2 * noise),
+            _corrupt(data.input(fresh, patch, paths_as_captured=False), noise),
+            _corrupt(normalised(steered(lanes.inputs()), data.normal), 0.2 * noise),
         ]
     )
     rows, patch = torch.cat([fresh, lanes.rows]), torch.cat([patch, lanes.patch])
@@ -141,35 +142,17 @@ def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes, noise: floa
     return MixedBatch(rows, patch, z, x, target, supervised)
 
 
-def shown_losses(data: MotionData, lanes: RolloutLanes, mixed: MixedBatch, y: Tensor) -> dict[str, Tensor]:
-    """Of the pose that is shown, by forward kinematics of the normalised prediction y `(B, n)`, and of the lanes'
-    movements in it: `shown` holds it to the capture, `unrest` and `swing` are those of `sport.training.losses`."""
-    normal, field = data.normal, OUTPUT["joint_positions"]
-    scale = normal.y_deviation[field]
-    real = y * normal.y_deviation + normal.y_mean
-    joints = shown_joints(real)
-    wanted = mixed.target[:, field] * scale + normal.y_mean[field]
-    weights = _shown_weights(y.device) * mixed.supervised[:, field]
-    result = {"shown": (weights * ((joints.flatten(1) - wanted) / scale).square()).mean()}
+def _full_precision(device: torch.device) -> torch.autocast:
+    """For what follows the networks: a pose of three digits trembles when it is fed back, and kinematics add up."""
+    return torch.autocast(device.type, enabled=False)
 
-    count = len(lanes.rows)
-    own, kept = joints[-count:], mixed.supervised[-count:, field]
-    settled = (lanes.age >= SETTLED_FRAMES).float()[:, None]
-    velocity = OUTPUT["joint_velocities"]
-    moved = (own - lanes.previous_joints()).flatten(1) * FPS
-    result["unrest"] = terms.unrest(
-        moved, real[-count:, velocity], normal.y_deviation[velocity], kept * settled
-    )
-    old = (lanes.age >= SETTLED_FRAMES + SWING_FRAMES).float()[:, None]
-    result["swing"] = terms.swing(*lanes.swings(own), scale, kept * old)
+
+def _motion_losses(data: MotionData, lanes: RolloutLanes, mixed: MixedBatch, y: Tensor) -> Losses:
+    """Those of stage 2, of normalised y `(B, n)`; the lanes move on by it."""
+    result = stage2_loss(data, mixed.target, y, mixed.supervised)
+    result |= shown_losses(data.normal, lanes, mixed.target, mixed.supervised, y)
+    lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
     return result
-
-
-@lru_cache(2)
-def _shown_weights(device: torch.device) -> Tensor:
-    """Weight of every joint's position `(93,)`: that of Eq. 11."""
-    weights = loss_weights(device)[OUTPUT["joint_positions"]]
-    return weights / weights.mean()
 
 
 def _total(result: Losses) -> Tensor:
@@ -180,6 +163,7 @@ def _total(result: Losses) -> Tensor:
         + SHOWN_WEIGHT * result["shown"]
         + UNREST_WEIGHT * result["unrest"]
         + SWING_WEIGHT * result["swing"]
+        + BEND_WEIGHT * result["bend"]
     )
 
 
@@ -213,11 +197,11 @@ def run_stage2(
     def losses(item: object, step: int) -> dict[str, Tensor]:
         assert isinstance(item, Tensor)
         mixed = mixed_batch(data, item, lanes, NOISE)
-        y = module.decode_mixture(mixed.x, mixed.z)[0].float()
-        result = stage2_loss(data, mixed.target, y, mixed.supervised)
-        result |= shown_losses(data, lanes, mixed, y)
-        lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
-        return result | {"total": _total(result)}
+        e, alpha = module.embed(mixed.x, mixed.z)
+        with _full_precision(e.device):
+            y = module.mixture_decoder(e.float(), alpha.float())
+            result = _motion_losses(data, lanes, mixed, y)
+            return result | {"total": _total(result)}
 
     cycles = 3 if steps >= SHORT_STEPS else 1
     rate = _warm_restarts(steps, 5e-4 if fine_tuned else 1e-3, cycles)
@@ -328,24 +312,24 @@ def run_stage3(
     rows = random_rows(data.weights, batch, 1, data.frames.last, session.batch_generator(6))
     lanes = _lanes(session, config, data, batch, 9)
 
-    def losses(item: object, step: int) -> dict[str, Tensor]:
+    def losses(item: object, step: int) -> Losses:
         assert isinstance(item, Tensor)
         module.eval()  # dropout stays off in the frozen part; the denoiser has none
         with torch.no_grad():
             mixed = mixed_batch(data, item, lanes, NOISE)
             e, alpha = module.embed(mixed.x, mixed.z)
-            codes = module.target_codes(e, alpha, mixed.target)
+            with _full_precision(e.device):
+                codes = module.target_codes(e.float(), alpha.float(), mixed.target)
             n, noisy = _noised(schedule, tau, codes.float())
         predicted = module.denoiser(noisy, e, n).float()
-        y = blend_codes(module.clean_codes(predicted, e.float()), alpha.float())
-        shown = shown_losses(data, lanes, mixed, y)
-        lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
-        result = {"codes": terms.codes(codes.float(), predicted, mixed.supervised[:, None])}
-        total = result["codes"]
-        if step > 0.25 * steps:
-            result |= stage2_loss(data, mixed.target, y, mixed.supervised) | shown
-            total = 0.1 * total + _total(result)
-        return result | {"total": total}
+        with _full_precision(e.device):
+            y = blend_codes(module.clean_codes(predicted, e.float()), alpha.float())
+            motion = _motion_losses(data, lanes, mixed, y)
+            total = terms.codes(codes.float(), predicted, mixed.supervised[:, None])
+            result = {"codes": total}
+            if step > 0.25 * steps:
+                result, total = result | motion, 0.1 * total + _total(motion)
+            return result | {"total": total}
 
     train(session, "stage3", state, rows, losses, steps, _cosine(steps), batch, max_minutes)
     module.load_state_dict(state.average.values)

@@ -38,7 +38,7 @@ def style_speeds(table: FrameTable, style: StyleTable, ridge: float = 0.005) -> 
         clips, targets, weights = _paces(table, label)
         index = torch.as_tensor(clips, device=style.index.device)
         inputs = style.draw(index).cpu().numpy() if len(clips) else np.zeros((0, 384), np.float32)
-        columns.append(_ridge(inputs, targets, weights, ridge, fallback))
+        columns.append(ridge_regression(inputs, targets, weights, ridge, fallback))
     return np.stack(columns, 1).astype(np.float32)
 
 
@@ -131,9 +131,10 @@ def neutral_style(table: FrameTable, style: StyleTable) -> np.ndarray:
     return style.of(index.flatten(0, 1)).mean(0).view(6, -1).cpu().numpy()
 
 
-def _ridge(
+def ridge_regression(
     inputs: np.ndarray, values: np.ndarray, weights: np.ndarray, ridge: float, fallback: float
 ) -> np.ndarray:
+    """Weights `(n + 1,)`, the intercept last, from inputs `(N, n)` to values `(N,)`; `fallback` where there are none."""
     if len(values) < 2:
         return np.concatenate([np.zeros(inputs.shape[-1]), [fallback]])
     mean = np.average(values, weights=weights)

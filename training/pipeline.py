@@ -29,6 +29,7 @@ from sport.training.networks.content import ContentEncoder
 from sport.training.networks.diffusion import Schedule, reverse_steps
 from sport.training.networks.generator import Generator
 from sport.training.presets import ModelConfig, ablation, preset
+from sport.training.rest_rhythm import rest_rhythm
 from sport.training.session import Session, load_checkpoint, save_checkpoint
 from sport.training.stages import (
     content as stage_content,
@@ -164,7 +165,7 @@ def _export(
         normal=data.normal,
         style_centre=scale[0],
         style_deviation=scale[1],
-        speeds=torch.as_tensor(style_speeds(table, data.style)),
+        speeds=torch.as_tensor(_paces_and_rhythm(table, phase, data)),
         steps=reverse_steps(schedule, schedule.subsequence(config.inference_steps), sigma),
         sigma_bar_squared=sigma,
         start=start_state(table, phase),
@@ -176,6 +177,11 @@ def _export(
         decoder=args.decoder,
     )
     _write_model(trained, args, args.out / ("model-mixture" if mixture else "model"))
+
+
+def _paces_and_rhythm(table: FrameTable, phase: np.ndarray, data: stage_motion.MotionData) -> np.ndarray:
+    """`(385, 2 + 2 C)` from Z^t: walking and jogging speed, then amplitude and rate of each phase channel at rest."""
+    return np.concatenate([style_speeds(table, data.style), rest_rhythm(table, phase, data.style)], axis=1)
 
 
 def _write_model(trained: Trained, args: argparse.Namespace, folder: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +18,12 @@ from sport.runtime.motion.inertialization import Inertialization
 from sport.runtime.motion.model import MotionModel, Style
 from sport.runtime.motion.noise import DriftingNoise
 from sport.runtime.motion.phase import advance_phase
+from sport.runtime.motion.rest_rhythm import RestRhythm
 from sport.runtime.motion.speed_regulator import SpeedRegulator
 from sport.runtime.motion.stall import CYCLES_PER_SECOND, Stall, advance_by_cycles
+from sport.runtime.motion.stride import Stride
 from sport.runtime.motion.style_mix import StyleFolder, StyleMix, mixed
-from sport.runtime.motion.trajectory import PRESENT, Trajectory, decay
+from sport.runtime.motion.trajectory import PRESENT, Trajectory, TrajectoryView, decay
 from sport.runtime.pose import Pose
 from sport.runtime.skeleton import SPORT_SKELETON
 from sport.runtime.terrain.height_map import Terrain
@@ -32,29 +33,19 @@ Array = NDArray[np.floating]
 log = logging.getLogger("sport.controller")
 
 DT = 1.0 / FPS
-TEMPERATURE = (
-    0.7  # of the sampler: livelier than its mean, and nearer to the capture than at 1 (docs/model.md)
-)
+TEMPERATURE = 0.7  # of the sampler: livelier than its mean, nearer to the capture than 1 (docs/model.md)
 STAND_SPEED = 0.12  # m/s; slower requests mean standing
 MIN_GAIT_SPEED = 0.3  # m/s; slower, feet may well rest for a while
 CROUCH_SPEED = 0.8  # m/s at full stick
 JUMP_SECONDS = 0.7
 # what the regulator leaves of a difference in speed is taken up by longer or shorter strides, this much at most
-STRIDE_WARP = (0.8, 1.25)
+STRIDE_WARP = (0.65, 1.25)
 SETTLE_SECONDS = 2.0
 STOP_M = 0.5  # from ground that nobody can walk on the root stops,
 FASTEST_LIFT = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
 HALF_BODY_M = 0.25  # no root comes nearer
 STOP_SECONDS = 0.45  # and as much farther as it covers in this time
 SPEED_HALF_LIFE = 0.25  # seconds, smoothing of the measured speed (a stride speeds up and slows down)
-
-
-@dataclass(frozen=True)
-class TrajectoryView:
-    """What the viewer draws: the 12 samples in world space."""
-
-    positions: Array  # (12, 3)
-    directions: Array  # (12, 2)
 
 
 def _check(**numbers: float) -> None:
@@ -91,6 +82,8 @@ class Controller:
         self.message = ""  # the network's fault in this frame, for the status line
         self._foot_lock = FootLock(SPORT_SKELETON)
         self._stall = Stall()
+        self._stride = Stride()
+        self._rest = RestRhythm()
         self._regulator = SpeedRegulator()
         self._arms = Inertialization()
         self._to: Array | StyleMix = model.neutral
@@ -113,6 +106,8 @@ class Controller:
         self._regulator.reset()
         self._foot_lock.reset()
         self._stall.reset()
+        self._stride.reset()
+        self._rest.reset()
         self._arms.reset()
         self._ground = float(self.terrain.height(x, z))
         self.pose = self._pose(y, np.zeros(4))
@@ -248,7 +243,7 @@ class Controller:
         self.asked_speed = amount * speed
         moving = self.asked_speed > STAND_SPEED
         if moving:
-            velocity = velocity * self._regulator.update(self.asked_speed, self._root_speed)
+            velocity *= self._regulator.update(self.asked_speed, self._root_speed * self._stride.share)
         else:
             velocity = np.zeros(2)
             self._regulator.reset()
@@ -349,8 +344,8 @@ class Controller:
         )
         body.velocities = y.joint_velocities
         body.phase = advance_phase(body.phase, y.phase)
-        self._unstall()
-        velocity = self._root_velocity(features.to_world(y.root[:2], yaw))
+        self._keep_rhythm()
+        velocity = self._root_velocity(features.to_world(y.root[:2], yaw), y.contacts)
         next_yaw = yaw + y.root[2] * DT
         t.advance(
             velocity * DT,
@@ -359,15 +354,18 @@ class Controller:
             features.to_world(y.trajectory_directions, next_yaw),
         )
 
-    def _unstall(self) -> None:
+    def _keep_rhythm(self) -> None:
         if self._stall.update(self._body.joints, self._gait_speed()):
             self._body.phase = advance_by_cycles(self._body.phase, CYCLES_PER_SECOND * DT)
+        standing = float(self._trajectory.gait[PRESENT, Gait.STAND])
+        self._body.phase = self._rest.apply(self._body.phase, self._style.rest, standing)
 
-    def _root_velocity(self, velocity: Array, clear: bool = False) -> Array:
+    def _root_velocity(self, velocity: Array, contacts: Array, clear: bool = False) -> Array:
         """The velocity (m/s) that the root takes of the network's; `clear` where no step is known to lie ahead."""
         velocity = self._calmed(velocity)
         self._root_speed = float(np.linalg.norm(velocity))
         self._measured_speed += (self._root_speed - self._measured_speed) * (1 - decay(SPEED_HALF_LIFE))
+        self._stride.update(self._body.joints, contacts, self._measured_speed)
         velocity = velocity * self._stride_warp()
         return velocity if clear else self._held_back(velocity)
 

@@ -182,8 +182,8 @@ class Crowd:
         for i, member in enumerate(members):
             body = member._body
             body.joints, body.velocities, body.phase = joints[i], y.joint_velocities[i], phases[i]
-            member._unstall()
-            velocity[i] = member._root_velocity(velocity[i], bool(clear[i]))
+            member._keep_rhythm()
+            velocity[i] = member._root_velocity(velocity[i], y.contacts[i], bool(clear[i]))
         next_yaw = (yaw + y.root[:, 2] * DT)[:, None]
         windows = self._windows()
         advance(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from sport.runtime.assets import asset_path
 from sport.runtime.errors import ModelError
+from sport.runtime.motion.features import C
 from sport.runtime.motion.model_files import (
     FOLDED,
     INT8_GRAPH,
@@ -39,6 +40,8 @@ class Style:
     content_bias: Array
     walk_speed: float  # m/s
     jog_speed: float
+    # amplitude and turns a second (C, 2) of the phases at rest; zeros of a model that does not tell
+    rest: Array = field(default_factory=lambda: np.zeros((C, 2), np.float32))
 
 
 class MotionModel:
@@ -109,7 +112,8 @@ class MotionModel:
         if not np.isfinite(speeds).all():
             raise ModelError(f"{path}: gives speeds that are not finite.", "Choose another model.")
         walk, jog = float(np.clip(speeds[0], 0.4, 2.2)), float(np.clip(speeds[1], 1.2, 5.0))
-        return Style(z, bias, weight, content_bias, walk, max(jog, 1.3 * walk))
+        rest = np.asarray(speeds[2:], np.float32).reshape(2, -1).T if len(speeds) > 2 else np.zeros((C, 2))
+        return Style(z, bias, weight, content_bias, walk, max(jog, 1.3 * walk), rest.astype(np.float32))
 
     def step(self, x: Array, noise: Array, style: Style | Sequence[Style]) -> tuple[Array, Array]:
         """y `(B, 473)` and alpha `(B, experts)` of inputs `(B, 472)` and noise `(B, *noise_shape)`.

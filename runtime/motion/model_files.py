@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sport.runtime.errors import ModelError
-from sport.runtime.motion.features import INPUT, INPUT_SIZE, LAYOUT_VERSION, OUTPUT_SIZE
+from sport.runtime.motion.features import INPUT, INPUT_SIZE, LAYOUT_VERSION, OUTPUT_SIZE, C
 from sport.runtime.motion.processor import exact_8_bit_products
 from sport.runtime.safe_read import is_text, parse_json, read_bounded, reason
 from sport.runtime.skeleton import SPORT_SKELETON
@@ -185,7 +185,9 @@ def check_graphs(
     _check_shapes(prompt_path, prompt.get_outputs()[:1], {"z": [None, *style_shape]})
     style_path, step_path = folder / "style.onnx", folder / f"{step_name}.onnx"
     _check_shapes(style_path, style.get_inputs(), {"z": [*style_shape]})
-    _check_shapes(style_path, style.get_outputs(), {**dict.fromkeys(FOLDED), "speeds": [2]})
+    # walk and jog; then amplitude and rate of each channel at rest, which models of version 0.3 lack
+    speeds = [2 if list(style.get_outputs()[-1].shape) == [2] else 2 + 2 * C]
+    _check_shapes(style_path, style.get_outputs(), {**dict.fromkeys(FOLDED), "speeds": speeds})
     folded = {value.name: list(value.shape) for value in style.get_outputs() if value.name in FOLDED}
     # models of version 0.1 take one style for all characters, without a dimension for it
     bias = next((value for value in step.get_inputs() if value.name == FOLDED[0]), None)

@@ -24,7 +24,7 @@ from sport.runtime.motion.noise import DriftingNoise
 from sport.runtime.motion.style_mix import StyleMix
 from sport.runtime.pose import Pose
 
-VERSION = 1
+VERSION = 2
 MAX_BYTES = 64 * 1024 * 1024
 CONSTANT = {"model", "terrain", "_folder"}  # of the controller: what `restore` leaves as it is
 CHANGING: dict[type, tuple[str, ...]] = {DriftingNoise: ("_frame",)}  # where the rest follows from the seed

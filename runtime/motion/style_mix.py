@@ -42,7 +42,8 @@ def mixed(styles: Sequence[Style], shares: Sequence[float]) -> Style:
         sum(share * getattr(style, name) for share, style in zip(shares, styles, strict=True))
         for name in ("walk_speed", "jog_speed")
     )
-    return Style(mean("z"), mean("front_bias"), mean("content_weight"), mean("content_bias"), walk, jog)
+    folded = (mean(name) for name in ("z", "front_bias", "content_weight", "content_bias"))
+    return Style(*folded, walk, jog, mean("rest"))
 
 
 class StyleFolder:

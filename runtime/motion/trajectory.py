@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,6 +39,14 @@ def decay(half_life: float, dt: float = 1.0 / FPS) -> float:
 def wrap_angle(angle: Array | float) -> Array:
     """Angles in radians brought to -pi..pi."""
     return (np.asarray(angle) + np.pi) % (2 * np.pi) - np.pi
+
+
+@dataclass(frozen=True)
+class TrajectoryView:
+    """What the viewer draws: the 12 samples in world space."""
+
+    positions: Array  # (12, 3)
+    directions: Array  # (12, 2)
 
 
 class Trajectory:

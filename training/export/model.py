@@ -71,12 +71,13 @@ class MotionGraph(nn.Module):
 
 
 class StyleGraph(nn.Module):
-    """Z^t `(6, 64)` to the folded modulator weights and the style's natural speeds (walk, jog) in m/s."""
+    """Z^t `(6, 64)` to the folded modulator weights and the style's natural speeds (walk, jog) in m/s,
+    then what `sport.training.rest_rhythm` fits."""
 
     def __init__(self, generator: Generator, speeds: Tensor) -> None:
         super().__init__()
         self.modulator = generator.modulator
-        self.register_buffer("speeds", speeds)  # (385, 2), the last row is the intercept
+        self.register_buffer("speeds", speeds)  # (385, 2 or 2 + 2 C), the last row is the intercept
 
     def forward(self, z: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         flat = z.reshape(1, -1)

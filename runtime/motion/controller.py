@@ -45,6 +45,7 @@ STOP_M = 0.5  # from ground that nobody can walk on the root stops,
 FASTEST_LIFT = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
 HALF_BODY_M = 0.25  # no root comes nearer
 STOP_SECONDS = 0.45  # and as much farther as it covers in this time
+HOLD_M = 0.5  # it sets off again where the way is free this much farther: else it stops and starts in turn
 SPEED_HALF_LIFE = 0.25  # seconds, smoothing of the measured speed (a stride speeds up and slows down)
 
 
@@ -237,8 +238,9 @@ class Controller:
             move, amount = move / amount, 1.0
         speed = self.full_speed(controls.gait)
         velocity: Array = move * speed
-        self.blocked = None
-        if not clear:
+        if clear:
+            self.blocked = None
+        else:
             velocity, amount = self._stopped(velocity, amount)
         self.asked_speed = amount * speed
         moving = self.asked_speed > STAND_SPEED
@@ -266,11 +268,12 @@ class Controller:
 
     def _stopped(self, velocity: Array, amount: float) -> tuple[Array, float]:
         """Velocity (m/s) and share of the stick, both zero before ground that nobody can walk on."""
+        held, self.blocked = self.blocked is not None, None
         speed = float(np.linalg.norm(velocity))
         if speed <= STAND_SPEED:
             return velocity, amount
         x, z = self._trajectory.xz[PRESENT]
-        reach = STOP_M + STOP_SECONDS * self._measured_speed
+        reach = STOP_M + STOP_SECONDS * self._measured_speed + HOLD_M * held
         distance, rise = step_ahead(self.terrain, float(x), float(z), velocity / speed, reach)
         if distance > reach:
             return velocity, amount

@@ -56,9 +56,20 @@ def level_ahead(terrain: Terrain, places: Array, directions: Array, reach_m: Arr
 
 
 def within_steps(heights: Array, present: int) -> Array:
-    """Heights `(12, 3)` of trajectory samples, no farther from that under sample `present` than a walker can step."""
+    """Heights `(12, 3)` of trajectory samples, as far as a walker goes from that under sample `present`.
+
+    Ground behind a step over `HIGHEST_STEP_M` lies as high as that before it: nobody lifts a knee for it. No ground is
+    farther than `HIGHEST_STEP_M` from the present one.
+    """
     here = heights[present, 1]
-    return np.clip(heights, here - HIGHEST_STEP_M, here + HIGHEST_STEP_M)
+    seen = np.array(heights, np.float64)
+    seen[present] = np.where(np.abs(seen[present] - here) > HIGHEST_STEP_M, here, seen[present])
+    for way in (range(present + 1, len(seen)), range(present - 1, -1, -1)):
+        step = 1 if way.step > 0 else -1
+        for sample in way:
+            rise = heights[sample] - heights[sample - step]
+            seen[sample] = seen[sample - step] + np.where(np.abs(rise) > HIGHEST_STEP_M, 0.0, rise)
+    return np.clip(seen, here - HIGHEST_STEP_M, here + HIGHEST_STEP_M)
 
 
 def blocked_message(rise_m: float) -> str:

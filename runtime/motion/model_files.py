@@ -186,7 +186,7 @@ def check_graphs(
     style_path, step_path = folder / "style.onnx", folder / f"{step_name}.onnx"
     _check_shapes(style_path, style.get_inputs(), {"z": [*style_shape]})
     # walk and jog; then amplitude and rate of each channel at rest, which models of version 0.3 lack
-    speeds = [2 if list(style.get_outputs()[-1].shape) == [2] else 2 + 2 * C]
+    speeds: list[int | None] = [2 if list(style.get_outputs()[-1].shape) == [2] else 2 + 2 * C]
     _check_shapes(style_path, style.get_outputs(), {**dict.fromkeys(FOLDED), "speeds": speeds})
     folded = {value.name: list(value.shape) for value in style.get_outputs() if value.name in FOLDED}
     # models of version 0.1 take one style for all characters, without a dimension for it

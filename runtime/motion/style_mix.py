@@ -42,8 +42,8 @@ def mixed(styles: Sequence[Style], shares: Sequence[float]) -> Style:
         sum(share * getattr(style, name) for share, style in zip(shares, styles, strict=True))
         for name in ("walk_speed", "jog_speed")
     )
-    folded = (mean(name) for name in ("z", "front_bias", "content_weight", "content_bias"))
-    return Style(*folded, walk, jog, mean("rest"))
+    z, front_bias, weight, bias = (mean(n) for n in ("z", "front_bias", "content_weight", "content_bias"))
+    return Style(z, front_bias, weight, bias, walk, jog, mean("rest"))
 
 
 class StyleFolder:

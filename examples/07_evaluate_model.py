@@ -37,7 +37,7 @@ def walk(model: MotionModel, z: np.ndarray, seed: int) -> tuple[Motion, float]:
         for name in ("hips_position", "local_rotations", "contacts")
     )
     gait = np.full(len(poses), int(Gait.WALK))
-    return Motion("walk", "", hips, local, contacts, gait, controller.terrain), controller.asked_speed
+    return Motion("walk", "", hips, local, contacts, gait, controller.terrain), controller.requested_speed
 
 
 def main(arguments: list[str]) -> None:

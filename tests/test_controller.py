@@ -33,7 +33,7 @@ def test_root_keeps_the_asked_speed_and_direction(model, gait):
     controller = Controller(model, Terrain.flat(size_m=200.0))
     drive(controller, Controls((0.0, 1.0), gait=gait), 180)
     poses = drive(controller, Controls((0.0, 1.0), gait=gait), 180)
-    assert speed(poses) == pytest.approx(controller.asked_speed, rel=0.15)
+    assert speed(poses) == pytest.approx(controller.requested_speed, rel=0.15)
     assert abs(poses[-1].root_yaw) < 0.3
 
 

@@ -1,4 +1,4 @@
-"""Rollouts with a swapped part: what is told, what is left to supervise."""
+"""Rollouts with a swapped part: what is mixed, what is left to supervise."""
 
 import pytest
 
@@ -19,10 +19,10 @@ def _swaps(*parts: str) -> Swaps:
 
 def test_only_the_swapped_part_is_told_of_the_other_clip():
     z, other = torch.zeros(3, 384), torch.ones(3, 384)
-    told = _swaps("right_arm", "", "head").tell(z, other).view(3, len(PART_NAMES), -1)
-    assert told[0].mean(1).tolist() == [0, 1, 0, 0, 0, 0]
-    assert told[1].sum() == 0
-    assert told[2].mean(1).tolist() == [0, 0, 0, 0, 0, 1]
+    mixed = _swaps("right_arm", "", "head").mixed(z, other).view(3, len(PART_NAMES), -1)
+    assert mixed[0].mean(1).tolist() == [0, 1, 0, 0, 0, 0]
+    assert mixed[1].sum() == 0
+    assert mixed[2].mean(1).tolist() == [0, 0, 0, 0, 0, 1]
 
 
 @pytest.mark.parametrize("part", PART_NAMES)

@@ -297,8 +297,8 @@ def test_outdated_embeddings_are_not_used(tmp_path: Path) -> None:
         {"style": "nobody"},
         7,
         {"prompt": "a", "arms": "@nobody", "legs": "x"},
-        {**CRAB, "tells": ["tail"]},
-        {**CRAB, "tells": []},
+        {**CRAB, "defines": ["tail"]},
+        {**CRAB, "defines": []},
     ],
 )
 def test_a_malformed_entry_is_named(tmp_path: Path, entry: object) -> None:

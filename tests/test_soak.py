@@ -29,7 +29,7 @@ def play(controller, frames, controls, frozen_from=None):
             pose = type(held)(**values)
         segment.poses.append(pose)
         segment.gaits.append(controls.gait)
-        segment.asked.append(controller.asked_speed)
+        segment.asked.append(controller.requested_speed)
         segment.since_change.append(frame)
     return segment
 

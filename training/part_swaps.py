@@ -59,7 +59,7 @@ class Swaps:
         self.part[lanes] = torch.multinomial(chance, len(lanes), replacement=True)
         self.clip[lanes] = clips
 
-    def tell(self, z: Tensor, other: Tensor) -> Tensor:
+    def mixed(self, z: Tensor, other: Tensor) -> Tensor:
         """Z^t `(lanes, n)` with the swapped part's code taken from `other`, alike."""
         part = torch.arange(len(PART_NAMES), device=z.device)
         swapped = (part == self.part[:, None]).repeat_interleave(z.shape[1] // len(PART_NAMES), dim=1)

@@ -90,7 +90,7 @@ class Controller:
         self._to: Array | StyleMix = model.neutral
         self._style = self._from_style = self._to_style = self._folder.fold(self._to)
         self._blend, self._blend_seconds = 1.0, 0.0
-        self.asked_speed = 0.0
+        self.requested_speed = 0.0
         self.reset()
 
     def reset(self, x: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Pose:
@@ -242,10 +242,10 @@ class Controller:
             self.blocked = None
         else:
             velocity, amount = self._stopped(velocity, amount)
-        self.asked_speed = amount * speed
-        moving = self.asked_speed > STAND_SPEED
+        self.requested_speed = amount * speed
+        moving = self.requested_speed > STAND_SPEED
         if moving:
-            velocity *= self._regulator.update(self.asked_speed, self._root_speed * self._stride.share)
+            velocity *= self._regulator.update(self.requested_speed, self._root_speed * self._stride.share)
         else:
             velocity = np.zeros(2)
             self._regulator.reset()
@@ -374,13 +374,13 @@ class Controller:
 
     def _gait_speed(self) -> float:
         """The speed at which feet should be stepping, m/s: 0 at rest, in a jump, and while the root has not set off."""
-        travels = self._measured_speed > 0.5 * self.asked_speed and self._jump_left <= 0
-        return self.asked_speed if travels and self.asked_speed > MIN_GAIT_SPEED else 0.0
+        travels = self._measured_speed > 0.5 * self.requested_speed and self._jump_left <= 0
+        return self.requested_speed if travels and self.requested_speed > MIN_GAIT_SPEED else 0.0
 
     def _stride_warp(self) -> float:
         """Scale of the root's displacement towards the requested speed; the foot lock keeps the feet planted."""
-        walks = self._measured_speed > 0.5 * self.asked_speed > 0.5 * STAND_SPEED
-        return float(np.clip(self.asked_speed / self._measured_speed, *STRIDE_WARP)) if walks else 1.0
+        walks = self._measured_speed > 0.5 * self.requested_speed > 0.5 * STAND_SPEED
+        return float(np.clip(self.requested_speed / self._measured_speed, *STRIDE_WARP)) if walks else 1.0
 
     def _held_back(self, velocity: Array) -> Array:
         """The root's velocity (m/s), zero where the next of it would be a step that nobody can take."""

@@ -33,7 +33,10 @@ VALUES = {
     "StyleMix": StyleMix,
     "Pose": Pose,
 }  # immutable records of numbers, shared with the controller
-RENAMED = {"wished_yaw": "requested_yaw"}  # attributes that files of earlier releases name otherwise
+RENAMED = {
+    "wished_yaw": "requested_yaw",
+    "asked_speed": "requested_speed",
+}  # attributes that files of earlier releases name otherwise
 REMEDY = "Record the take again with this model."
 Tree = dict[str, Any]
 

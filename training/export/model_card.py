@@ -17,7 +17,7 @@ from sport.runtime.errors import FileError, run_command
 
 _LIMITS = """- Trained on about 35 captured styles, on recombinations of their parts, and on parametric edits of parts; a prompt far
   from them is composed from the nearest ones, part by part.
-- A left foot drags when it is told to, a right one (never shown in training) by a quarter of that.
+- A left foot drags when the words say so, a right one (never shown in training) by a quarter of that.
 - Nodding is hardly there. Words of bounce, hips that sway or swing, limps and staggering change little.
 - A hand that should wave waves at rest too; looking around and nodding beat with the steps.
 - Terrain is known from distilled rollouts of PFNN and from flat capture laid over hills and stairs; there is only about

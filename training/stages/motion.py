@@ -137,7 +137,7 @@ def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes, noise: floa
     rows, patch = torch.cat([fresh, lanes.rows]), torch.cat([patch, lanes.patch])
     z, target = data.styles(data.frames.clip[rows]), data.output(rows, patch)
     swaps = lanes.swaps
-    z = torch.cat([z[: len(fresh)], swaps.tell(z[len(fresh) :], data.styles(swaps.clip))])
+    z = torch.cat([z[: len(fresh)], swaps.mixed(z[len(fresh) :], data.styles(swaps.clip))])
     supervised = torch.cat([torch.ones_like(target[: len(fresh)]), swaps.supervised()])
     return MixedBatch(rows, patch, z, x, target, supervised)
 

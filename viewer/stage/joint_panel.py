@@ -49,10 +49,10 @@ def _found(state: JointsState, room: float) -> None:
     guess, missing = state.guess, state.missing
     if guess is None or state.path is None:
         return
-    count = f"{len(guess.found)} of our {len(SPORT_SKELETON)} joints told by {guess.origin}"
-    told = count if guess.found else "no joint told by names, tree or rest pose"
+    count = f"{len(guess.found)} of our {len(SPORT_SKELETON)} joints found by {guess.origin}"
+    found = count if guess.found else "no joint found by names, tree or rest pose"
     by_hand = f", {len(state.chosen)} by hand" if state.chosen else ""
-    text = f"{printable(state.path.name)}: {told}{by_hand}"
+    text = f"{printable(state.path.name)}: {found}{by_hand}"
     widgets.muted(widgets.elided(text, room))
     widgets.tooltip(printable(state.path))
     if missing:

@@ -13,9 +13,9 @@ from sport.runtime.prompts.english.phrases import FIGURES, SLIGHTLY, Element
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.skeleton import PART_NAMES
 
-BROAD = 5  # an entry that tells so many parts is a whole figure or scene
+BROAD = 5  # an entry that defines so many parts is a whole figure or scene
 TEMPERATURE = 0.06  # of the softmax over the similarities of neighbours
-# What decides a part when several entries tell it: what the body must do before what it feels.
+# What decides a part when several entries define it: what the body must do before what it feels.
 _ORDER = (
     "bodies ages walks emotions minds dances sports situations weather ground injuries loads occupations posture steps "
     "arms"
@@ -47,12 +47,12 @@ def compose_elements(
     neutral: int,
     worth: Worth = worth_alike,
 ) -> Composition:
-    """Figures, moods, loads and grounds on one body: each part from the strongest entry that tells it.
+    """Figures, moods, loads and grounds on one body: each part from the strongest entry that defines it.
 
     Of entries alike in strength the one whose sentence is shown wins. Without a figure the strongest entry moves the whole body, unless it is asked for "slightly".
     """
     chosen = _without_mentioned([e for e in elements if not e.only], entries)
-    figures = [e for e in chosen if len(entries[e.entry].tells) >= BROAD]
+    figures = [e for e in chosen if len(entries[e.entry].defines) >= BROAD]
     modifiers = [e for e in chosen if e not in figures]
     if figures:
         sources = _figure_parts(figures, entries, embeddings, neutral)
@@ -61,7 +61,7 @@ def compose_elements(
         whole = base is not None and base.degree > SLIGHTLY
         sources = dict.fromkeys(PART_NAMES, base.entry if base is not None and whole else neutral)
     for part in PART_NAMES:
-        telling = [e for e in modifiers if part in entries[e.entry].tells]
+        telling = [e for e in modifiers if part in entries[e.entry].defines]
         if telling:
             strength = [_strength(e, entries) * worth(e.entry, part) for e in telling]
             sources[part] = telling[int(np.argmax(strength))].entry
@@ -74,7 +74,7 @@ def compose_elements(
 def _show_all(
     sources: dict[str, int], modifiers: Sequence[Element], entries: tuple[LibraryEntry, ...]
 ) -> None:
-    """Give an entry that lost every part it tells the one least missed: "a happy drunk" keeps a happy head."""
+    """Give an entry that lost every part it defines the one least missed: "a happy drunk" keeps a happy head."""
     for element in modifiers:
         if element.entry in sources.values():
             continue
@@ -82,7 +82,7 @@ def _show_all(
             parts = _GROUPS[name]
             owner = sources[parts[0]]
             elsewhere = any(sources[p] == owner for p in PART_NAMES if p not in parts)
-            if elsewhere and set(parts) <= set(entries[element.entry].tells):
+            if elsewhere and set(parts) <= set(entries[element.entry].defines):
                 sources.update(dict.fromkeys(parts, element.entry))
                 break
 
@@ -104,7 +104,7 @@ def _figure_parts(
     for name, parts in _GROUPS.items():
         columns = [PART_NAMES.index(part) for part in parts]
         first, second = (float(unusual[e.entry, columns].mean()) for e in (ranked[0], others[0]))
-        covers = set(parts) <= set(entries[others[0].entry].tells)
+        covers = set(parts) <= set(entries[others[0].entry].defines)
         margins[name] = (second - first) if covers else -1.0
     order = sorted(margins, key=lambda name: -margins[name])
     # each of the two is seen somewhere

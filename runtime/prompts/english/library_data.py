@@ -32,7 +32,7 @@ RIDGE = 10.0
 class LibraryEntry:
     """One prompt, other ways to ask for it, and its six descriptions.
 
-    `tells` are the parts that make the entry what it is, and which it gives to another character when both are asked
+    `defines` are the parts that make the entry what it is, and which it gives to another character when both are asked
     for: torso and head of a mood, legs of a ground. `style` is the training style's key or "". `opposite` is the prompt of
     the entry that shows it denied ("not so fast"), or "".
     """
@@ -41,7 +41,7 @@ class LibraryEntry:
     also: tuple[str, ...]
     descriptions: PartDescriptions
     category: str = ""
-    tells: tuple[str, ...] = PART_NAMES
+    defines: tuple[str, ...] = PART_NAMES
     style: str = ""
     opposite: str = ""
 
@@ -110,11 +110,11 @@ def load_prompt_library(path: Path, styles: Mapping[str, Style]) -> PromptLibrar
     values = file.get("entries")
     if not isinstance(values, list) or not values:
         raise FileError(f"{path}: has no list 'entries'.", "Restore the file.")
-    tells, alone, nothing = _lists(file, path)
+    defines, alone, nothing = _lists(file, path)
     entries = []
     for number, value in enumerate(values):
         try:
-            entries.append(_entry(value, styles, tells))
+            entries.append(_entry(value, styles, defines))
         except (PromptError, KeyError, TypeError, ValueError, AttributeError) as error:
             raise FileError(
                 f"{path}: entry {number} is malformed ({error!r}).", "Correct or restore the file."
@@ -132,9 +132,9 @@ def load_prompt_library(path: Path, styles: Mapping[str, Style]) -> PromptLibrar
 def _lists(
     file: Mapping[str, Any], path: Path
 ) -> tuple[dict[str, tuple[str, ...]], frozenset[str], tuple[str, ...]]:
-    """What each category tells, the words that name an entry only alone, and the prompts about nothing bodily."""
+    """What each category defines, the words that name an entry only alone, and the prompts about nothing bodily."""
     try:
-        tells = {name: _parts(value["tells"]) for name, value in file.get("categories", {}).items()}
+        defines = {name: _parts(value["defines"]) for name, value in file.get("categories", {}).items()}
         alone = frozenset(check_text(word, "word", 40) for word in file.get("alone", ()))
         nothing = tuple(check_text(text, "prompt about nothing", 300) for text in file.get("nothing", ()))
     except (PromptError, KeyError, TypeError, ValueError, AttributeError) as error:
@@ -142,20 +142,20 @@ def _lists(
             f"{path}: 'categories', 'alone' or 'nothing' is malformed ({error!r}).",
             "Correct or restore the file.",
         ) from error
-    return tells, alone, nothing
+    return defines, alone, nothing
 
 
 def _entry(
-    value: Mapping[str, Any], styles: Mapping[str, Style], tells_of: Mapping[str, tuple[str, ...]]
+    value: Mapping[str, Any], styles: Mapping[str, Style], defines_of: Mapping[str, tuple[str, ...]]
 ) -> LibraryEntry:
     also = tuple(check_text(a, "other prompt", 300) for a in value.get("also", ()))
     category = str(value.get("category", ""))
-    tells = _parts(value["tells"]) if "tells" in value else tells_of.get(category, PART_NAMES)
+    defines = _parts(value["defines"]) if "defines" in value else defines_of.get(category, PART_NAMES)
     opposite = str(value.get("opposite", ""))
     if "style" in value:
         style = styles[value["style"]]
         return LibraryEntry(
-            style.prompt, also, style.descriptions[0], category, tells, value["style"], opposite
+            style.prompt, also, style.descriptions[0], category, defines, value["style"], opposite
         )
     words = {}
     for part in PART_NAMES:
@@ -165,7 +165,7 @@ def _entry(
             text = getattr(styles[text[1:]].descriptions[0], part)
         words[part] = text.replace("{s}", side)
     prompt = check_text(value["prompt"], "prompt", 300)
-    return LibraryEntry(prompt, also, PartDescriptions(**words), category, tells, "", opposite)
+    return LibraryEntry(prompt, also, PartDescriptions(**words), category, defines, "", opposite)
 
 
 def _parts(names: list[str]) -> tuple[str, ...]:

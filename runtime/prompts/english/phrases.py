@@ -48,7 +48,7 @@ class Element:
     """An entry that a stretch of the prompt names: words `start` to `end`, cosine similarity, and strength by degree.
 
     `after_like` says that it is a comparison ("like a penguin"), `joined` that it stands next to another figure; `only`
-    are the parts that it is asked for ("arms like a robot"), () for what the entry tells.
+    are the parts that it is asked for ("arms like a robot"), () for what the entry defines.
     """
 
     entry: int

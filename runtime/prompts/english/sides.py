@@ -60,7 +60,7 @@ def on_side(entry: LibraryEntry, side: str) -> LibraryEntry:
     own = entry_side(entry)
     if not side or not own or own == side:
         return entry
-    return replace(entry, descriptions=entry.descriptions.mirrored(), tells=_mirrored(entry.tells))
+    return replace(entry, descriptions=entry.descriptions.mirrored(), defines=_mirrored(entry.defines))
 
 
 def _mirrored(parts: tuple[str, ...]) -> tuple[str, ...]:

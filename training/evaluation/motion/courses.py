@@ -35,7 +35,7 @@ class CourseRun:
 
     motion: Motion
     path_error: Array  # (T,) metres from the root to the nearest point of the course
-    asked_speed: Array  # (T,) m/s
+    requested_speed: Array  # (T,) m/s
 
 
 def path_error(xz: Array, course: Array) -> Array:
@@ -68,7 +68,7 @@ def run_course(
         place = _nearest(course, root, place)
         pose = recorder.step(Controls(_towards(course, root, place), gait=gait))
         roots.append(pose.root_position[[0, 2]])
-        speeds.append(controller.asked_speed)
+        speeds.append(controller.requested_speed)
     name = f"{style} {gait.name.lower()} {terrain.name}"
     labels = np.full(len(roots) - LEAD_IN_FRAMES, int(gait))
     return CourseRun(

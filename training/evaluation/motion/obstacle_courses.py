@@ -62,7 +62,7 @@ class CourseRun:
     course: ObstacleCourse
     motion: Motion
     root: Array  # (T, 2) metres
-    asked_speed: Array  # (T,) m/s
+    requested_speed: Array  # (T,) m/s
     blocked: tuple[str, ...]  # what the status line said
     keyed: float  # seconds that keyed motion was shown
 
@@ -86,7 +86,7 @@ def run_obstacles(
         ahead /= np.linalg.norm(ahead)
         pose = recorder.step(Controls((float(ahead[0]), float(ahead[1])), gait=gait))
         roots.append(pose.root_position[[0, 2]])
-        speeds.append(controller.asked_speed)
+        speeds.append(controller.requested_speed)
         keyed += int(bool(getattr(controller, "keyed", None)))
         if controller.blocked:
             blocked.add(controller.blocked)
@@ -112,8 +112,8 @@ def score_run(run: CourseRun) -> dict[str, Any]:
         "passed": len(over),
         "seconds_each": float(np.mean(times)) if times else None,
         "slowest_m_s": min((p[1] for p in over), default=None),
-        "asked_m_s": float(run.asked_speed.max()),
-        "frozen_s": crossing.frozen_seconds(motion.positions, run.root, run.asked_speed, FROZEN_SHARE),
+        "asked_m_s": float(run.requested_speed.max()),
+        "frozen_s": crossing.frozen_seconds(motion.positions, run.root, run.requested_speed, FROZEN_SHARE),
         "skating": foot_skating(motion.positions, ground, np.ones(len(motion), bool)).soles,
         "blocked": list(run.blocked),
         "keyed_s": run.keyed,

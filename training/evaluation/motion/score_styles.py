@@ -157,5 +157,5 @@ def _course(
         "path_error_m": float(run.path_error.mean()),
         "path_error_p95_m": float(np.percentile(run.path_error, 95)),
         "speed_m_s": mean_speed(run.motion.positions),
-        "asked_m_s": float(run.asked_speed.mean()),
+        "asked_m_s": float(run.requested_speed.mean()),
     }

@@ -133,7 +133,7 @@ def play_segment(controller: Controller, styles: list[Array], rng: np.random.Gen
             change_at, since = frame + round(float(rng.uniform(1.0, 6.0)) * FPS), frame
         segment.poses.append(controller.step(controls))
         segment.gaits.append(controls.gait)
-        segment.asked.append(controller.asked_speed)
+        segment.asked.append(controller.requested_speed)
         segment.since_change.append(frame - since)
         if controller.message:
             segment.messages.append(controller.message)

@@ -75,7 +75,7 @@ def walk(controller: Controller, stick: float, seconds: float) -> tuple[NDArray[
     for _ in range(round(seconds * FPS)):
         track.append(controller.step(Controls(move=(0.0, stick))).root_position)
     steps = np.diff(np.array(track, np.float64)[:, [0, 2]], axis=0)
-    return np.linalg.norm(steps, axis=1) * FPS, controller.asked_speed
+    return np.linalg.norm(steps, axis=1) * FPS, controller.requested_speed
 
 
 def main(argv: Sequence[str] | None = None) -> int:

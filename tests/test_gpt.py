@@ -7,7 +7,6 @@ import json
 import logging
 import re
 import socket
-import threading
 import time
 import traceback
 import types
@@ -23,7 +22,6 @@ from gpt_endpoint import (
     PROSE,
     PROUD,
     STYLES,
-    Encoder,
     Library,
     fail,
     flood,
@@ -32,17 +30,14 @@ from gpt_endpoint import (
     raw,
     say,
     trickle,
-    wait_for,
 )
 
 from sport.runtime.errors import FileError, PromptError
-from sport.runtime.prompts.expander import Expansion, PromptCancelledError
+from sport.runtime.prompts.expander import Expansion
 from sport.runtime.prompts.gpt.client import retry_after
 from sport.runtime.prompts.gpt.expander import GptExpander
-from sport.runtime.prompts.gpt.fallback import FallbackExpander, open_expander
+from sport.runtime.prompts.gpt.fallback import FallbackExpander
 from sport.runtime.prompts.gpt.prompt import LISTS, load_structured_prompt
-from sport.runtime.prompts.gpt.settings import GptSettings
-from sport.runtime.prompts.service import PromptWorker
 from sport.runtime.skeleton import PART_NAMES
 
 # what is asked
@@ -313,111 +308,3 @@ def test_retry_after_is_seconds_or_a_date(headers, seconds):
 
 
 # stopping
-
-
-def test_a_set_event_ends_the_question_at_once(endpoint, expander_of):
-    endpoint.script = [late(LONG)]
-    stop = threading.Event()
-    threading.Timer(0.1, stop.set).start()
-    started = time.monotonic()
-    with pytest.raises(PromptCancelledError):
-        expander_of(endpoint, timeout_s=LONG, deadline_s=LONG).expand("proud", stop)
-    assert time.monotonic() - started < LONG / 2
-
-
-def test_a_set_event_ends_a_wait_before_a_retry_and_spoils_nothing_later(endpoint, expander_of):
-    endpoint.script = [fail(500), say(PROUD.to_json())]
-    expander = expander_of(endpoint, backoff_s=5.0, longest_wait_s=10.0, deadline_s=20.0)
-    stop = threading.Event()
-    threading.Timer(0.15, stop.set).start()
-    with pytest.raises(PromptCancelledError):  # the library's answer is no final one either
-        list(FallbackExpander(expander, Library()).steps("proud", stop))
-    assert expander.expand("proud").descriptions == PROUD
-
-
-def test_newer_words_and_the_end_do_not_wait_for_a_slow_model(endpoint, expander_of):
-    endpoint.script = [late(LONG)]
-    gpt = expander_of(endpoint, timeout_s=LONG, deadline_s=LONG)
-    worker = PromptWorker(FallbackExpander(gpt, Library()), Encoder())
-    started = time.monotonic()
-    worker.submit("a slow prompt")
-    while not endpoint.requests:
-        quick = worker.poll()
-        assert quick is None or (quick.expansion.source, quick.final) == ("library", False)
-        time.sleep(0.002)
-    worker.submit(PROUD)
-    result = wait_for(worker)
-    assert (result.request, result.error) == (PROUD, None)  # and not the withdrawn one's error
-    worker.submit("another slow prompt")
-    while len(endpoint.requests) < 2:
-        time.sleep(0.002)
-    worker.close(LONG)
-    assert time.monotonic() - started < LONG / 2
-    assert worker.poll() is None
-
-
-def test_the_same_prompt_again_is_answered(endpoint, expander_of):
-    endpoint.script = [late(LONG), say(PROUD.to_json())]
-    worker = PromptWorker(FallbackExpander(expander_of(endpoint), Library()), Encoder())
-    worker.submit("proud")
-    while not endpoint.requests:
-        time.sleep(0.002)
-    worker.submit("proud")
-    result = wait_for(worker)
-    worker.close()
-    assert result.error is None
-    assert result.expansion.source == "gpt"
-
-
-def test_the_environment_opens_the_expander(endpoint, monkeypatch, tmp_path):
-    monkeypatch.delenv("OPENAI_API_KEY", raising=False)
-    monkeypatch.setenv("OPENAI_BASE_URL", endpoint.url)
-    monkeypatch.setenv("SPORT_CACHE_DIR", str(tmp_path))
-    worker = PromptWorker(open_expander(Library(), GptSettings.from_environment()), Encoder())
-    worker.submit("a proud king")
-    result = wait_for(worker)
-    worker.close()
-    assert (result.expansion.source, result.expansion.descriptions) == ("gpt", PROUD)
-    assert list(tmp_path.rglob("*.json"))
-
-
-def test_the_library_answers_until_the_language_model_does(endpoint, expander_of):
-    endpoint.script = [late(LONG)]
-    worker = PromptWorker(FallbackExpander(expander_of(endpoint), Library()), Encoder())
-    worker.submit("proud")
-    while (quick := worker.poll()) is None:
-        time.sleep(0.002)
-    assert (quick.expansion.source, quick.final, worker.busy) == ("library", False, True)
-    endpoint.released.set()
-    answer = wait_for(worker)
-    worker.close()
-    assert answer.expansion == Expansion(PROUD, "gpt")
-    assert np.all(answer.z == len(PROUD.head))
-    assert (quick.request, answer.request) == ("proud", "proud")
-
-
-def test_what_was_answered_before_is_there_at_once(endpoint, expander_of):
-    expander = FallbackExpander(expander_of(endpoint), Library())
-    expander.expand("proud")
-    assert list(expander.steps("proud", threading.Event())) == [(Expansion(PROUD, "gpt"), True)]
-
-
-def test_a_withdrawn_prompt_gets_no_answer(endpoint, expander_of):
-    endpoint.script = [late(LONG)]
-    worker = PromptWorker(FallbackExpander(expander_of(endpoint), Library()), Encoder())
-    worker.submit("proud")
-    while not endpoint.requests:
-        time.sleep(0.002)
-    worker.withdraw()
-    end = time.monotonic() + 20.0
-    while worker.busy and time.monotonic() < end:
-        time.sleep(0.002)
-    assert not worker.busy
-    assert worker.poll() is None
-    worker.close()
-
-
-def test_a_bad_prompt_is_the_users_mistake_not_the_models(endpoint, expander_of):
-    with pytest.raises(PromptError, match="The prompt is empty"):
-        FallbackExpander(expander_of(endpoint), Library()).expand("  ")
-    assert not endpoint.requests

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
+from sport.runtime.safe_read import printable
 from sport.viewer.desk import bar, guide, settings_panel
 from sport.viewer.desk.desk import Desk
 from sport.viewer.exports import panel as exports_panel
@@ -241,7 +242,11 @@ class Shell:
     def _status(self, layout: Layout) -> None:
         imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
         imgui.push_style_var(imgui.StyleVar_.window_padding, imgui.ImVec2(px(14), px(6)))
-        _window("Status", layout.status, lambda: status.draw(self.messages.current, self._facts()), _STATUS)
+        _window("Status", layout.status, self._status_line, _STATUS)
+
+    def _status_line(self) -> None:
+        if status.draw(self.messages.current, self._facts(), printable(self.stage.jobs.reading())):
+            self.stage.jobs.cancel()
         imgui.pop_style_var(2)
 
     def _facts(self) -> list[tuple[str, str]]:

@@ -37,24 +37,37 @@ class Stats:
         self.steps_per_s += (steps / interval_s - self.steps_per_s) * share
 
 
-def draw(message: Message | None, facts: list[tuple[str, str]]) -> None:
-    """The line: a message, and facts with their hints, which drop off from the left when the window is narrow."""
+def draw(message: Message | None, facts: list[tuple[str, str]], reading: str = "") -> bool:
+    """The line: a message, and facts with their hints, which drop off from the left when the window is narrow.
+
+    In place of the message what is being `reading`, with a button; whether that was pressed.
+    """
     width = imgui.get_content_region_avail().x
     gap = px(18)
     while facts and _width(facts, gap) > width - px(MIN_MESSAGE_WIDTH):
         facts.pop(0)
     facts_width = _width(facts, gap)
-    _message(message, width - facts_width - gap)
+    cancelled = bool(reading) and _reading(reading, width - facts_width - gap)
+    if not reading:
+        _message(message, width - facts_width - gap)
     imgui.same_line(width - facts_width + imgui.get_style().window_padding.x)
     for i, (text, hint) in enumerate(facts):
         if i:
             imgui.same_line(0, gap)
         widgets.muted(text)
         widgets.tooltip(hint)
+    return cancelled
 
 
 def _width(facts: list[tuple[str, str]], gap: float) -> float:
     return sum(imgui.calc_text_size(text).x for text, _ in facts) + gap * max(len(facts) - 1, 0)
+
+
+def _reading(name: str, width: float) -> bool:
+    room = width - imgui.calc_text_size("Cancel").x - px(60)
+    imgui.text_unformatted(f"{ICON.clock} {widgets.elided(f'Reading {name}…', room)}")
+    imgui.same_line(0, px(10))
+    return imgui.small_button("Cancel##reading")
 
 
 def _message(message: Message | None, width: float) -> None:

@@ -155,6 +155,7 @@ class Stage:
             lambda: self.services.load_terrain(spec, cell, height),
             lambda terrain: self._take_terrain(spec, terrain),
             lambda _: self._stop_loading(),
+            reading=Path(spec).name,
         )
 
     def put_ground(self, spec: str, then: Callable[[], None]) -> None:
@@ -169,7 +170,7 @@ class Stage:
             then()
 
         load = partial(self.services.load_terrain, spec, cell, height)
-        self.jobs.submit("terrain", load, show, lambda _: self._stop_loading())
+        self.jobs.submit("terrain", load, show, lambda _: self._stop_loading(), reading=Path(spec).name)
 
     def _load_ground(self, path: Path) -> None:
         self.load_terrain(str(path))
@@ -212,7 +213,7 @@ class Stage:
         def load(skinned: bool) -> None:
             (self.load_character if skinned else self._load_ground)(path)
 
-        self.jobs.submit(f"open {path}", lambda: has_skin(path), load)
+        self.jobs.submit(f"open {path}", lambda: has_skin(path), load, reading=path.name)
 
     def load_character(self, path: Path | None) -> None:
         """Show another skinned character; None is the shipped one."""
@@ -221,6 +222,7 @@ class Stage:
             lambda: self.services.load_character(path),
             lambda character: self._take_character(path, character),
             lambda error: self._refuse_character(path, error),
+            reading=path.name if path else "",
         )
 
     def _refuse_character(self, path: Path | None, error: Exception) -> None:

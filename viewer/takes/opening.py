@@ -62,7 +62,10 @@ class Opening:
     def open(self, path: Path, keep_ground: bool = False) -> None:
         """Add a BVH file to the list and play it, on its own ground unless `keep_ground`."""
         self.jobs.submit(
-            f"clip {path}", lambda: read_clip(path), lambda opened: self._opened(path, opened, keep_ground)
+            f"clip {path}",
+            lambda: read_clip(path),
+            lambda opened: self._opened(path, opened, keep_ground),
+            reading=path.name,
         )
 
     def _opened(self, path: Path, opened: Opened, keep_ground: bool) -> None:

@@ -1,0 +1,84 @@
+"""Files that take long to read: the status line names them, they can be cancelled, and the end does not wait for them."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from app_driver import Start, message, run, run_until
+from viewer_fakes import fake_services
+
+from sport.viewer import jobs
+from sport.viewer.app import App
+from sport.viewer.gl_bindings import imgui
+from sport.viewer.gui import status
+from sport.viewer.jobs import Jobs
+
+
+@pytest.fixture
+def endless(start: Start, monkeypatch: pytest.MonkeyPatch) -> Iterator[App]:
+    """An application in which the ground "endless.npy" is never read to its end."""
+    monkeypatch.setattr(jobs, "PATIENCE_S", 0.0)
+    monkeypatch.setattr("sport.viewer.app.Jobs", lambda messages, blocking: Jobs(messages))
+    real, never = fake_services().load_terrain, threading.Event()
+
+    def load(spec: str, *sizes: float) -> Any:
+        if "endless" in spec:
+            never.wait()
+        return real(spec, *sizes)
+
+    app = start(services={"load_terrain": load})
+    run_until(app, lambda: app.state.stage.terrain is not None and not app.stage.jobs.busy("terrain"))
+    yield app
+    never.set()
+
+
+def test_a_ground_without_end_is_cancelled_and_another_one_loads(
+    endless: App, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = endless.state.stage.terrain
+    endless.stage.load_terrain("endless.npy")
+    time.sleep(0.01)
+    shown: list[str] = []
+    real = status._reading
+
+    def pressed(name: str, width: float) -> bool:
+        shown.append(name)
+        return real(name, width) or len(shown) == 3
+
+    monkeypatch.setattr(status, "_reading", pressed)
+    run(endless, 3)
+    assert shown == ["endless.npy"] * 3
+    assert "Stopped reading endless.npy" in message(endless)
+    assert endless.state.stage.loading == ""
+    assert endless.state.stage.terrain is before
+    run(endless, 2)
+    assert len(shown) == 3  # nothing is read any more
+    endless.stage.load_terrain("stairs")
+    run_until(endless, lambda: endless.state.stage.terrain_spec == "stairs")
+
+
+def test_the_end_of_the_program_does_not_wait_for_a_file_that_is_read(endless: App) -> None:
+    endless.stage.load_terrain("endless.npy")
+    begun = time.monotonic()
+    endless.stage.jobs.close()
+    assert time.monotonic() - begun < 5.0
+    readers = [t for t in threading.enumerate() if t.name == "sport reading" and t.is_alive()]
+    assert readers
+    assert all(t.daemon for t in readers)
+
+
+def test_the_button_of_the_status_line_is_drawn_in_place_of_the_message(
+    endless: App, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    labels: list[str] = []
+    button = imgui.small_button
+    monkeypatch.setattr(imgui, "small_button", lambda label: labels.append(label) or button(label))
+    endless.stage.load_terrain(str(Path("folder") / "endless.npy"))
+    time.sleep(0.01)
+    run(endless, 2)
+    assert any(label.startswith("Cancel") for label in labels)

@@ -9,6 +9,7 @@ import pytest
 from app_driver import Start, message, run
 from walker import walk
 
+from sport import cli
 from sport.runtime import rotations
 from sport.runtime.character.joint_map import save_joint_map
 from sport.runtime.errors import FileError
@@ -147,3 +148,13 @@ def test_the_command_shows_a_clip_on_its_ground_or_the_one_asked_for(start: Star
     app = start(clip=path, terrain="stairs")
     assert app.state.stage.terrain_spec == "stairs"
     assert load_clip_bvh(path).terrain == "hills"
+
+
+def test_convert_puts_another_skeleton_onto_ours(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    source = foreign(tmp_path / "other.bvh", TURNS["Z up"])
+    made = tmp_path / "ours.bvh"
+    assert cli.main(["convert", str(source), str(made), str(tmp_path / "ours.glb")]) == 0
+    assert "other.bvh, another skeleton: 31 of 31 joints" in capsys.readouterr().err
+    assert (tmp_path / "ours.glb").read_bytes()[:4] == b"glTF"
+    ours, wanted = load_clip_bvh(made).world()[0], load_reference_bvh(source).clip.world()[0]
+    assert ours == pytest.approx(wanted, abs=1e-3)

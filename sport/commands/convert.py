@@ -14,7 +14,7 @@ def add(commands: Subparsers) -> None:
     """Declare the arguments."""
     convert = commands.add_parser(
         "convert",
-        help="write a take (BVH) as GLB, FBX, film, ground or another BVH",
+        help="write a take (BVH, of any two-legged skeleton) as GLB, FBX, film, ground or another BVH",
         description="The ground is the one that the JSON beside the take names.",
     )
     convert.set_defaults(command=run)
@@ -25,17 +25,23 @@ def add(commands: Subparsers) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Write every file and say what was written."""
+    """Write every file and say what was written; a motion of another skeleton goes onto ours first."""
     from sport.commands.export import check_outputs, export_options, note, write_take
-    from sport.runtime.takes.clip import load_clip_bvh
+    from sport.runtime.takes.clip import OtherSkeleton, load_clip_bvh
     from sport.runtime.takes.ground_of import ground_of
+    from sport.runtime.takes.reference import load_reference_bvh
 
     export = export_options(options)
     if options.take.resolve() in [out.resolve() for out in options.out]:
         raise UsageError(f"{options.take}: would be written over itself.", "Choose another name.")
     if options.ground_out is not None and len(options.out) > 1:
         raise UsageError(" with several files: their units may differ.", "Convert one by one.", "ground_out")
-    clip = load_clip_bvh(options.take)
+    try:
+        clip = load_clip_bvh(options.take)
+    except OtherSkeleton:
+        reference = load_reference_bvh(options.take)
+        clip = reference.clip
+        note(f"{options.take.name}{reference.describe()}.")
     terrain = ground_of(clip, options.take, options.terrain)
     check_outputs(options.out, export, options)
     if terrain.note:

@@ -92,6 +92,15 @@ def test_a_joint_plays_one_part_and_guesses_come_back(start: Start, tmp_path: Pa
     assert not joints.state.open
 
 
+def test_a_joint_map_from_elsewhere_is_given_to_the_command(start: Start, tmp_path: Path) -> None:
+    path, elsewhere = write_odd(tmp_path / "lame.glb", LAME), tmp_path / "mine.json"
+    elsewhere.write_text(json.dumps(BY_HAND), encoding="utf-8")
+    app = start(services=REAL, character=path, joint_map=elsewhere)
+    assert app.stage.character_path == path
+    assert not app.stage.joints.state.open
+    assert not joint_map_path(path).exists()
+
+
 def test_a_vrm_is_dropped_chosen_in_the_dialog_and_given_to_the_command(start: Start, tmp_path: Path) -> None:
     path = tmp_path / "avatar.vrm"
     write_character(path, user_character())

@@ -206,7 +206,9 @@ def fake_services(real_renderer: bool = False, notice: str = "") -> Services:
     return Services(
         load_model=load_model,
         load_terrain=real.load_terrain,
-        load_character=real.load_character if real_renderer else lambda path: SimpleNamespace(path=path),
+        load_character=real.load_character
+        if real_renderer
+        else lambda path, joints=None: SimpleNamespace(path=path, joint_map=joints),
         make_renderer=real.make_renderer if real_renderer else FakeRenderer,
         terrain_names=real.terrain_names,
         make_crowd=FakeCrowd,

@@ -171,7 +171,7 @@ class App:
         stage.begin_camera(options.camera or state.settings.camera)
         stage.renderer.set_terrain(state.stage.terrain)
         stage.live.begin(options.live_link)
-        stage.load_character(options.character)
+        stage.load_character(options.character, options.joint_map)
         stage.load_terrain(options.terrain or state.settings.terrain)
         self.load_model(options.model or self.desk.chosen_model(options.offscreen), options.seed)
         typed = options.prompt

@@ -163,12 +163,14 @@ def terrain_names() -> tuple[str, ...]:
     return TERRAIN_NAMES
 
 
-def load_character(path: Path | None) -> Any:
-    """The character of a GLB file; the shipped mannequin by default."""
+def load_character(path: Path | None, joint_map: Path | None = None) -> Any:
+    """The character of a GLB file; the shipped mannequin by default. `joint_map` is read in place of the one beside it."""
     from sport.runtime.assets import asset_path
     from sport.runtime.character.character import load_character as load
+    from sport.runtime.character.joint_map import read_joint_map
 
-    character = load(asset_path(DEFAULT_CHARACTER) if path is None else path)
+    joints = None if joint_map is None else read_joint_map(joint_map)
+    character = load(asset_path(DEFAULT_CHARACTER) if path is None else path, joints)
     _ = character.body  # fitted here, on a worker, not in the first frame
     return character
 
@@ -198,7 +200,7 @@ class Services:
 
     load_model: Callable[[Path | None, Terrain, int, GptSettings | None], Loaded] = load_model
     load_terrain: Callable[[str, float, float], Terrain] = load_terrain
-    load_character: Callable[[Path | None], Any] = load_character
+    load_character: Callable[[Path | None, Path | None], Any] = load_character
     make_renderer: Callable[[Any, str], Any] = make_renderer
     terrain_names: Callable[[], tuple[str, ...]] = terrain_names
     make_crowd: Callable[[list[ControllerLike]], CrowdLike] = make_crowd

@@ -17,6 +17,9 @@ def add(commands: Subparsers) -> None:
     add_blend(view)
     view.add_argument("--model", type=Path, metavar="DIR", help="folder of an exported model")
     view.add_argument("--character", type=Path, metavar="FILE", help="skinned character (GLB, glTF, VRM)")
+    view.add_argument(
+        "--joint-map", type=Path, metavar="JSON", help="names of its joints, in place of the file beside it"
+    )
     view.add_argument("--clip", type=Path, metavar="BVH", help="clip to open")
     view.add_argument("--project", metavar="FILE", help='project to open, or "last"')
     view.add_argument("--size", metavar="WxH", help="window in pixels, e.g. 1280x720")
@@ -66,6 +69,7 @@ def run(options: argparse.Namespace) -> int:
         blend_weights=blend_weights(options),
         model=options.model,
         character=options.character,
+        joint_map=options.joint_map,
         clip=options.clip,
         project=options.project,
         seed=options.seed,

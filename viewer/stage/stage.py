@@ -215,11 +215,11 @@ class Stage:
 
         self.jobs.submit(f"open {path}", lambda: has_skin(path), load, reading=path.name)
 
-    def load_character(self, path: Path | None) -> None:
-        """Show another skinned character; None is the shipped one."""
+    def load_character(self, path: Path | None, joint_map: Path | None = None) -> None:
+        """Show another skinned character; None is the shipped one. `joint_map` replaces the one beside it."""
         self.jobs.submit(
             "character",
-            lambda: self.services.load_character(path),
+            lambda: self.services.load_character(path, joint_map),
             lambda character: self._take_character(path, character),
             lambda error: self._refuse_character(path, error),
             reading=path.name if path else "",

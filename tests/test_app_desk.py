@@ -234,3 +234,14 @@ def test_a_message_leaves_when_it_holds_no_longer() -> None:
     messages.warn("something")
     now[0] += WARNING_SECONDS + 0.1
     assert messages.current is None
+
+
+def test_keys_are_joined_as_plain_numbers(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python 3.11.2 raises where members of the enumeration of keys are joined, and newer ones hide it."""
+    seen: list[Any] = []
+    pressed = imgui.is_key_chord_pressed
+    monkeypatch.setattr(imgui, "is_key_chord_pressed", lambda chord: seen.append(chord) or pressed(chord))
+    app = start()
+    run(app, 3)
+    assert len(seen) >= 4
+    assert {type(chord) for chord in seen} == {int}

@@ -16,6 +16,10 @@ NAME_WIDTH = 110.0  # pixels at scale 1
 MENU_WIDTH = 240.0
 MARGIN = 10.0
 MIN_VIEW = 200.0  # a narrower view has no room for the bar
+# plain numbers: Python 3.11.2, Debian 12's, raises where two of these keys are joined as the enumeration they are
+_CTRL, _SHIFT = int(imgui.Key.mod_ctrl), int(imgui.Key.mod_shift)
+_SAVE, _OPEN, _EXPORT = (_CTRL | int(key) for key in (imgui.Key.s, imgui.Key.o, imgui.Key.e))
+_SAVE_AS = _SHIFT | _SAVE
 
 
 def draw(desk: Desk, view: Rect) -> None:
@@ -42,14 +46,13 @@ def keys(desk: Desk) -> None:
     """Ctrl+S, Ctrl+Shift+S, Ctrl+O and Ctrl+E; also while a prompt is typed."""
     if desk.dialogs.question is not None:
         return
-    key, ctrl = imgui.Key, imgui.Key.mod_ctrl
-    if imgui.is_key_chord_pressed(ctrl | key.mod_shift | key.s):
+    if imgui.is_key_chord_pressed(_SAVE_AS):
         desk.projects.ask_save()
-    elif imgui.is_key_chord_pressed(ctrl | key.s):
+    elif imgui.is_key_chord_pressed(_SAVE):
         desk.projects.save()
-    elif imgui.is_key_chord_pressed(ctrl | key.o):
+    elif imgui.is_key_chord_pressed(_OPEN):
         desk.projects.ask_open()
-    elif imgui.is_key_chord_pressed(ctrl | key.e):
+    elif imgui.is_key_chord_pressed(_EXPORT):
         desk.exporting.open()
 
 

@@ -10,13 +10,14 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("onnxscript")
 
-from sport.runtime import rotations  # noqa: E402
+from synthetic_clips import LENGTH, SPEED, write_clip  # noqa: E402
+
 from sport.runtime.controls import Controls  # noqa: E402
 from sport.runtime.motion import features  # noqa: E402
 from sport.runtime.motion.controller import Controller  # noqa: E402
 from sport.runtime.motion.features import INPUT, OUTPUT  # noqa: E402
 from sport.runtime.motion.model import load_model  # noqa: E402
-from sport.runtime.skeleton import PART_NAMES, REST_HIPS_HEIGHT, SPORT_SKELETON, J  # noqa: E402
+from sport.runtime.skeleton import PART_NAMES, REST_HIPS_HEIGHT  # noqa: E402
 from sport.runtime.terrain.height_map import Terrain  # noqa: E402
 from sport.training.batches import Frames  # noqa: E402
 from sport.training.frames import clip_frames, load_frames, sampling_weights  # noqa: E402
@@ -25,32 +26,6 @@ from sport.training.part_swaps import NOTHING  # noqa: E402
 from sport.training.pipeline import main  # noqa: E402
 from sport.training.rollouts import RolloutLanes  # noqa: E402
 from sport.training.stages import motion as stage_motion  # noqa: E402
-
-SPEED = 1.2  # m/s
-LENGTH = 260
-
-
-def write_clip(path: Path, style: str, yaw: float, slope: float = 0.0, held_out: bool = False) -> None:
-    """A figure with swinging legs that glides straight ahead, on a plane of the given slope along +Z."""
-    t = np.arange(LENGTH) / features.FPS
-    local = np.tile(rotations.identity((J,)), (LENGTH, 1, 1)).astype(np.float64)
-    swing = 0.5 * np.sin(2 * np.pi * t)
-    for name, sign in (("LeftUpLeg", 1.0), ("RightUpLeg", -1.0)):
-        local[:, SPORT_SKELETON.index(name)] = rotations.from_axis_angle(np.array([1.0, 0, 0]), sign * swing)
-    local[:, 0] = rotations.from_yaw(np.full(LENGTH, yaw))
-    forward = np.array([np.sin(yaw), np.cos(yaw)])
-    hips = np.stack([SPEED * t * forward[0], np.full(LENGTH, REST_HIPS_HEIGHT), SPEED * t * forward[1]], -1)
-    hips[:, 1] += slope * hips[:, 2]
-    grid = np.arange(-20, 21, dtype=np.float32)
-    gait = np.zeros((LENGTH, 6), np.float32)
-    gait[:, 1] = 1.0
-    np.savez(
-        path, hips_positions=hips.astype(np.float32), local_rotations=local.astype(np.float32),
-        contacts=np.ones((LENGTH, 4), np.uint8), gait=gait, style=style, content="walk", source="jlpm",
-        split="held_out" if held_out else "train", mirrored=False, tier="exact",
-        patch_heights=np.broadcast_to(slope * grid, (1, 41, 41)).astype(np.float16),
-        patch_origin=np.array([-20.0, -20.0]), patch_cell=1.0,
-    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")

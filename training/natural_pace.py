@@ -28,7 +28,7 @@ FORWARD_SPEEDS = {Gait.WALK: (0.55, 2.2), Gait.JOG: (1.2, 8.0)}
 
 
 def style_speeds(table: FrameTable, style: StyleTable, ridge: float = 0.005) -> np.ndarray:
-    """Ridge regression `(385, 2)` from Z^t to the speeds in m/s at which a style walks and jogs straight ahead.
+    """Ridge regression `(n + 1, 2)` from the n numbers of Z^t to the speeds in m/s at which a style walks and jogs straight ahead.
 
     Side steps, turns, starts and stops are slower: fitted on them too, a full stick would be.
     """
@@ -37,7 +37,7 @@ def style_speeds(table: FrameTable, style: StyleTable, ridge: float = 0.005) -> 
     for label, fallback in FALLBACKS.items():
         clips, targets, weights = _paces(table, label)
         index = torch.as_tensor(clips, device=style.index.device)
-        inputs = style.draw(index).cpu().numpy() if len(clips) else np.zeros((0, 384), np.float32)
+        inputs = style.draw(index).cpu().numpy()  # (0, n) of a gait that no clip has
         columns.append(ridge_regression(inputs, targets, weights, ridge, fallback))
     return np.stack(columns, 1).astype(np.float32)
 

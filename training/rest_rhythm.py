@@ -22,12 +22,12 @@ SHORTEST = FPS  # frames
 
 
 def rest_rhythm(table: FrameTable, phase: np.ndarray, style: StyleTable, ridge: float = 0.5) -> np.ndarray:
-    """Ridge regression `(385, 2 C)` from Z^t to each channel's amplitude and, after these, turns a second at rest."""
+    """Ridge regression `(n + 1, 2 C)` from the n numbers of Z^t to each channel's amplitude and, after these, turns a second at rest."""
     torch.manual_seed(0)
     clips = [clip for clip in range(len(table.styles)) if _stands(table, clip)]
     found = np.array([_rhythm(phase[_inner(table, clip)]) for clip in clips]).reshape(len(clips), 2 * C)
     index = torch.as_tensor(clips * DRAWS, device=style.index.device, dtype=torch.long)
-    inputs = style.draw(index).cpu().numpy() if clips else np.zeros((0, 384), np.float32)
+    inputs = style.draw(index).cpu().numpy()  # (0, n) where no clip stands
     values, weights = np.tile(found, (DRAWS, 1)), np.ones(len(index))
     columns = [ridge_regression(inputs, values[:, k], weights, ridge, 0.0) for k in range(2 * C)]
     return np.stack(columns, 1).astype(np.float32)

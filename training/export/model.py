@@ -77,7 +77,7 @@ class StyleGraph(nn.Module):
     def __init__(self, generator: Generator, speeds: Tensor) -> None:
         super().__init__()
         self.modulator = generator.modulator
-        self.register_buffer("speeds", speeds)  # (385, 2 or 2 + 2 C), the last row is the intercept
+        self.register_buffer("speeds", speeds)  # (n + 1, 2 or 2 + 2 C), the last row is the intercept
 
     def forward(self, z: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         flat = z.reshape(1, -1)

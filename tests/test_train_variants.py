@@ -1,0 +1,180 @@
+"""Every preset and every ablation takes a step of each stage, is exported, and the runtime walks what came out."""
+
+from __future__ import annotations
+
+import functools
+import json
+import logging
+import shutil
+import warnings
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("onnxscript")
+
+from synthetic_clips import write_clip  # noqa: E402
+from test_stage_words import BagOfWords  # noqa: E402
+
+from sport.runtime.controls import Controls  # noqa: E402
+from sport.runtime.errors import ModelError  # noqa: E402
+from sport.runtime.motion.controller import Controller  # noqa: E402
+from sport.runtime.motion.features import PAPER_OUTPUT_SIZE  # noqa: E402
+from sport.runtime.motion.model import load_model  # noqa: E402
+from sport.runtime.prompts.content import PromptEncoder  # noqa: E402
+from sport.runtime.prompts.parts import PartDescriptions  # noqa: E402
+from sport.runtime.skeleton import PART_NAMES  # noqa: E402
+from sport.runtime.terrain.height_map import Terrain  # noqa: E402
+from sport.training import ablations, pipeline  # noqa: E402
+from sport.training.export import model as export_module  # noqa: E402
+from sport.training.layering.longer_phrases import longer_sentences  # noqa: E402
+from sport.training.networks.content import StatisticsReader  # noqa: E402
+from sport.training.presets import ABLATIONS, PRESETS  # noqa: E402
+from sport.training.stages import motion as stage_motion  # noqa: E402
+
+NARROW = {  # of the tiny preset; everything else stays as the preset has it
+    name: getattr(PRESETS["tiny"], name)
+    for name in ("hidden", "embedding", "front", "denoiser_width", "content_feedforward", "phase_kernel")
+} | {"denoiser_blocks": 2, "content_layers": 1}
+STAGES = ("phase", "content", "words", "stage2", "stage3")
+NEUTRAL = PartDescriptions.from_mapping({part: f"{part} relaxed, walking" for part in PART_NAMES})
+
+
+class Words(BagOfWords):
+    """Sentences without the encoder's network."""
+
+    def __init__(self, _folder: Path | None = None) -> None:
+        self.name = "all-MiniLM-L6-v2"
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A folder of clips, and what makes a step of everything short: few sentences, few windows, a quick exporter.
+
+    torch's exporter takes seconds for a graph and has tests of its own (`test_networks.py`, `test_training.py`); its
+    forerunner writes the same graphs at once.
+    """
+    folder = tmp_path_factory.mktemp("clips")
+    write_clip(folder / "a.npz", "neutral", 0.0)
+    write_clip(folder / "b.npz", "angry", 1.1)
+    few = [s for part in PART_NAMES for s in [s for s in longer_sentences() if s.part == part][::400][:3]]
+    measure, export, motion = StatisticsReader.measure, torch.onnx.export, export_module._export_motion
+    kept: list[bytes] = []
+
+    def quickly(module: Any, example: tuple, path: str, **options: Any) -> Any:
+        names, shapes = options["input_names"], options.pop("dynamic_shapes")
+        axes = {name: {0: "batch"} for name, shape in zip(names, shapes, strict=True) if shape}
+        del options["external_data"]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # it says that it is the forerunner
+            return export(module, example, path, **options | {"dynamo": False, "dynamic_axes": axes})
+
+    def motion_once(content: Any, scales: Any, to: Path) -> float:
+        """The graph that no walk reads: exported for the first model, copied for the others."""
+        if kept:
+            (to / "motion.onnx").write_bytes(kept[0])
+            return 0.0
+        error = motion(content, scales, to)
+        kept.append((to / "motion.onnx").read_bytes())
+        return error
+
+    logging.disable(logging.WARNING)
+    fast = torch.backends.mha.get_fastpath_enabled()
+    torch.backends.mha.set_fastpath_enabled(False)  # has no symbol in ONNX
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sport.training.stages.words.longer_sentences", lambda: few)
+        patch.setattr(pipeline, "TextEncoder", Words)
+        patch.setattr(StatisticsReader, "measure", lambda self, joints: measure(self, joints[:256]))
+        patch.setattr(
+            "sport.training.stages.words._error", lambda *_: 0.0
+        )  # of thousands of sentences, four times
+        patch.setattr(pipeline, "quantize_model", lambda *_args, **_options: None)
+        for name in ("estimate_variance", "measure_codes"):
+            patch.setattr(stage_motion, name, functools.partial(getattr(stage_motion, name), batches=1))
+        patch.setattr(stage_motion, "measure", functools.partial(stage_motion.measure, count=2000))
+        patch.setattr(torch.onnx, "export", quickly)
+        patch.setattr(export_module, "_export_motion", motion_once)
+        for name, config in list(PRESETS.items()):
+            patch.setitem(PRESETS, name, replace(config, **NARROW))
+        yield folder
+    torch.backends.mha.set_fastpath_enabled(fast)
+    logging.disable(logging.NOTSET)
+
+
+def train(clips: Path, out: Path, preset: str, *more: str) -> None:
+    """One step of each stage and an export."""
+    options = [
+        "--preset",
+        preset,
+        "--clips",
+        str(clips),
+        "--out",
+        str(out),
+        "--batch",
+        "16",
+        "--device",
+        "cpu",
+    ]
+    steps = [f"--{stage}-steps=1" for stage in STAGES]
+    pipeline.main(["all", *options, *steps, "--layers", "0", *more])
+
+
+@pytest.fixture(scope="module")
+def full(short: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The run of the full model, whose phases and content encoder ablations share."""
+    out = tmp_path_factory.mktemp("full")
+    train(short, out, "compact", "--ablation", "full")
+    return out
+
+
+def walks(folder: Path) -> None:
+    """The runtime loads a model, encodes a prompt and walks it."""
+    model = load_model(folder)
+    z = PromptEncoder(Words(), model.prompt_path).encode(NEUTRAL)
+    controller = Controller(model, Terrain.flat(), seed=3)
+    controller.set_style(z, 0.1)
+    poses = [controller.step(Controls((0.0, 1.0))) for _ in range(6)]
+    assert all(np.isfinite(pose.positions).all() for pose in poses)
+    assert not np.array_equal(poses[0].positions, poses[-1].positions)
+
+
+@pytest.mark.parametrize("name", [name for name in ABLATIONS if name != "full"])
+def test_an_ablation_is_trained_exported_and_walked(
+    name: str, short: Path, full: Path, tmp_path: Path
+) -> None:
+    ablations.prepare(full, tmp_path / "run", name)
+    train(short, tmp_path / "run", "compact", "--ablation", name)
+    walks(tmp_path / "run" / "model")
+
+
+def test_the_full_model_is_walked(full: Path) -> None:
+    walks(full / "model")
+
+
+def test_paper_rotations_is_trained_exported_and_walked(short: Path, tmp_path: Path) -> None:
+    train(short, tmp_path, "paper-rotations")
+    walks(tmp_path / "model")
+
+
+def test_the_other_presets_differ_from_these_in_width_alone() -> None:
+    widths = dict.fromkeys(("name", "hidden", "embedding", "front", "denoiser_width", "denoiser_blocks"))
+    for name in ("small", "tiny"):
+        assert replace(PRESETS[name], **widths) == replace(PRESETS["compact"], **widths)
+    paper = replace(PRESETS["paper-rotations"], name="paper", output_size=PAPER_OUTPUT_SIZE)
+    assert paper == PRESETS["paper"]  # for parameter counts and speed only: docs/model.md
+
+
+def test_the_preset_without_rotations_is_refused_with_a_sentence(
+    short: Path, full: Path, tmp_path: Path
+) -> None:
+    folder = shutil.copytree(full / "model", tmp_path / "model")
+    metadata = json.loads((folder / "metadata.json").read_text(encoding="utf-8"))
+    metadata["config"]["output_size"] = PAPER_OUTPUT_SIZE
+    (folder / "metadata.json").write_text(json.dumps(metadata), encoding="utf-8")
+    with pytest.raises(ModelError, match="with joint rotations"):
+        load_model(folder)

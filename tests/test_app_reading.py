@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Iterator
@@ -12,11 +13,13 @@ import pytest
 from app_driver import Start, message, run, run_until
 from viewer_fakes import fake_services
 
+from sport.runtime.errors import FileError
 from sport.viewer import jobs
 from sport.viewer.app import App
 from sport.viewer.gl_bindings import imgui
 from sport.viewer.gui import status
 from sport.viewer.jobs import Jobs
+from sport.viewer.takes import opening
 
 
 @pytest.fixture
@@ -82,3 +85,62 @@ def test_the_button_of_the_status_line_is_drawn_in_place_of_the_message(
     time.sleep(0.01)
     run(endless, 2)
     assert any(label.startswith("Cancel") for label in labels)
+
+
+@pytest.mark.parametrize("name", ["endless.glb", "endless.bvh"])
+def test_a_character_or_clip_without_end_is_cancelled_and_the_next_one_is_read(
+    name: str, start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(jobs, "PATIENCE_S", 0.0)
+    monkeypatch.setattr("sport.viewer.app.Jobs", lambda messages, blocking: Jobs(messages))
+    never, begun, shipped = threading.Event(), [], fake_services().load_character
+
+    def wait(path: Path) -> None:
+        begun.append(path.name)
+        if "endless" in path.name:
+            never.wait()
+        raise FileError(f"{path.name}: read to its end.", "This is the test's own.")
+
+    def load_character(path: Path | None, joint_map: Path | None = None) -> Any:
+        return shipped(None, joint_map) if path is None else wait(path)
+
+    monkeypatch.setattr(opening, "read_clip", wait)
+    monkeypatch.setattr("sport.viewer.stage.stage.has_skin", lambda _: True)
+    app = start(services={"load_character": load_character})
+    run_until(app, lambda: not app.jobs.busy("character") and not app.jobs.busy("terrain"))
+    before, drawn_before, takes = (
+        app.stage.renderer.character,
+        len(app.stage.renderer.poses),
+        len(app.state.takes.items),
+    )
+    try:
+        app.open_files([Path(name)])
+        run_until(app, lambda: app.jobs.reading() == name and begun == [name])
+        run(app, 2)
+        assert len(app.stage.renderer.poses) > drawn_before  # it goes on walking meanwhile
+        monkeypatch.setattr(status, "_reading", lambda *_: True)  # the button is pressed
+        run(app, 2)
+        assert f"Stopped reading {name}" in message(app)
+        assert app.jobs.reading() == ""
+        app.open_files([Path(name.replace("endless", "other"))])
+        monkeypatch.setattr(status, "_reading", lambda *_: False)
+        run_until(app, lambda: "read to its end" in message(app))
+        never.set()  # what was cancelled comes to its end, and nobody hears of it
+        run(app, 3)
+        assert app.stage.renderer.character is before
+        assert len(app.state.takes.items) == takes
+    finally:
+        never.set()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="a pipe with a name")
+@pytest.mark.parametrize("name", ["pipe.glb", "pipe.bvh", "pipe.npy"])
+def test_a_pipe_that_nobody_writes_is_refused_without_waiting(
+    name: str, start: Start, tmp_path: Path
+) -> None:
+    os.mkfifo(tmp_path / name)
+    app = start()
+    app.open_files([tmp_path / name])
+    run(app, 2)
+    assert name in message(app)
+    assert app.jobs.reading() == ""

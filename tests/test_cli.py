@@ -157,3 +157,11 @@ def test_help_imports_nothing_heavy():
         [sys.executable, "-c", code], cwd=PROJECT_ROOT, capture_output=True, text=True, check=True
     )
     assert done.stdout.strip().endswith("[]")
+
+
+def test_a_folder_whose_name_is_too_long_is_one_sentence(walker, tmp_path, capsys):
+    out = tmp_path / ("long" * 100) / "walk.bvh"
+    assert cli.main(["generate", "--prompt", "a walk", "--seconds", "0.1", "--out", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert "walk.bvh" in said
+    assert "new" not in said

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -63,9 +64,10 @@ def check_outputs(paths: list[Path], options: ExportOptions, arguments: argparse
             _check_film(options)
             film_options(arguments)
     for path in (*paths, *([ground] if ground is not None else [])):
-        if not path.parent.exists():
-            note(f"{path.parent}: this folder is new.")
+        new = not os.path.exists(path.parent)  # not Path's: that raises where a name is too long
         check_target(path)
+        if new:
+            note(f"{path.parent}: this folder is new.")
 
 
 def _check_film(options: ExportOptions) -> None:

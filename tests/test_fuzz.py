@@ -62,3 +62,25 @@ def test_batches_survive_a_crash(tmp_path: Path) -> None:
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert "| --blend-weights | 5 |" in done.stdout
+
+
+def test_the_table_in_the_document_has_every_reader_and_adds_up() -> None:
+    text = (PROJECT_ROOT / "docs/results/damaged_input.md").read_text(encoding="utf-8")
+    table = text.partition("<!-- damaged input: begin -->")[2].partition("<!-- damaged input: end -->")[0]
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.strip().splitlines()[2:]]
+    figures = {name: [int(cell.replace(",", "")) for cell in cells[:4]] for name, *cells in rows}
+    total = figures.pop("**all**")
+    assert list(figures) == list(TARGETS)
+    assert [sum(column) for column in zip(*figures.values(), strict=True)] == total
+    assert all(read + refused + failed == inputs for inputs, read, refused, failed in figures.values())
+
+
+def test_a_run_of_some_readers_never_becomes_the_table(tmp_path: Path) -> None:
+    document = tmp_path / "page.md"
+    document.write_text("<!-- damaged input: begin -->\n<!-- damaged input: end -->\n", encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.fuzz", "--only=--parts", "--markdown", str(document)],
+        cwd=PROJECT_ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "leave --only out" in done.stderr

@@ -1,4 +1,6 @@
-"""`python -m tests.fuzz [--count N] [--only NAME] [--first N]`: a table of what came of N damaged inputs; 1 on a failure.
+"""`python -m tests.fuzz [--count N] [--only NAME] [--first N] [--markdown FILE]`: a table of what came of N damaged inputs.
+
+The exit code is 1 on a failure. `--markdown` puts the table into a document, whole: rows of several runs do not add up.
 
 Each batch is a process of its own, so that one that crashes or is killed for memory costs its batch alone.
 `--only NAME --first K --count 1` reads one input of the table again.
@@ -17,12 +19,20 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # helpers of the tests
 
+from sport.training.evaluation.report.markers import check_section, write_section
+
 from . import files, models, projects, words
 from .run import HUNG_SECONDS, Tally, damaged, run
+from .target import Target
 
 TARGETS = (*files.TARGETS, *words.TARGETS, *models.TARGETS, *projects.TARGETS)
 BATCH = 2000
 SHOWN = 10  # failures of a target
+SECTION = "damaged input"
+HEAD = (
+    "| reader | inputs | read | refused | failures | slowest, s | most, MB |",
+    "| --- | ---: | ---: | ---: | ---: | ---: | ---: |",
+)
 
 
 def main() -> int:
@@ -32,11 +42,16 @@ def main() -> int:
     parser.add_argument("--only", default="", help="name of a target")
     parser.add_argument("--first", type=int, default=0, help="number of the first input")
     parser.add_argument("--keep", type=Path, help="write this one input to a file instead of reading it")
+    parser.add_argument("--markdown", type=Path, metavar="FILE", help="put the table into this document")
     parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     chosen = [target for target in TARGETS if options.only in ("", target.name)]
     if not chosen:
         parser.error(f"--only: choose one of {', '.join(target.name for target in TARGETS)}")
+    if options.markdown is not None:
+        if options.only:
+            parser.error("--markdown: the table is of all readers; leave --only out.")
+        check_section(options.markdown, SECTION)
     with tempfile.TemporaryDirectory(prefix="sport-fuzz-") as folder:
         place = Path(folder)
         if options.keep is not None:
@@ -46,31 +61,42 @@ def main() -> int:
             tally = run(chosen[0], place, options.first, options.count, _progress())
             print("\n" + json.dumps(dataclasses.asdict(tally)))
             return 0
-    share = options.count / sum(target.weight for target in chosen)
-    failed = 0
-    print("| reader | inputs | read | refused | failures | slowest, s | most, MB |")
-    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: |")
+    lines, failed = _table(chosen, options.first, options.count)
+    if options.markdown is not None:
+        write_section(options.markdown, SECTION, "\n".join(lines))
+    return 1 if failed else 0
+
+
+def _table(chosen: list[Target], first: int, count: int) -> tuple[list[str], int]:
+    """The lines of the table, printed as they come, and the number of failures."""
+    share = count / sum(target.weight for target in chosen)
+    lines: list[str] = []
+
+    def put(*added: str) -> None:
+        lines.extend(added)
+        print("\n".join(added), flush=True)
+
+    put(*HEAD)
     total = Tally()
     for target in chosen:
-        tally = _in_batches(target.name, options.first, max(1, round(share * target.weight)))
-        _row(target.name, tally)
+        tally = _in_batches(target.name, first, max(1, round(share * target.weight)))
+        put(row(target.name, tally))
         for number, problem in tally.failures[:SHOWN]:
             print(f"  {target.name} {number}: {problem}", file=sys.stderr, flush=True)
-        failed += len(tally.failures)
         total.add(tally)
-    _row("all", total)
-    return 1 if failed else 0
+    put(row("**all**", total))
+    return lines, len(total.failures)
 
 
 def _progress() -> Path:
     return Path(sys.stdin.readline().strip())
 
 
-def _row(name: str, tally: Tally) -> None:
-    print(
-        f"| {name} | {tally.inputs} | {tally.read} | {tally.refused} | {len(tally.failures)} |"
-        f" {tally.slowest_s:.2f} | {tally.most_mb:.0f} |",
-        flush=True,
+def row(name: str, tally: Tally) -> str:
+    """A line of the table."""
+    return (
+        f"| {name} | {tally.inputs:,} | {tally.read:,} | {tally.refused:,} | {len(tally.failures):,} |"
+        f" {tally.slowest_s:.2f} | {tally.most_mb:.0f} |"
     )
 
 

@@ -130,6 +130,34 @@ def test_swing_is_nothing_for_equal_energies_out_of_step_and_grows_with_less():
     assert losses.swing(0.5 * captured, captured, scale, torch.zeros(64, 1)) == 0.0
 
 
+def test_a_rollout_that_swings_less_than_its_own_clip_is_widened_and_one_that_swings_more_narrowed():
+    own = torch.tensor([[0.5], [0.5]], requires_grad=True)
+    energies = torch.tensor([[[0.25], [0.25]], [[1.0], [0.04]]])  # of the rollouts; of their clips
+    scale, kept = torch.ones(1), torch.ones(2, 1)
+    losses.own_swing(own, energies, scale, kept).backward()
+    wider, narrower = own.grad[:, 0].tolist()
+    assert wider < 0.0 < narrower  # the step is against the gradient
+    even = torch.tensor([[0.5], [0.5]], requires_grad=True)
+    losses.own_swing(even, torch.full((2, 2, 1), 0.25), scale, kept).backward()
+    assert even.grad.abs().max() < 1e-6
+    assert losses.own_swing(own, energies, scale, torch.zeros(2, 1)) == 0.0
+
+
+def test_the_energies_of_lanes_are_means_since_they_settled_and_begin_anew_with_them(frames):  # noqa: F811
+    rows = torch.full((64,), 200)
+    lanes = RolloutLanes(frames, 2, 1e9, iter([rows, rows]))
+    own, captured = torch.full((2, 93), 2.0), torch.ones(2, 93)
+    assert not lanes.energies(own, captured, since=5).any()
+    lanes.age += 5
+    for _ in range(400):
+        found = lanes.energies(own, captured, since=5)
+    assert found[0].numpy() == pytest.approx(4.0, rel=1e-3)
+    assert found[1].numpy() == pytest.approx(1.0, rel=1e-3)
+    lanes._restart(torch.tensor([False, True]))
+    assert lanes.energies(own, captured, since=500)[:, 0].all()
+    assert not lanes.energies(own, captured, since=500)[:, 1].any()
+
+
 def test_knees_out_of_step_bend_as_the_capture_does_and_half_bent_ones_do_not():
     phase = torch.linspace(0, 2 * torch.pi, 65)[:-1, None]
     captured = 0.6 + 0.6 * phase.sin()

@@ -262,15 +262,20 @@ def load_frames(clips: Path, workers: int = 2, limit: int | None = None) -> Fram
     )
 
 
+FAVOUR = 2.0
 TERRAIN_SHARE, LAYERED_SHARE = 0.22, 0.42  # of the frames drawn; the rest is capture
 
 
 def sampling_weights(
-    table: FrameTable, terrain_share: float = TERRAIN_SHARE, layered_share: float = LAYERED_SHARE
+    table: FrameTable,
+    terrain_share: float = TERRAIN_SHARE,
+    layered_share: float = LAYERED_SHARE,
+    favoured: NDArray[np.bool_] | None = None,
 ) -> Array:
     """Per-frame weight `(N,)`: shares for the terrain rollouts and layered clips, the rest equal over styles by root.
 
-    Held-out frames and each clip's first frame (it has no previous pose) weigh nothing.
+    Frames of `favoured` clips `(clips,)` count FAVOUR times. Held-out frames and each clip's first frame (it has no
+    previous pose) weigh nothing.
     """
     weights = np.zeros(len(table))
     styles = np.array(table.styles)[table.clip]
@@ -287,6 +292,8 @@ def sampling_weights(
     for chosen, share in [*groups, (usable & layered, layered_share)]:
         if chosen.any():
             own = np.where(weights[chosen] > 0, weights[chosen], 1.0)
+            if favoured is not None:
+                own *= np.where(favoured[table.clip[chosen]], FAVOUR, 1.0)
             weights[chosen] = share * own / own.sum()
     weights *= np.where(_starts_or_stops(table), TRANSITION_BOOST, 1.0)
     return weights / weights.sum()

@@ -110,6 +110,18 @@ def swing(own: Tensor, captured: Tensor, scale: Tensor, kept: Tensor) -> Tensor:
     return (moves * ratio.log().square()).sum() / moves.sum().clamp_min(1.0)
 
 
+def own_swing(own: Tensor, energies: Tensor, scale: Tensor, kept: Tensor) -> Tensor:
+    """Of the movements `(B, n)` of rollouts: to swing farther where one moved less than its own clip of late, or less far.
+
+    `swing` compares the sums of a batch, in which a style that swings too little makes up for one that swings too much.
+    `energies` `(2, B, n)` are running means of squares, the rollout's and its clip's; their logarithm is the weight, and
+    what it weighs is the rollout's present energy over its running mean.
+    """
+    mine, wanted = energies / scale.square() + STILL
+    weight = (mine / wanted).log().clamp(-1.5, 1.5)
+    return (kept * weight * (own / scale).square() / mine).sum() / kept.sum().clamp_min(1.0)
+
+
 def distribution(own: Tensor, captured: Tensor, scale: float) -> Tensor:
     """Squared Wasserstein distance of the values in each column of two batches `(B, n)`, in units of `scale`.
 

@@ -111,10 +111,10 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
         session.device = torch.device(args.device)
     clips = args.clips or args.out / "clips"
     table = _load(clips, args.limit)
-    weights = sampling_weights(table)
     log.info("%d clips, %d frames, %d styles", len(table.styles), len(table), len(set(table.styles)))
     words = config.direction_words, config.one_sided_words
     texts = load_style_texts(table, args.styles or asset_path("prompts/styles.json"), encoder, clips, *words)
+    weights = sampling_weights(table, favoured=texts.of_rhythm())
     phase = _phase(args, session, config, table, weights, "phase" in wanted)
     if wanted == {"phase"}:
         return
@@ -247,7 +247,14 @@ def _content(
     path = args.out / "content_final.pt"
     if wanted and not path.exists():
         return stage_content.run(
-            session, config, table, weights, texts, args.content, max_minutes=args.max_minutes
+            session,
+            config,
+            table,
+            weights,
+            texts,
+            args.content,
+            max_minutes=args.max_minutes,
+            clips=args.clips or args.out / "clips",
         )
     stored = load_checkpoint(path)
     trained_with = stored["config"].get("text_encoder", SHIPPED["name"])

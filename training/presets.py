@@ -40,6 +40,8 @@ class ModelConfig:
     pose_statistics: bool = (
         True  # stage 1 also reads each part's mean pose and its range off the codes (paper: no)
     )
+    # stage 1 reads off the codes what a part does in a walk: steps, swings, ranges (paper: no)
+    measures: bool = True
     text_encoder: str = "all-MiniLM-L6-v2"  # paper CLIP ViT-B/32, of 512
     text_size: int = 384  # numbers of a sentence embedding
     direction_words: bool = True  # also numbers for words such as left and right (paper: the embedding alone)
@@ -75,6 +77,7 @@ _PAPER = ModelConfig(
     direction_words=False,
     one_sided_words=False,
     pose_statistics=False,
+    measures=False,
     residual_diffusion=False,
     part_swaps=False,
     longer_sentences=False,
@@ -114,6 +117,7 @@ ABLATIONS: dict[str, dict[str, Any]] = {
     "whole-body-contrast": {"part_contrast": False},
     "two-sided-words": {"one_sided_words": False},
     "no-pose-statistics": {"pose_statistics": False},
+    "no-measures": {"measures": False},
     "no-part-swaps": {"part_swaps": False},
     "no-longer-sentences": {"longer_sentences": False},
 }

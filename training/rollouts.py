@@ -23,6 +23,7 @@ _POSE = ("joint_positions", "joint_velocities")
 # Share of lanes that begin in the pose of another clip. Capture holds no change of style: without these lanes the
 # network would stay in the pose it finds itself in, whatever the prompt says.
 FOREIGN_POSE = 0.35
+ENERGY_FRAMES = 45  # most of a gait cycle: over so many a lane is compared with its own clip
 SWING_FRAMES = 15  # about a quarter of a gait cycle: over so many frames a swing is compared with the clip's
 
 
@@ -50,6 +51,7 @@ class RolloutLanes:
         self.phase = torch.zeros(lanes, 2 * PRESENT + 1, 2 * features.C, device=device)
         self.age = torch.zeros(lanes, dtype=torch.long, device=device)  # frames since it began
         self._history = torch.zeros(SWING_FRAMES, lanes, 93, device=device)  # joints shown, oldest first
+        self._energy = torch.zeros(2, lanes, 93, device=device)  # of swings, the lanes' and the clips'
         self.swaps = Swaps.none(lanes, device)
         self._part_swaps = part_swaps
         self._restart(torch.ones(lanes, dtype=torch.bool, device=device))
@@ -65,6 +67,7 @@ class RolloutLanes:
             self.swaps.draw(ended, self.frames.clip[drawn.roll(-count)[: len(rows)]])
         self.rows[ended] = rows
         self.age[ended] = 0
+        self._energy[:, ended] = 0.0
         self.patch[ended] = (torch.rand(len(rows), device=rows.device) * self.frames.patches[rows]).long()
         x = self.frames.inputs(rows, self.patch[ended])
         foreign = torch.rand(len(rows), device=rows.device) < FOREIGN_POSE
@@ -107,6 +110,16 @@ class RolloutLanes:
         """
         before = (self.rows - SWING_FRAMES).clamp_min(0)
         return joints.flatten(1) - self._history[0], self._captured(self.rows) - self._captured(before)
+
+    @torch.no_grad()
+    def energies(self, own: Tensor, captured: Tensor, since: int) -> Tensor:
+        """Running means of squares over `ENERGY_FRAMES` of what `swings` gave, `(2, lanes, 93)`; it is called in every frame.
+
+        They begin where a lane is `since` frames old: what goes before is its way to the pose of its words.
+        """
+        squares = torch.stack([own, captured]).square() * (self.age >= since)[:, None]
+        self._energy += (squares - self._energy) / ENERGY_FRAMES
+        return self._energy
 
     def _captured(self, rows: Tensor) -> Tensor:
         joints = self.frames.y[rows][:, OUTPUT["joint_positions"]].float()

@@ -12,7 +12,7 @@ from sport.runtime.skeleton import J
 from sport.training import losses as terms
 from sport.training.batches import Normalisation, loss_weights
 from sport.training.kinematics import KNEES, knee_flexion, shown_joints
-from sport.training.rollouts import SWING_FRAMES, RolloutLanes
+from sport.training.rollouts import ENERGY_FRAMES, SWING_FRAMES, RolloutLanes
 
 SETTLED_FRAMES = 10  # a rollout that began in another pose than its clip's has to move towards it first
 
@@ -21,7 +21,7 @@ def shown_losses(
     normal: Normalisation, lanes: RolloutLanes, target: Tensor, supervised: Tensor, y: Tensor
 ) -> dict[str, Tensor]:
     """Of the pose that is shown, by forward kinematics of the normalised prediction y `(B, n)`, and of the lanes'
-    movements in it: `shown` holds it to the capture, `unrest` and `swing` are those of `sport.training.losses`."""
+    movements in it: `shown` holds it to the capture, the others are those of `sport.training.losses`."""
     field = OUTPUT["joint_positions"]
     scale = normal.y_deviation[field]
     real = y * normal.y_deviation + normal.y_mean
@@ -39,9 +39,18 @@ def shown_losses(
     result["unrest"] = terms.unrest(
         moved, real[-count:, velocity], normal.y_deviation[velocity], kept * settled
     )
-    old = (lanes.age >= SETTLED_FRAMES + SWING_FRAMES).float()[:, None]
-    result["swing"] = terms.swing(*lanes.swings(own), scale, kept * old)
+    since = SETTLED_FRAMES + SWING_FRAMES
+    swings, captured = lanes.swings(own)
+    result["swing"] = terms.swing(swings, captured, scale, kept * _older(lanes, since))
+    energies = lanes.energies(swings.detach(), captured, since)
+    lived = kept * _older(lanes, since + ENERGY_FRAMES)
+    result["own_swing"] = terms.own_swing(swings, energies, scale, lived)
     return result
+
+
+def _older(lanes: RolloutLanes, frames: int) -> Tensor:
+    """`(lanes, 1)`: one where a rollout has gone on for so many frames."""
+    return (lanes.age >= frames).float()[:, None]
 
 
 def _bend(real: Tensor, wanted: Tensor, supervised: Tensor, lanes: int) -> Tensor:

@@ -17,6 +17,7 @@ from sport.runtime.prompts.sentence_inputs import part_inputs
 from sport.runtime.prompts.text_encoder import TextEncoderLike
 from sport.runtime.skeleton import PART_NAMES
 from sport.training.frames import FrameTable
+from sport.training.layering.catalog import EDITS
 
 LAYERS, CAPTIONS = (
     "layers.json",
@@ -42,6 +43,11 @@ class StyleTexts:
     index: np.ndarray
     keys: np.ndarray
     names: list[str]
+
+    def of_rhythm(self) -> np.ndarray:
+        """`(clips,)` bool: where a part does an edit of rhythm and weight, which shows in steps only."""
+        edits = [EDITS.get(".".join(name.split(".")[:2])) for name in self.names]
+        return np.array([edit is not None and edit.of_steps for edit in edits])[self.keys].any(1)
 
     def pick(self, clips: Tensor, generator: torch.Generator | None = None) -> Tensor:
         """Sentence indices `(B, 6)` for clips `(B,)`: one paraphrase, or now and then another one for each part."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -9,6 +10,7 @@ from torch import Tensor, nn
 
 from sport.runtime.skeleton import PART_JOINTS, PART_NAMES, J
 from sport.training.presets import ModelConfig
+from sport.training.text.clip_values import signs_of
 
 SEQUENCE_LENGTH = 40  # T
 PART_SIZE = 64
@@ -232,6 +234,41 @@ class StatisticsReader(nn.Module):
         return torch.where(parity < 0, odd, read(z * (1.0 - self.odd[k])))
 
 
+class MeasuresReader(nn.Module):
+    """What a part does in a walk, standardised (`sport.training.text.clip_values`), read off its code along one direction each.
+
+    Means and deviations of joints hardly tell hips that swing from hips that are still, and codes that lie as near as
+    their sentences cannot be told apart by what follows. Directions have unit length, so that a deviation of a measure
+    takes `1 / GAIN` of the code: no weight can enlarge what the code hardly says.
+    """
+
+    GAIN = 0.5
+
+    def __init__(self, signs: Sequence[Sequence[float]], one_sided: bool = False) -> None:
+        """`signs[k]` of part k: -1 where a measure changes its sign in the mirror image, else 1."""
+        super().__init__()
+        self.one_sided = one_sided
+        self.parts = nn.ModuleList([nn.Linear(PART_SIZE, len(own)) for own in signs])
+        for k, own in enumerate(signs):
+            self.register_buffer(f"odd_{k}", torch.tensor([s < 0 for s in own]), persistent=False)
+        self.register_buffer("odd", odd_codes(), persistent=False)
+
+    def forward(self, z: Tensor) -> list[Tensor]:
+        """Six tensors `(B, n)` of codes `(B, 6, 64)`."""
+        return [self._read(z[:, k], k) for k in range(PARTS)]
+
+    def _read(self, z: Tensor, k: int) -> Tensor:
+        read = self.parts[_LEFT[k] if self.one_sided else k]
+        allowed = torch.ones_like(read.weight)
+        bias = read.bias
+        if self.one_sided and _MIDLINE[k]:
+            odd = getattr(self, f"odd_{k}")
+            allowed = torch.where(odd[:, None], self.odd[k], 1.0 - self.odd[k])
+            bias = torch.where(odd, 0.0, bias)
+        direction = nn.functional.normalize(read.weight * allowed, dim=1)
+        return nn.functional.linear(z, self.GAIN * direction, bias)
+
+
 class ContentEncoder(nn.Module):
     """The networks that stage 1 trains together."""
 
@@ -241,3 +278,5 @@ class ContentEncoder(nn.Module):
         self.text = PartTextEncoder(config.sentence_size, one_sided=config.one_sided_words)
         self.decoder = SequenceDecoder(config)
         self.statistics = StatisticsReader(config.one_sided_words) if config.pose_statistics else None
+        signs = [signs_of(name) for name in PART_NAMES]
+        self.measures = MeasuresReader(signs, config.one_sided_words) if config.measures else None

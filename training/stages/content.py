@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -12,7 +13,13 @@ from torch import Tensor
 from sport.runtime.motion.features import OUTPUT
 from sport.training import losses as terms
 from sport.training.frames import FrameTable
-from sport.training.networks.content import SEQUENCE_LENGTH, ContentEncoder, Gaussian, StatisticsReader
+from sport.training.networks.content import (
+    SEQUENCE_LENGTH,
+    ContentEncoder,
+    Gaussian,
+    MeasuresReader,
+    StatisticsReader,
+)
 from sport.training.packed_run import CONTENT_START
 from sport.training.presets import ModelConfig
 from sport.training.session import (
@@ -24,16 +31,21 @@ from sport.training.session import (
     train,
 )
 from sport.training.styles import StyleTable, StyleTexts, pick_paraphrases
+from sport.training.text.clip_values import clip_values
 
 STRIDE = 2  # frames between two samples: 40 samples are 1.3 s, more than one step
 # Eq. 7. The paper's lambda_con is 1e-2 for 100 styles over a long training; the shorter one here needs more of it.
 LAMBDA_CONTRAST, LAMBDA_KL, LAMBDA_EMBEDDING = 0.1, 1e-5, 1e-5
 # Share of the pose statistics, which the paper has not (sport.training.networks.content.StatisticsReader).
 LAMBDA_STATISTICS = 0.5
+LAMBDA_MEASURES = (
+    1.0  # of what clips do, which the paper has not either (sport.training.networks.content.MeasuresReader)
+)
+MEASURED_CLIPS = 1024  # whose words are held to it in every step
 TEXT_BATCHES = 4  # of windows that words alone are to tell the statistics of, in every step
 # On the components (about 0.05) of sentence embeddings, of a random strength for each: near words give near content, and
 # what the direction words tell is not learned by heart from the embeddings instead.
-WORD_NOISE = (0.01, 0.04)
+WORD_NOISE = (0.01, 0.03)
 
 
 class Sequences:
@@ -83,6 +95,25 @@ def _windows(
         yield start.to(device), clip[rows].to(device)
 
 
+@dataclass
+class Measured:
+    """What every clip does, six tensors `(clips, n)`, and how often each clip is drawn."""
+
+    values: list[Tensor]
+    weights: Tensor
+
+    @staticmethod
+    def read(folder: Path, table: FrameTable, weights: np.ndarray, device: torch.device) -> Measured:
+        """Measure the clips of `table` in `folder`; those that hold many of the frames drawn count most."""
+        values = [torch.as_tensor(v).to(device) for v in clip_values(folder, table.names)]
+        share = np.bincount(table.clip, weights, len(table.names))
+        return Measured(values, torch.as_tensor(share, dtype=torch.float32, device=device))
+
+    def of(self, clips: Tensor) -> list[Tensor]:
+        """The values of clips `(B,)`."""
+        return [v[clips] for v in self.values]
+
+
 class ContentLosses:
     """The losses of stage 1 (Eq. 7) for a batch of windows and their clips."""
 
@@ -93,7 +124,9 @@ class ContentLosses:
         sequences: Sequences,
         texts: StyleTexts,
         batches: Iterator[tuple[Tensor, Tensor]],
+        measured: Measured | None = None,
     ) -> None:
+        self.measured = measured
         self.module, self.config, self.sequences, self.batches = module, config, sequences, batches
         device = sequences.y.device
         self.embeddings = [torch.as_tensor(e).to(device) for e in texts.embeddings]
@@ -121,6 +154,9 @@ class ContentLosses:
             result |= self._statistics(self.module.statistics, motion, joints)
             both = result["statistics"] + result["text_statistics"]
             result["total"] = result["total"] + LAMBDA_STATISTICS * both
+        if self.module.measures is not None and self.measured is not None:
+            result["measures"] = self._measures(self.module.measures, self.measured, motion, clips)
+            result["total"] = result["total"] + LAMBDA_MEASURES * result["measures"]
         return result
 
     def text(self, clips: Tensor) -> Gaussian:
@@ -138,6 +174,14 @@ class ContentLosses:
             return whole, whole
         each = [terms.contrastive(m[:, k], t[:, k], same[:, :, k]) for k in range(m.shape[1])]
         return whole, torch.stack(each).mean()
+
+    def _measures(
+        self, reader: MeasuresReader, measured: Measured, motion: Gaussian, clips: Tensor
+    ) -> Tensor:
+        """Of the windows' codes, and of the words of many clips."""
+        own = terms.statistics(measured.of(clips), reader(motion.mean))
+        drawn = torch.multinomial(measured.weights, MEASURED_CLIPS, replacement=True)
+        return own + terms.statistics(measured.of(drawn), reader(self.text(drawn).mean))
 
     def _statistics(self, reader: StatisticsReader, motion: Gaussian, joints: Tensor) -> dict[str, Tensor]:
         """Of motion, and of words on windows of their own: many, for nothing has to be encoded or decoded."""
@@ -157,18 +201,25 @@ def run(
     steps: int = 3000,
     batch: int = 64,
     max_minutes: float | None = None,
+    clips: Path | None = None,
 ) -> ContentEncoder:
-    """Train and return the content encoder (EMA weights); also written to `content_final.pt`."""
+    """Train and return the content encoder (EMA weights); also written to `content_final.pt`.
+
+    `clips` is the folder of the clips, which are measured where the module reads that.
+    """
     device = session.device
     torch.manual_seed(session.seed + 1)
     sequences = Sequences(table, device)
     batches = _windows(table, weights, batch, session.batch_generator(2), device)
     module = ContentEncoder(config).to(device)
     if (session.out / CONTENT_START).exists():
-        module.load_state_dict(load_checkpoint(session.out / CONTENT_START)["module"])
+        _begin_with(module, load_checkpoint(session.out / CONTENT_START)["module"])
     if module.statistics is not None:
         rows = torch.cat([next(batches)[0] for _ in range(max(1, 4096 // batch))])
         module.statistics.measure(torch.cat([sequences(r)[0] for r in rows.split(256)]))
+    measured = None
+    if module.measures is not None and clips is not None:
+        measured = Measured.read(clips, table, weights, device)
     optimizer = torch.optim.AdamW(module.parameters(), lr=5e-4, weight_decay=1e-4)
     state = StageState(module, optimizer, MovingAverage(module, 0.995))
     train(
@@ -176,7 +227,7 @@ def run(
         "content",
         state,
         batches,
-        ContentLosses(module, config, sequences, texts, batches),
+        ContentLosses(module, config, sequences, texts, batches, measured),
         steps,
         lambda s: 5e-4 * min(1.0, (s + 1) / 100, (steps - s) / (0.3 * steps) + 0.02),
         batch,
@@ -188,6 +239,12 @@ def run(
         {"module": module.state_dict(), "config": asdict(config), "scales": sequences.scales},
     )
     return module.eval()
+
+
+def _begin_with(module: ContentEncoder, start: dict[str, Tensor]) -> None:
+    """Weights of an earlier model; a reader that it had not keeps its own."""
+    readers = {k: v for k, v in module.state_dict().items() if k.startswith("measures.")}
+    module.load_state_dict(readers | start)
 
 
 def _word_noise(words: Tensor, size: int) -> Tensor:

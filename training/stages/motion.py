@@ -106,10 +106,11 @@ CONTACT_WEIGHT = 0.1
 SHOWN_WEIGHT = 0.3
 UNREST_WEIGHT = 0.05
 SWING_WEIGHT = 0.05
+OWN_SWING_WEIGHT = 0.1
 BEND_WEIGHT = 0.3  # of the knees' flexion: in lanes of its distribution too
 NOISE = 0.12  # of captured frames' inputs: more makes the network trust its own pose less, and swings shrink
 LANES = 0.5  # share of a batch that goes on from the network's own output
-LANE_FRAMES = 60.0  # mean length of such a rollout
+LANE_FRAMES = 90.0  # mean length of such a rollout
 
 
 @dataclass
@@ -163,6 +164,7 @@ def _total(result: Losses) -> Tensor:
         + SHOWN_WEIGHT * result["shown"]
         + UNREST_WEIGHT * result["unrest"]
         + SWING_WEIGHT * result["swing"]
+        + OWN_SWING_WEIGHT * result["own_swing"]
         + BEND_WEIGHT * result["bend"]
     )
 

@@ -38,14 +38,14 @@ STRIDE = 2  # frames between two samples: 40 samples are 1.3 s, more than one st
 LAMBDA_CONTRAST, LAMBDA_KL, LAMBDA_EMBEDDING = 0.1, 1e-5, 1e-5
 # Share of the pose statistics, which the paper has not (sport.training.networks.content.StatisticsReader).
 LAMBDA_STATISTICS = 0.5
-LAMBDA_MEASURES = (
-    1.0  # of what clips do, which the paper has not either (sport.training.networks.content.MeasuresReader)
-)
-MEASURED_CLIPS = 1024  # whose words are held to it in every step
+# Of what clips do, which the paper has not either (sport.training.networks.content.MeasuresReader).
+LAMBDA_MEASURES = 2.0
+MEASURED_CLIPS = 2048  # whose words are held to it in every step
 TEXT_BATCHES = 4  # of windows that words alone are to tell the statistics of, in every step
 # On the components (about 0.05) of sentence embeddings, of a random strength for each: near words give near content, and
 # what the direction words tell is not learned by heart from the embeddings instead.
 WORD_NOISE = (0.01, 0.03)
+MEASURED_NOISE = (0.0, 0.012)  # of words held to measures: sentences of opposite edits are 0.3 apart
 
 
 class Sequences:
@@ -159,11 +159,11 @@ class ContentLosses:
             result["total"] = result["total"] + LAMBDA_MEASURES * result["measures"]
         return result
 
-    def text(self, clips: Tensor) -> Gaussian:
+    def text(self, clips: Tensor, noise: tuple[float, float] = WORD_NOISE) -> Gaussian:
         """Codes of random paraphrases of clips."""
         sentence = pick_paraphrases(self.index, clips)
         words = torch.stack([e[sentence[:, k]] for k, e in enumerate(self.embeddings)], 1)
-        return self.module.text(words + _word_noise(words, self.config.text_size))
+        return self.module.text(words + _word_noise(words, self.config.text_size, noise))
 
     def _contrasts(self, motion: Gaussian, text: Gaussian, clips: Tensor) -> tuple[Tensor, Tensor]:
         """Eq. 2 of whole bodies, and the mean of the parts'."""
@@ -181,7 +181,7 @@ class ContentLosses:
         """Of the windows' codes, and of the words of many clips."""
         own = terms.statistics(measured.of(clips), reader(motion.mean))
         drawn = torch.multinomial(measured.weights, MEASURED_CLIPS, replacement=True)
-        return own + terms.statistics(measured.of(drawn), reader(self.text(drawn).mean))
+        return own + terms.statistics(measured.of(drawn), reader(self.text(drawn, MEASURED_NOISE).mean))
 
     def _statistics(self, reader: StatisticsReader, motion: Gaussian, joints: Tensor) -> dict[str, Tensor]:
         """Of motion, and of words on windows of their own: many, for nothing has to be encoded or decoded."""
@@ -247,9 +247,9 @@ def _begin_with(module: ContentEncoder, start: dict[str, Tensor]) -> None:
     module.load_state_dict(readers | start)
 
 
-def _word_noise(words: Tensor, size: int) -> Tensor:
+def _word_noise(words: Tensor, size: int, strengths: tuple[float, float]) -> Tensor:
     """Noise for the embeddings in `words` `(B, 6, D)`, their first `size` numbers; the direction words get none."""
-    least, most = WORD_NOISE
+    least, most = strengths
     strength = least + (most - least) * torch.rand_like(words[..., :1])
     noise = strength * torch.randn_like(words)
     noise[..., size:] = 0.0

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 
 import numpy as np
 import torch
+from numpy.lib.stride_tricks import sliding_window_view
 
 from sport.runtime.controls import Gait
 from sport.runtime.motion.features import FPS, INPUT, OUTPUT, PHASE_OFFSETS, L
@@ -16,7 +18,7 @@ STRAIGHT = np.deg2rad(20.0)  # of the velocity from the facing direction
 STEADY_TURN = 0.35  # rad/s of the root, smoothed over a second
 MIN_FRAMES = 90  # of a clip that go straight ahead, or it says nothing of its style's pace
 DRAWS = 240  # of words for each captured style, so that styles count alike
-LAYERED_SHARE = 0.05  # of the fit, against all captured styles: edits of steps have a pace of their own
+LAYERED_SHARE = 0.02  # of the fit, against all captured styles: edits of steps have a pace of their own
 FALLBACKS = {Gait.WALK: 1.3, Gait.JOG: 2.6}  # m/s
 PLAIN_WEIGHT = (
     4.0  # of the neutral walk, with which the program begins and whose words stand in many sentences
@@ -27,7 +29,7 @@ FORWARD_CONTENTS = {Gait.WALK: ("walk forward",), Gait.JOG: ("run forward", "jog
 FORWARD_SPEEDS = {Gait.WALK: (0.55, 2.2), Gait.JOG: (1.2, 8.0)}
 
 
-def style_speeds(table: FrameTable, style: StyleTable, ridge: float = 0.005) -> np.ndarray:
+def style_speeds(table: FrameTable, style: StyleTable, ridge: float = 0.5) -> np.ndarray:
     """Ridge regression `(n + 1, 2)` from the n numbers of Z^t to the speeds in m/s at which a style walks and jogs straight ahead.
 
     Side steps, turns, starts and stops are slower: fitted on them too, a full stick would be.
@@ -60,23 +62,22 @@ def straight_speeds(table: FrameTable, label: Gait) -> np.ndarray:
     return result
 
 
-def forward_speeds(table: FrameTable, label: Gait) -> np.ndarray:
-    """Median speed `(clips,)` of forward takes in a gait, starts and stops left out; nan of all other clips.
+def forward_speeds(table: FrameTable, label: Gait) -> dict[int, np.ndarray]:
+    """Of every forward take in a gait, by clip: its speeds over half a second, starts and stops left out.
 
     Such a take goes straight ahead, or round the room at the same pace; of the short ones there is nothing to leave out.
     A walk with springing steps is a walk by its take's name, whatever its frames are labelled.
     """
     lowest, highest = FORWARD_SPEEDS[label]
-    result = np.full(len(table.styles), np.nan)
+    result = {}
     for clip, content in enumerate(table.contents):
         part = slice(table.start[clip], table.start[clip + 1])
         if content not in FORWARD_CONTENTS[label] or part.stop - part.start < FPS:
             continue
-        root = smooth(table.y[part, OUTPUT["root"]][:, :2].astype(np.float32), 10.0)
-        speed = np.linalg.norm(root, axis=1)
-        chosen = (speed > lowest) & (speed < highest)
-        if chosen.sum() >= FPS:
-            result[clip] = np.median(speed[chosen])
+        root = table.y[part, OUTPUT["root"]][:, :2].astype(np.float32)
+        mean = sliding_window_view(root, FPS // 2, axis=0).mean(-1)
+        speed = np.linalg.norm(mean, axis=1)
+        result[clip] = speed[(speed > lowest) & (speed < highest)]
     return result
 
 
@@ -85,18 +86,17 @@ def captured_paces(table: FrameTable, label: Gait) -> dict[str, float]:
     forward, straight = forward_speeds(table, label), straight_speeds(table, label)
     plain = np.array([c != LAYERED and " on " not in c for c in table.contents])
     plain &= np.logical_not(table.mirrored)
-    frames = np.diff(table.start)
     paces = {}
     for name in sorted(set(table.styles)):
-        own = plain & (np.array(table.styles) == name)
-        speeds = forward if np.isfinite(forward[own]).any() else straight
-        chosen = own & np.isfinite(speeds)
-        if chosen.any():
-            takes: dict[str, tuple[int, float]] = {}  # of the parts of one take the longest says most
-            for clip in np.flatnonzero(chosen):
-                take = re.sub(r"_\d$", "", table.names[clip])
-                takes[take] = max(takes.get(take, (0, 0.0)), (int(frames[clip]), float(speeds[clip])))
-            paces[name] = float(np.median([speed for _, speed in takes.values()]))
+        own = np.flatnonzero(plain & (np.array(table.styles) == name))
+        takes: dict[str, list[np.ndarray]] = defaultdict(list)  # long ones are cut in parts
+        for clip in own:
+            if clip in forward:
+                takes[re.sub(r"_\d$", "", table.names[clip])].append(forward[clip])
+        speeds = [np.median(s) for s in map(np.concatenate, takes.values()) if len(s) >= FPS]
+        speeds = speeds or [straight[clip] for clip in own if np.isfinite(straight[clip])]
+        if speeds:
+            paces[name] = float(np.median(speeds))
     return paces
 
 

@@ -33,6 +33,7 @@ SHARED: dict[str, tuple[str, ...]] = {
     "whole-body-contrast": _PHASE,
     "two-sided-words": _PHASE,
     "no-pose-statistics": _PHASE,
+    "no-measures": _PHASE,
     "no-part-swaps": _PHASE + _CONTENT,
     "no-longer-sentences": _PHASE,
 }

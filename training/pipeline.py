@@ -12,7 +12,7 @@ import numpy as np
 import torch
 
 from sport.runtime.assets import asset_path
-from sport.runtime.errors import FileError
+from sport.runtime.errors import FileError, UsageError
 from sport.runtime.motion.features import OUTPUT_SIZE
 from sport.runtime.prompts.text_encoder import SHIPPED, TextEncoder
 from sport.training import parallel
@@ -103,6 +103,7 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
     config = replace(preset(args.preset), text_encoder=encoder.name, text_size=encoder.dimensions)
     if args.ablation:
         config = ablation(config, args.ablation)
+    _refuse_table_one(config)
     session = Session(args.out, half=not args.no_half, seed=args.seed)
     device = parallel.join(args.stage)
     if device is not None:
@@ -137,6 +138,16 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
         save_checkpoint(args.out / "stage3_final.pt", {"module": generator.state_dict()})
     if "export" in wanted:
         _export(args, session, config, data, content, table, phase, scale)
+
+
+def _refuse_table_one(config: ModelConfig) -> None:
+    """UsageError for a preset whose outputs are not those of this program's frames: it counts parameters only."""
+    if config.output_size != OUTPUT_SIZE:
+        raise UsageError(
+            f"--preset {config.name}: has {config.output_size} outputs, the frames of this program have {OUTPUT_SIZE}; it"
+            " serves the parameter counts of Table I only.",
+            "Train paper-rotations, which is the same with joint rotations.",
+        )
 
 
 def _export(

@@ -118,7 +118,7 @@ def own_swing(own: Tensor, energies: Tensor, scale: Tensor, kept: Tensor) -> Ten
     what it weighs is the rollout's present energy over its running mean.
     """
     mine, wanted = energies / scale.square() + STILL
-    weight = (mine / wanted).log().clamp(-1.5, 1.5)
+    weight = (mine / wanted).log().clamp(-MOST_WIDER, MOST_NARROWER)
     return (kept * weight * (own / scale).square() / mine).sum() / kept.sum().clamp_min(1.0)
 
 
@@ -134,6 +134,8 @@ def distribution(own: Tensor, captured: Tensor, scale: float) -> Tensor:
 
 
 BEND = 0.2  # radians: unit of errors of a knee
+# of the weight in `own_swing`: a rollout that is drawn wider too strongly runs away
+MOST_WIDER, MOST_NARROWER = 0.4, 1.5
 STILL = 1e-3  # mean square of a movement over its scale
 
 

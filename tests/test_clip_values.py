@@ -10,7 +10,7 @@ torch = pytest.importorskip("torch")
 from sport.runtime.skeleton import PART_NAMES  # noqa: E402
 from sport.training.networks.content import PARTS, ContentEncoder, MeasuresReader, odd_codes  # noqa: E402
 from sport.training.presets import preset  # noqa: E402
-from sport.training.stages.content import _begin_with  # noqa: E402
+from sport.training.stages.content import begin_with  # noqa: E402
 from sport.training.text.clip_values import MOST, _standardised, signs_of, value_names  # noqa: E402
 
 LEFT, RIGHT, TORSO = (PART_NAMES.index(n) for n in ("left_leg", "right_leg", "torso"))
@@ -63,6 +63,6 @@ def test_weights_of_a_model_without_the_reader_begin_one_that_has_it():
     old, new = ContentEncoder(preset("tiny")), ContentEncoder(preset("tiny"))
     start = {k: v for k, v in old.state_dict().items() if not k.startswith("measures.")}
     own = new.measures.parts[0].weight.clone()
-    _begin_with(new, start)
+    begin_with(new, start)
     assert torch.equal(new.text.first.weight, old.text.first.weight)
     assert torch.equal(new.measures.parts[0].weight, own)

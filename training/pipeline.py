@@ -275,7 +275,7 @@ def _content(
             "Name its folder with --text-encoder, or another --out.",
         )
     module = ContentEncoder(config)
-    module.load_state_dict(stored["module"])
+    stage_content.begin_with(module, stored["module"])
     return module.to(session.device).eval()
 
 

@@ -213,7 +213,7 @@ def run(
     batches = _windows(table, weights, batch, session.batch_generator(2), device)
     module = ContentEncoder(config).to(device)
     if (session.out / CONTENT_START).exists():
-        _begin_with(module, load_checkpoint(session.out / CONTENT_START)["module"])
+        begin_with(module, load_checkpoint(session.out / CONTENT_START)["module"])
     if module.statistics is not None:
         rows = torch.cat([next(batches)[0] for _ in range(max(1, 4096 // batch))])
         module.statistics.measure(torch.cat([sequences(r)[0] for r in rows.split(256)]))
@@ -241,7 +241,7 @@ def run(
     return module.eval()
 
 
-def _begin_with(module: ContentEncoder, start: dict[str, Tensor]) -> None:
+def begin_with(module: ContentEncoder, start: dict[str, Tensor]) -> None:
     """Weights of an earlier model; a reader that it had not keeps its own."""
     readers = {k: v for k, v in module.state_dict().items() if k.startswith("measures.")}
     module.load_state_dict(readers | start)

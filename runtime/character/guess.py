@@ -84,7 +84,7 @@ def require(path: Path, guess: JointGuess) -> None:
             f"{path}: no joints found for {', '.join(guess.missing)} (neither by known names nor by tree and rest"
             " pose).",
             "Choose them in the window Joints, which opens when the file is dropped on the viewer; or write"
-            f" {joint_map_path(path).name} beside it, or give such a file as --joint-map to generate and convert:"
+            f" {joint_map_path(path).name} beside it, or give such a file as --joint-map:"
             ' {"LeftArm": "name in the file", ...}.',
         )
 

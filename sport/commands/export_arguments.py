@@ -23,7 +23,7 @@ def add_export_arguments(parser: argparse.ArgumentParser) -> None:
     form.add_argument("--unit", default="cm", metavar="UNIT", help="of BVH: cm or m (default: cm)")
     form.add_argument("--character", type=Path, metavar="GLB", help="skinned character of GLB, FBX and film")
     form.add_argument(
-        "--joint-map", type=Path, metavar="JSON", help="names of its joints, if they are not found"
+        "--joint-map", type=Path, metavar="JSON", help="names of its joints, in place of the file beside it"
     )
     form.add_argument("--range", default="", metavar="A:B", help="only these seconds, e.g. 2:6.5")
     form.add_argument(

@@ -214,9 +214,7 @@ def run(
     module = ContentEncoder(config).to(device)
     if (session.out / CONTENT_START).exists():
         begin_with(module, load_checkpoint(session.out / CONTENT_START)["module"])
-    if module.statistics is not None:
-        rows = torch.cat([next(batches)[0] for _ in range(max(1, 4096 // batch))])
-        module.statistics.measure(torch.cat([sequences(r)[0] for r in rows.split(256)]))
+    _measure_statistics(module, sequences, batches, batch)
     measured = None
     if module.measures is not None and clips is not None:
         measured = Measured.read(clips, table, weights, device)
@@ -239,6 +237,15 @@ def run(
         {"module": module.state_dict(), "config": asdict(config), "scales": sequences.scales},
     )
     return module.eval()
+
+
+def _measure_statistics(
+    module: ContentEncoder, sequences: Sequences, batches: Iterator[tuple[Tensor, Tensor]], batch: int
+) -> None:
+    """Centre and spread of the pose statistics, where the module reads these, from some 4096 windows."""
+    if module.statistics is not None:
+        rows = torch.cat([next(batches)[0] for _ in range(max(1, 4096 // batch))])
+        module.statistics.measure(torch.cat([sequences(r)[0] for r in rows.split(256)]))
 
 
 def begin_with(module: ContentEncoder, start: dict[str, Tensor]) -> None:

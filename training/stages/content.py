@@ -203,10 +203,7 @@ def run(
     max_minutes: float | None = None,
     clips: Path | None = None,
 ) -> ContentEncoder:
-    """Train and return the content encoder (EMA weights); also written to `content_final.pt`.
-
-    `clips` is the folder of the clips, which are measured where the module reads that.
-    """
+    """Train the content encoder on clips in the folder `clips`; its EMA weights, also in `content_final.pt`."""
     device = session.device
     torch.manual_seed(session.seed + 1)
     sequences = Sequences(table, device)
@@ -215,9 +212,7 @@ def run(
     if (session.out / CONTENT_START).exists():
         begin_with(module, load_checkpoint(session.out / CONTENT_START)["module"])
     _measure_statistics(module, sequences, batches, batch)
-    measured = None
-    if module.measures is not None and clips is not None:
-        measured = Measured.read(clips, table, weights, device)
+    measured = _measured(module, clips, table, weights, device)
     optimizer = torch.optim.AdamW(module.parameters(), lr=5e-4, weight_decay=1e-4)
     state = StageState(module, optimizer, MovingAverage(module, 0.995))
     train(
@@ -237,6 +232,15 @@ def run(
         {"module": module.state_dict(), "config": asdict(config), "scales": sequences.scales},
     )
     return module.eval()
+
+
+def _measured(
+    module: ContentEncoder, clips: Path | None, table: FrameTable, weights: np.ndarray, device: torch.device
+) -> Measured | None:
+    """What the clips do, where the module reads it."""
+    if module.measures is None or clips is None:
+        return None
+    return Measured.read(clips, table, weights, device)
 
 
 def _measure_statistics(

@@ -22,7 +22,7 @@ from synthetic_clips import write_clip  # noqa: E402
 from test_stage_words import BagOfWords  # noqa: E402
 
 from sport.runtime.controls import Controls  # noqa: E402
-from sport.runtime.errors import ModelError  # noqa: E402
+from sport.runtime.errors import ModelError, UsageError  # noqa: E402
 from sport.runtime.motion.controller import Controller  # noqa: E402
 from sport.runtime.motion.features import PAPER_OUTPUT_SIZE  # noqa: E402
 from sport.runtime.motion.model import load_model  # noqa: E402
@@ -97,6 +97,12 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         for name in ("estimate_variance", "measure_codes"):
             patch.setattr(stage_motion, name, functools.partial(getattr(stage_motion, name), batches=1))
         patch.setattr(stage_motion, "measure", functools.partial(stage_motion.measure, count=2000))
+        for stage in (pipeline.stage_phase, pipeline.stage_content):
+            patch.setattr(stage, "run", functools.partial(stage.run, batch=16))
+        rows = stage_motion.random_rows
+        patch.setattr(
+            stage_motion, "random_rows", lambda weights, batch, *more: rows(weights, min(batch, 64), *more)
+        )
         patch.setattr(torch.onnx, "export", quickly)
         patch.setattr(export_module, "_export_motion", motion_once)
         for name, config in list(PRESETS.items()):
@@ -167,6 +173,13 @@ def test_the_other_presets_differ_from_these_in_width_alone() -> None:
         assert replace(PRESETS[name], **widths) == replace(PRESETS["compact"], **widths)
     paper = replace(PRESETS["paper-rotations"], name="paper", output_size=PAPER_OUTPUT_SIZE)
     assert paper == PRESETS["paper"]  # for parameter counts and speed only: docs/model.md
+
+
+@pytest.mark.parametrize("stage", ["all", "phase", "stage2", "export"])
+def test_training_refuses_the_preset_without_rotations_before_it_begins(stage: str, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"^--preset paper: has 287 outputs.*473.*Train paper-rotations"):
+        pipeline.main([stage, "--preset", "paper", "--out", str(tmp_path / "run")])
+    assert not (tmp_path / "run").exists()
 
 
 def test_the_preset_without_rotations_is_refused_with_a_sentence(

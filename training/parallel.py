@@ -1,6 +1,6 @@
 """Training in several processes, one for each GPU, started by torchrun.
 
-    torchrun --nproc-per-node 4 -m sport train stage2 --preset paper --clips DIR --out RUN
+    torchrun --nproc-per-node 4 -m sport train stage2 --preset paper-rotations --clips DIR --out RUN
 
 Every process draws batches of its own; their gradients are averaged, so that all keep the same weights. The first one
 writes the checkpoints and the log.

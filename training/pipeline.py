@@ -67,8 +67,10 @@ def main(argv: list[str] | None = None) -> int:
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
     for chatty in ("onnx_ir", "onnxscript", "torch.onnx"):
         logging.getLogger(chatty).setLevel(logging.WARNING)
-    args.out.mkdir(parents=True, exist_ok=True)
     wanted = STAGES if args.stage == "all" else (args.stage,)
+    if set(wanted) - {"import", "layer"}:
+        _refuse_table_one(preset(args.preset))  # now: an import takes hours
+    args.out.mkdir(parents=True, exist_ok=True)
     if "import" in wanted and args.clips is None:
         _import(args)
     if "layer" in wanted:
@@ -103,7 +105,6 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
     config = replace(preset(args.preset), text_encoder=encoder.name, text_size=encoder.dimensions)
     if args.ablation:
         config = ablation(config, args.ablation)
-    _refuse_table_one(config)
     session = Session(args.out, half=not args.no_half, seed=args.seed)
     device = parallel.join(args.stage)
     if device is not None:

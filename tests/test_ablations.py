@@ -1,12 +1,15 @@
 """The ablations of Table I differ from the full model in what they name, and run."""
 
+import onnxruntime
 import pytest
 
 torch = pytest.importorskip("torch")
 
 from sport.runtime.errors import FileError, UsageError  # noqa: E402
+from sport.runtime.motion.model_files import FOLDED  # noqa: E402
 from sport.training.ablations import SHARED, prepare  # noqa: E402
-from sport.training.export.model import EmbeddingGraph  # noqa: E402
+from sport.training.export.graph import export_graph  # noqa: E402
+from sport.training.export.model import EmbeddingGraph, StyleGraph  # noqa: E402
 from sport.training.networks.generator import Generator  # noqa: E402
 from sport.training.networks.phase import PeriodicAutoencoder  # noqa: E402
 from sport.training.presets import ABLATIONS, ablation, preset  # noqa: E402
@@ -58,3 +61,16 @@ def test_shared_stages_are_copied_and_missed(tmp_path) -> None:
 
 def test_of_every_variant_it_is_known_what_it_shares() -> None:
     assert set(SHARED) == set(ABLATIONS)
+
+
+def test_without_a_content_encoder_the_style_graph_is_exported_and_loaded(tmp_path) -> None:
+    """By torch's own exporter: the regression is too large there to be folded, and keeps its name in the graph."""
+    pytest.importorskip("onnxscript")
+    config = ablation(preset("tiny"), "no-content-encoder")
+    graph = StyleGraph(Generator(config), torch.randn(config.style_size + 1, 12))
+    z = torch.randn(6, config.style_size // 6)
+    path = tmp_path / "style.onnx"
+    error = export_graph(graph, (z,), ["z"], [*FOLDED, "speeds"], (None,), path)
+    assert error < 1e-3
+    session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+    assert [output.name for output in session.get_outputs()] == [*FOLDED, "speeds"]

@@ -77,11 +77,12 @@ class StyleGraph(nn.Module):
     def __init__(self, generator: Generator, speeds: Tensor) -> None:
         super().__init__()
         self.modulator = generator.modulator
-        self.register_buffer("speeds", speeds)  # (n + 1, 2 or 2 + 2 C), the last row is the intercept
+        # (n + 1, 2 or 2 + 2 C), the last row is the intercept; not named as the output: a graph has a name once
+        self.register_buffer("regression", speeds)
 
     def forward(self, z: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         flat = z.reshape(1, -1)
-        speeds = (flat @ self.speeds[:-1] + self.speeds[-1])[0]
+        speeds = (flat @ self.regression[:-1] + self.regression[-1])[0]
         return (*self.modulator.fold(flat), speeds)
 
 

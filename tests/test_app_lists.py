@@ -103,3 +103,39 @@ def test_tooltips_lie_beside_the_panel_and_say_what_cannot_be_read(
     columns = [rect[2] for label, rect in drawn(app) if label == "##words"]
     assert found[0] >= max(columns)
     assert (found[2] <= size[0]) & (found[3] <= size[1]) & (found[1] >= 0)
+
+
+def test_tooltips_of_the_timeline_lie_over_it(start: Start) -> None:
+    app = start()
+    run(app, 2)
+    app.takes.toggle_recording()
+    run(app, 30)
+    app.takes.toggle_recording()
+    app.takes.play(0)
+    app.takes.state.playback.playing = False
+    run(app, 3)
+    app.window.inject_mouse(*place(app, "##prompts"))
+    run(app, 60)
+    found = tooltip_rect()
+    assert found is not None
+    assert found[3] <= min(top for label, (_, top, _, _) in drawn(app) if label == "##timeline")
+
+
+def test_a_message_pushes_the_facts_away_where_both_have_no_room(start: Start) -> None:
+    app = start(width=800, height=500)
+    app.state.shell.clocked = True
+    shown: list[str] = []
+    with pytest.MonkeyPatch.context() as patch:
+        real = imgui.text_unformatted
+        patch.setattr(imgui, "text_unformatted", lambda text: (shown.append(text), real(text)))
+        app.state.messages.note("Take 1: 6.7 s in the clip list. Export writes it as BVH.")
+        run(app)
+    assert "Take 1: 6.7 s in the clip list. Export writes it as BVH." in shown
+
+
+def test_six_fields_fit_into_a_window_of_the_first_start(start: Start) -> None:
+    app = start()
+    run(app, 3)
+    fields = [box for label, box in drawn(app) if label == "##words"]
+    assert len(fields) == 6
+    assert max(bottom for _, _, _, bottom in fields) <= 680 - 10

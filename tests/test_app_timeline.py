@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import threading
+
 import numpy as np
 import pytest
-from app_driver import Start, click_on, message, place, press, prompt, run, type_prompt
+from app_driver import Start, click_on, drawn, message, place, press, prompt, run, run_until, type_prompt
 
 from sport.runtime.controls import Gait
+from sport.runtime.takes import drive
 from sport.runtime.takes.clip import Clip
 from sport.viewer.app import App
 from sport.viewer.gl_bindings import imgui
@@ -246,3 +249,34 @@ def test_a_new_prompt_leaves_the_frames_before_it_as_they_were(start: Start) -> 
     assert same(item.clip, before)
     type_prompt(app, "x")
     assert imgui.get_io().want_text_input
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (800, 500), (1280, 300)])  # the last one scrolls
+def test_the_ruler_lies_over_the_tracks(start: Start, size: tuple[int, int]) -> None:
+    app = start(width=size[0], height=size[1])
+    record(app)
+    rows = {label: box for label, box in drawn(app) if label in ("##timeline", "##prompts", "##gaits")}
+    assert len(rows) == 3
+    assert len({(left, right) for left, _, right, _ in rows.values()}) == 1
+
+
+def test_a_span_stays_where_it_was_dropped_while_the_take_is_driven(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = start()
+    record(app)
+    go, real = threading.Event(), drive.played_again
+    monkeypatch.setattr(drive, "played_again", lambda *asked: (go.wait(10), real(*asked))[1])
+    app.jobs.blocking = False
+    drag(app, "##prompts", 0.5, 0.25)
+    assert app.editing.busy
+    held = app.state.takes.timeline.drag
+    assert held is not None
+    assert held.dropped
+    assert 18 <= held.end <= 22
+    place_before = prompts(app.state.takes.items[0])
+    go.set()
+    run_until(app, lambda: not app.editing.busy)
+    run(app, 2)
+    assert app.state.takes.timeline.drag is None
+    assert prompts(app.state.takes.items[0]) != place_before

@@ -17,6 +17,7 @@ from sport.runtime.errors import UsageError
 from sport.runtime.terrain.height_map import Terrain
 from sport.viewer.gui.layout import Rect, arrange, framing
 from sport.viewer.gui.status import Stats
+from sport.viewer.gui.widgets import clock
 from sport.viewer.input.bindings import Action
 from sport.viewer.messages import Messages
 from sport.viewer.settings import Settings, config_directory, load_settings, save_settings, spec_of
@@ -231,3 +232,10 @@ def test_a_setting_carries_its_range_and_what_its_widget_shows() -> None:
         assert spec.allows(getattr(Settings(), name))
         assert spec.label % (spec.low * spec.factor) != spec.label % (spec.high * spec.factor)
         assert not spec.allows(spec.high * 1.01)
+
+
+def test_a_length_in_the_list_is_the_one_that_messages_say() -> None:
+    for frames in range(1, 2000):
+        seconds = frames / 60
+        minutes, rest = divmod(float(f"{seconds:.1f}"), 60)
+        assert clock(seconds) == f"{minutes:.0f}:{rest:04.1f}"

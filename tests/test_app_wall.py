@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from app_driver import Start, click, click_on, controller, message, press, prompt, run, type_prompt
+from app_driver import Start, click, click_on, controller, drawn, message, press, prompt, run, type_prompt
 
 from sport.viewer.app import App
 from sport.viewer.gl_bindings import imgui
 from sport.viewer.stage.path_tool import on_screen
+from sport.viewer.wall import labels
 from sport.viewer.wall.lineup import SPACING_M, places
 
 
@@ -145,3 +146,56 @@ def test_nobody_stands_in_another(count: int) -> None:
     apart = np.linalg.norm(spots[:, None] - spots[None], axis=-1) + 9.0 * np.eye(count)
     assert apart.min() > 0.99 * SPACING_M
     assert np.allclose(spots.mean(0), (3.0, -2.0), atol=0.5)
+
+
+@pytest.mark.parametrize("mode", ["follow", "orbit"])
+def test_leaving_the_wall_brings_the_view_of_the_walker_back(start: Start, mode: str) -> None:
+    app = start()
+    apply(app, "a proud king")
+    app.stage.camera.use(mode)
+    run(app, 30)
+    camera = app.stage.camera
+    before = camera.current.distance, camera.current.pitch
+    press(app, "v")
+    app.window.inject_key("w", True)
+    run(app, 120)  # away from the walker
+    app.window.inject_key("w", False)
+    assert camera.current.distance != pytest.approx(before[0])
+    press(app, "escape")
+    run(app, 3)
+    assert (camera.current.distance, camera.current.pitch) == pytest.approx(before, abs=0.02)
+    walker = np.asarray(app.state.stage.simulation.current.hips_position, float)
+    assert on_screen(camera.current, walker, imgui.get_io().display_size) is not None
+    assert np.linalg.norm(camera.current.target - walker) < 1.0
+
+
+def test_steps_of_the_wall_are_counted(start: Start) -> None:
+    app = start()
+    apply(app, "a proud king")
+    press(app, "v")
+    app.state.shell.stats.steps_per_s = 0.0
+    run(app, 5)
+    assert app.state.shell.stats.steps_per_s > 0.0
+
+
+def test_names_that_are_cut_keep_the_seed(start: Start) -> None:
+    app = start(width=800, height=500)
+    apply(app, "somebody who is walking in a relaxed, everyday way")
+    press(app, "v")
+    texts: list[str] = []
+    with pytest.MonkeyPatch.context() as patch:
+        real = labels._label
+        patch.setattr(labels, "_label", lambda text, *rest: (texts.append(text), real(text, *rest)))
+        run(app)
+    assert [text.split("…")[1] for text in texts] == [f", seed {k}" for k in range(3)]
+    assert all(text.startswith(f"{k + 1}  some") for k, text in enumerate(texts))
+
+
+def test_the_first_minute_covers_no_character_of_the_wall(start: Start) -> None:
+    app = start()
+    apply(app, "a proud king")
+    app.desk.guide.begin()
+    run(app, 2)
+    assert "Skip##guide" in [label for label, _ in drawn(app)]
+    press(app, "v")
+    assert "Skip##guide" not in [label for label, _ in drawn(app)]

@@ -3,6 +3,7 @@
 import numpy as np
 
 from sport.runtime.prompts import shares
+from sport.runtime.prompts.expander import DEFAULT_PROMPT
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.viewer.prompt.state import PromptState
 from sport.viewer.prompt.style_edit import Answer, StyleEdit
@@ -29,3 +30,13 @@ def test_only_weak_words_of_the_loaded_model_are_marked(monkeypatch) -> None:
     assert state.hardly_shown("head") is None  # never measured
     assert _state(monkeypatch, table, model="another").hardly_shown("left_arm") is None
     assert PromptState(model="compact").hardly_shown("left_arm") is None  # nothing answered yet
+
+
+def test_the_walk_that_the_program_begins_with_has_no_marks_until_its_words_are_changed(monkeypatch) -> None:
+    state = _state(monkeypatch, {("arm", "hanging"): 0.1, ("arm", "waving"): 0.2})
+    edited = WORDS.replace("left_arm", "waving")
+    for words, share in ((WORDS, None), (edited, 0.2)):
+        answer = Answer(DEFAULT_PROMPT, WORDS, words, np.zeros((6, 64), np.float32))
+        state.edit = StyleEdit((answer, None))
+        assert state.hardly_shown("left_arm") == share
+        assert state.hardly_shown("right_arm") is None

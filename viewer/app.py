@@ -275,6 +275,7 @@ class App:
             return
         controls = self.stage.led(to_controls(intent, self.stage.camera.current.heading), dt)
         if self.wall.advance(dt, controls):
+            self._steps = self.wall.steps
             return
         self.takes.before_steps()
         poses = self.stage.advance(dt, controls)

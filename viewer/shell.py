@@ -179,7 +179,8 @@ class Shell:
             self._status(layout)
         if self.state.panels_open:
             bar.draw(self.desk, layout.view)
-            guide.draw(self.desk.guide, layout.view)
+            if not self.wall.state.open:  # the card would cover a character
+                guide.draw(self.desk.guide, _above(layout.view, layout.transport))
         settings_panel.draw(self.desk, self.fonts)
         exports_panel.draw(self.desk.exporting, self.fonts)
         joint_panel.draw(self.stage.joints, self.fonts)
@@ -282,6 +283,11 @@ class Shell:
         low, high = imgui.ImVec2(x - pad, y - pad / 2), imgui.ImVec2(x + size.x + pad, y + size.y + pad / 2)
         drawing.add_rect_filled(low, high, widgets.packed(theme.PANEL), px(14))
         drawing.add_text(imgui.ImVec2(x, y), widgets.packed(tint), text)
+
+
+def _above(view: Rect, bar: Rect | None) -> Rect:
+    """What a bar leaves of the view over it."""
+    return view if bar is None else Rect(view.x, view.y, view.width, max(bar.y - view.y, 0.0))
 
 
 def _window(name: str, rect: Rect | None, contents: Callable[[], None], flags: int = _FIXED) -> None:

@@ -16,6 +16,8 @@ _LOOKS = {
     Level.ERROR: (ICON.error, theme.ERROR),
 }
 MIN_MESSAGE_WIDTH = 260.0
+ICON_WIDTH = 26.0  # before a message
+DRIVE_HINT = "W A S D or the left stick to move,  F1 for all controls"
 FPS_HALF_LIFE_S = 0.5
 
 
@@ -38,13 +40,15 @@ class Stats:
 
 
 def draw(message: Message | None, facts: list[tuple[str, str]], reading: str = "") -> bool:
-    """The line: a message, and facts with their hints, which drop off from the left when the window is narrow.
+    """The line: a message, and facts with their hints, which drop off from the left where the message needs their room.
 
-    In place of the message what is being `reading`, with a button; whether that was pressed.
+    The last fact stays. In place of the message what is being `reading`, with a button; whether that was pressed.
     """
     width = imgui.get_content_region_avail().x
     gap = px(18)
-    while facts and _width(facts, gap) > width - px(MIN_MESSAGE_WIDTH):
+    words = DRIVE_HINT if message is None else message.text
+    wanted = max(imgui.calc_text_size(words).x + px(ICON_WIDTH) + gap, px(MIN_MESSAGE_WIDTH))
+    while len(facts) > 1 and _width(facts, gap) > width - wanted:
         facts.pop(0)
     facts_width = _width(facts, gap)
     cancelled = bool(reading) and _reading(reading, width - facts_width - gap)
@@ -72,8 +76,7 @@ def _reading(name: str, width: float) -> bool:
 
 def _message(message: Message | None, width: float) -> None:
     if message is None:
-        text = "W A S D or the left stick to move,  F1 for all controls"
-        widgets.muted(widgets.elided(f"{ICON.help} {text}", width))
+        widgets.muted(widgets.elided(f"{ICON.help} {DRIVE_HINT}", width))
         return
     icon, color = _LOOKS[message.level]
     with widgets.color(imgui.Col_.text, color):
@@ -81,7 +84,7 @@ def _message(message: Message | None, width: float) -> None:
         imgui.same_line(0, px(5))
     plain = theme.TEXT if message.level is Level.NOTE else color
     with widgets.color(imgui.Col_.text, plain):
-        shown = widgets.elided(message.text, width - px(26))
+        shown = widgets.elided(message.text, width - px(ICON_WIDTH))
         imgui.text_unformatted(shown)
     if shown != message.text and imgui.is_item_hovered():
         widgets.tooltip(message.text)

@@ -71,10 +71,18 @@ def tooltip(text: str) -> None:
 def _place_beside() -> float:
     """Put the next window into the view beside the item's column; the width of its text.
 
-    Of what lies in no column at the left or right, as the status line, the tooltip stays at the mouse.
+    That of a bar along the bottom, as the timeline, stands over the bar. Of what lies in no column at the left or right
+    the tooltip stays at the mouse.
     """
     root = imgui.internal.get_current_window().root_window
     space, gap, item = imgui.get_io().display_size, px(6), imgui.get_item_rect_min()
+    if root.size.x > 2 * root.size.y and root.pos.y > 0.4 * space.y:
+        width = px(TOOLTIP_WIDTH)
+        widest = width + 2 * imgui.get_style().window_padding.x
+        x = max(min(imgui.get_io().mouse_pos.x, space.x - gap - widest), root.pos.x)
+        corner = imgui.ImVec2(x, root.pos.y - gap)
+        imgui.set_next_window_pos(corner, imgui.Cond_.always, imgui.ImVec2(0.0, 1.0))
+        return width
     right = space.x - (root.pos.x + root.size.x)
     left, width = root.pos.x, px(TOOLTIP_WIDTH)
     if max(left, right) < px(TOOLTIP_MIN_WIDTH) or min(left, right) > px(TOOLTIP_EDGE):
@@ -214,5 +222,5 @@ def full_width() -> None:
 
 def clock(seconds: float) -> str:
     """Seconds as minutes:seconds.tenths."""
-    tenths = max(round(seconds * 10 - 1e-6), 0)  # halves round down, as in the messages
+    tenths = max(round(float(f"{seconds:.1f}") * 10), 0)  # rounded as in the messages
     return f"{tenths // 600}:{tenths // 10 % 60:02d}.{tenths % 10}"

@@ -12,6 +12,7 @@ from sport.viewer.prompt.prompting import Prompting
 from sport.viewer.prompt.state import PromptState
 
 LABEL_HEIGHT = 17.0  # pixels at scale 1
+ROW_GAP = 4.0
 MIN_LINES, MAX_LINES = 2, 3
 
 
@@ -26,7 +27,11 @@ def draw(prompt: PromptState, prompting: Prompting) -> None:
         )
         _heading(part, prompt, prompting)
         imgui.pop_style_var()
+        imgui.push_style_var(
+            imgui.StyleVar_.item_spacing, imgui.ImVec2(imgui.get_style().item_spacing.x, px(ROW_GAP))
+        )
         _field(part, height, prompt, prompting)
+        imgui.pop_style_var()
         imgui.pop_id()
 
 
@@ -35,7 +40,7 @@ def _field_height(lines: int) -> float:
 
 
 def _row_height(field: float) -> float:
-    return px(LABEL_HEIGHT) + px(2) + field + imgui.get_style().item_spacing.y
+    return px(LABEL_HEIGHT) + px(2) + field + px(ROW_GAP)
 
 
 def _heading(part: str, prompt: PromptState, prompting: Prompting) -> None:

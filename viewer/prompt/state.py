@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from sport.runtime.prompts.expander import DEFAULT_PROMPT
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.prompts.shares import HARDLY, phrase_share
 from sport.runtime.skeleton import PART_NAMES
@@ -72,7 +73,16 @@ class PromptState:
         return {side for side in Side if self.questions[side] is not None}
 
     def hardly_shown(self, part: str) -> float | None:
-        """Share (0 to 1) of a part's words that the model shows on a walk, where that is hardly anything."""
+        """Share (0 to 1) of a part's words that the model shows on a walk, where that is hardly anything.
+
+        None for the words of the walk that the program begins with: nobody asked for anything that is not shown.
+        """
+        if (
+            self.edit.a is not None
+            and self.edit.a.prompt == DEFAULT_PROMPT
+            and part not in self.edit.a.edited
+        ):
+            return None
         share = phrase_share(self.applied(part), part, self.model)
         return share if share is not None and share < HARDLY else None
 

@@ -89,6 +89,13 @@ class CameraControl:
         if isinstance(camera, FollowCamera):
             camera.snap(camera.target)
 
+    def come_back(self, mode: str, distance: float, pitch: float, pose: Pose) -> None:
+        """The character from a distance (metres) and a pitch (radians) that held before, in a mode, as the camera is turned."""
+        self.use(mode)
+        self.current.pitch = pitch
+        self.frame_character(pose)
+        self.current.distance = distance
+
     def use_mouse(self, taken: bool) -> tuple[float, bool]:
         """Turn and shift by the mouse where no panel has it; wheel steps, and whether it drags. `taken`: the left button is."""
         io = imgui.get_io()

@@ -61,10 +61,8 @@ def _record(takes: Takes) -> None:
 def _list(takes: Takes) -> None:
     clips = takes.state
     if not clips.items and not clips.removed:
-        widgets.muted(
-            "Nothing recorded yet. Record a take with R, keep the last seconds with T, or drop a BVH file here.",
-            wrap=True,
-        )
+        empty = "Nothing recorded yet. Record a take with R, keep the last seconds with T, or drop a BVH file here."
+        widgets.muted("R ends the take; it appears here." if clips.recording else empty, wrap=True)
         return
     imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(2)))
     for i in range(len(clips.items)):

@@ -103,6 +103,7 @@ class Drag:
     start: int  # where the span would go
     end: int
     moved: bool = False
+    dropped: bool = False  # let go of: it stays there until the take was driven again
 
 
 @dataclass

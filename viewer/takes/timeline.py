@@ -57,7 +57,10 @@ def draw(editing: TakeEditing, playback: Playback) -> None:
     if tracks is None:
         return
     imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(3)))
-    _ruler(playback, _scrollbar(editing.state.timeline.part_tracks))
+    # the ruler above the tracks is as wide as they are, also where they scroll (known from the frame before)
+    storage, key = imgui.get_state_storage(), imgui.get_id("tracks scroll")
+    _ruler(playback, imgui.get_style().scrollbar_size if storage.get_bool(key) else 0.0)
+    scrolls = False
     if imgui.begin_child("tracks", imgui.ImVec2(0, 0)):
         top = imgui.get_cursor_screen_pos().y
         _spans("Prompts", "prompts", tracks.prompts, PROMPTS, editing, playback)
@@ -70,16 +73,10 @@ def draw(editing: TakeEditing, playback: Playback) -> None:
         bottom = imgui.get_cursor_screen_pos().y
         row = _row("", 0.0, playback.frames)
         _rect(_at(row, playback), top, _at(row, playback) + px(1), bottom, theme.TEXT, 0.0)
+        scrolls = imgui.get_scroll_max_y() > 0.0
     imgui.end_child()
+    storage.set_bool(key, scrolls)
     imgui.pop_style_var()
-
-
-def _scrollbar(part_tracks: bool) -> float:
-    """Width that the tracks lose to a scroll bar, so that the ruler above them is as wide."""
-    rows = [PROMPTS, ROW, ROW, 2 * FEET + 2, *([ROW] * len(PART_NAMES) if part_tracks else ())]
-    needed = sum(px(height) + imgui.get_style().item_spacing.y for height in rows)
-    left = imgui.get_content_region_avail().y - px(RULER) - imgui.get_style().item_spacing.y
-    return float(imgui.get_style().scrollbar_size) if needed > left + 1 else 0.0
 
 
 def _row(name: str, height: float, frames: int, less: float = 0.0) -> _Row:
@@ -166,21 +163,27 @@ def _spans(
     state = editing.state.timeline
     hovered, mouse = imgui.is_item_hovered(), imgui.get_io().mouse_pos
     found = _grabbed(row, bars, mouse.x)
+    if state.drag is not None and state.drag.dropped and not editing.busy:
+        state.drag = None  # the tracks are those of the edit, or it failed
     if imgui.is_item_activated() and found is not None:
-        index, part = found
-        span = bars[index].span
-        state.drag = Drag(key, index, part, row.frame_at(mouse.x), span.start, span.end)
+        if state.drag is not None and state.drag.dropped:
+            playback.seek(row.frame_at(mouse.x))
+        else:
+            index, part = found
+            span = bars[index].span
+            state.drag = Drag(key, index, part, row.frame_at(mouse.x), span.start, span.end)
     drag = state.drag if state.drag is not None and state.drag.track == key else None
-    if drag is not None:
+    if drag is not None and not drag.dropped:
         drag = state.drag = _dragged(
             drag, row.frame_at(mouse.x), [bar.span for bar in bars], bool(editing.fixed)
         )
         if imgui.is_item_deactivated():
-            state.drag = None
-            _drop(drag, row.frame_at(mouse.x), bars, editing, playback)
+            drag = state.drag = _drop(drag, row.frame_at(mouse.x), bars, editing, playback)
     elif hovered and found is not None:
         widgets.tooltip(bars[found[0]].hint or bars[found[0]].text)
-    if (hovered and found is not None and found[1] != "body" and not editing.fixed) or (drag and drag.moved):
+    if (hovered and found is not None and found[1] != "body" and not editing.fixed) or (
+        drag and drag.moved and not drag.dropped
+    ):
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
     for i, bar in enumerate(_moved(bars, drag)):
         tint = GAIT_TINT if key == "gaits" else PROMPT_TINTS[i % 2]
@@ -211,12 +214,17 @@ def _dragged(drag: Drag, frame: int, spans: Sequence[Span], fixed: bool) -> Drag
     return dataclasses.replace(drag, start=start, end=end, moved=True)
 
 
-def _drop(drag: Drag, frame: int, bars: Sequence[Bar], editing: TakeEditing, playback: Playback) -> None:
+def _drop(
+    drag: Drag, frame: int, bars: Sequence[Bar], editing: TakeEditing, playback: Playback
+) -> Drag | None:
+    """Let go of a span; what is shown of the drag while the take is driven again."""
     span = bars[drag.index].span
     if not drag.moved:
         playback.seek(frame)
     elif (drag.start, drag.end) != (span.start, span.end):
         editing.move(drag.track, drag.index, drag.start, drag.end)
+        return dataclasses.replace(drag, dropped=True) if editing.busy else None
+    return None
 
 
 def _moved(bars: Sequence[Bar], drag: Drag | None) -> list[Bar]:

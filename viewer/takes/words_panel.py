@@ -32,7 +32,7 @@ def draw(editing: TakeEditing) -> None:
     _prompt(editing, index)
     imgui.end_disabled()
     fixed = editing.fixed
-    widgets.muted(fixed or "Enter drives the take again from there with the recorded stick.", wrap=True)
+    widgets.muted(fixed or "Enter drives it again with the same stick.", wrap=True)
     _parts(editing, index, bar)
 
 

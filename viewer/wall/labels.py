@@ -21,6 +21,7 @@ HEAD = SPORT_SKELETON.index("Head")
 OVER_HEAD_M = 0.34
 HALF_WIDTH_M = 0.4  # of a character, to be clicked
 WIDEST, NARROWEST = 190.0, 60.0  # pixels at scale 1
+PAD, LEAST_NAME = 6.0, 56.0
 
 
 def draw(state: WallState, poses: list[Pose], camera: Camera, view: Rect) -> int:
@@ -31,12 +32,13 @@ def draw(state: WallState, poses: list[Pose], camera: Camera, view: Rect) -> int
     free = not io.want_capture_mouse
     state.hovered = _under_mouse(heads, feet) if free else -1
     widths = _widths([head for head in heads if head is not None])
-    for i, (title, head) in enumerate(zip(state.titles, heads, strict=False)):
+    for i, ((name, seed), head) in enumerate(zip(state.names, heads, strict=False)):
         if head is not None and view.x <= head[0] <= view.x + view.width:
-            text = "…" if state.candidates[i].asked else title
+            texts = ("…", "") if state.candidates[i].asked else (name, seed)
             # of two rows the first has its names under the feet: over the heads they would cover the second
             foot = feet[i] if i < (len(poses) + 1) // 2 and len(poses) > LONGEST_ROW else None
-            _label(f"{i + 1}  {text}", _below(foot) or head, widths, i == state.hovered, view)
+            text = _fitted(f"{i + 1}", *texts, widths - 2 * px(PAD))
+            _label(text, _below(foot) or head, i == state.hovered, view)
     if state.hovered >= 0:
         imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
     return state.hovered if free and imgui.is_mouse_clicked(0) else -1
@@ -72,9 +74,16 @@ def _under_mouse(heads: list[tuple[float, float] | None], feet: list[tuple[float
     return best[1]
 
 
-def _label(text: str, head: tuple[float, float], width: float, hovered: bool, view: Rect) -> None:
-    drawing, pad = imgui.get_background_draw_list(), px(6)
-    text = widgets.elided(text, width - 2 * pad)
+def _fitted(number: str, name: str, seed: str, width: float) -> str:
+    """The name cut to a width; the seed, which tells it from others of that name, stays whole."""
+    room = width - imgui.calc_text_size(seed).x
+    if room < px(LEAST_NAME):
+        return widgets.elided(f"{number}  {seed.lstrip(', ') or name}", width)
+    return widgets.elided(f"{number}  {name}", room) + seed
+
+
+def _label(text: str, head: tuple[float, float], hovered: bool, view: Rect) -> None:
+    drawing, pad = imgui.get_background_draw_list(), px(PAD)
     size = imgui.calc_text_size(text)
     left = min(max(head[0] - size.x / 2, view.x + pad), view.x + view.width - size.x - pad)
     low = imgui.ImVec2(left - pad, head[1] - size.y - px(3))

@@ -43,5 +43,10 @@ class WallState:
     @property
     def titles(self) -> list[str]:
         """What stands over each: its prompt, with the seed where others have the same."""
+        return [name + seed for name, seed in self.names]
+
+    @property
+    def names(self) -> list[tuple[str, str]]:
+        """The titles in two: the prompt, which may be cut, and what tells it from others of the same prompt."""
         names = Counter(candidate.name for candidate in self.candidates)
-        return [f"{c.name}, seed {c.seed}" if names[c.name] > 1 else c.name for c in self.candidates]
+        return [(c.name, f", seed {c.seed}" if names[c.name] > 1 else "") for c in self.candidates]

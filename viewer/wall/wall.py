@@ -48,13 +48,14 @@ class Wall:
     takes: Takes
     prompting: Prompting
     members: list[ControllerLike] = field(default_factory=list)
+    steps: int = 0  # of the last frame
     poses: list[Pose] = field(default_factory=list)  # after the last step, one for each candidate
     _before: list[Pose] = field(default_factory=list)
     _crowd: CrowdLike | None = None
     _walker: ControllerLike | None = None
     _ground: Terrain | None = None
     _left_s: float = 0.0
-    _camera_mode: str = "follow"
+    _camera: tuple[str, float, float] = ("follow", 0.0, 0.0)  # mode, distance, pitch before it was opened
     _zoom: float = 1.0  # of the user, over the distance that shows all
     _distance: float = 0.0  # given to the camera last; 0 before
     _numbers: Iterator[int] = field(default_factory=itertools.count)
@@ -186,11 +187,12 @@ class Wall:
         if self.takes.state.recording:
             self.takes.toggle_recording()
             self.messages.note("The recording ended where the wall was opened, and is in the list.")
-        self._walker, self._camera_mode = walker, self.stage.camera.mode
+        camera = self.stage.camera
+        self._walker = walker
+        self._camera = camera.mode, camera.current.distance, camera.current.pitch
         self._zoom, self._distance, self._left_s = 1.0, 0.0, 0.0
-        self.stage.camera.use("orbit")
-        orbit = self.stage.camera.orbit
-        orbit.pitch = max(orbit.pitch, LOWEST_PITCH)
+        camera.use("orbit")
+        camera.orbit.pitch = max(camera.orbit.pitch, LOWEST_PITCH)
 
     def close(self, note: str = "") -> None:
         """Back to the walker, who stands where the wall was opened; nothing happens where it is closed."""
@@ -198,9 +200,12 @@ class Wall:
             return
         self._end_crowd()
         self.state.candidates, self.members, self.poses, self._before = [], [], [], []
-        self.stage.camera.use(self._camera_mode)
+        self._look_at_walker()
         if note:
             self.messages.note(note)
+
+    def _look_at_walker(self) -> None:
+        self.stage.camera.come_back(*self._camera, self.stage.state.simulation.current)
 
     def _end_crowd(self) -> None:
         if self._crowd is not None:
@@ -214,6 +219,7 @@ class Wall:
         before = self.prompting.state.edit
         self.close()
         self.stage.go_on_from(snapshot, pose, None)
+        self._look_at_walker()
         edit = dataclasses.replace(candidate.edit, locked=before.locked)
         if edit != before:
             self.prompting.adopt(edit, f"choice of “{title}”")
@@ -260,7 +266,8 @@ class Wall:
         self._left_s += seconds
         steps = int(self._left_s / STEP_SECONDS + 1e-6)
         self._left_s = min(max(self._left_s - steps * STEP_SECONDS, 0.0), STEP_SECONDS)
-        for _ in range(min(steps, MAX_STEPS)):
+        self.steps = min(steps, MAX_STEPS)
+        for _ in range(self.steps):
             self._step(controls)
         return self.state.open
 

@@ -15,11 +15,11 @@ from sport.runtime.skeleton import SPORT_SKELETON, J  # noqa: E402
 from sport.training import losses  # noqa: E402
 from sport.training.batches import Normalisation  # noqa: E402
 from sport.training.frames import LAYERED, FrameTable  # noqa: E402
-from sport.training.kinematics import KNEES, knee_flexion, shown_joints  # noqa: E402
+from sport.training.kinematics import KNEES, knee_flexion, shown_joints, trunk_turns  # noqa: E402
 from sport.training.natural_pace import captured_paces, straight_speeds  # noqa: E402
 from sport.training.networks.generator import Generator  # noqa: E402
 from sport.training.presets import preset  # noqa: E402
-from sport.training.rollouts import RolloutLanes  # noqa: E402
+from sport.training.rollouts import MOVEMENTS, RolloutLanes  # noqa: E402
 from sport.training.session import Session  # noqa: E402
 from sport.training.stages.motion import MotionData, _decay, estimate_variance  # noqa: E402
 from sport.training.styles import StyleTable  # noqa: E402
@@ -146,7 +146,7 @@ def test_a_rollout_that_swings_less_than_its_own_clip_is_widened_and_one_that_sw
 def test_the_energies_of_lanes_are_means_since_they_settled_and_begin_anew_with_them(frames):  # noqa: F811
     rows = torch.full((64,), 200)
     lanes = RolloutLanes(frames, 2, 1e9, iter([rows, rows]))
-    own, captured = torch.full((2, 93), 2.0), torch.ones(2, 93)
+    own, captured = torch.full((2, MOVEMENTS), 2.0), torch.ones(2, MOVEMENTS)
     assert not lanes.energies(own, captured, since=5).any()
     lanes.age += 5
     for _ in range(400):
@@ -179,3 +179,15 @@ def test_the_flexion_of_a_knee_is_the_turn_of_the_shin_in_the_thigh():
     y = np.zeros((3, OUTPUT_SIZE))
     y[:, OUTPUT["joint_rotations"]] = rotations.to_6d(world).reshape(3, -1)
     np.testing.assert_allclose(knee_flexion(torch.as_tensor(y)).numpy(), bends, atol=1e-6)
+
+
+@pytest.mark.parametrize(("axis", "entry"), [((0.0, 1.0, 0.0), 0), ((0.0, 0.0, 1.0), 1)])
+def test_turns_of_the_trunk_are_those_of_the_whole_body_about_up_and_forward(axis, entry):
+    rest = SPORT_SKELETON.rest_positions
+    angle = 0.3
+    turn = rotations.from_axis_angle(np.array(axis), np.array(angle))
+    turned = rotations.rotate(np.broadcast_to(turn, (J, 4)), rest)
+    turns = trunk_turns(torch.tensor(np.stack([rest, turned]), dtype=torch.float64))
+    expected = np.zeros((2, 4))
+    expected[1, [entry, entry + 2]] = angle
+    np.testing.assert_allclose(turns.numpy(), expected, atol=1e-6)

@@ -39,6 +39,19 @@ def knee_flexion(y: Tensor) -> Tensor:
     return torch.atan2(-seen[..., 2], -seen[..., 1])
 
 
+_HIPS = [SPORT_SKELETON.index(name) for name in ("LeftUpLeg", "RightUpLeg")]
+_SHOULDERS = [SPORT_SKELETON.index(name) for name in ("LeftArm", "RightArm")]
+TRUNK_TURNS = 4
+
+
+def trunk_turns(joints: Tensor) -> Tensor:
+    """Yaw and roll in radians of the lines across hips and shoulders, `(B, 4)`, of joints `(B, 31, 3)` seen from the root."""
+    across = torch.stack([joints[:, left] - joints[:, right] for left, right in (_HIPS, _SHOULDERS)], dim=1)
+    yaw = torch.atan2(-across[..., 2], across[..., 0])
+    roll = torch.atan2(across[..., 1], across[..., ::2].norm(dim=-1))
+    return torch.stack([yaw, roll], dim=-1).flatten(1)
+
+
 def matrices(d: Tensor) -> Tensor:
     """Rotation matrices `(..., 3, 3)` of 6D rotations `(..., 6)` by Gram-Schmidt, as `rotations.from_6d`."""
     x = normalize(d[..., :3], dim=-1)

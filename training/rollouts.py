@@ -15,7 +15,7 @@ from torch import Tensor
 from sport.runtime.motion import features
 from sport.runtime.motion.features import INPUT, OUTPUT
 from sport.training.batches import Frames, Normalisation
-from sport.training.kinematics import shown_joints
+from sport.training.kinematics import TRUNK_TURNS, shown_joints, trunk_turns
 from sport.training.part_swaps import Swaps
 
 PRESENT = 60
@@ -24,6 +24,7 @@ _POSE = ("joint_positions", "joint_velocities")
 # network would stay in the pose it finds itself in, whatever the prompt says.
 FOREIGN_POSE = 0.35
 ENERGY_FRAMES = 45  # most of a gait cycle: over so many a lane is compared with its own clip
+MOVEMENTS = 93 + TRUNK_TURNS  # coordinates of the joints, then turns of the trunk
 SWING_FRAMES = 15  # about a quarter of a gait cycle: over so many frames a swing is compared with the clip's
 
 
@@ -50,8 +51,8 @@ class RolloutLanes:
         self.pose = {name: torch.zeros(lanes, 93, device=device) for name in _POSE}
         self.phase = torch.zeros(lanes, 2 * PRESENT + 1, 2 * features.C, device=device)
         self.age = torch.zeros(lanes, dtype=torch.long, device=device)  # frames since it began
-        self._history = torch.zeros(SWING_FRAMES, lanes, 93, device=device)  # joints shown, oldest first
-        self._energy = torch.zeros(2, lanes, 93, device=device)  # of swings, the lanes' and the clips'
+        self._history = torch.zeros(SWING_FRAMES, lanes, MOVEMENTS, device=device)  # oldest first
+        self._energy = torch.zeros(2, lanes, MOVEMENTS, device=device)  # of swings, the lanes' and the clips'
         self.swaps = Swaps.none(lanes, device)
         self._part_swaps = part_swaps
         self._restart(torch.ones(lanes, dtype=torch.bool, device=device))
@@ -104,16 +105,15 @@ class RolloutLanes:
         return torch.stack([c * x - s * z, y + ground[:, None], s * x + c * z], -1)
 
     def swings(self, joints: Tensor) -> tuple[Tensor, Tensor]:
-        """How joints `(lanes, 31, 3)` and those of the clip have moved against the root in `SWING_FRAMES`, `(lanes, 93)`.
-
-        Of no meaning for lanes younger than that.
+        """How joints `(lanes, 31, 3)` and those of the clip have moved against the root in `SWING_FRAMES`: coordinates
+        in metres and turns of the trunk in radians, `(lanes, 97)`. Of no meaning for lanes younger than that.
         """
         before = (self.rows - SWING_FRAMES).clamp_min(0)
-        return joints.flatten(1) - self._history[0], self._captured(self.rows) - self._captured(before)
+        return movements(joints) - self._history[0], self._captured(self.rows) - self._captured(before)
 
     @torch.no_grad()
     def energies(self, own: Tensor, captured: Tensor, since: int) -> Tensor:
-        """Running means of squares over `ENERGY_FRAMES` of what `swings` gave, `(2, lanes, 93)`; it is called in every frame.
+        """Running means of squares over `ENERGY_FRAMES` of what `swings` gave, `(2, lanes, 97)`; it is called in every frame.
 
         They begin where a lane is `since` frames old: what goes before is its way to the pose of its words.
         """
@@ -124,7 +124,7 @@ class RolloutLanes:
     def _captured(self, rows: Tensor) -> Tensor:
         joints = self.frames.y[rows][:, OUTPUT["joint_positions"]].float()
         joints[:, 1::3] -= self.frames.ground[rows, self.patch][:, None]
-        return joints
+        return movements(joints.unflatten(1, (-1, 3)))
 
     @torch.no_grad()
     def advance(self, y: Tensor) -> None:
@@ -132,9 +132,10 @@ class RolloutLanes:
 
         As in the runtime, what is fed back is the pose shown: forward kinematics of the rotations.
         """
-        self.pose["joint_positions"] = shown_joints(y).flatten(1)
+        shown = shown_joints(y)
+        self.pose["joint_positions"] = shown.flatten(1)
         self.pose["joint_velocities"] = y[:, OUTPUT["joint_velocities"]].detach().clone()
-        self._history = torch.cat([self._history[1:], self.pose["joint_positions"][None]])
+        self._history = torch.cat([self._history[1:], movements(shown)[None]])
         samples = y[:, OUTPUT["phase"]].detach().unflatten(1, (-1, 2 * features.C))
         moved = torch.cat([self.phase[:, 1:], self.phase[:, -1:]], dim=1)
         moved[:, PRESENT:] = _dense(samples)
@@ -144,6 +145,11 @@ class RolloutLanes:
         chance = torch.rand(len(self.rows), device=self.rows.device) < 1.0 / self.mean_frames
         lost = ~torch.isfinite(y).all(1) | (self.pose["joint_positions"].abs().amax(1) > 4.0)
         self._restart(ended | chance | lost)
+
+
+def movements(joints: Tensor) -> Tensor:
+    """What swings are measured on, `(B, 97)`: the coordinates of joints `(B, 31, 3)`, and the turns of the trunk."""
+    return torch.cat([joints.flatten(1), trunk_turns(joints)], dim=1)
 
 
 def _dense(samples: Tensor) -> Tensor:

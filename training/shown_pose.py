@@ -8,12 +8,15 @@ import torch
 from torch import Tensor
 
 from sport.runtime.motion.features import FPS, OUTPUT
-from sport.runtime.skeleton import J
+from sport.runtime.skeleton import SPORT_SKELETON, J
 from sport.training import losses as terms
 from sport.training.batches import Normalisation, loss_weights
-from sport.training.kinematics import KNEES, knee_flexion, shown_joints
+from sport.training.kinematics import KNEES, TRUNK_TURNS, knee_flexion, shown_joints, trunk_turns
 from sport.training.rollouts import ENERGY_FRAMES, SWING_FRAMES, RolloutLanes
 
+_ARMS = [SPORT_SKELETON.index(name) for name in ("LeftArm", "RightArm")]
+TURN = 0.15  # radians: unit of the trunk's turns
+TRUNK_WEIGHT = 6.0  # of a turn of the trunk beside a joint's coordinate
 SETTLED_FRAMES = 10  # a rollout that began in another pose than its clip's has to move towards it first
 
 
@@ -31,6 +34,7 @@ def shown_losses(
     result = {"shown": (weights * ((joints.flatten(1) - wanted) / scale).square()).mean()}
 
     count = len(lanes.rows)
+    result["turn"] = _turn(joints, wanted, supervised[:, field])
     result["bend"] = _bend(real, target * normal.y_deviation + normal.y_mean, supervised, count)
     own, kept = joints[-count:], supervised[-count:, field]
     settled = (lanes.age >= SETTLED_FRAMES).float()[:, None]
@@ -41,11 +45,27 @@ def shown_losses(
     )
     since = SETTLED_FRAMES + SWING_FRAMES
     swings, captured = lanes.swings(own)
+    scale = torch.cat([scale, scale.new_full((TRUNK_TURNS,), TURN)])
+    kept = torch.cat([kept, TRUNK_WEIGHT * _trunk_supervised(kept)], dim=1)
     result["swing"] = terms.swing(swings, captured, scale, kept * _older(lanes, since))
     energies = lanes.energies(swings.detach(), captured, since)
     lived = kept * _older(lanes, since + ENERGY_FRAMES)
     result["own_swing"] = terms.own_swing(swings, energies, scale, lived)
     return result
+
+
+def _turn(joints: Tensor, wanted: Tensor, supervised: Tensor) -> Tensor:
+    """Mean square error of the trunk's turns, of joints `(B, 31, 3)` against `wanted` `(B, 93)`, in units of `TURN`."""
+    error = trunk_turns(joints) - trunk_turns(wanted.unflatten(1, (J, 3)))
+    return (_trunk_supervised(supervised) * (error / TURN).square()).mean()
+
+
+def _trunk_supervised(supervised: Tensor) -> Tensor:
+    """Which turns of the trunk `(B, 4)` the target says something about, from the coordinates `(B, 93)`."""
+    joints = supervised.unflatten(1, (J, 3))[..., 0]
+    hips = joints[:, SPORT_SKELETON.index("Hips")]
+    shoulders = hips * joints[:, _ARMS].prod(1)
+    return torch.stack([hips, hips, shoulders, shoulders], dim=1)
 
 
 def _older(lanes: RolloutLanes, frames: int) -> Tensor:

@@ -191,3 +191,13 @@ def test_turns_of_the_trunk_are_those_of_the_whole_body_about_up_and_forward(axi
     expected = np.zeros((2, 4))
     expected[1, [entry, entry + 2]] = angle
     np.testing.assert_allclose(turns.numpy(), expected, atol=1e-6)
+
+
+def test_what_is_fed_back_stays_within_the_capture_and_what_is_asked_for_does_not():
+    x = torch.randn(200, INPUT_SIZE, generator=torch.Generator().manual_seed(0))
+    normal = Normalisation.measure(x, torch.randn(200, OUTPUT_SIZE))
+    most = normal.normalised(x).abs().amax(0)
+    far = normal.normalised(100.0 * x).abs().amax(0)
+    for name, field in INPUT.items():
+        bounded = name in ("joint_velocities", "phase")
+        assert torch.allclose(far[field], most[field]) == bounded, name

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
@@ -85,19 +85,30 @@ def random_rows(
 
 @dataclass
 class Normalisation:
-    """Mean and deviation of x `(472,)` and y `(473,)`, and the loss weight of every entry of y."""
+    """Mean and deviation of x `(472,)` and y `(473,)`, and how far normalised x may be from zero.
+
+    The limit is that of the capture for what the network feeds back without bounds, velocities and phases: a phase that
+    grows beyond it blends the experts as no captured frame does, grows faster, and a jogging character was thrown about.
+    """
 
     x_mean: Tensor
     x_deviation: Tensor
     y_mean: Tensor
     y_deviation: Tensor
+    x_limit: Tensor = field(default_factory=lambda: torch.full((features.INPUT_SIZE,), float("inf")))
 
     @staticmethod
     def measure(x: Tensor, y: Tensor) -> Normalisation:
         """From samples `(n, 472)`, `(n, 473)`: deviations are shared inside each field, as in PFNN."""
-        return Normalisation(
-            x.mean(0), _field_deviation(x, INPUT, _INPUT_SCALE), y.mean(0), _field_deviation(y, OUTPUT, {})
-        )
+        mean, deviation = x.mean(0), _field_deviation(x, INPUT, _INPUT_SCALE)
+        limit = torch.full_like(mean, float("inf"))
+        for name in ("joint_velocities", "phase"):
+            limit[INPUT[name]] = ((x - mean) / deviation).abs().amax(0)[INPUT[name]]
+        return Normalisation(mean, deviation, y.mean(0), _field_deviation(y, OUTPUT, {}), limit)
+
+    def normalised(self, x: Tensor) -> Tensor:
+        """x `(B, 472)` in the networks' units."""
+        return normalised(x, self.x_mean, self.x_deviation, self.x_limit)
 
     def to(self, device: torch.device) -> Normalisation:
         return Normalisation(*(t.to(device) for t in self.tensors().values()))
@@ -105,6 +116,11 @@ class Normalisation:
     def tensors(self) -> dict[str, Tensor]:
         """Field names to tensors."""
         return dict(vars(self))
+
+
+def normalised(x: Tensor, mean: Tensor, deviation: Tensor, limit: Tensor) -> Tensor:
+    """x `(B, n)` less its mean over its deviation, no farther than `limit` from zero."""
+    return torch.maximum(torch.minimum((x - mean) / deviation, limit), -limit)
 
 
 # A field with a scale below one speaks more softly to the experts: the previous pose must not drown the controls.
@@ -130,12 +146,12 @@ _TRUNK_WEIGHT = dict.fromkeys(("Hips", "LowerBack", "Spine", "Spine1"), 2.5) | d
 
 def _field_deviation(values: Tensor, layout: dict[str, slice], scale: dict[str, float]) -> Tensor:
     deviation = values.std(0)
-    for name, field in layout.items():
-        own = deviation[field]
+    for name, columns in layout.items():
+        own = deviation[columns]
         shared = own.mean().clamp_min(1e-3)
         if name == "root":  # m/s and rad/s: kept apart
             continue
-        deviation[field] = torch.maximum(own, 0.5 * shared) / scale.get(name, 1.0)
+        deviation[columns] = torch.maximum(own, 0.5 * shared) / scale.get(name, 1.0)
     return deviation.clamp_min(1e-4)
 
 

@@ -262,7 +262,7 @@ def load_frames(clips: Path, workers: int = 2, limit: int | None = None) -> Fram
     )
 
 
-FAVOUR = 2.0
+FAVOUR = 3.0
 TERRAIN_SHARE, LAYERED_SHARE = 0.22, 0.42  # of the frames drawn; the rest is capture
 
 

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from sport.runtime.motion import features
 from sport.runtime.motion.features import INPUT, OUTPUT
-from sport.training.batches import Frames, Normalisation
+from sport.training.batches import Frames
 from sport.training.kinematics import TRUNK_TURNS, shown_joints, trunk_turns
 from sport.training.part_swaps import Swaps
 
@@ -159,8 +159,3 @@ def _dense(samples: Tensor) -> Tensor:
     low = (frames // step).clamp_max(samples.shape[1] - 2)
     t = (frames - low * step)[None, :, None] / step
     return (1 - t) * samples[:, low] + t * samples[:, low + 1]
-
-
-def normalised(x: Tensor, normal: Normalisation) -> Tensor:
-    """x in the networks' units."""
-    return (x - normal.x_mean) / normal.x_deviation

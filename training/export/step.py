@@ -15,7 +15,7 @@ from torch.nn.functional import elu, pad, silu
 
 from sport.runtime.motion.features import INPUT_SIZE, MOTION_INPUT_SIZE
 from sport.runtime.motion.model_files import FOLDED
-from sport.training.batches import Normalisation
+from sport.training.batches import Normalisation, normalised
 from sport.training.export.graph import BATCH, export_graph
 from sport.training.networks.decoder import blend_codes
 from sport.training.networks.diffusion import ReverseStep
@@ -53,7 +53,7 @@ class FrameGraph(nn.Module):
     ) -> tuple[Tensor, Tensor]:
         """E `(B, n)` and alpha `(B, K)` of x `(B, 472)`."""
         experts, (wide, _) = self.config.experts, self.config.front
-        x = (x - self.x_mean) / self.x_deviation
+        x = normalised(x, self.x_mean, self.x_deviation, self.x_limit)
         alpha = self.gating(x[:, MOTION_INPUT_SIZE:])
         share = alpha[:, :, None]
         hidden = elu(x[:, :MOTION_INPUT_SIZE] @ self.encoder_first + self.encoder_first_bias)
@@ -159,5 +159,6 @@ class PlainGraph(nn.Module):
             self.register_buffer(name, value)
 
     def forward(self, x: Tensor, z: Tensor, noise: Tensor) -> Tensor:
-        y = self.generator.sample((x - self.x_mean) / self.x_deviation, z, noise, self.steps)
+        x = normalised(x, self.x_mean, self.x_deviation, self.x_limit)
+        y = self.generator.sample(x, z, noise, self.steps)
         return y * self.y_deviation + self.y_mean

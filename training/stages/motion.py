@@ -19,7 +19,7 @@ from sport.training.networks.diffusion import Schedule, add_noise, analytic_vari
 from sport.training.networks.generator import Generator
 from sport.training.packed_run import START
 from sport.training.presets import ModelConfig
-from sport.training.rollouts import RolloutLanes, normalised
+from sport.training.rollouts import RolloutLanes
 from sport.training.session import (
     Losses,
     MovingAverage,
@@ -60,7 +60,7 @@ class MotionData:
     def input(self, rows: Tensor, patch: Tensor, paths_as_captured: bool = True) -> Tensor:
         """Normalised x; the paths as a stick gives them where they are not asked for as captured."""
         x = self.frames.inputs(rows, patch)
-        return normalised(x if paths_as_captured else steered(x), self.normal)
+        return self.normal.normalised(x if paths_as_captured else steered(x))
 
     def output(self, rows: Tensor, patch: Tensor) -> Tensor:
         """Normalised y."""
@@ -107,7 +107,7 @@ SHOWN_WEIGHT = 0.3
 UNREST_WEIGHT = 0.05
 SWING_WEIGHT = 0.05
 OWN_SWING_WEIGHT = 0.05
-TURN_WEIGHT = 0.1  # of pelvis and shoulders: a centimetre at the joints, which Eq. 11 hardly sees
+TURN_WEIGHT = 1.0  # of pelvis and shoulders: a centimetre at the joints, which Eq. 11 hardly sees
 BEND_WEIGHT = 0.3  # of the knees' flexion: in lanes of its distribution too
 NOISE = 0.12  # of captured frames' inputs: more makes the network trust its own pose less, and swings shrink
 LANES = 0.5  # share of a batch that goes on from the network's own output
@@ -133,7 +133,7 @@ def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes, noise: floa
     x = torch.cat(
         [
             _corrupt(data.input(fresh, patch, paths_as_captured=False), noise),
-            _corrupt(normalised(steered(lanes.inputs()), data.normal), 0.2 * noise),
+            _corrupt(data.normal.normalised(steered(lanes.inputs())), 0.2 * noise),
         ]
     )
     rows, patch = torch.cat([fresh, lanes.rows]), torch.cat([patch, lanes.patch])

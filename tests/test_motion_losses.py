@@ -15,7 +15,7 @@ from sport.runtime.skeleton import SPORT_SKELETON, J  # noqa: E402
 from sport.training import losses  # noqa: E402
 from sport.training.batches import Normalisation  # noqa: E402
 from sport.training.frames import LAYERED, FrameTable  # noqa: E402
-from sport.training.kinematics import KNEES, knee_flexion, shown_joints, trunk_turns  # noqa: E402
+from sport.training.kinematics import KNEES, knee_flexion, shown_joints, turns  # noqa: E402
 from sport.training.natural_pace import captured_paces, straight_speeds  # noqa: E402
 from sport.training.networks.generator import Generator  # noqa: E402
 from sport.training.presets import preset  # noqa: E402
@@ -181,16 +181,41 @@ def test_the_flexion_of_a_knee_is_the_turn_of_the_shin_in_the_thigh():
     np.testing.assert_allclose(knee_flexion(torch.as_tensor(y)).numpy(), bends, atol=1e-6)
 
 
-@pytest.mark.parametrize(("axis", "entry"), [((0.0, 1.0, 0.0), 0), ((0.0, 0.0, 1.0), 1)])
-def test_turns_of_the_trunk_are_those_of_the_whole_body_about_up_and_forward(axis, entry):
-    rest = SPORT_SKELETON.rest_positions
+@pytest.mark.parametrize(
+    ("axis", "entries"),
+    [((0.0, 1.0, 0.0), [0, 2, 4, 7, 8]), ((1.0, 0.0, 0.0), [5]), ((0.0, 0.0, 1.0), [1, 3, 6])],
+)
+def test_turns_are_those_of_the_whole_body_about_up_left_and_forward(axis, entries):
     angle = 0.3
-    turn = rotations.from_axis_angle(np.array(axis), np.array(angle))
-    turned = rotations.rotate(np.broadcast_to(turn, (J, 4)), rest)
-    turns = trunk_turns(torch.tensor(np.stack([rest, turned]), dtype=torch.float64))
-    expected = np.zeros((2, 4))
-    expected[1, [entry, entry + 2]] = angle
-    np.testing.assert_allclose(turns.numpy(), expected, atol=1e-6)
+    turn = np.broadcast_to(rotations.from_axis_angle(np.array(axis), np.array(angle)), (J, 4))
+    y = np.zeros((2, OUTPUT_SIZE))
+    y[:, OUTPUT["joint_rotations"]] = rotations.to_6d(
+        np.stack([np.broadcast_to([1.0, 0, 0, 0], (J, 4)), turn])
+    ).reshape(2, -1)
+    joints = np.stack([SPORT_SKELETON.rest_positions, rotations.rotate(turn, SPORT_SKELETON.rest_positions)])
+    found = turns(torch.as_tensor(y), torch.as_tensor(joints))
+    expected = np.zeros(9)
+    expected[entries] = angle
+    about = [k for k in range(9) if k not in (7, 8) or axis[1]]  # a foot's yaw is another where it leans
+    np.testing.assert_allclose((found[1] - found[0]).numpy()[about], expected[about], atol=1e-6)
+
+
+def test_a_rollout_that_is_off_on_average_is_drawn_back_and_one_that_is_out_of_step_is_not():
+    away = torch.tensor([[1.0], [1.0]], requires_grad=True)
+    offsets = torch.tensor([[1.0], [0.0]])
+    losses.offset(away, offsets, torch.ones(1), torch.ones(2, 1)).backward()
+    assert away.grad[0] > 0.0 == away.grad[1]
+
+
+def test_the_offsets_of_lanes_are_means_since_they_settled(frames):  # noqa: F811
+    rows = torch.full((64,), 200)
+    lanes = RolloutLanes(frames, 2, 1e9, iter([rows, rows]))
+    own, captured = torch.full((2, MOVEMENTS), 3.0), torch.ones(2, MOVEMENTS)
+    assert not lanes.offsets(own, captured, since=5).any()
+    lanes.age += 5
+    for step in range(1000):
+        found = lanes.offsets(own, captured + 10.0 * (-1) ** step, since=5)
+    assert found.numpy() == pytest.approx(2.0, abs=0.3)
 
 
 def test_what_is_fed_back_stays_within_the_capture_and_what_is_asked_for_does_not():

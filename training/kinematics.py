@@ -39,17 +39,36 @@ def knee_flexion(y: Tensor) -> Tensor:
     return torch.atan2(-seen[..., 2], -seen[..., 1])
 
 
-_HIPS = [SPORT_SKELETON.index(name) for name in ("LeftUpLeg", "RightUpLeg")]
-_SHOULDERS = [SPORT_SKELETON.index(name) for name in ("LeftArm", "RightArm")]
-TRUNK_TURNS = 4
+_ACROSS = [
+    (SPORT_SKELETON.index(f"Left{name}"), SPORT_SKELETON.index(f"Right{name}")) for name in ("UpLeg", "Arm")
+]
+_FEET = [
+    (SPORT_SKELETON.index(f"{side}Foot"), SPORT_SKELETON.index(f"{side}ToeBase"))
+    for side in ("Left", "Right")
+]
+_HEAD = SPORT_SKELETON.index("Head")
+TURNED = ("Hips", "Hips", "Shoulders", "Shoulders", "Head", "Head", "Head", "LeftFoot", "RightFoot")
+TURNS = len(TURNED)
 
 
-def trunk_turns(joints: Tensor) -> Tensor:
-    """Yaw and roll in radians of the lines across hips and shoulders, `(B, 4)`, of joints `(B, 31, 3)` seen from the root."""
-    across = torch.stack([joints[:, left] - joints[:, right] for left, right in (_HIPS, _SHOULDERS)], dim=1)
+def turns(y: Tensor, joints: Tensor) -> Tensor:
+    """Turns in radians `(B, 9)` against the root of real-valued y `(B, 473)` and its joints `(B, 31, 3)`.
+
+    Yaw and roll of the lines across hips and shoulders; yaw, pitch and roll of the head; yaw of the feet: `TURNED`.
+    """
+    across = torch.stack([joints[:, left] - joints[:, right] for left, right in _ACROSS], dim=1)
     yaw = torch.atan2(-across[..., 2], across[..., 0])
     roll = torch.atan2(across[..., 1], across[..., ::2].norm(dim=-1))
-    return torch.stack([yaw, roll], dim=-1).flatten(1)
+    trunk = torch.stack([yaw, roll], dim=-1).flatten(1)
+    head = matrices(y[:, OUTPUT["joint_rotations"]].unflatten(1, (J, 6))[:, _HEAD])
+    level = head[:, ::2, 2].norm(dim=-1)
+    gaze = [
+        torch.atan2(head[:, 0, 2], head[:, 2, 2]),
+        torch.atan2(-head[:, 1, 2], level),
+        torch.atan2(head[:, 1, 0], head[:, 1, 1]),
+    ]
+    ahead = torch.stack([joints[:, toe] - joints[:, ankle] for ankle, toe in _FEET], dim=1)
+    return torch.cat([trunk, torch.stack(gaze, dim=1), torch.atan2(ahead[..., 0], ahead[..., 2])], dim=1)
 
 
 def matrices(d: Tensor) -> Tensor:

@@ -122,6 +122,15 @@ def own_swing(own: Tensor, energies: Tensor, scale: Tensor, kept: Tensor) -> Ten
     return (kept * weight * (own / scale).square() / mine).sum() / kept.sum().clamp_min(1.0)
 
 
+def offset(away: Tensor, offsets: Tensor, scale: Tensor, kept: Tensor) -> Tensor:
+    """Of movements of rollouts `away` `(B, n)` from their clips': to go back where they were off on average of late.
+
+    A rollout that is out of step with its clip is wrong in every frame, most of it in ways that average out. `offsets`
+    `(B, n)` are the running means, and their product with the present error is on average their square.
+    """
+    return (kept * (offsets / scale) * (away / scale)).sum() / kept.sum().clamp_min(1.0)
+
+
 def distribution(own: Tensor, captured: Tensor, scale: float) -> Tensor:
     """Squared Wasserstein distance of the values in each column of two batches `(B, n)`, in units of `scale`.
 

@@ -15,7 +15,7 @@ from torch import Tensor
 from sport.runtime.motion import features
 from sport.runtime.motion.features import INPUT, OUTPUT
 from sport.training.batches import Frames
-from sport.training.kinematics import TRUNK_TURNS, shown_joints, trunk_turns
+from sport.training.kinematics import TURNS, shown_joints, turns
 from sport.training.part_swaps import Swaps
 
 PRESENT = 60
@@ -24,7 +24,7 @@ _POSE = ("joint_positions", "joint_velocities")
 # network would stay in the pose it finds itself in, whatever the prompt says.
 FOREIGN_POSE = 0.35
 ENERGY_FRAMES = 45  # most of a gait cycle: over so many a lane is compared with its own clip
-MOVEMENTS = 93 + TRUNK_TURNS  # coordinates of the joints, then turns of the trunk
+MOVEMENTS = 93 + TURNS  # coordinates of the joints, then turns of trunk, head and feet
 SWING_FRAMES = 15  # about a quarter of a gait cycle: over so many frames a swing is compared with the clip's
 
 
@@ -53,6 +53,7 @@ class RolloutLanes:
         self.age = torch.zeros(lanes, dtype=torch.long, device=device)  # frames since it began
         self._history = torch.zeros(SWING_FRAMES, lanes, MOVEMENTS, device=device)  # oldest first
         self._energy = torch.zeros(2, lanes, MOVEMENTS, device=device)  # of swings, the lanes' and the clips'
+        self._offset = torch.zeros(lanes, MOVEMENTS, device=device)  # mean of the lanes' less the clips'
         self.swaps = Swaps.none(lanes, device)
         self._part_swaps = part_swaps
         self._restart(torch.ones(lanes, dtype=torch.bool, device=device))
@@ -69,6 +70,7 @@ class RolloutLanes:
         self.rows[ended] = rows
         self.age[ended] = 0
         self._energy[:, ended] = 0.0
+        self._offset[ended] = 0.0
         self.patch[ended] = (torch.rand(len(rows), device=rows.device) * self.frames.patches[rows]).long()
         x = self.frames.inputs(rows, self.patch[ended])
         foreign = torch.rand(len(rows), device=rows.device) < FOREIGN_POSE
@@ -104,16 +106,28 @@ class RolloutLanes:
         c, s = turn.cos(), turn.sin()
         return torch.stack([c * x - s * z, y + ground[:, None], s * x + c * z], -1)
 
-    def swings(self, joints: Tensor) -> tuple[Tensor, Tensor]:
-        """How joints `(lanes, 31, 3)` and those of the clip have moved against the root in `SWING_FRAMES`: coordinates
-        in metres and turns of the trunk in radians, `(lanes, 97)`. Of no meaning for lanes younger than that.
-        """
+    def movements(self, y: Tensor, joints: Tensor) -> tuple[Tensor, Tensor]:
+        """Of the lanes' real-valued y `(lanes, 473)` and joints, and of their clips: `(lanes, 102)` each."""
+        return movements(y, joints), self._captured(self.rows)
+
+    def swings(self, own: Tensor, captured: Tensor) -> tuple[Tensor, Tensor]:
+        """How far both `movements` have gone in `SWING_FRAMES`. Of no meaning for lanes younger than that."""
         before = (self.rows - SWING_FRAMES).clamp_min(0)
-        return movements(joints) - self._history[0], self._captured(self.rows) - self._captured(before)
+        return own - self._history[0], captured - self._captured(before)
+
+    @torch.no_grad()
+    def offsets(self, own: Tensor, captured: Tensor, since: int) -> Tensor:
+        """Running means over `ENERGY_FRAMES` of what `movements` gave, the lanes' less the clips', `(lanes, 102)`.
+
+        They begin where a lane is `since` frames old, as `energies`; it is called in every frame.
+        """
+        away = (own - captured) * (self.age >= since)[:, None]
+        self._offset += (away - self._offset) / ENERGY_FRAMES
+        return self._offset
 
     @torch.no_grad()
     def energies(self, own: Tensor, captured: Tensor, since: int) -> Tensor:
-        """Running means of squares over `ENERGY_FRAMES` of what `swings` gave, `(2, lanes, 97)`; it is called in every frame.
+        """Running means of squares over `ENERGY_FRAMES` of what `swings` gave, `(2, lanes, 102)`; it is called in every frame.
 
         They begin where a lane is `since` frames old: what goes before is its way to the pose of its words.
         """
@@ -122,9 +136,10 @@ class RolloutLanes:
         return self._energy
 
     def _captured(self, rows: Tensor) -> Tensor:
-        joints = self.frames.y[rows][:, OUTPUT["joint_positions"]].float()
-        joints[:, 1::3] -= self.frames.ground[rows, self.patch][:, None]
-        return movements(joints.unflatten(1, (-1, 3)))
+        y = self.frames.y[rows].float()
+        joints = y[:, OUTPUT["joint_positions"]].unflatten(1, (-1, 3)).clone()
+        joints[:, :, 1] -= self.frames.ground[rows, self.patch][:, None]
+        return movements(y, joints)
 
     @torch.no_grad()
     def advance(self, y: Tensor) -> None:
@@ -135,7 +150,7 @@ class RolloutLanes:
         shown = shown_joints(y)
         self.pose["joint_positions"] = shown.flatten(1)
         self.pose["joint_velocities"] = y[:, OUTPUT["joint_velocities"]].detach().clone()
-        self._history = torch.cat([self._history[1:], movements(shown)[None]])
+        self._history = torch.cat([self._history[1:], movements(y, shown)[None]])
         samples = y[:, OUTPUT["phase"]].detach().unflatten(1, (-1, 2 * features.C))
         moved = torch.cat([self.phase[:, 1:], self.phase[:, -1:]], dim=1)
         moved[:, PRESENT:] = _dense(samples)
@@ -147,9 +162,9 @@ class RolloutLanes:
         self._restart(ended | chance | lost)
 
 
-def movements(joints: Tensor) -> Tensor:
-    """What swings are measured on, `(B, 97)`: the coordinates of joints `(B, 31, 3)`, and the turns of the trunk."""
-    return torch.cat([joints.flatten(1), trunk_turns(joints)], dim=1)
+def movements(y: Tensor, joints: Tensor) -> Tensor:
+    """What swings are measured on, `(B, 102)`: coordinates of the joints `(B, 31, 3)`, metres, and `turns`, radians."""
+    return torch.cat([joints.flatten(1), turns(y, joints)], dim=1)
 
 
 def _dense(samples: Tensor) -> Tensor:

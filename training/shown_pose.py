@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import torch
@@ -11,12 +12,13 @@ from sport.runtime.motion.features import FPS, OUTPUT
 from sport.runtime.skeleton import SPORT_SKELETON, J
 from sport.training import losses as terms
 from sport.training.batches import Normalisation, loss_weights
-from sport.training.kinematics import KNEES, TRUNK_TURNS, knee_flexion, shown_joints, trunk_turns
+from sport.training.kinematics import KNEES, TURNED, TURNS, knee_flexion, shown_joints, turns
 from sport.training.rollouts import ENERGY_FRAMES, SWING_FRAMES, RolloutLanes
 
 _ARMS = [SPORT_SKELETON.index(name) for name in ("LeftArm", "RightArm")]
-TURN = 0.15  # radians: unit of the trunk's turns
-TRUNK_WEIGHT = 6.0  # of a turn of the trunk beside a joint's coordinate
+TURN = 0.15  # radians: unit of turns
+MOST_WRONG = 4.0  # of these: a head or foot that points to the other side is not pulled farther than this
+TURN_WEIGHT = 6.0  # of a turn beside a joint's coordinate
 SETTLED_FRAMES = 10  # a rollout that began in another pose than its clip's has to move towards it first
 
 
@@ -34,8 +36,11 @@ def shown_losses(
     result = {"shown": (weights * ((joints.flatten(1) - wanted) / scale).square()).mean()}
 
     count = len(lanes.rows)
-    result["turn"] = _turn(joints, wanted, supervised[:, field])
-    result["bend"] = _bend(real, target * normal.y_deviation + normal.y_mean, supervised, count)
+    captured_y = target * normal.y_deviation + normal.y_mean
+    result["turn"] = _turn(
+        turns(real, joints), turns(captured_y, wanted.unflatten(1, (J, 3))), supervised[:, field]
+    )
+    result["bend"] = _bend(real, captured_y, supervised, count)
     own, kept = joints[-count:], supervised[-count:, field]
     settled = (lanes.age >= SETTLED_FRAMES).float()[:, None]
     velocity = OUTPUT["joint_velocities"]
@@ -43,29 +48,41 @@ def shown_losses(
     result["unrest"] = terms.unrest(
         moved, real[-count:, velocity], normal.y_deviation[velocity], kept * settled
     )
+    kept = torch.cat([kept, TURN_WEIGHT * _turns_supervised(kept)], dim=1)
+    scale = torch.cat([scale, scale.new_full((TURNS,), TURN)])
+    return result | _movement_losses(lanes, lanes.movements(real[-count:], own), scale, kept)
+
+
+def _movement_losses(
+    lanes: RolloutLanes, moved: tuple[Tensor, Tensor], scale: Tensor, kept: Tensor
+) -> dict[str, Tensor]:
+    """Of the lanes' `movements` and their clips': how far they swing, and where they are on average."""
     since = SETTLED_FRAMES + SWING_FRAMES
-    swings, captured = lanes.swings(own)
-    scale = torch.cat([scale, scale.new_full((TRUNK_TURNS,), TURN)])
-    kept = torch.cat([kept, TRUNK_WEIGHT * _trunk_supervised(kept)], dim=1)
-    result["swing"] = terms.swing(swings, captured, scale, kept * _older(lanes, since))
+    swings, captured = lanes.swings(*moved)
     energies = lanes.energies(swings.detach(), captured, since)
+    offsets = lanes.offsets(*moved, since)
     lived = kept * _older(lanes, since + ENERGY_FRAMES)
-    result["own_swing"] = terms.own_swing(swings, energies, scale, lived)
-    return result
+    return {
+        "swing": terms.swing(swings, captured, scale, kept * _older(lanes, since)),
+        "own_swing": terms.own_swing(swings, energies, scale, lived),
+        "offset": terms.offset(moved[0] - moved[1], offsets, scale, lived),
+    }
 
 
-def _turn(joints: Tensor, wanted: Tensor, supervised: Tensor) -> Tensor:
-    """Mean square error of the trunk's turns, of joints `(B, 31, 3)` against `wanted` `(B, 93)`, in units of `TURN`."""
-    error = trunk_turns(joints) - trunk_turns(wanted.unflatten(1, (J, 3)))
-    return (_trunk_supervised(supervised) * (error / TURN).square()).mean()
+def _turn(own: Tensor, wanted: Tensor, supervised: Tensor) -> Tensor:
+    """Mean square error of `turns` `(B, 9)`, in units of `TURN`."""
+    error = torch.remainder(own - wanted + math.pi, 2.0 * math.pi) - math.pi
+    error = (error / TURN).clamp(-MOST_WRONG, MOST_WRONG)
+    return (_turns_supervised(supervised) * error.square()).mean()
 
 
-def _trunk_supervised(supervised: Tensor) -> Tensor:
-    """Which turns of the trunk `(B, 4)` the target says something about, from the coordinates `(B, 93)`."""
+def _turns_supervised(supervised: Tensor) -> Tensor:
+    """Which `turns` `(B, 9)` the target says something about, from the coordinates `(B, 93)`."""
     joints = supervised.unflatten(1, (J, 3))[..., 0]
     hips = joints[:, SPORT_SKELETON.index("Hips")]
-    shoulders = hips * joints[:, _ARMS].prod(1)
-    return torch.stack([hips, hips, shoulders, shoulders], dim=1)
+    of = {name: hips * joints[:, SPORT_SKELETON.index(name)] for name in ("Head", "LeftFoot", "RightFoot")}
+    of |= {"Hips": hips, "Shoulders": hips * joints[:, _ARMS].prod(1)}
+    return torch.stack([of[name] for name in TURNED], dim=1)
 
 
 def _older(lanes: RolloutLanes, frames: int) -> Tensor:

@@ -107,7 +107,8 @@ SHOWN_WEIGHT = 0.3
 UNREST_WEIGHT = 0.05
 SWING_WEIGHT = 0.05
 OWN_SWING_WEIGHT = 0.05
-TURN_WEIGHT = 1.0  # of pelvis and shoulders: a centimetre at the joints, which Eq. 11 hardly sees
+TURN_WEIGHT = 2.0  # of pelvis, shoulders, head and feet: a centimetre at the joints, which Eq. 11 hardly sees
+OFFSET_WEIGHT = 0.5
 BEND_WEIGHT = 0.3  # of the knees' flexion: in lanes of its distribution too
 NOISE = 0.12  # of captured frames' inputs: more makes the network trust its own pose less, and swings shrink
 LANES = 0.5  # share of a batch that goes on from the network's own output
@@ -166,6 +167,7 @@ def _total(result: Losses) -> Tensor:
         + UNREST_WEIGHT * result["unrest"]
         + SWING_WEIGHT * result["swing"]
         + OWN_SWING_WEIGHT * result["own_swing"]
+        + OFFSET_WEIGHT * result["offset"]
         + BEND_WEIGHT * result["bend"]
         + TURN_WEIGHT * result["turn"]
     )

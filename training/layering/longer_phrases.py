@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from itertools import product
 
 from sport.training.layering.catalog import PartEdit
+from sport.training.layering.more_words import more_words
 from sport.training.layering.recipes import trained_edits
 
 # What can be added to a posture, and to a movement, without another pose.
@@ -86,11 +87,12 @@ _ACROSS = ("turn", "roll")  # measures of what goes to one side; the others are 
 
 @dataclass(frozen=True)
 class LongerSentence:
-    """A sentence of `part` that means what the phrases `of` mean together."""
+    """A sentence of `part` that means what the phrases `of` mean together, or what each of these `alike` means."""
 
     part: str
     text: str
     of: tuple[str, ...]
+    alike: bool = False
 
 
 def longer_sentences() -> list[LongerSentence]:
@@ -108,6 +110,16 @@ def longer_sentences() -> list[LongerSentence]:
                 text = f"{first}, {second.removeprefix(slot + ' ')}"
                 found.append(LongerSentence(slot, text, (one, other)))
     return found + _with_rhythm()
+
+
+def other_sentences() -> list[LongerSentence]:
+    """Other words for what the phrases of an edit say."""
+    edits = {e.name: e for e in trained_edits()}
+    return [
+        LongerSentence(part, text, edits[name].phrases[part], alike=True)
+        for (name, part), texts in more_words().items()
+        for text in texts
+    ]
 
 
 def _with_rhythm() -> list[LongerSentence]:

@@ -20,7 +20,7 @@ from sport.runtime.prompts.sentence_inputs import part_inputs
 from sport.runtime.prompts.text_encoder import TextEncoderLike
 from sport.runtime.skeleton import PART_NAMES
 from sport.training.arguments import WORD_STEPS
-from sport.training.layering.longer_phrases import LongerSentence, longer_sentences
+from sport.training.layering.longer_phrases import LongerSentence, longer_sentences, other_sentences
 from sport.training.networks.content import ContentEncoder, PartTextEncoder
 from sport.training.presets import ModelConfig
 from sport.training.styles import StyleTexts
@@ -51,38 +51,42 @@ def learn_longer_sentences(
     """Train `content.text` in place; returns the mean distances (in deviations of the codes) before and after."""
     torch.manual_seed(seed + 5)
     network = content.text.cpu().train()
-    known, longer = targets(copy.deepcopy(network).eval(), config, texts, encoder)
-    before = {"longer_before": _error(network, longer), "known_before": _error(network, known)}
+    goals = targets(copy.deepcopy(network).eval(), config, texts, encoder)
+    before = {f"{name}_before": _error(network, goal) for name, goal in goals.items()}
     optimizer = torch.optim.AdamW(network.parameters(), lr=1e-3)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
     for _ in range(steps):
-        loss = _distance(network, known, noise=True) + _distance(network, longer, noise=True)
+        loss = torch.stack([_distance(network, goal, noise=True) for goal in goals.values()]).sum()
         optimizer.zero_grad(set_to_none=True)
         loss.backward()
         optimizer.step()
         schedule.step()
     network.eval()
-    result = before | {"longer": _error(network, longer), "known": _error(network, known)}
+    result = before | {name: _error(network, goal) for name, goal in goals.items()}
     log.info("longer sentences: %s", "  ".join(f"{k} {v:.3f}" for k, v in result.items()))
     return result
 
 
 def targets(
     teacher: PartTextEncoder, config: ModelConfig, texts: StyleTexts, encoder: TextEncoderLike
-) -> tuple[list[Targets], list[Targets]]:
-    """Of every part targets of the known and of the longer sentences. Codes are those of `teacher`."""
-    sentences = longer_sentences()
-    known, longer = [], []
+) -> dict[str, list[Targets]]:
+    """Of every part targets of the known, the longer and the other sentences. Codes are those of `teacher`."""
+    found: dict[str, list[Targets]] = {"known": [], "longer": [], "other": []}
     for k, part in enumerate(PART_NAMES):
         words = torch.as_tensor(np.asarray(texts.embeddings[k], np.float32))
         with torch.no_grad():
             codes = codes_of(teacher, words, k)
         spread = codes.std(0)
         spread = spread.clamp_min(0.2 * float(spread.mean()) + 1e-4)
-        known.append(Targets(words, codes, spread))
-        own = [s for s in sentences if s.part == part]
-        longer.append(Targets(*_targets(teacher, config, encoder, own, k, codes.mean(0)), spread))
-    return known, longer
+        known = Targets(words, codes, spread)
+        found["known"].append(known)
+        for name, sentences in (("longer", longer_sentences()), ("other", other_sentences())):
+            own = [s for s in sentences if s.part == part]
+            made = (
+                Targets(*_targets(teacher, config, encoder, own, k, codes.mean(0)), spread) if own else known
+            )
+            found[name].append(made)
+    return found
 
 
 def _targets(
@@ -93,7 +97,8 @@ def _targets(
     k: int,
     middle: Tensor,
 ) -> tuple[Tensor, Tensor]:
-    """Sentences of part k and their codes: of several phrases, the sum of what each adds to the `middle` code."""
+    """Sentences of part k and their codes: of several phrases, the sum of what each adds to the `middle` code, or their
+    mean where they say the same."""
 
     def inputs(lines: list[str]) -> Tensor:
         options = config.direction_words, config.one_sided_words
@@ -102,7 +107,8 @@ def _targets(
     phrases = sorted({p for s in sentences for p in s.of})
     with torch.no_grad():
         codes = dict(zip(phrases, codes_of(teacher, inputs(phrases), k), strict=True))
-    goal = [torch.stack([codes[p] - middle for p in s.of]).sum(0) + middle for s in sentences]
+    added = [torch.stack([codes[p] - middle for p in s.of]) for s in sentences]
+    goal = [middle + (a.mean(0) if s.alike else a.sum(0)) for a, s in zip(added, sentences, strict=True)]
     return inputs([s.text for s in sentences]), torch.stack(goal)
 
 

@@ -51,6 +51,19 @@ def test_a_drag_ends_the_first_view_and_forward_is_where_the_camera_looks(start:
     assert camera.heading == camera.yaw
 
 
+def test_a_click_far_from_where_the_mouse_was_does_not_turn_the_view(start: Start) -> None:
+    app = start(panels=False)
+    app.window.inject_mouse(100, 100)
+    run(app, 2)
+    before = app.stage.camera.current.yaw, app.stage.camera.current.pitch
+    app.window.inject_mouse(500, 400, 0, True)  # both between two frames: few are drawn on a slow machine
+    run(app, 2)
+    assert (app.stage.camera.current.yaw, app.stage.camera.current.pitch) == before
+    app.window.inject_mouse(540, 400, 0, True)
+    run(app, 2)
+    assert app.stage.camera.current.yaw != before[0]
+
+
 @pytest.mark.parametrize("controls", ["w 4", "w+shift 4"])
 def test_the_orbit_camera_goes_with_the_walker(start: Start, controls: str) -> None:
     app = start(panels=False, camera="orbit", controls=controls)

@@ -103,7 +103,8 @@ class CameraControl:
             return 0.0, False
         buttons = [imgui.is_mouse_down(button) for button in range(3)]  # left, right, middle
         dragging = any(buttons[taken:])
-        if dragging:
+        begins = any(imgui.is_mouse_clicked(button) for button in range(3))
+        if dragging and not begins:  # how the mouse came to where it was pressed is no drag
             pan = buttons[2] or (buttons[1] and io.key_shift)
             self.drag(io.mouse_delta.x, io.mouse_delta.y, pan, io.display_size.y)
         return float(io.mouse_wheel), dragging

@@ -188,6 +188,18 @@ def test_cameras_keep_the_character_in_view(name: str) -> None:
         assert eye[1] > hills.height(eye[0], eye[2]) + 0.1
 
 
+@pytest.mark.parametrize("name", CAMERAS)
+def test_the_camera_steps_back_from_a_tall_character(name: str) -> None:
+    clip = Clip("on", 60.0, *walk(60))
+    see = camera_path(name, clip, FLAT, 30.0, 1.0, height=3.0)
+    pose = clip.sample(0.5)
+    camera = see(pose)
+    for height in (0.0, 3.0):
+        point = np.array([pose.positions[0, 0], height, pose.positions[0, 2], 1.0])
+        x, y, _, w = camera.projection_matrix(1.0) @ camera.view_matrix() @ point
+        assert max(abs(x / w), abs(y / w)) < 0.98
+
+
 def test_a_writer_gives_up_what_it_began(tmp_path: Path) -> None:
     def interrupted() -> None:
         with open_writer(tmp_path / "a.mp4", (96, 64), 30.0) as writer:

@@ -16,6 +16,7 @@ from sport.runtime import rotations
 from sport.runtime.assets import asset_path
 from sport.runtime.character.character import Character, load_character, skin_vertices
 from sport.runtime.character.hand_contact import clear_hands
+from sport.runtime.character.hand_reach import touching
 from sport.runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 from sport.runtime.takes.clip import Clip, load_clip_bvh
 from sport.runtime.takes.export import save_motion
@@ -161,3 +162,38 @@ def test_joints_of_others_are_led_too(tmp_path: Path, rig: Callable[[Path], Path
     assert np.allclose(before[0], after[0])
     assert np.linalg.norm(after - before, axis=-1).max() > 0.02
     assert np.abs(after[:, 0]).min() > np.abs(before[:, 0]).min()
+
+
+def test_fingers_that_point_into_the_waist_lie_along_it(mannequin: Character) -> None:
+    goals = np.linspace(
+        (0.3, 0.05, 0.02), (0.2, 0.05, 0.02), 60
+    )  # the elbow is outside, the hand would go right in
+    positions, world = SPORT_SKELETON.forward_kinematics(*reaching(goals))
+    shown, turned = clear_hands(mannequin, positions, world)
+    turns = rotations.angle_between(world[:, HAND], turned[:, HAND])
+    assert 0.3 < turns.max() <= 1.2 + 1e-6
+    assert np.abs(np.diff(turns)).max() < 0.15
+    assert np.linalg.norm(shown[:, HAND] - positions[:, HAND], axis=1).max() < 0.06, (
+        "the wrist stays at the hip"
+    )
+
+
+def test_a_hand_on_the_hip_is_there_on_a_character_of_other_proportions(tmp_path: Path) -> None:
+    character = load_character(mixamo_rig(tmp_path / "rig.glb"))
+    positions, world = SPORT_SKELETON.forward_kinematics(*reaching(np.array([(0.19, 0.05, 0.04)])))
+    hand, hips = (int(np.flatnonzero(character.sport_joints == j)[0]) for j in (HAND, 0))
+
+    def off(pose: tuple[np.ndarray, np.ndarray]) -> float:
+        pivots = character.joint_transforms(*pose)[0][0]
+        return float(np.linalg.norm(pivots[hand] - pivots[hips] - (positions[0, HAND] - positions[0, 0])))
+
+    assert off((positions, world)) > 0.05
+    assert off(clear_hands(character, positions, world)) < 0.6 * off((positions, world))
+
+
+def test_arms_that_hang_or_are_held_away_touch_nothing() -> None:
+    places = np.array([(0.2, -0.2, 0.05), (0.45, 0.3, 0.1), (0.2, 0.2, 0.45)])
+    positions, world = SPORT_SKELETON.forward_kinematics(*reaching(places))
+    assert not touching(positions, world, (ARM, FORE, HAND)).any()
+    positions, world = SPORT_SKELETON.forward_kinematics(*reaching(np.array([PLACES["belly"]])))
+    assert touching(positions, world, (ARM, FORE, HAND)) == pytest.approx(1.0)

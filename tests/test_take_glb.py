@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from foreign_rigs import RIGS
+from foreign_rigs import RIGS, mixamo_rig
 from glb_playback import play, read_accessor
 from PIL import Image
 from pygltflib import GLTF2
@@ -19,9 +19,11 @@ from walker import walk
 from sport.runtime import rotations
 from sport.runtime.assets import asset_path
 from sport.runtime.character.character import load_character, skin_vertices
+from sport.runtime.character.read import open_gltf
 from sport.runtime.skeleton import SPORT_SKELETON
 from sport.runtime.takes.clip import Clip
 from sport.runtime.takes.glb import MANNEQUIN, save_glb
+from sport.runtime.takes.glb_buffer import GlbBuffer
 from sport.runtime.takes.metadata import PromptEvent
 from sport.runtime.takes.options import ExportOptions
 from sport.runtime.takes.prepare import prepare
@@ -104,6 +106,20 @@ def test_mesh_skin_materials_and_textures_are_the_characters_own(
             primitive = played.gltf.meshes[node.mesh].primitives[0]
             weights = read_accessor(played.gltf, primitive.attributes.WEIGHTS_0)
             assert np.allclose(weights.sum(1), 1.0, atol=1e-5)
+
+
+def test_weights_that_do_not_add_up_to_one_do_in_the_export(clip: Clip, tmp_path: Path) -> None:
+    source = mixamo_rig(tmp_path / "rig.glb")
+    loose = GlbBuffer.of_file(open_gltf(source))
+    for mesh in loose.gltf.meshes:
+        for primitive in mesh.primitives:
+            values = read_accessor(GLTF2().load(str(source)), primitive.attributes.WEIGHTS_0)
+            primitive.attributes.WEIGHTS_0 = loose.add(1.04 * values.astype(np.float32))
+    loose.save(tmp_path / "loose.glb")
+    _, played = export(clip, tmp_path / "take.glb", tmp_path / "loose.glb")
+    for mesh in played.gltf.meshes:
+        weights = read_accessor(played.gltf, mesh.primitives[0].attributes.WEIGHTS_0)
+        assert np.allclose(weights.sum(1), 1.0, atol=1e-5)
 
 
 def test_the_skinned_mesh_moves_as_on_the_screen(clip: Clip, source: Path, tmp_path: Path) -> None:

@@ -100,11 +100,21 @@ class Character:
     @cached_property
     def body(self) -> BodySurface | None:
         """The surface that hands end at, None where the mesh has none."""
+        vertices, pivots = self._rest
+        return fit_surface(self, vertices, np.asarray(pivots, np.float64))
+
+    @cached_property
+    def height(self) -> float:
+        """Metres from the lowest to the highest vertex in our rest pose."""
+        return float(np.ptp(self._rest[0][:, 1]))
+
+    @cached_property
+    def _rest(self) -> tuple[Array, Array]:
+        """Vertices `(V, 3)` and pivots `(K, 3)` in our rest pose."""
         still = rotations.identity((len(SPORT_SKELETON),)).astype(np.float64)
         rest = SPORT_SKELETON.rest_positions.astype(np.float64)
-        pivots, _ = self.joint_transforms(rest, still)
         vertices = skin_vertices(self, self.joint_matrices(rest, still) @ self.inverse_bind)
-        return fit_surface(self, vertices, np.asarray(pivots, np.float64))
+        return vertices, self.joint_transforms(rest, still)[0]
 
 
 def skin_vertices(character: Character, matrices: Array) -> Array:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sport.runtime import rotations
 from sport.runtime.character.body_surface import BodySurface
+from sport.runtime.character.hand_reach import ANCHORS, ramp, reach, touching
 from sport.runtime.skeleton import SPORT_SKELETON
 
 if TYPE_CHECKING:
@@ -16,7 +17,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
-ROUNDS = 4  # of pushing: what leaves one part may still be in the next
+ROUNDS = 4  # of turning and of pushing: what leaves one part may still be in the next
+MOST_TURN = 1.2  # radians that a wrist gives way
+NECK_M, WAIST_M = 0.1, 0.25  # under the shoulder: a hand at neck or head does not turn, for it would flutter
+FORWARD = 0.4  # a hand that points straight into the body turns forward, as one on the hip
 REACH = 0.9995  # of the arm's length
 ELBOW_M = 0.005  # pull on the elbow of an arm that is straight, down and back
 _ELBOW = np.array([0.0, -1.0, -0.5])
@@ -33,14 +37,25 @@ BELOW = {
 def clear_hands(character: Character, positions: Array, world_rotations: Array) -> tuple[Array, Array]:
     """A SPORT pose as `joint_transforms` takes it, any leading shape, whose hands lie on the character's surface.
 
-    Hands keep how they are turned; shoulder and elbow turn. A pose whose hands are free comes back as it is.
+    The wrist turns first, so that fingers that would sink in lie along the body; then shoulder and elbow take the hand
+    out. A pose whose hands are free comes back as it is.
     """
     body = character.body
     if body is None:
         return positions, world_rotations
     pivots, _ = character.joint_transforms(positions, world_rotations)
-    way = _way_out(character, body, pivots, world_rotations)
+    if not character.alignment.native:
+        pivots, world_rotations = _placed(character, body.sides, pivots, positions, world_rotations)
+    seen = _Seen(character, body, pivots, world_rotations)
+    if seen.free:
+        return positions, world_rotations
+    turns = seen.turns()
+    way = seen.way_out(turns)
     for k, side in enumerate(body.sides):
+        if np.any(turns[..., k, 1:]):
+            positions, world_rotations = _turned(
+                character, side, turns[..., k, :], positions, world_rotations
+            )
         if np.any(way[..., k, :]):
             positions, world_rotations = _bent(
                 character, side, way[..., k, :], pivots, positions, world_rotations
@@ -52,27 +67,107 @@ def _joint(character: Character, side: str, bone: int) -> int:
     return int(np.flatnonzero(character.alignment.source == ARM[side][bone])[0])
 
 
-def _way_out(character: Character, body: BodySurface, pivots: Array, world_rotations: Array) -> Array:
-    """How far `(..., sides, 3)` hands have to go until none of their points is inside trunk or head."""
-    wrists = pivots[..., [_joint(character, side, 2) for side in body.sides], :]
-    turned = world_rotations[..., [ARM[side][2] for side in body.sides], :]
-    points = wrists[..., None, :] + rotations.rotate(turned[..., None, :], body.hands)
-    middle = 0.5 * (points.mean(axis=-2) + wrists)  # not of the fingers alone, which may be beyond an axis
-    axes = rotations.to_matrix(world_rotations[..., body.sources, :])  # (..., tables, 3, 3)
-    places = pivots[..., body.joints, :]
-    # as the joints of the tables see them: (..., sides, tables, points, 3)
-    points = (points[..., :, None, :, :] - places[..., None, :, None, :]) @ axes[..., None, :, :, :]
-    middle = _seen(middle[..., :, None, :] - places[..., None, :, :], axes)
-    way: Array = np.zeros(wrists.shape, np.float64)
-    for _ in range(ROUNDS):
-        moved = _seen(np.broadcast_to(way[..., :, None, :], middle.shape), axes)
-        deep = body.depth(points + moved[..., None, :]).max(axis=-1)[..., None]
-        if not np.any(deep):
-            break
-        out = (axes[..., None, :, :, :] @ body.outward(middle + moved)[..., None])[..., 0]
-        # weighed by depth, so that the way is continuous where one part takes over from another
-        way = way + (deep * deep * out).sum(axis=-2) / np.maximum(deep.sum(axis=-2), 1e-9)
-    return way
+def _placed(
+    character: Character, sides: tuple[str, ...], pivots: Array, positions: Array, world_rotations: Array
+) -> tuple[Array, Array]:
+    """Pivots and rotations with hands that touch the body in their place on this one."""
+    source = character.alignment.source
+    if not all(np.any(source == j) for j in ANCHORS):
+        return pivots, world_rotations
+    anchors = pivots[..., [int(np.flatnonzero(source == j)[0]) for j in ANCHORS], :]
+    placed = world_rotations
+    for side in sides:
+        touch = touching(positions, world_rotations, ARM[side])
+        if np.any(touch):
+            wrist = pivots[..., _joint(character, side, 2), :]
+            way = touch[..., None] * (reach(positions, anchors, ARM[side]) - wrist)
+            _, placed = _bent(character, side, way, pivots, positions, placed)
+    if placed is world_rotations:
+        return pivots, placed
+    return character.joint_transforms(positions, placed)[0], placed
+
+
+class _Seen:
+    """The hands as the joints of the surface's tables see them; any leading shape `...`, S sides and T tables."""
+
+    def __init__(
+        self, character: Character, body: BodySurface, pivots: Array, world_rotations: Array
+    ) -> None:
+        self.body = body
+        self.wrists = pivots[..., [_joint(character, side, 2) for side in body.sides], :]
+        shoulders = pivots[..., [_joint(character, side, 0) for side in body.sides], 1]
+        self.low = ramp(shoulders - self.wrists[..., 1], NECK_M, WAIST_M)
+        turned = world_rotations[..., [ARM[side][2] for side in body.sides], :]
+        self.hands = rotations.rotate(turned[..., None, :], body.hands)  # (..., S, n, 3) about the wrists
+        self.axes = rotations.to_matrix(world_rotations[..., body.sources, :])  # (..., T, 3, 3)
+        self.places = pivots[..., body.joints, :]
+        self.ahead = rotations.to_matrix(world_rotations[..., :1, :])[..., 2]  # (..., 1, 3)
+
+    def _depth(self, hands: Array, way: Array | float = 0.0) -> tuple[Array, Array]:
+        """Greatest depth `(..., S, T)` of hands about the wrists, moved by `way`, and the ways out `(..., S, T, 3)`."""
+        points = (self.wrists + way)[..., None, :] + hands
+        middle = 0.5 * (
+            points.mean(axis=-2) + self.wrists + way
+        )  # not of the fingers alone, which may be beyond an axis
+        points = (points[..., :, None, :, :] - self.places[..., None, :, None, :]) @ self.axes[
+            ..., None, :, :, :
+        ]
+        middle = _seen(middle[..., :, None, :] - self.places[..., None, :, :], self.axes)
+        out = (self.axes[..., None, :, :, :] @ self.body.outward(middle)[..., None])[..., 0]
+        return self.body.depth(points).max(axis=-1)[..., None], out
+
+    @property
+    def free(self) -> bool:
+        """Whether no hand is inside."""
+        return not np.any(self._depth(self.hands)[0])
+
+    def turns(self) -> Array:
+        """Turns `(..., S, 4)` of the hands in the wrists towards lying along the body: out, and forward where they stick in."""
+        turns = np.zeros((*self.wrists.shape[:-1], 4))
+        turns[..., 0] = 1.0
+        left = MOST_TURN * self.low
+        for _ in range(ROUNDS):
+            hands = rotations.rotate(turns[..., None, :], self.hands)
+            deep, out = self._depth(hands)
+            if not np.any(deep):
+                break
+            way = rotations.normalize((deep * out).sum(axis=-2))
+            aside = 1.0 - np.sum(way * self.ahead, axis=-1, keepdims=True) ** 2
+            way = way + FORWARD * aside * self.ahead
+            reach = hands.mean(axis=-2)
+            axis = np.cross(reach, way)
+            angle = self.low * deep.max(axis=(-2, -1)) / np.linalg.norm(hands, axis=-1).max(axis=-1)
+            angle = np.minimum(angle, left)
+            left = left - angle
+            turns = rotations.multiply(rotations.from_axis_angle(rotations.normalize(axis), angle), turns)
+        return turns
+
+    def way_out(self, turns: Array) -> Array:
+        """How far `(..., S, 3)` turned hands have to go until none of their points is inside trunk or head."""
+        hands = rotations.rotate(turns[..., None, :], self.hands)
+        way: Array = np.zeros(self.wrists.shape, np.float64)
+        for _ in range(ROUNDS):
+            deep, out = self._depth(hands, way)
+            if not np.any(deep):
+                break
+            # weighed by depth, so that the way is continuous where one part takes over from another
+            way = way + (deep * deep * out).sum(axis=-2) / np.maximum(deep.sum(axis=-2), 1e-9)
+        return way
+
+
+def _turned(
+    character: Character, side: str, turn: Array, positions: Array, world_rotations: Array
+) -> tuple[Array, Array]:
+    """The pose with a hand turned in its wrist."""
+    world, at, below = np.array(world_rotations), np.array(positions), list(BELOW[side])
+    free = ~np.any(turn[..., 1:], axis=-1)[..., None, None]
+    turned = rotations.multiply(turn[..., None, :], world_rotations[..., below, :])
+    world[..., below, :] = np.where(free, world_rotations[..., below, :], turned)
+    if character.alignment.native:
+        wrist = positions[..., below[:1], :]
+        moved = wrist + rotations.rotate(turn[..., None, :], positions[..., below, :] - wrist)
+        at[..., below, :] = np.where(free, positions[..., below, :], moved)
+    return at, world
 
 
 def _seen(vectors: Array, axes: Array) -> Array:

@@ -15,6 +15,7 @@ from sport.runtime.character.read import (
     STRUCTURE_ERRORS,
     GltfFile,
     buffer_view_bytes,
+    read_accessor,
     read_uri,
 )
 from sport.runtime.errors import FileError
@@ -28,6 +29,7 @@ Array = NDArray[Any]
 ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963
 _COMPONENT_TYPES = {"uint8": 5121, "uint16": 5123, "uint32": 5125, "float32": 5126}
 _ELEMENT_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+WEIGHT_ERROR = 1e-3  # of their sum: 8 bits round by as much
 _IMAGE_TYPES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 
 
@@ -61,7 +63,36 @@ class GlbBuffer:
                 (t for head, t in _IMAGE_TYPES.items() if data.startswith(head)), image.mimeType
             )
             image.bufferView, image.uri = made.add_view(data), None
+        made._normalise_weights(file)
         return made
+
+    def _normalise_weights(self, file: GltfFile) -> None:
+        """Skin weights that do not add up to one are replaced: a valid file has none, and many exporters write them."""
+        done: dict[tuple[int, ...], list[int]] = {}
+        for mesh in self.gltf.meshes or []:
+            for primitive in mesh.primitives:
+                names = [
+                    n
+                    for n in ("WEIGHTS_0", "WEIGHTS_1")
+                    if getattr(primitive.attributes, n, None) is not None
+                ]
+                old = tuple(getattr(primitive.attributes, n) for n in names)
+                if not old:
+                    continue
+                if old not in done:
+                    done[old] = self._normalised(file, old)
+                for name, index in zip(names, done[old], strict=True):
+                    setattr(primitive.attributes, name, index)
+
+    def _normalised(self, file: GltfFile, indices: tuple[int, ...]) -> list[int]:
+        """Accessors of weights that add up to one: those at `indices` where they do already."""
+        sets = [read_accessor(file, index, "skin weights").astype(np.float64) for index in indices]
+        if any(values.shape != sets[0].shape for values in sets):
+            return list(indices)
+        total = sum(values.sum(axis=1, keepdims=True) for values in sets)
+        if np.all(np.abs(total - 1.0) < WEIGHT_ERROR) or np.any(total <= 0.0):
+            return list(indices)
+        return [self.add(values / total, ARRAY_BUFFER) for values in sets]
 
     def _append(self, data: bytes | memoryview) -> int:
         self._blob.extend(b"\0" * (-len(self._blob) % 4))

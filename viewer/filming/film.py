@@ -93,9 +93,7 @@ def film_frames(
     The window may step through this on its own thread and with its own renderer; `make_film` does it with a renderer
     of its own.
     """
-    see = camera or camera_path(
-        options.camera, clip, terrain, options.fps, options.width / options.height, options.distance
-    )
+    see = camera or _camera(clip, terrain, options)
     captions = Captions(options.size)
     for index in range(count_frames(clip, options.fps)):
         seconds = index / options.fps
@@ -104,6 +102,11 @@ def film_frames(
         if options.captions:
             captions.write(frame, caption(clip.prompts, seconds))
         yield frame
+
+
+def _camera(clip: Clip, terrain: Terrain, options: FilmOptions, height: float = 0.0) -> CameraPath:
+    aspect = options.width / options.height
+    return camera_path(options.camera, clip, terrain, options.fps, aspect, options.distance, height)
 
 
 def make_film(
@@ -127,6 +130,8 @@ def make_film(
     options.check()
     total = count_frames(clip, options.fps)
     check_writer(path, options.size, total)
+    if camera is None and character is not None:
+        camera = _camera(clip, terrain, options, character.height)
     try:
         with (
             open_writer(path, options.size, options.fps) as writer,

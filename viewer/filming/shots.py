@@ -20,6 +20,7 @@ Array = NDArray[np.floating]
 CameraPath = Callable[[Pose], Camera]  # called once for each frame, in their order
 
 LOOK_HEIGHT_M = 0.86  # of the point looked at, over the ground
+USUAL_HEIGHT_M = 1.9  # of characters that the shots are for; from a taller one the camera steps back
 ORBIT_SPEED = math.radians(24.0)  # per second
 MAX_PITCH = math.radians(70.0)
 CLEARANCE_M = 0.3  # of a still camera over the ground
@@ -46,24 +47,34 @@ CAMERAS = (*SHOTS, STILL)
 
 
 def camera_path(
-    name: str, clip: Clip, terrain: Terrain, fps: float, aspect: float, distance: float = 0.0
+    name: str,
+    clip: Clip,
+    terrain: Terrain,
+    fps: float,
+    aspect: float,
+    distance: float = 0.0,
+    height: float = 0.0,
 ) -> CameraPath:
-    """The camera `name` of `CAMERAS` for a clip; `distance` in metres, 0 for its usual one. UsageError lists the names."""
+    """The camera `name` of `CAMERAS` for a clip of a character of a `height`; `distance` in metres, 0 for its usual one.
+
+    UsageError lists the names.
+    """
+    size = max(1.0, height / USUAL_HEIGHT_M)
     if name == STILL:
-        camera = _still(clip, terrain, aspect, distance)
+        camera = _still(clip, terrain, aspect, distance, size)
         return lambda _: camera
     if name not in SHOTS:
         raise UsageError(f" {name[:40]}: there is no such camera.", f"Choose {', '.join(CAMERAS)}.", "camera")
-    return _moving(SHOTS[name], clip, terrain, fps, distance)
+    return _moving(SHOTS[name], clip, terrain, fps, distance, size)
 
 
-def _moving(shot: Shot, clip: Clip, terrain: Terrain, fps: float, distance: float) -> CameraPath:
+def _moving(shot: Shot, clip: Clip, terrain: Terrain, fps: float, distance: float, size: float) -> CameraPath:
     first = clip.sample(0.0)
     camera = FollowCamera(
-        looked_at(first.hips_position, terrain),
+        looked_at(first.hips_position, terrain, size),
         float(features.facing_yaw(first.positions)) + shot.turn,
         shot.pitch,
-        distance or shot.distance,
+        distance or size * shot.distance,
     )
     seconds = 0.0
 
@@ -72,23 +83,23 @@ def _moving(shot: Shot, clip: Clip, terrain: Terrain, fps: float, distance: floa
         yaw = float(features.facing_yaw(pose.positions)) + shot.turn + shot.orbit * seconds
         if shot.orbit:
             camera.yaw = yaw
-        camera.update(looked_at(pose.hips_position, terrain), 1.0 / fps, terrain=terrain, align_yaw=yaw)
+        camera.update(looked_at(pose.hips_position, terrain, size), 1.0 / fps, terrain=terrain, align_yaw=yaw)
         seconds += 1.0 / fps
         return camera
 
     return next_camera
 
 
-def _still(clip: Clip, terrain: Terrain, aspect: float, distance: float) -> Camera:
+def _still(clip: Clip, terrain: Terrain, aspect: float, distance: float, size: float) -> Camera:
     """A camera beside the way, far enough to see all of it, high enough to look over the ground between."""
     path = np.asarray(clip.hips_positions, np.float64)
     low, high = path.min(axis=0), path.max(axis=0)
-    target = looked_at(0.5 * (low + high), terrain)
+    target = looked_at(0.5 * (low + high), terrain, size)
     along = path[-1] - path[0]
     yaw = math.atan2(along[0], along[2]) + 0.5 * math.pi
     across = math.hypot(high[0] - low[0], high[2] - low[2]) + 1.6
     tangent = math.tan(FOV_Y / 2)
-    away = distance or max(across / (2.0 * tangent * aspect), 2.4 / (2.0 * tangent))
+    away = distance or max(across / (2.0 * tangent * aspect), 2.4 * size / (2.0 * tangent))
     camera = Camera(target, yaw, 0.14, away)
     while camera.pitch < MAX_PITCH and not _clear(camera, terrain):
         camera.pitch += 0.03
@@ -100,7 +111,7 @@ def _clear(camera: Camera, terrain: Terrain) -> bool:
     return bool(np.all(points[:, 1] > terrain.height(points[:, 0], points[:, 2]) + CLEARANCE_M))
 
 
-def looked_at(hips: Array, terrain: Terrain) -> Array:
-    """A point `(3,)` over the ground under the hips, so that steps do not shake the camera."""
+def looked_at(hips: Array, terrain: Terrain, size: float = 1.0) -> Array:
+    """A point `(3,)` over the ground under the hips, so that steps do not shake the camera, of a body `size` times as tall."""
     x, _, z = (float(value) for value in hips)
-    return np.array([x, float(terrain.height(x, z)) + LOOK_HEIGHT_M, z])
+    return np.array([x, float(terrain.height(x, z)) + size * LOOK_HEIGHT_M, z])

@@ -139,3 +139,16 @@ def test_six_fields_fit_into_a_window_of_the_first_start(start: Start) -> None:
     fields = [box for label, box in drawn(app) if label == "##words"]
     assert len(fields) == 6
     assert max(bottom for _, _, _, bottom in fields) <= 680 - 10
+
+
+def test_a_click_on_a_tab_counts_where_move_and_click_fall_into_one_frame(start: Start) -> None:
+    """At twenty frames a second they do; ImGui alone takes it for a click on what was under the mouse before."""
+    app = start(width=800, height=500)
+    run(app, 3)
+    clips, prompts = place(app, "Clips"), place(app, "Prompt")
+    for tab, label in ((clips, "Clips"), (prompts, "Prompt")):
+        app.window.inject_mouse(*tab, 0, True)
+        run(app, 2)
+        app.window.inject_mouse(*tab, 0, False)
+        run(app, 2)
+        assert ("##prompt A" in {full for full, _ in drawn(app)}) == (label == "Prompt")

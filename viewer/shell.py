@@ -308,7 +308,7 @@ def _tabs(panels: Sequence[_Contents]) -> None:
     if not imgui.begin_tab_bar("panels"):
         return
     for panel in panels:
-        if imgui.begin_tab_item(panel.name)[0]:
+        if widgets.tab(panel.name):
             imgui.dummy(imgui.ImVec2(0, px(2)))
             _tools(panel, top, width)
             panel.draw()

@@ -224,3 +224,20 @@ def clock(seconds: float) -> str:
     """Seconds as minutes:seconds.tenths."""
     tenths = max(round(float(f"{seconds:.1f}") * 10), 0)  # rounded as in the messages
     return f"{tenths // 600}:{tenths // 10 % 60:02d}.{tenths % 10}"
+
+
+def tab(label: str, flags: int = 0) -> bool:
+    """Begin a tab; whether it is open, and `imgui.end_tab_item` has to follow.
+
+    ImGui takes a click on a tab only where the mouse was over it in the frame before. At twenty frames a second one
+    moves there and clicks within a frame.
+    """
+    storage, key = imgui.get_state_storage(), imgui.get_id(f"{label}/clicked")
+    if storage.get_bool(key):
+        storage.set_bool(key, False)
+        flags |= imgui.TabItemFlags_.set_selected
+    is_open: bool = imgui.begin_tab_item(label, None, flags)[0]
+    over = imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_overlapped_by_item)
+    if over and not is_open and imgui.is_mouse_clicked(imgui.MouseButton_.left):
+        storage.set_bool(key, True)
+    return is_open

@@ -53,16 +53,16 @@ def draw(room: PromptRoom) -> None:
         prompting.submit_prompt(near)
     if not imgui.begin_tab_bar("prompt tabs"):
         return
-    if imgui.begin_tab_item("Body parts")[0]:
+    if widgets.tab("Body parts"):
         _scrolling("parts", lambda: parts_panel.draw(prompt, prompting))
         imgui.end_tab_item()
     blended = " •" if prompt.edit.blended else ""
     wanted = imgui.TabItemFlags_.set_selected if prompt.tab_requested == "blend" else 0
-    if imgui.begin_tab_item(f"Blend{blended}###blend", None, wanted)[0]:
+    if widgets.tab(f"Blend{blended}###blend", wanted):
         prompt.tab_requested = ""
         _scrolling("blend", lambda: blend_panel.draw(room))
         imgui.end_tab_item()
-    if imgui.begin_tab_item("Ready prompts")[0]:
+    if widgets.tab("Ready prompts"):
         _ready(room)
         imgui.end_tab_item()
     imgui.end_tab_bar()

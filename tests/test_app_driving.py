@@ -129,3 +129,15 @@ def test_no_key_of_ctrl_z_makes_the_character_duck(start: Start) -> None:
         app.window.inject_key(key, True)
         run(app)
         assert app.devices.mapper.read(app.devices.keyboard, None, 1 / 60).gait is Gait.WALK
+
+
+def test_the_status_line_says_why_the_character_does_not_go_on(start: Start) -> None:
+    app = start()
+    run(app, 2)
+    controller(app).blocked = "The way ahead is blocked: a step up of 2.0 m."
+    run(app, 3)
+    assert message(app) == "The way ahead is blocked: a step up of 2.0 m."
+    controller(app).blocked = None
+    run(app, 3)
+    current = app.state.messages.current
+    assert current is None or current.settled

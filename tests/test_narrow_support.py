@@ -7,7 +7,16 @@ from walker import walk
 from sport.runtime import rotations
 from sport.runtime.feet.foot_lock import FootLock
 from sport.runtime.feet.leg_scalar import leg_bones, leg_forward
-from sport.runtime.feet.narrow_support import FARTHEST_M, INSIDE_M, SidewaysLead, side_of_beam
+from sport.runtime.feet.narrow_support import (
+    ARMS,
+    AROUND_M,
+    FARTHEST_M,
+    INLINE_M,
+    LIFTED_M,
+    OUT,
+    SidewaysLead,
+    side_of_beam,
+)
 from sport.runtime.skeleton import SPORT_SKELETON
 from sport.runtime.terrain.library import make_terrain
 from sport.runtime.terrain.point_heights import PointHeights
@@ -46,27 +55,57 @@ def legs_of(hips, local):
     return place, tuple(leg_forward(leg_bones(k), place, local.astype(np.float64).tolist()) for k in (0, 1))
 
 
-def test_a_foot_too_far_away_is_left_where_it_is():
+def test_a_foot_beside_narrow_ground_that_it_cannot_reach_is_left_where_it_is():
     hips, local, _ = along(0.0, BEAM, 1)
-    place, legs = legs_of(hips[0], local[0])
+    place, (leg, other) = legs_of(hips[0], local[0])
     ground = PointHeights(BEAM)
-    side = side_of_beam(place, legs, ground)
+    side = side_of_beam(place, (leg, other), ground)
     assert side == pytest.approx((1.0, 0.0, 0.0), abs=0.01)
     x = 0.14 + FARTHEST_M
-    far = legs[0]._replace(toe=(x, *legs[0].toe[1:]), ankle=(x, *legs[0].ankle[1:]))
-    assert SidewaysLead().apply(far, place, side, False, ground, 1 / 60) is far
+    far = leg._replace(toe=(x, *leg.toe[1:]), ankle=(x, *leg.ankle[1:]))
+    assert SidewaysLead().apply(far, other, side, False, ground, 1 / 60) is far
 
 
-def test_the_lead_grows_smoothly_to_the_edge_and_is_kept_while_held():
+def test_the_lead_grows_smoothly_to_the_middle_and_is_kept_while_held():
     hips, local, _ = along(0.06, BEAM, 1)
     place, (leg, other) = legs_of(hips[0], local[0])
     ground = PointHeights(BEAM)
     side, lead = side_of_beam(place, (leg, other), ground), SidewaysLead()
-    ways = [lead.apply(leg, place, side, False, ground, 1 / 60).toe[0] - leg.toe[0] for _ in range(60)]
+    ways = [lead.apply(leg, other, side, False, ground, 1 / 60).toe[0] - leg.toe[0] for _ in range(60)]
     assert abs(ways[0]) < 0.01
-    assert leg.toe[0] + ways[-1] == pytest.approx(0.1 - INSIDE_M, abs=0.025)
-    held = lead.apply(leg, place, side, True, ground, 1 / 60)
+    middle = 0.5 * (leg.toe[0] + leg.ankle[0]) + ways[-1]
+    assert middle == pytest.approx(INLINE_M, abs=0.02)  # a left foot, a little to the left
+    held = lead.apply(leg, other, side, True, ground, 1 / 60)
     assert held.toe[0] - leg.toe[0] == pytest.approx(ways[-1])
+
+
+def test_a_foot_passes_the_other_one_on_its_own_side():
+    hips, local, _ = along(0.0, BEAM, 1)
+    place, (leg, other) = legs_of(hips[0], local[0])
+    ground = PointHeights(BEAM)
+    side = side_of_beam(place, (leg, other), ground)
+    z, y = other.ankle[2], other.ankle[1] + LIFTED_M
+    swings = leg._replace(ankle=(leg.ankle[0], y, z), toe=(leg.toe[0], y, z + 0.13))
+    lead = SidewaysLead(1.0)
+    for _ in range(60):
+        passed = lead.apply(swings, other, side, False, ground, 1 / 60)
+    assert 0.5 * (passed.toe[0] + passed.ankle[0]) > INLINE_M + 0.8 * AROUND_M
+
+
+def test_arms_are_held_out_on_a_beam_and_come_back():
+    hips, local, contacts = along(0.0, BEAM)
+    lock = FootLock()
+    for h, r, c in zip(hips, local, contacts, strict=True):
+        shown = lock.apply(h, r, c, BEAM, 1 / 60).local_rotations
+    assert lock.on_beam
+    turned = rotations.angle_between(shown[list(ARMS)], local[-1][list(ARMS)])
+    assert turned == pytest.approx([OUT, OUT], rel=0.05)
+    flat = make_terrain("flat")
+    for h, r, c in zip(hips, local, contacts, strict=True):
+        shown = lock.apply(h - np.array([0.0, 0.4, 0.0], np.float32), r, c, flat, 1 / 60).local_rotations
+    assert rotations.angle_between(shown[list(ARMS)], local[-1][list(ARMS)]) == pytest.approx(
+        [0.0, 0.0], abs=0.01
+    )
 
 
 @pytest.mark.parametrize("name", ["flat", "stairs", "hurdles", "gaps", "wall"])

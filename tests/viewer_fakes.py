@@ -34,6 +34,7 @@ class FakeController:
         self.fail_with: Exception | None = None
         self.answer_nan = False
         self.message = ""
+        self.blocked: str | None = None
         self.seed = 0
 
     def step(self, controls: Controls) -> Pose:

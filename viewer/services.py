@@ -33,6 +33,10 @@ class ControllerLike(Protocol):
     seed: int
 
     @property
+    def blocked(self) -> str | None:
+        """Why the character does not go on; None where it does."""
+
+    @property
     def trajectory(self) -> Any:
         """`positions` (12, 3) and `directions` (12, 2) in world space."""
 

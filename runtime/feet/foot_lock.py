@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sport.runtime.feet.carried_hips import CarriedHips
 from sport.runtime.feet.leg_scalar import leg_bones, leg_forward, leg_inverse
-from sport.runtime.feet.narrow_support import SidewaysLead, side_of_beam
+from sport.runtime.feet.narrow_support import Balance, SidewaysLead, side_of_beam
 from sport.runtime.feet.planted_foot import PlantedFoot
 from sport.runtime.feet.settings import FootLockSettings
 from sport.runtime.skeleton import SPORT_SKELETON, Skeleton
@@ -48,7 +48,9 @@ class FootLock:
         """Forget all holds and offsets."""
         self._feet = tuple(PlantedFoot(bones, self._settings) for bones in self._bones)
         self._hips = CarriedHips(self._settings)
-        self._leads = (SidewaysLead(), SidewaysLead())
+        self._leads = (SidewaysLead(1.0), SidewaysLead(-1.0))
+        self._balance = Balance()
+        self.on_beam = False
 
     @property
     def held(self) -> tuple[str, str]:
@@ -77,9 +79,10 @@ class FootLock:
         left, right = (leg_forward(foot.bones, (x, y, z), local) for foot in self._feet)
         incoming = (left, right)
         side_way = side_of_beam((x, y, z), incoming, ground)
+        self.on_beam = side_way is not None
         legs = [
-            lead.apply(leg, (x, y, z), side_way, bool(foot.anchor), ground, dt)
-            for lead, leg, foot in zip(self._leads, incoming, self._feet, strict=True)
+            lead.apply(leg, other, side_way, bool(foot.anchor), ground, dt)
+            for lead, leg, other, foot in zip(self._leads, incoming, incoming[::-1], self._feet, strict=True)
         ]
         for side, (foot, leg) in enumerate(zip(self._feet, legs, strict=True)):
             foot.observe(leg, chances[2 * side], chances[2 * side + 1], ground, dt)
@@ -87,10 +90,24 @@ class FootLock:
             foot.plant(leg, drop, ground, dt)
         self._hips.carry(legs, self._feet, dt)
         drop = -self._hips.offset
-        result = np.array(local_rotations, copy=True)
+        result = np.array(self._balance.apply(local_rotations, self.on_beam, dt), copy=True)
         for foot, led, leg in zip(self._feet, legs, incoming, strict=True):
             first = foot.bones.joints[1]
             target = foot.within_reach(led, drop, ground)
             result[first : first + 3] = leg_inverse(leg, target, foot.rotation, drop)
         hips = np.array([x, y - drop, z], np.asarray(hips_position).dtype)
         return FootLockResult(hips, result)
+
+    def take_over(self, shown: tuple[Array, Array], incoming: tuple[Array, Array]) -> None:
+        """Go on from a pose that was shown in place of the incoming one: what they differ by fades like any offset.
+
+        Both are hips `(3,)` and local rotations `(31, 4)`.
+        """
+        self.reset()
+        for foot in self._feet:
+            now, leg = (
+                leg_forward(foot.bones, (x, y, z), np.asarray(local, np.float64).tolist())
+                for (x, y, z), local in (shown, incoming)
+            )
+            foot.adopt(now, leg)
+        self._hips.offset = self._hips._carried = float(shown[0][1] - incoming[0][1])

@@ -1,53 +1,87 @@
-"""Feet on a beam: a foot that would come down beside high, narrow ground is led sideways onto it while it swings."""
+"""Feet on a beam: on high, narrow ground feet are led sideways onto its middle, around each other, and arms go out."""
 
 from __future__ import annotations
 
-from math import sqrt
+from math import exp, sqrt
 
-from sport.runtime.feet.leg_scalar import LegPose, Vector, add, damp, dot, subtract
+import numpy as np
+from numpy.typing import NDArray
+
+from sport.runtime import rotations
+from sport.runtime.feet.leg_scalar import LegPose, Vector, add, damp, dot, scale, subtract
+from sport.runtime.skeleton import SPORT_SKELETON
 from sport.runtime.terrain.point_heights import PointHeights
 
-DROP_M = 0.12  # that the ground beside must be lower than under the hips: less is a step, which a foot takes
-LEVEL_M = 0.06  # and that the ground led to may be lower
+Array = NDArray[np.floating]
+
+DROP_M = 0.12  # that the ground beside must be lower than a beam: less is a step, which a foot takes
+LEVEL_M = 0.06  # that the ground of a beam may differ across it
 BESIDE_M = 0.35  # on both sides of the hips the ground is low,
 ALONG_M = 0.2  # and before and behind them it is high: no hurdle, no step, no wall
-FARTHEST_M = 0.16  # that a foot is led
-SPACING_M = 0.02
-INSIDE_M = 0.02  # farther onto it than its edge
+FARTHEST_M = 0.3  # that a foot is led
+SCAN_M = 0.45  # to both sides
+SPACING_M = 0.025
+INLINE_M = 0.02  # from the middle, to its own side, a foot is put down
+AROUND_M = 0.08  # farther out it passes the other foot,
+PASSES_M = 0.25  # while it is so near to it along the way
+LIFTED_M = 0.06  # and so high
 HALFLIFE_S = 0.06
 NOTHING: Vector = (0.0, 0.0, 0.0)
 
+ARMS = (SPORT_SKELETON.index("LeftArm"), SPORT_SKELETON.index("RightArm"))
+OUT = 0.5  # radians that the arms are held out,
+OUT_HALFLIFE_S = 0.25  # in about twice so long
+
 
 def side_of_beam(hips: Vector, legs: tuple[LegPose, LegPose], ground: PointHeights) -> Vector | None:
-    """Unit vector to the left where the hips are over ground as narrow as a beam; None elsewhere."""
+    """Unit vector to the left where the character is on ground as narrow as a beam; None elsewhere."""
     across = subtract(legs[0].hip, legs[1].hip)
     size = sqrt(across[0] * across[0] + across[2] * across[2])
     if size < 1e-3:
         return None
     side = (across[0] / size, 0.0, across[2] / size)
-    top = ground.height(hips[0], hips[2])
+    top = max(ground.height(p[0], p[2]) for p in (hips, legs[0].toe, legs[1].toe))
     for sign in (BESIDE_M, -BESIDE_M):
         if ground.height(hips[0] + sign * side[0], hips[2] + sign * side[2]) > top - DROP_M:
             return None
+    middle = _to_middle(hips, side, ground)
+    if middle is None:
+        return None
+    over = add(hips, scale(side, middle))
+    top = ground.height(over[0], over[2])
     for sign in (ALONG_M, -ALONG_M):
-        if ground.height(hips[0] - sign * side[2], hips[2] + sign * side[0]) < top - DROP_M:
+        if ground.height(over[0] - sign * side[2], over[2] + sign * side[0]) < top - DROP_M:
             return None
     return side
+
+
+def _to_middle(point: Vector, side: Vector, ground: PointHeights) -> float | None:
+    """Metres along `side` from a point to the middle of the highest ground there; None where it goes on to either side."""
+    count = round(SCAN_M / SPACING_M)
+    ways = [SPACING_M * k for k in range(-count, count + 1)]
+    heights = [ground.height(point[0] + way * side[0], point[2] + way * side[2]) for way in ways]
+    top = max(heights)
+    high = [way for way, height in zip(ways, heights, strict=True) if height > top - LEVEL_M]
+    if max(heights[0], heights[-1]) > top - DROP_M:
+        return None
+    way = 0.5 * (high[0] + high[-1])
+    return way if abs(way) <= FARTHEST_M else None
 
 
 class SidewaysLead:
     """How far one foot is led sideways, from frame to frame."""
 
-    def __init__(self) -> None:
+    def __init__(self, sign: float = 1.0) -> None:
+        self._sign = sign  # 1 left, -1 right
         self.offset: Vector = NOTHING
         self.velocity: Vector = NOTHING
 
     def apply(
-        self, leg: LegPose, hips: Vector, side: Vector | None, held: bool, ground: PointHeights, dt: float
+        self, leg: LegPose, other: LegPose, side: Vector | None, held: bool, ground: PointHeights, dt: float
     ) -> LegPose:
         """The leg with its toe and ankle led along `side` (see `side_of_beam`); a held foot keeps its lead."""
         if not held:
-            goal = NOTHING if side is None else _lead(leg, hips, side, ground)
+            goal = NOTHING if side is None else self._lead(leg, other, side, ground)
             if goal == NOTHING == self.offset:
                 return leg
             x, vx = damp(self.offset[0], self.velocity[0], goal[0], HALFLIFE_S, dt)
@@ -59,17 +93,33 @@ class SidewaysLead:
             return leg
         return leg._replace(toe=add(leg.toe, self.offset), ankle=add(leg.ankle, self.offset))
 
+    def _lead(self, leg: LegPose, other: LegPose, side: Vector, ground: PointHeights) -> Vector:
+        """The way (m) that brings the foot's middle onto that of the beam, and around the other foot while it passes."""
+        middle = scale(add(leg.toe, leg.ankle), 0.5)
+        way = _to_middle(middle, side, ground)
+        if way is None:
+            return NOTHING
+        forward = (-side[2], 0.0, side[0])
+        near = 1.0 - (dot(forward, subtract(leg.ankle, other.ankle)) / PASSES_M) ** 2
+        lifted = (leg.ankle[1] - other.ankle[1]) / LIFTED_M
+        around = AROUND_M * max(near, 0.0) * min(max(lifted, 0.0), 1.0)
+        return scale(side, way + self._sign * (INLINE_M + around))
 
-def _lead(leg: LegPose, hips: Vector, side: Vector, ground: PointHeights) -> Vector:
-    """The way (m) that brings both ends of a foot over the ground that carries the hips; nothing where it is too far."""
-    top = ground.height(hips[0], hips[2])
-    ends = (leg.toe, leg.ankle)
-    if min(ground.height(p[0], p[2]) for p in ends) > top - DROP_M:
-        return NOTHING
-    sign = 1.0 if dot(side, subtract(hips, leg.ankle)) > 0.0 else -1.0
-    for step in range(1, round(FARTHEST_M / SPACING_M) + 1):
-        way = sign * step * SPACING_M
-        if all(ground.height(p[0] + way * side[0], p[2] + way * side[2]) > top - LEVEL_M for p in ends):
-            way += sign * INSIDE_M
-            return (way * side[0], 0.0, way * side[2])
-    return NOTHING
+
+class Balance:
+    """Arms that are held out on a beam, from frame to frame."""
+
+    def __init__(self) -> None:
+        self.share = 0.0
+
+    def apply(self, local: Array, on_beam: bool, dt: float) -> Array:
+        """Local rotations `(31, 4)` with the upper arms turned out by what is reached of `OUT`."""
+        self.share += (float(on_beam) - self.share) * (1.0 - exp(-0.693 * dt / OUT_HALFLIFE_S))
+        if self.share < 1e-3:
+            self.share = 0.0
+            return local
+        result = np.array(local, np.float64)
+        angle = OUT * self.share * np.array([1.0, -1.0])  # about the way ahead, as the chest faces
+        turn = rotations.from_axis_angle(np.tile([0.0, 0.0, 1.0], (2, 1)), angle)
+        result[list(ARMS)] = rotations.multiply(turn, result[list(ARMS)])
+        return result.astype(local.dtype)

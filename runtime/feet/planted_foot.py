@@ -81,6 +81,13 @@ class PlantedFoot:
         self.toe_down = self._in_contact(self.toe_down, toe, self.heights[0], self.velocity)
         self.heel_down = self._in_contact(self.heel_down, heel, self.heights[1], ankle_velocity)
 
+    def adopt(self, shown: LegPose, leg: LegPose) -> None:
+        """Begin from a foot as it was shown, where `leg` came in."""
+        self.incoming = (leg.toe, leg.ankle)
+        self.toe, self.ankle, self.rotation = shown.toe, shown.ankle, shown.foot
+        self.offset = subtract(shown.toe, leg.toe)
+        self.tilt = to_vector(multiply(shown.foot, inverse(leg.foot)))
+
     def _in_contact(self, was: bool, chance: float, height: float, velocity: Vector) -> bool:
         s = self.settings
         speed = sqrt(velocity[0] * velocity[0] + velocity[2] * velocity[2])

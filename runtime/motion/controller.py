@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sport.runtime import rotations
 from sport.runtime.controls import Controls, Gait
+from sport.runtime.crossing.crossing import Crossing
 from sport.runtime.errors import UsageError
 from sport.runtime.feet.foot_lock import FootLock
 from sport.runtime.motion import features
@@ -27,7 +28,7 @@ from sport.runtime.motion.trajectory import PRESENT, Trajectory, TrajectoryView,
 from sport.runtime.pose import Pose
 from sport.runtime.skeleton import SPORT_SKELETON
 from sport.runtime.terrain.height_map import Terrain
-from sport.runtime.terrain.obstacles import blocked_message, step_ahead, within_steps
+from sport.runtime.terrain.obstacles import within_steps
 
 Array = NDArray[np.floating]
 log = logging.getLogger("sport.controller")
@@ -41,11 +42,7 @@ JUMP_SECONDS = 0.7
 # what the regulator leaves of a difference in speed is taken up by longer or shorter strides, this much at most
 STRIDE_WARP = (0.65, 1.25)
 SETTLE_SECONDS = 2.0
-STOP_M = 0.5  # from ground that nobody can walk on the root stops,
 FASTEST_LIFT = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
-HALF_BODY_M = 0.25  # no root comes nearer
-STOP_SECONDS = 0.45  # and as much farther as it covers in this time
-HOLD_M = 0.5  # it sets off again where the way is free this much farther: else it stops and starts in turn
 SPEED_HALF_LIFE = 0.25  # seconds, smoothing of the measured speed (a stride speeds up and slows down)
 
 
@@ -79,7 +76,6 @@ class Controller:
         self.temperature = temperature
         self.seed = seed
         self.foot_lock_enabled = True
-        self.blocked: str | None = None  # why the character does not go on, for the status line
         self.message = ""  # the network's fault in this frame, for the status line
         self._foot_lock = FootLock(SPORT_SKELETON)
         self._stall = Stall()
@@ -87,6 +83,7 @@ class Controller:
         self._rest = RestRhythm()
         self._regulator = SpeedRegulator()
         self._arms = Inertialization()
+        self._crossing = Crossing()
         self._to: Array | StyleMix = model.neutral
         self._style = self._from_style = self._to_style = self._folder.fold(self._to)
         self._blend, self._blend_seconds = 1.0, 0.0
@@ -110,6 +107,7 @@ class Controller:
         self._stride.reset()
         self._rest.reset()
         self._arms.reset()
+        self._crossing.reset()
         self._ground = float(self.terrain.height(x, z))
         self.pose = self._pose(y, np.zeros(4))
         return self.pose
@@ -163,10 +161,10 @@ class Controller:
         return self.pose
 
     def set_terrain(self, terrain: Terrain) -> None:
-        """Stand on another ground; the character stays where it is in X and Z."""
+        """Stand on another ground; the character stays where it is in X and Z, and crosses nothing."""
         self.terrain = terrain
-        root = self._trajectory.xz[PRESENT]
-        self._ground = float(terrain.height(root[0], root[1]))
+        self._ground = float(terrain.height(*self._trajectory.here))
+        self._crossing.reset()
         self._foot_lock.reset()
 
     @property
@@ -181,16 +179,23 @@ class Controller:
 
     @property
     def unlocked(self) -> tuple[Array, Array]:
-        """Hips `(3,)` and local rotations `(31, 4)` before foot lock: the network's, arms inertialised in a blend."""
+        """Hips `(3,)` and local rotations `(31, 4)` before foot lock: the network's, arms inertialised in a blend, or keyed."""
         return self._unlocked
+
+    @property
+    def blocked(self) -> str | None:
+        """Why the character does not go on, for the status line."""
+        return self._crossing.reason
+
+    @property
+    def crossing(self) -> str:
+        """What is being crossed by keyed motion: "bar", "gap", "up", "down", "climb", "descend"; else ""."""
+        return self._crossing.kind
 
     @property
     def trajectory(self) -> TrajectoryView:
         """The 12 samples, laid on the terrain."""
-        index = self._trajectory.samples
-        xz = self._trajectory.xz[index]
-        height = self.terrain.height(xz[:, 0], xz[:, 1])
-        return TrajectoryView(np.stack([xz[:, 0], height, xz[:, 1]], -1), self._trajectory.directions[index])
+        return self._trajectory.view(self.terrain)
 
     def step(self, controls: Controls) -> Pose:
         """Simulate 1/60 s. A fault of the network sets the character back to standing, and `message` for this frame."""
@@ -204,10 +209,9 @@ class Controller:
         y = split_output(y_flat[0].astype(np.float64))
         self._ground = ground
         self.pose = self._pose(y, np.clip(y.contacts, 0.0, 1.0))
+        self._cross()
         self._feed_back(y)
         return self.pose
-
-    # -- one frame, in order -------------------------------------------------------------------------------------
 
     def _set_back(self) -> Pose:
         """Stand again after a fault of the network."""
@@ -217,10 +221,9 @@ class Controller:
         return self.reset(float(root[0]), float(root[2]), self.pose.root_yaw)
 
     def _advance_style(self) -> None:
-        if self._blend >= 1.0:
-            return
-        self._blend = min(1.0, self._blend + DT / self._blend_seconds)
-        self._mix_styles()
+        if self._blend < 1.0:
+            self._blend = min(1.0, self._blend + DT / self._blend_seconds)
+            self._mix_styles()
 
     def _mix_styles(self) -> None:
         t = self._blend * self._blend * (3 - 2 * self._blend)
@@ -238,10 +241,8 @@ class Controller:
             move, amount = move / amount, 1.0
         speed = self.full_speed(controls.gait)
         velocity: Array = move * speed
-        if clear:
-            self.blocked = None
-        else:
-            velocity, amount = self._stopped(velocity, amount)
+        if self._stopped(velocity, clear):
+            velocity, amount = np.zeros(2), 0.0
         self.requested_speed = amount * speed
         moving = self.requested_speed > STAND_SPEED
         if moving:
@@ -260,25 +261,19 @@ class Controller:
         one_hot = np.zeros(GAITS)
         one_hot[gait] = 1.0
         facing = None
-        if controls.facing is not None:
+        if self._crossing.facing is not None:
+            facing = self._crossing.facing
+        elif controls.facing is not None:
             facing = float(np.arctan2(*controls.facing))
         elif moving:
             facing = float(np.arctan2(*velocity))
         return velocity, facing, one_hot
 
-    def _stopped(self, velocity: Array, amount: float) -> tuple[Array, float]:
-        """Velocity (m/s) and share of the stick, both zero before ground that nobody can walk on."""
-        held, self.blocked = self.blocked is not None, None
-        speed = float(np.linalg.norm(velocity))
-        if speed <= STAND_SPEED:
-            return velocity, amount
-        x, z = self._trajectory.xz[PRESENT]
-        reach = STOP_M + STOP_SECONDS * self._measured_speed + HOLD_M * held
-        distance, rise = step_ahead(self.terrain, float(x), float(z), velocity / speed, reach)
-        if distance > reach:
-            return velocity, amount
-        self.blocked = blocked_message(rise)
-        return np.zeros(2), 0.0
+    def _stopped(self, velocity: Array, clear: bool) -> bool:
+        """Whether the root does not follow the stick: before ground that nobody can walk on, and while it climbs."""
+        level = clear or self._foot_lock.on_beam  # a glance beside a beam would see a drop
+        ground = None if level else self.terrain
+        return self._crossing.look(ground, self._trajectory.here, velocity, self._measured_speed)
 
     def _input(self) -> tuple[Array, float]:
         t = self._trajectory
@@ -287,6 +282,7 @@ class Controller:
         points = features.height_points(positions, directions)
         ground = self.terrain.height(points[..., 0], points[..., 1]).astype(np.float64)
         heights = within_steps(ground, features.L // 2)
+        heights = self._crossing.seen(points, heights, features.L // 2)
         parts = InputParts(
             root_position=t.xz[PRESENT],
             root_yaw=t.yaw[PRESENT],
@@ -317,10 +313,7 @@ class Controller:
         local = SPORT_SKELETON.local_rotations(world)
         hips = features.to_world(y.joint_positions[0], yaw) + np.array([xz[0], self._ground, xz[1]])
         local = self._arms.apply(local, self._blend < 1.0)
-        self._unlocked = (hips, local)
-        if self.foot_lock_enabled:
-            locked = self._foot_lock.apply(hips, local, contacts, self.terrain, DT)
-            hips, local = locked.hips_position, locked.local_rotations
+        hips, local, contacts = self._planted(hips, local, contacts)
         positions, world = SPORT_SKELETON.forward_kinematics(hips, np.asarray(local))
         root = np.array([xz[0], float(self.terrain.height(xz[0], xz[1])), xz[1]], np.float32)
         return Pose(
@@ -333,6 +326,27 @@ class Controller:
             float(yaw),
         )
 
+    def _planted(self, hips: Array, local: Array, contacts: Array) -> tuple[Array, Array, Array]:
+        """Hips, local rotations and contacts to show for the network's: crossing an obstacle, or with planted feet."""
+        self._network_pose = self._unlocked = (hips, local)
+        if self._crossing.kind:
+            hips, local, contacts = self._crossing.apply(hips, local, self._ground, self.pose)
+            self._unlocked = (hips, local)
+        elif self.foot_lock_enabled:
+            locked = self._foot_lock.apply(hips, local, contacts, self.terrain, DT)
+            hips, local = locked.hips_position, locked.local_rotations
+        return hips, local, contacts
+
+    def _cross(self) -> None:
+        """End a crossing, or begin one from the pose just shown."""
+        if self._crossing.kind:
+            if self._crossing.ends():
+                self._foot_lock.take_over(self._unlocked, self._network_pose)
+            return
+        held = self._foot_lock.held if self.foot_lock_enabled else tuple(self.pose.contacts[[1, 3]] > 0.5)
+        ground = float(self.pose.root_position[1])
+        self._crossing.watch(self.pose, held, ground, self._measured_speed, self._style.walk_speed)
+
     def _feed_back(self, y: features.OutputParts) -> None:
         """Next frame's state: the network's own pose on the fixed skeleton, before foot lock.
 
@@ -341,7 +355,7 @@ class Controller:
         """
         t, body = self._trajectory, self._body
         yaw = t.yaw[PRESENT]
-        positions, _ = SPORT_SKELETON.forward_kinematics(*self._unlocked)
+        positions, _ = SPORT_SKELETON.forward_kinematics(*self._network_pose)
         body.joints = features.relative_joints(
             positions, t.xz[PRESENT], np.array(self._ground), np.array(yaw)
         )
@@ -365,12 +379,15 @@ class Controller:
 
     def _root_velocity(self, velocity: Array, contacts: Array, clear: bool = False) -> Array:
         """The velocity (m/s) that the root takes of the network's; `clear` where no step is known to lie ahead."""
-        velocity = self._calmed(velocity)
+        standing = float(self._trajectory.gait[PRESENT, Gait.STAND])
+        velocity = velocity * (1.0 - standing**4)  # damped, so that idle characters do not creep
         self._root_speed = float(np.linalg.norm(velocity))
         self._measured_speed += (self._root_speed - self._measured_speed) * (1 - decay(SPEED_HALF_LIFE))
         self._stride.update(self._body.joints, contacts, self._measured_speed)
-        velocity = velocity * self._stride_warp()
-        return velocity if clear else self._held_back(velocity)
+        if self._crossing.kind:
+            return self._crossing.root_velocity()
+        velocity = velocity * self._stride_warp() * self._crossing.pace
+        return velocity if clear else self._crossing.held_back(self.terrain, self._trajectory.here, velocity)
 
     def _gait_speed(self) -> float:
         """The speed at which feet should be stepping, m/s: 0 at rest, in a jump, and while the root has not set off."""
@@ -381,18 +398,3 @@ class Controller:
         """Scale of the root's displacement towards the requested speed; the foot lock keeps the feet planted."""
         walks = self._measured_speed > 0.5 * self.requested_speed > 0.5 * STAND_SPEED
         return float(np.clip(self.requested_speed / self._measured_speed, *STRIDE_WARP)) if walks else 1.0
-
-    def _held_back(self, velocity: Array) -> Array:
-        """The root's velocity (m/s), zero where the next of it would be a step that nobody can take."""
-        speed = float(np.linalg.norm(velocity))
-        if speed < 1e-6:
-            return velocity
-        x, z = self._trajectory.xz[PRESENT]
-        reach = speed * DT + HALF_BODY_M
-        distance, _ = step_ahead(self.terrain, float(x), float(z), velocity / speed, reach)
-        return velocity if distance > reach else np.zeros(2)
-
-    def _calmed(self, velocity: Array) -> Array:
-        """The network's root velocity; standing still, it is damped so that idle characters do not creep."""
-        standing = float(self._trajectory.gait[PRESENT, Gait.STAND])
-        return velocity * (1.0 - standing**4)

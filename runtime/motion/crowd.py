@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from sport.runtime import rotations
 from sport.runtime.controls import Controls
+from sport.runtime.crossing.crossing import HALF_BODY_M, LOOK_M, STOP_SECONDS
 from sport.runtime.errors import UsageError
 from sport.runtime.motion import features
-from sport.runtime.motion.controller import DT, HALF_BODY_M, STOP_M, STOP_SECONDS, Controller
+from sport.runtime.motion.controller import DT, Controller
 from sport.runtime.motion.features import OUTPUT_SIZE, InputParts, OutputParts, split_output
 from sport.runtime.motion.phase import advance_phase
 from sport.runtime.motion.trajectory import PRESENT, advance, bend
@@ -25,6 +26,7 @@ from sport.runtime.pose import Pose
 from sport.runtime.skeleton import SPORT_SKELETON
 from sport.runtime.terrain.height_map import Terrain
 from sport.runtime.terrain.obstacles import level_ahead, within_steps
+from sport.runtime.terrain.way_ahead import EDGE_M
 
 Array = NDArray[np.floating]
 
@@ -70,12 +72,13 @@ class Crowd:
             member._ground = member._lifted(ground)
         split = split_output(y.astype(np.float64))
         poses = self._poses(split, parts)
-        self._feed_back(split, parts)
-        for i, (member, is_sound) in enumerate(zip(self.members, sound.tolist(), strict=True)):
+        for member, pose, is_sound in zip(self.members, poses, sound.tolist(), strict=True):
             if is_sound:
-                member.pose = poses[i]
-            else:
-                poses[i] = member._set_back()  # to where its last pose stood
+                member.pose = pose
+                member._cross()
+        self._feed_back(split, parts)
+        for i in np.flatnonzero(~sound).tolist():
+            poses[i] = self.members[i]._set_back()  # to where its last pose stood
         return poses
 
     # -- one frame, in order: as in Controller -------------------------------------------------------------------
@@ -84,10 +87,12 @@ class Crowd:
         members = self.members
         direction: Array = np.array(controls.move, np.float64)
         direction = np.tile(direction / max(float(np.linalg.norm(direction)), 1e-9), (len(members), 1))
-        reach = np.array([STOP_M + STOP_SECONDS * m._measured_speed for m in members])
+        reach = np.array([LOOK_M + STOP_SECONDS * m._measured_speed for m in members])
         here = np.array([m._trajectory.xz[PRESENT] for m in members])
         gaits = []
-        for member, clear in zip(members, level_ahead(self.terrain, here, direction, reach), strict=True):
+        for member, clear in zip(
+            members, level_ahead(self.terrain, here, direction, reach, EDGE_M), strict=True
+        ):
             member.message = ""
             member._advance_style()
             velocity, facing, gait = member._asked(controls, bool(clear))
@@ -117,7 +122,13 @@ class Crowd:
         directions = np.stack([np.sin(yaw), np.cos(yaw)], axis=-1)[:, index]
         points = features.height_points(xz[:, index], directions)
         heights = self.terrain.height(points[..., 0], points[..., 1]).astype(np.float64)
-        heights = np.array([within_steps(each, features.L // 2) for each in heights])
+        present = features.L // 2
+        heights = np.array(
+            [
+                member._crossing.seen(place, within_steps(each, present), present)
+                for member, place, each in zip(self.members, points, heights, strict=True)
+            ]
+        )
         bodies = [member._body for member in self.members]
         parts = InputParts(
             root_position=xz[:, PRESENT],
@@ -157,11 +168,7 @@ class Crowd:
         shown_hips, shown_local = np.empty_like(hips), np.empty_like(local)
         for i, member in enumerate(members):
             local[i] = member._arms.apply(local[i], member._blend < 1.0)
-            member._unlocked = (hips[i], local[i])
-            shown_hips[i], shown_local[i] = hips[i], local[i]
-            if member.foot_lock_enabled:
-                locked = member._foot_lock.apply(hips[i], local[i], contacts[i], self.terrain, DT)
-                shown_hips[i], shown_local[i] = locked.hips_position, locked.local_rotations
+            shown_hips[i], shown_local[i], contacts[i] = member._planted(hips[i], local[i], contacts[i])
         positions, world = SPORT_SKELETON.forward_kinematics(shown_hips, shown_local)
         height = self.terrain.height(root[:, 0], root[:, 1])
         arrays = (shown_hips, shown_local, positions, world, contacts, np.insert(root, 1, height, axis=1))
@@ -170,7 +177,7 @@ class Crowd:
 
     def _feed_back(self, y: OutputParts, x: InputParts) -> None:
         members, root, yaw = self.members, x.root_position, x.root_yaw
-        unlocked = [np.array(each) for each in zip(*(m._unlocked for m in members), strict=True)]
+        unlocked = [np.array(each) for each in zip(*(m._network_pose for m in members), strict=True)]
         positions, _ = SPORT_SKELETON.forward_kinematics(*unlocked)
         ground = np.array([m._ground for m in members])
         joints = features.relative_joints(positions, root, ground, yaw)

@@ -37,6 +37,7 @@ RENAMED = {
     "wished_yaw": "requested_yaw",
     "asked_speed": "requested_speed",
 }  # attributes that files of earlier releases name otherwise
+GONE = {"blocked"}  # attributes of earlier releases that nothing holds any more
 REMEDY = "Record the take again with this model."
 Tree = dict[str, Any]
 
@@ -229,7 +230,7 @@ def _unpacked(value: Any, arrays: dict[str, np.ndarray]) -> Any:
     if not isinstance(value, dict):
         return value
     if "d" in value:
-        return {RENAMED.get(k, k): _unpacked(v, arrays) for k, v in value["d"].items()}
+        return {RENAMED.get(k, k): _unpacked(v, arrays) for k, v in value["d"].items() if k not in GONE}
     if "t" in value:
         return tuple(_unpacked(v, arrays) for v in value["t"])
     for name, record in VALUES.items():

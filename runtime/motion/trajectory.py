@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sport.runtime.motion import features
 from sport.runtime.motion.features import FPS, GAITS, TRAJECTORY_OFFSETS
+from sport.runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 
@@ -61,9 +62,21 @@ class Trajectory:
         self.requested_yaw = float(yaw)
 
     @property
+    def here(self) -> Array:
+        """XZ of the root in this frame."""
+        result: Array = self.xz[PRESENT]
+        return result
+
+    @property
     def samples(self) -> NDArray[np.integer]:
         """Indices of the network's 12 samples."""
         return TRAJECTORY_OFFSETS + PRESENT
+
+    def view(self, terrain: Terrain) -> TrajectoryView:
+        """The 12 samples, laid on the terrain."""
+        xz = self.xz[self.samples]
+        height = terrain.height(xz[:, 0], xz[:, 1])
+        return TrajectoryView(np.stack([xz[:, 0], height, xz[:, 1]], -1), self.directions[self.samples])
 
     @property
     def directions(self) -> Array:

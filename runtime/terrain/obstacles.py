@@ -42,8 +42,10 @@ def step_ahead(terrain: Terrain, x: float, z: float, direction: Array, reach_m: 
     return distance, float(rise[np.argmax(np.abs(rise))])
 
 
-def level_ahead(terrain: Terrain, places: Array, directions: Array, reach_m: Array) -> NDArray[np.bool_]:
-    """Whether `step_ahead` can find nothing from places `(N, 2)` (XZ) on the ways `(N, 2)`, within `reach_m` `(N,)`.
+def level_ahead(
+    terrain: Terrain, places: Array, directions: Array, reach_m: Array, rise_m: float = _SURELY_NO_STEP_M
+) -> NDArray[np.bool_]:
+    """Whether nothing rises or falls by `rise_m` from places `(N, 2)` (XZ) on the ways `(N, 2)`, within `reach_m` `(N,)`.
 
     The whole strip differs by less than a step, which is known at a fraction of the time for many walkers at once.
     """
@@ -52,7 +54,7 @@ def level_ahead(terrain: Terrain, places: Array, directions: Array, reach_m: Arr
     across = np.array([-HALF_WIDTH_M, 0.0, HALF_WIDTH_M])[:, None]
     (x, z), (dx, dz) = (np.moveaxis(pairs, -1, 0)[..., None, None] for pairs in (places, directions))
     heights = terrain.height(x + along * dx - across * dz, z + along * dz + across * dx)
-    return np.asarray(np.ptp(heights, axis=(1, 2)) < _SURELY_NO_STEP_M)
+    return np.asarray(np.ptp(heights, axis=(1, 2)) < rise_m)
 
 
 def within_steps(heights: Array, present: int) -> Array:

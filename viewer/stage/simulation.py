@@ -91,6 +91,11 @@ class Simulation:
         """Whether the model failed so often that it is no longer asked."""
         return self._failures >= MAX_FAILURES
 
+    @property
+    def blocked(self) -> str | None:
+        """Why the character does not go on, as the status line says it."""
+        return None if self.controller is None else self.controller.blocked
+
     def use(self, controller: ControllerLike) -> None:
         """Take another controller; it starts where the character stands."""
         self.controller = controller

@@ -31,7 +31,7 @@ from sport.viewer.stage.simulation import Simulation
 from sport.viewer.stage.state import StageState
 from sport.viewer.stage.views import VIEWS, start_yaw
 
-SIMULATION = "simulation"  # topic of its messages
+SIMULATION, WAY = "simulation", "way"  # topics of messages
 SLOW_FPS, SLOW_SECONDS = 20.0, 5.0  # fewer frames a second for so long, and automatic quality goes down
 
 
@@ -118,6 +118,10 @@ class Stage:
             self.messages.error(simulation.problem, SIMULATION)
         elif poses:
             self.messages.settle(SIMULATION)
+            if simulation.blocked:
+                self.messages.warn(simulation.blocked, WAY)
+            else:
+                self.messages.settle(WAY)
         return poses
 
     def led(self, own: Controls, dt: float) -> Controls:

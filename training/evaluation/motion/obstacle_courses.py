@@ -26,7 +26,7 @@ from sport.training.evaluation.motion.soak import FROZEN_SHARE
 Array = NDArray[np.floating]
 
 BEYOND_M = 1.5  # behind the last obstacle the run is over
-SPARE_S = 12.0  # that a run may take longer than the way at full stick
+SPARE_S = 25.0  # that a run may take longer than the way at full stick
 STAND_S = 1.0  # at the start mark
 
 
@@ -87,7 +87,7 @@ def run_obstacles(
         pose = recorder.step(Controls((float(ahead[0]), float(ahead[1])), gait=gait))
         roots.append(pose.root_position[[0, 2]])
         speeds.append(controller.requested_speed)
-        keyed += int(bool(getattr(controller, "keyed", None)))
+        keyed += int(bool(controller.crossing))
         if controller.blocked:
             blocked.add(controller.blocked)
         if pose.root_position[2] > end:

@@ -1,0 +1,1 @@
+"""Obstacles that are crossed by keyed motion: bars, gaps, walls, drops."""

@@ -1,0 +1,313 @@
+"""How one character crosses obstacles: what lies ahead, when a keyed crossing begins, and its poses until it ends.
+
+Over bars, gaps and low steps the legs follow a plan for one stride (`leap`) while the network goes on. Before a wall or a
+deep drop the character stops, and climbs (`climb`). The crossing's frame is that of its obstacle: z along the way, 0 at
+the near edge; x to the left, 0 under the root; y over the ground before it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sport.runtime import rotations
+from sport.runtime.crossing.climb import Climb, Descend
+from sport.runtime.crossing.keyed_pose import CrossingPose, smooth
+from sport.runtime.crossing.leap import Leap, Stride, takeoff_m
+from sport.runtime.crossing.steps import Steps
+from sport.runtime.feet.ik import LEG_FEET
+from sport.runtime.pose import Pose
+from sport.runtime.terrain.height_map import Terrain
+from sport.runtime.terrain.obstacles import blocked_message, step_ahead
+from sport.runtime.terrain.way_ahead import Kind, Obstacle, obstacle_ahead
+
+Array = NDArray[np.floating]
+
+DT = 1.0 / 60.0
+LOOK_M = 3.0  # ahead for obstacles, beside what is covered while a character stops
+HIGHEST_LEAP_M = 0.75  # of a bar
+HIGHEST_STEP_M = 0.55  # a higher one is climbed
+HIGHEST_CLIMB_M = 1.5
+STEEPEST_GAP_M = 0.35  # that the ground behind a gap may be higher
+STAND_SPEED = 0.12  # m/s; slower requests mean standing
+STOP_M = 0.5  # from ground that nobody can walk on the root stops,
+STOP_SECONDS = 0.45  # and as much farther as it covers in this time
+HOLD_M = 0.5  # it sets off again where the way is free this much farther: else it stops and starts in turn
+HALF_BODY_M = 0.25  # no root comes nearer
+CLIMB_M = 0.42  # from the edge the root stops,
+CLIMB_SECONDS = 0.4  # and as much farther as it covers in this time
+NEAREST_M = 0.3  # it comes to a wall
+CLIMB_FROM_M, CLIMB_SPEED = 0.8, 0.3  # a climb begins nearer and slower (m/s)
+WIDEST_SKEW = 0.9  # radians from the right angle
+PACE = (0.85, 1.2)  # of the root in the steps before a leap, so that a foot comes down at its edge
+LAST_STEP = 0.65  # of a step: what is left is leapt over, more is another step
+LATEST_START = 0.55  # of a stride: when the next foot would come down beyond the edge, a leap begins so late
+TOO_LATE_M = 0.08  # a foot whose ankle stands nearer to the edge leaps no more
+BEFORE_M = 0.06  # the edge of an obstacle that the network is not to see
+FADE_S = 0.3  # in which the first pose's difference from the crossing's goes
+SLOWEST = 0.2  # m/s of a walk that leaps
+TEMPO = (0.7, 1.2)  # of a climb
+NEUTRAL_SPEED = 1.3  # m/s of a walk whose climb takes the time it is keyed for
+
+
+@lru_cache(maxsize=64)
+def _motion(kind: str, numbers: tuple[float, ...]) -> Leap | Climb | Descend:
+    """The motion that these numbers describe: made again after a snapshot is put back."""
+    if kind == "climb":
+        return Climb(*numbers)
+    if kind == "descend":
+        return Descend(*numbers)
+    length, top, beyond, start, speed, seconds, elapsed, stance, hips = numbers[:9]
+    points = np.array(numbers[9:])
+    stride = Stride(
+        start, speed, seconds, elapsed, int(stance), points[:6].reshape(2, 3), points[6:].reshape(2, 4), hips
+    )
+    return Leap(Kind(kind), length, top, beyond, stride)
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """An obstacle and the way (XZ, a unit vector) on which it lies ahead."""
+
+    obstacle: Obstacle
+    way: Array
+
+    @property
+    def blocked(self) -> str | None:
+        """What the status line says where it is neither leapt nor climbed; None where it is."""
+        return _blocked(self.obstacle)
+
+    @property
+    def stands(self) -> bool:
+        """Whether one has to stand before it: to climb, or because the way ends."""
+        return is_climb(self.obstacle) or self.blocked is not None
+
+    def too_near(self, direction: Array) -> bool:
+        """Whether a root that goes in `direction` would come into a wall that is to be climbed, or over a drop."""
+        return self.stands and self.obstacle.near < NEAREST_M and float(direction @ self.way) > 0.0
+
+
+class Crossing:
+    """State of one character; numbers and arrays only, so that a snapshot holds them."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Cross nothing."""
+        self.kind = ""  # of the crossing under way
+        self.ahead: Ahead | None = None  # what the stick leads to
+        self.reason: str | None = None  # why the character does not go on, for the status line
+        self.pace = 1.0  # of the root on its way to a leap
+        self.facing: float | None = None  # yaw in which it climbs
+        self._numbers: tuple[float, ...] = ()
+        self._time = 0.0
+        self._origin: Array = np.zeros(3)
+        self._yaw = 0.0
+        self._hips_offset: Array = np.zeros(3)
+        self._offset: Array = np.zeros((31, 3))  # rotation vectors
+        self._last_z = 0.0
+        self._steps = Steps()
+
+    @property
+    def climbing(self) -> bool:
+        """Whether it goes up or down by itself, whatever the stick says."""
+        return self.kind in ("climb", "descend")
+
+    @property
+    def motion(self) -> Leap | Climb | Descend:
+        """What is crossed by; only while there is a `kind`."""
+        return _motion(self.kind, self._numbers)
+
+    def look(self, terrain: Terrain | None, place: Array, velocity: Array, speed: float) -> bool:
+        """See what lies ahead of a root at `place` (XZ) with this requested velocity; whether it has to stop.
+
+        `speed` is the root's, m/s; `terrain` None where it is known to be level.
+        """
+        held, self.reason, self.ahead = self.reason is not None, None, None
+        asked = float(np.linalg.norm(velocity))
+        if self.climbing:
+            return True
+        if terrain is None or asked <= STAND_SPEED:
+            return False
+        x, z, way = float(place[0]), float(place[1]), velocity / asked
+        reach = STOP_M + STOP_SECONDS * speed + HOLD_M * held
+        distance, rise = step_ahead(terrain, x, z, way, reach)
+        if distance <= reach:
+            self.reason = blocked_message(rise)
+            return True
+        found = obstacle_ahead(terrain, x, z, way, LOOK_M + CLIMB_SECONDS * min(speed, 5.0))
+        if found is None:
+            return False
+        self.ahead = Ahead(found, way)
+        if not self.ahead.stands or found.near > CLIMB_M + CLIMB_SECONDS * speed + HOLD_M * held:
+            return False
+        self.reason = self.ahead.blocked
+        return True
+
+    def held_back(self, terrain: Terrain, place: Array, velocity: Array) -> Array:
+        """The root's velocity (m/s), zero where the next of it would be a step that nobody can take, or into a wall."""
+        speed = float(np.linalg.norm(velocity))
+        if speed < 1e-6:
+            return velocity
+        if self.ahead is not None and self.ahead.too_near(velocity / speed):
+            return np.zeros(2)
+        reach = speed * DT + HALF_BODY_M
+        distance, _ = step_ahead(terrain, float(place[0]), float(place[1]), velocity / speed, reach)
+        return velocity if distance > reach else np.zeros(2)
+
+    def seen(self, points: Array, heights: Array, present: int) -> Array:
+        """Heights `(12, 3)` that the network sees at `points` `(12, 3, 2)`: as if what is crossed were level ground.
+
+        It has learnt slopes and stairs; before a bar or a gap it would crouch or climb as before those.
+        """
+        if self.kind:
+            done = float(smooth(np.array(self._time / self.motion.seconds)))
+            beyond = self._numbers[0] if self.climbing else self._numbers[2]
+            return np.full_like(heights, self._origin[1] + done * beyond)
+        ahead = self.ahead
+        if ahead is None or not (is_leap(ahead.obstacle) or is_climb(ahead.obstacle)):
+            return heights
+        along = (points - points[present, 1]) @ ahead.way
+        return np.where(along > ahead.obstacle.near - BEFORE_M, heights[present, 1], heights)
+
+    def watch(
+        self, pose: Pose, held: Sequence[object], ground: float, speed: float, walk_speed: float
+    ) -> None:
+        """Begin what the obstacle ahead asks for. `held` tells which feet stand, `ground` what they stand on."""
+        steps, ahead = self._steps, self.ahead
+        came = steps.watch(pose, held, ahead.way if ahead is not None else None, self.pace)
+        if ahead is None or not is_leap(ahead.obstacle):
+            self.pace = 1.0
+            if ahead is not None and is_climb(ahead.obstacle) and ahead.blocked is None:
+                self._climb(ahead, pose, ground, speed, walk_speed)
+        elif steps.stance is not None and steps.speed > SLOWEST:
+            left = ahead.obstacle.near - steps.ankle(pose, ahead.way)
+            if left > TOO_LATE_M and self._last_step(ahead.obstacle, pose, ahead.way, left, came):
+                self._begin_leap(ahead, pose, ground)
+
+    def _last_step(self, obstacle: Obstacle, pose: Pose, way: Array, left: float, came: bool) -> bool:
+        """Whether the foot that stands `left` m before the edge is the last one there; sets the pace to the next ones."""
+        steps = self._steps
+        if came:
+            missing = left - takeoff_m(obstacle.kind, obstacle.top, steps.speed)
+            count = int(np.ceil(missing / steps.length - LAST_STEP))
+            self.pace = min(max(missing / (count * steps.length), PACE[0]), PACE[1]) if count > 0 else 1.0
+            return count <= 0
+        soon = steps.elapsed < LATEST_START * steps.seconds
+        return soon and obstacle.near - steps.next_ankle(self.pace) < 0.6 * takeoff_m(
+            obstacle.kind, obstacle.top, 0.0
+        )
+
+    def _climb(self, ahead: Ahead, pose: Pose, ground: float, speed: float, walk_speed: float) -> None:
+        """Climb where the character stands before a wall or drop, at the tempo of its style."""
+        obstacle = ahead.obstacle
+        if obstacle.near > CLIMB_FROM_M or speed > CLIMB_SPEED:
+            return
+        yaw = float(np.arctan2(ahead.way[0], ahead.way[1])) + obstacle.skew
+        near = obstacle.near * float(np.cos(obstacle.skew))
+        depth = min(obstacle.far - obstacle.near, 10.0)
+        tempo = min(max((walk_speed / NEUTRAL_SPEED) ** 0.5, TEMPO[0]), TEMPO[1])
+        kind = "climb" if obstacle.top > 0.0 else "descend"
+        self._start(kind, (obstacle.top, -near, depth, tempo), pose, yaw, near, ground)
+
+    def _begin_leap(self, ahead: Ahead, pose: Pose, ground: float) -> None:
+        obstacle, way, steps = ahead.obstacle, ahead.way, self._steps
+        yaw = float(np.arctan2(way[0], way[1]))
+        turn = rotations.from_yaw(-yaw)
+        origin = _origin(pose, way, obstacle.near, ground)
+        ankles = rotations.rotate(turn, pose.positions[LEG_FEET].astype(np.float64) - origin)
+        feet = rotations.multiply(turn, pose.world_rotations[LEG_FEET].astype(np.float64))
+        hips = float(pose.hips_position[1]) - ground
+        length = 0.0 if obstacle.kind in (Kind.UP, Kind.DOWN) else obstacle.far - obstacle.near
+        top = obstacle.top if obstacle.kind is Kind.BAR else 0.0
+        gait = (steps.speed * self.pace, steps.seconds, steps.elapsed, float(steps.stance or 0))
+        points = (*ankles.ravel().tolist(), *feet.ravel().tolist())
+        numbers = (length, top, obstacle.beyond, -obstacle.near, *gait, hips, *points)
+        self.pace = 1.0
+        self._start(obstacle.kind.value, numbers, pose, yaw, obstacle.near, ground)
+
+    def _start(
+        self, kind: str, numbers: tuple[float, ...], pose: Pose, yaw: float, near: float, ground: float
+    ) -> None:
+        way = np.array([np.sin(yaw), np.cos(yaw)])
+        self.kind, self._numbers, self._time, self._yaw = kind, tuple(float(n) for n in numbers), 0.0, yaw
+        self._origin = _origin(pose, way, near, ground)
+        self.facing = yaw if self.climbing else None
+        self._last_z = self.motion.root_z(0.0)
+        self._hips_offset = pose.hips_position.astype(np.float64)  # until the first pose tells the difference
+        self._offset = np.full((31, 3), np.inf)
+
+    def root_velocity(self) -> Array:
+        """The root's velocity (m/s, XZ) to the next frame, whose crossing time this begins."""
+        self._time += DT
+        z = self.motion.root_z(self._time)
+        speed, self._last_z = (z - self._last_z) / DT, z
+        return speed * np.array([np.sin(self._yaw), np.cos(self._yaw)])
+
+    def apply(self, hips: Array, local: Array, ground: float, last: Pose) -> tuple[Array, Array, Array]:
+        """World hips `(3,)`, local rotations and contacts to show for the network's, which stands on `ground`."""
+        local = np.array(local, np.float64)
+        turn = rotations.from_yaw(-self._yaw)
+        if not np.isfinite(self._offset).all():
+            self._offset = rotations.to_rotation_vector(
+                rotations.multiply(last.local_rotations.astype(np.float64), rotations.inverse(local))
+            )
+            over = last.hips_position.astype(np.float64) - hips
+            self._hips_offset = np.array([0.0, over[1] - (self._origin[1] - ground), 0.0])
+        fade = 1.0 - float(smooth(np.array(self._time / FADE_S)))
+        if fade > 0.0:
+            local = rotations.multiply(rotations.from_rotation_vector(fade * self._offset), local)
+            hips = hips + fade * self._hips_offset
+        placed = rotations.rotate(turn, hips - np.array([self._origin[0], ground, self._origin[2]]))
+        local[0] = rotations.multiply(turn, local[0])
+        shown: CrossingPose = self.motion.pose(self._time, placed, local)
+        back = rotations.from_yaw(self._yaw)
+        result = np.array(shown.local)
+        result[0] = rotations.multiply(back, result[0])
+        return rotations.rotate(back, shown.hips) + self._origin, result, shown.contacts
+
+    def ends(self) -> bool:
+        """Whether the frame just shown was the crossing's last; it is over then."""
+        if self._time < self.motion.seconds - 0.5 * DT:
+            return False
+        motion, steps = self.motion, self._steps
+        self.reset()
+        if isinstance(motion, Leap):
+            self._steps = steps
+            steps.after_leap(motion.stride.stance)
+        return True
+
+
+def is_leap(obstacle: Obstacle) -> bool:
+    """Whether it is crossed in one stride."""
+    if obstacle.kind is Kind.BAR:
+        return obstacle.top <= HIGHEST_LEAP_M
+    if obstacle.kind is Kind.GAP:
+        return obstacle.beyond <= STEEPEST_GAP_M
+    return abs(obstacle.top) <= HIGHEST_STEP_M
+
+
+def is_climb(obstacle: Obstacle) -> bool:
+    """Whether it is climbed up or down."""
+    steps = obstacle.kind in (Kind.UP, Kind.DOWN)
+    return steps and HIGHEST_STEP_M < abs(obstacle.top) <= HIGHEST_CLIMB_M
+
+
+def _blocked(obstacle: Obstacle) -> str | None:
+    """What the status line says where an obstacle is neither leapt nor climbed; None where it is."""
+    if obstacle.kind is Kind.BAR and obstacle.top > HIGHEST_LEAP_M:
+        return f"The way ahead is blocked: a bar of {obstacle.top:.1f} m, too high to leap over and too narrow to stand on."
+    if abs(obstacle.skew) > WIDEST_SKEW and is_climb(obstacle):
+        return "The way ahead is blocked: walk straight at the wall to climb it."
+    return None
+
+
+def _origin(pose: Pose, way: Array, near: float, ground: float) -> Array:
+    """The near edge on the way of the root, on the ground before it."""
+    root = pose.root_position.astype(np.float64)
+    return np.array([root[0] + near * way[0], ground, root[2] + near * way[1]])

@@ -1,0 +1,116 @@
+"""What lies across a walker's way: a bar to step or leap over, a gap, a wall up, a drop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sport.runtime.terrain.height_map import Terrain
+
+Array = NDArray[np.floating]
+
+SPACING_M = 0.025
+RUN_M = 0.125  # an edge rises or falls within this
+SIDES_M = (0.0, 0.15, -0.15)  # the middle of the way, left and right of it
+EDGE_M = 0.12  # a lower edge is ground for the feet, not an obstacle
+STEP_M = 0.25  # a lower step up or down is a stair's
+THICKEST_BAR_M = 0.45  # a longer one is stood on
+WIDEST_GAP_M = 1.3
+LEVEL_M = 0.35  # that the ground behind a bar may differ from that before it
+BEHIND_M = 1.6  # that is looked beyond an edge
+
+
+class Kind(Enum):
+    """What a crossing has to do."""
+
+    BAR = "bar"
+    GAP = "gap"
+    UP = "up"
+    DOWN = "down"
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """Distances (m) along the way from where it was looked from; heights over the ground just before it."""
+
+    kind: Kind
+    near: float  # its first edge
+    far: float  # its last edge: behind a bar or gap; of a wall, where its top ends
+    top: float  # of a bar; of a wall or drop the step itself (negative is down); 0 of a gap
+    beyond: float  # height of the ground behind it
+    skew: float  # radians that the way turns left to meet the edge at a right angle
+
+
+def obstacle_ahead(terrain: Terrain, x: float, z: float, direction: Array, reach_m: float) -> Obstacle | None:
+    """The first obstacle whose near edge lies within `reach_m` on the way from x, z; None where there is none.
+
+    `direction` `(2,)` is a unit vector in XZ. Steps under `STEP_M`, slopes, and bars and gaps under `EDGE_M` are none.
+    """
+    along = np.arange(0.0, reach_m + BEHIND_M, SPACING_M)
+    across = np.array(SIDES_M)[:, None]  # to the left is (z, -x) of the direction
+    heights = terrain.height(
+        x + along * direction[0] + across * direction[1], z + along * direction[1] - across * direction[0]
+    ).astype(np.float64)
+    run = round(RUN_M / SPACING_M)
+    rises = heights[0, run:] - heights[0, :-run]
+    steep = np.abs(rises) > EDGE_M
+    if not steep.any():
+        return None
+    first = int(np.argmax(steep))
+    near = _edge(heights[0], along, first, run)
+    if near > reach_m:
+        return None
+    found = _classified(heights[0], along, first, run, near)
+    if found is None:
+        return None
+    edges = [_edge_beside(row, along, near, found.top < 0.0 or found.kind is Kind.GAP) for row in heights[1:]]
+    left, right = (near if e is None else e for e in edges)
+    skew = float(np.arctan2(right - left, SIDES_M[1] - SIDES_M[2]))
+    slant = 0.5 * abs(left - right)
+    return Obstacle(found.kind, near - slant, found.far + slant, found.top, found.beyond, skew)
+
+
+def _edge(row: Array, along: Array, first: int, run: int) -> float:
+    """Where the ground begins to rise or fall, of the window of `run` cells that begins at `first`."""
+    level = np.abs(row[first : first + run + 1] - row[first]) < 0.03
+    return float(along[first + int(np.argmin(level)) - 1])
+
+
+def _classified(row: Array, along: Array, first: int, run: int, near: float) -> Obstacle | None:
+    base = float(row[first])
+    here = round(near / SPACING_M)
+    after = row[here : here + run + 3]
+    peak = after[int(np.argmax(np.abs(after - base)))]
+    step = float(peak - base)
+    rest = row[here + run :] - base
+    back = np.abs(rest) < 0.5 * abs(step) if step > 0.0 else rest > max(-0.5, 0.4 * step)
+    ends = int(np.argmax(back)) if back.any() else None
+    far = float("inf") if ends is None else float(along[here + run + ends])
+    if step > 0.0 and far - near <= THICKEST_BAR_M:
+        beyond = _level_after(row, far) - base
+        if abs(beyond) <= LEVEL_M:
+            return Obstacle(Kind.BAR, near, far, step, beyond, 0.0)
+    if step < 0.0 and far - near <= WIDEST_GAP_M:
+        return Obstacle(Kind.GAP, near, far, 0.0, _level_after(row, far) - base, 0.0)
+    if abs(step) < STEP_M:
+        return None
+    return Obstacle(Kind.UP if step > 0.0 else Kind.DOWN, near, far, step, step, 0.0)
+
+
+def _level_after(row: Array, far: float) -> float:
+    """Height of the ground a foot's length behind `far`."""
+    return float(row[min(round((far + 0.15) / SPACING_M), len(row) - 1)])
+
+
+def _edge_beside(row: Array, along: Array, near: float, falls: bool) -> float | None:
+    """The same edge on a way beside: where it crosses a fifth of its step, within half a metre."""
+    begin = max(round((near - 0.5) / SPACING_M), 0)
+    part = row[begin : round((near + 0.5) / SPACING_M)]
+    if len(part) < 2:
+        return None
+    jumps = np.diff(part) * (-1.0 if falls else 1.0)
+    at = int(np.argmax(jumps))
+    return float(along[begin + at]) if jumps[at] > 0.05 else None

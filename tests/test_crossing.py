@@ -1,0 +1,147 @@
+"""A character that walks at obstacles crosses them: leaps, climbs, stops where nothing helps, and goes on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sport.runtime.controls import Controls, Gait
+from sport.runtime.crossing.crossing import Crossing
+from sport.runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
+from sport.runtime.motion.controller import Controller
+from sport.runtime.motion.crowd import Crowd
+from sport.runtime.motion.model import MotionModel, load_model
+from sport.runtime.motion.snapshot import Snapshot, take_snapshot
+from sport.runtime.terrain.courses import Obstacle, raise_obstacles
+from sport.runtime.terrain.height_map import Terrain
+
+FORWARD = Controls((0.0, 1.0))
+
+
+@pytest.fixture(scope="module")
+def model() -> MotionModel:
+    return load_model()
+
+
+def ground(*obstacles: Obstacle) -> Terrain:
+    x, z = np.meshgrid(np.arange(-4.0, 4.01, 0.05), np.arange(-2.0, 14.01, 0.05), indexing="ij")
+    return Terrain("test", raise_obstacles(x, z, obstacles).astype(np.float32), 0.05, (-4.0, -2.0))
+
+
+def walked(
+    controller: Controller, until_z: float, seconds: float, controls: Controls = FORWARD
+) -> tuple[np.ndarray, list[str]]:
+    """Positions `(T, 31, 3)` until the root has come so far, and the kinds of crossings on the way."""
+    positions, kinds = [], []
+    for _ in range(round(seconds * 60)):
+        pose = controller.step(controls)
+        positions.append(pose.positions)
+        if controller.crossing and (not kinds or kinds[-1] != controller.crossing):
+            kinds.append(controller.crossing)
+        if pose.root_position[2] > until_z:
+            break
+    return np.array(positions), kinds
+
+
+@pytest.mark.parametrize(("top", "gait"), [(0.3, Gait.WALK), (0.5, Gait.JOG)])
+def test_a_bar_is_leapt_over_without_touching_it(model: MotionModel, top: float, gait: Gait) -> None:
+    bar = Obstacle(3.0, 3.1, top, 4.0)
+    controller = Controller(model, ground(bar))
+    positions, kinds = walked(controller, 4.5, 8.0, Controls((0.0, 1.0), gait=gait))
+    assert kinds == ["bar"]
+    assert positions[-1, 0, 2] > 4.3
+    soles = positions[:, SOLE_POINTS] - np.array(SOLE_HEIGHTS)[:, None] * np.array([0.0, 1.0, 0.0])
+    over = (soles[..., 2] > 2.95) & (soles[..., 2] < 3.15)
+    assert over.any()
+    assert soles[..., 1][over].min() > top
+    assert (
+        np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() < 0.35
+    )  # nothing jumps where it begins and ends
+
+
+def test_a_wall_is_climbed_and_left_again(model: MotionModel) -> None:
+    controller = Controller(model, ground(Obstacle(2.5, 3.7, 1.0, 4.0)))
+    positions, kinds = walked(controller, 4.6, 14.0)
+    assert kinds == ["climb", "descend"]
+    on_top = positions[:, 0, 1].max()
+    assert on_top == pytest.approx(1.93, abs=0.15)
+    assert positions[-1, 0, 1] == pytest.approx(0.93, abs=0.1)
+    assert np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() < 0.25
+
+
+def test_the_network_sees_no_obstacle_that_is_crossed() -> None:
+    """Before a bar and while it leaps: level ground; a hill stays what it is."""
+    crossing = Crossing()
+    points = np.zeros((12, 3, 2))
+    points[..., 1] = np.arange(12)[:, None] * 0.25
+    heights = np.where(points[..., 1] > 2.0, 0.4, 0.0)
+    terrain = ground(Obstacle(2.0, 2.1, 0.4, 4.0))
+    assert not crossing.look(terrain, np.zeros(2), np.array([0.0, 1.2]), 1.2)
+    assert crossing.seen(points, heights, 0).max() == 0.0
+    slope = points[..., 1] * 0.2
+    assert not crossing.look(Terrain.flat(), np.zeros(2), np.array([0.0, 1.2]), 1.2)
+    assert crossing.seen(points, slope, 0) is slope
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "words"),
+    [(Obstacle(2.5, 2.6, 1.0, 4.0), "bar of 1.0 m"), (Obstacle(2.5, 5.0, 2.0, 4.0), "step up of 2.0 m")],
+)
+def test_what_nobody_crosses_stops_the_walker_who_says_so(
+    model: MotionModel, obstacle: Obstacle, words: str
+) -> None:
+    controller = Controller(model, ground(obstacle))
+    positions, kinds = walked(controller, 4.0, 5.0)
+    assert kinds == []
+    assert positions[-1, 0, 2] < 2.5
+    assert controller.blocked is not None
+    assert words in controller.blocked
+
+
+def test_a_snapshot_in_a_leap_goes_on_alike(model: MotionModel) -> None:
+    terrain = ground(Obstacle(2.0, 2.1, 0.4, 4.0))
+    controller = Controller(model, terrain)
+    for _ in range(600):
+        controller.step(FORWARD)
+        if controller.crossing:
+            break
+    assert controller.crossing == "bar"
+    for _ in range(12):
+        controller.step(FORWARD)
+    data = take_snapshot(controller).to_bytes()
+    other = Controller(model, terrain, seed=4)
+    Snapshot.from_bytes(data).restore(other)
+    for _ in range(90):
+        assert np.array_equal(controller.step(FORWARD).positions, other.step(FORWARD).positions)
+    assert controller.crossing == ""
+
+
+def test_a_crowd_crosses_as_each_would_alone(model: MotionModel) -> None:
+    terrain = ground(Obstacle(2.0, 2.1, 0.3, 4.0), Obstacle(4.0, 5.0, 0.8, 4.0))
+
+    def members() -> list[Controller]:
+        made = [Controller(model, terrain, seed) for seed in range(2)]
+        for k, member in enumerate(made):
+            member.reset(0.8 * k, 0.3 * k)
+        return made
+
+    alone, crowd = members(), Crowd(members())
+    seen = set()
+    for _ in range(330):
+        together = crowd.step(FORWARD)
+        for one, pose in zip(alone, together, strict=True):
+            assert np.array_equal(one.step(FORWARD).positions, pose.positions)
+            seen.add(one.crossing)
+    crowd.close()
+    assert {"bar", "climb"} <= seen
+
+
+def test_another_ground_ends_a_crossing(model: MotionModel) -> None:
+    controller = Controller(model, ground(Obstacle(1.5, 2.5, 1.0, 4.0)))
+    for _ in range(400):
+        controller.step(FORWARD)
+        if controller.crossing:
+            break
+    assert controller.crossing == "climb"
+    controller.set_terrain(Terrain.flat())
+    assert controller.crossing == ""

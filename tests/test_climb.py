@@ -1,145 +1,195 @@
-"""Climbing up a wall and jumping down: begins and ends in the given pose, hands hold the edge, nothing is in the wall."""
+"""Keyed climbing: it begins and ends in the network's pose, the hands hold the edge, and nothing is inside the wall."""
 
 from __future__ import annotations
+
+from functools import cache
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from sport.runtime import rotations
 from sport.runtime.crossing.climb import Climb, Descend
-from sport.runtime.crossing.keyed_pose import Curve, leaned, reaching
-from sport.runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
-from sport.runtime.motion.features import FPS
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.terrain.courses import Obstacle, raise_obstacles
-from sport.runtime.terrain.height_map import Terrain
-from sport.training.evaluation.metrics import crossing
-from sport.training.evaluation.metrics.obstacle_depth import depth_inside, limb_depths
+from sport.runtime.crossing.keyed_pose import Track, slerp
+from sport.runtime.feet.ik import solve_legs
+from sport.runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
+from sport.runtime.terrain.courses import Obstacle
+from sport.training.evaluation.metrics.crossing import hands_on_edge, on_top_after
+from sport.training.evaluation.metrics.obstacle_depth import CAPSULES, capsule_points
+
+Array = NDArray[np.floating]
+
+FPS = 60
+RISES = st.floats(0.55, 1.5)
+STARTS = st.floats(-0.45, -0.3)
+STYLES = st.sampled_from(("upright", "slumped", "wide", "aeroplane"))
+FASTEST = 9.0  # m/s of a joint
 
 
-def standing() -> np.ndarray:
-    """Local rotations of somebody who stands with hanging arms and slightly bent knees."""
-    local = rotations.identity((31,))
-    for name, sign in (("LeftArm", -1.0), ("RightArm", 1.0)):
-        turn = rotations.from_axis_angle(np.array([0.0, 0.0, 1.0]), np.array(sign * 1.35))
-        local[SPORT_SKELETON.index(name)] = turn
-    for side in ("Left", "Right"):
-        for bone, angle in (("UpLeg", -0.1), ("Leg", 0.15), ("Foot", -0.05)):
-            turn = rotations.from_axis_angle(np.array([1.0, 0.0, 0.0]), np.array(angle))
-            local[SPORT_SKELETON.index(side + bone)] = turn
-    return local
+def depth_of(points: Array, rise: float, depth: float) -> Array:
+    """Depth in metres of `(..., 3)` points in the wall, or in the upper ground behind the edge of a drop."""
+    z = points[..., 2]
+    if rise > 0.0:
+        return np.maximum(np.minimum(np.minimum(z, depth - z), rise - points[..., 1]), -points[..., 1])
+    return np.maximum(np.minimum(-z, -points[..., 1]), rise - points[..., 1])
 
 
-LOCAL = standing()
-SOLES = SPORT_SKELETON.forward_kinematics(np.zeros(3), LOCAL)[0][list(SOLE_POINTS), 1] - np.array(
-    SOLE_HEIGHTS
-)
-HIPS = np.array([0.0, -float(SOLES.min()), 0.0])  # the soles on the ground
+@cache
+def standing(style: str) -> tuple[Array, Array]:
+    """Hips over the root and local rotations of somebody who stands: knees hardly bent, arms down or out."""
+    local = rotations.identity((31,)).astype(np.float64)
+    turn = {"upright": 0.0, "slumped": 0.25, "wide": -0.05, "aeroplane": 0.1}[style]
+    hang = 0.1 if style == "aeroplane" else 1.3
+    for joint in (11, 12, 13):
+        local[joint] = rotations.from_rotation_vector(np.array([turn, 0.0, 0.0]))
+    for arm, fore, side in ((18, 19, 1.0), (25, 26, -1.0)):
+        local[arm] = rotations.from_rotation_vector(np.array([0.0, 0.1 * side, -hang * side]))
+        local[fore] = rotations.from_rotation_vector(np.array([0.0, -0.3 * side, 0.0]))
+    half, ahead = (0.17, 0.05) if style == "wide" else (0.09, 0.0)
+    hips = np.array([0.0, 0.96 if style == "slumped" else 0.975, 0.0])
+    ankles = np.array([[half, ANKLE_HEIGHT, 0.01 + ahead], [-half, ANKLE_HEIGHT, 0.01 - ahead]])
+    return hips, solve_legs(hips, local, ankles, rotations.identity((2,)).astype(np.float64))
 
 
-def positions(hips: np.ndarray, local: np.ndarray) -> np.ndarray:
-    return SPORT_SKELETON.forward_kinematics(hips, local)[0].astype(np.float64)
+def moved(hips: Array, z: float, y: float = 0.0) -> Array:
+    """Hips `(3,)` at another root."""
+    return hips + np.array([0.0, y, z])
 
 
-def shown(motion: Climb | Descend) -> np.ndarray:
-    """Positions `(T, 31, 3)` from the first to the last moment."""
-    result = []
-    for frame in range(round(motion.seconds * FPS) + 1):
-        t = min(frame / FPS, motion.seconds)
-        pose = motion.pose(t, HIPS + np.array([0.0, 0.0, motion.root_z(t)]), LOCAL)
-        result.append(positions(pose.hips, pose.local))
-    return np.array(result)
-
-
-def ground(rise: float) -> tuple[Terrain, Obstacle]:
-    wall = Obstacle(0.0, 1.0, rise, 3.0) if rise > 0.0 else Obstacle(-1.5, 0.0, -rise, 3.0)
-    x, z = np.meshgrid(np.arange(-2.0, 2.01, 0.05), np.arange(-2.0, 2.01, 0.05), indexing="ij")
-    heights = raise_obstacles(x, z, [wall]) + min(rise, 0.0)
-    return Terrain("test", heights.astype(np.float32), 0.05, (-2.0, -2.0)), wall
-
-
-@given(
-    rise=st.one_of(st.floats(0.55, 1.5), st.floats(-1.5, -0.55)),
-    start=st.floats(-0.55, -0.3),
-    tempo=st.floats(0.7, 1.2),
-)
-@settings(max_examples=25, deadline=None)
-def test_it_begins_and_ends_in_the_given_pose_and_nothing_jumps(
-    rise: float, start: float, tempo: float
-) -> None:
-    motion = (Climb if rise > 0.0 else Descend)(rise, start, 1.0, tempo)
-    path = shown(motion)
-    first = positions(HIPS + np.array([0.0, 0.0, start]), LOCAL)
-    last = positions(HIPS + np.array([0.0, rise, motion.end_z]), LOCAL)
-    assert np.abs(path[0] - first).max() < 0.01
-    assert np.abs(path[-1] - last).max() < 0.01
-    assert np.linalg.norm(np.diff(path, axis=0), axis=-1).max() * FPS < 12.0  # m/s
-
-
-@pytest.mark.parametrize("rise", [0.6, 0.8, 1.0, 1.2, 1.4])
-def test_a_climb_holds_the_edge_and_stays_out_of_the_wall(rise: float) -> None:
-    path = shown(Climb(rise, -0.42, 1.0))
-    terrain, wall = ground(rise)
-    assert crossing.hands_on_edge(path, [wall])[0] >= 0.3
-    assert (depth_inside(path, terrain) > 0.03).mean(0).max() <= 0.01
-    for depth in limb_depths(path, terrain).values():
-        assert (depth > 0.05).mean() <= 0.02
-
-
-@pytest.mark.parametrize("rise", [-0.6, -1.0, -1.4])
-def test_a_jump_down_clears_the_edge_and_lands_on_bent_knees(rise: float) -> None:
-    motion = Descend(rise, -0.42, 1.0)
-    path = shown(motion)
-    terrain, _ = ground(rise)
-    assert (depth_inside(path, terrain) > 0.03).mean(0).max() <= 0.01
-    lowest = int(path[:, 0, 1].argmin())
-    assert path[lowest, 0, 1] < rise + HIPS[1] - 0.25
-    assert lowest < len(path) - 10
-    fall = np.diff(path[:, 0, 1]) * FPS
-    assert fall.min() > -1.3 * np.sqrt(2.0 * 9.81 * (0.1 - rise))  # not faster than things fall
-
-
-def test_a_narrow_top_is_stood_on_in_its_middle() -> None:
-    assert Climb(1.0, -0.4, 0.4).end_z == pytest.approx(0.2)
-    assert Climb(1.0, -0.4, 10.0).end_z < 0.4
-
-
-def test_a_style_is_kept_beneath_the_keys() -> None:
-    """What the spine does in the given pose, it does in the climb."""
-    spine = SPORT_SKELETON.index("Spine1")
-    bowed = LOCAL.copy()
-    bowed[spine] = rotations.from_axis_angle(np.array([0.0, 0.0, 1.0]), np.array(0.4))
-    motion = Climb(1.0, -0.4, 1.0)
-    for t in (0.3, 1.0, 1.8):
-        hips = HIPS + np.array([0.0, 0.0, motion.root_z(t)])
-        plain, other = (motion.pose(t, hips, local).local[spine] for local in (LOCAL, bowed))
-        assert rotations.angle_between(plain, other) == pytest.approx(0.4, abs=1e-3)
-
-
-@given(st.lists(st.floats(-5.0, 5.0), min_size=2, max_size=8))
-@settings(max_examples=50, deadline=None)
-def test_a_curve_goes_through_its_keys_and_not_beyond(values: list[float]) -> None:
-    curve = Curve([(float(k), value) for k, value in enumerate(values)])
-    for k, value in enumerate(values):
-        assert curve.at(float(k))[0] == pytest.approx(value, abs=1e-9)
-    for k in range(len(values) - 1):
-        low, high = sorted(values[k : k + 2])
-        for t in np.linspace(k, k + 1, 7):
-            assert low - 1e-9 <= curve.at(float(t))[0] <= high + 1e-9
-
-
-def test_hands_reach_what_is_near_enough() -> None:
-    body = leaned(LOCAL, 0.5)
-    wrists = np.array([[0.2, 1.1, 0.4], [-0.2, 1.1, 0.4]])
-    poles = np.array([[0.6, -0.3, -0.8], [-0.6, -0.3, -0.8]])
-    hands = rotations.identity((2,))
-    reached = reaching(HIPS, body, wrists, hands, 1.0, poles)
-    made = SPORT_SKELETON.forward_kinematics(HIPS, reached)
-    joints = [SPORT_SKELETON.index("LeftHand"), SPORT_SKELETON.index("RightHand")]
-    assert np.abs(made[0][joints] - wrists).max() < 0.01
-    assert rotations.angle_between(made[1][joints].astype(float), hands) == pytest.approx(
-        [0.0, 0.0], abs=1e-3
+def played(crossing: Climb | Descend, style: str = "upright") -> tuple[Array, Array]:
+    """World positions `(T, 31, 3)` and contacts `(T, 4)` of a crossing at 60 frames a second."""
+    hips, local = standing(style)
+    times = np.arange(0.0, crossing.seconds, 1.0 / FPS)
+    poses = [crossing.pose(t, moved(hips, crossing.root_z(t)), local) for t in times]
+    positions, _ = SPORT_SKELETON.forward_kinematics(
+        np.array([p.hips for p in poses]), np.array([p.local for p in poses])
     )
-    assert reaching(HIPS, body, wrists, hands, 0.0, poles) is body
+    return positions, np.array([p.contacts for p in poses])
+
+
+def check_ends(crossing: Climb | Descend, rise: float, start: float, style: str) -> None:
+    """Both ends show the incoming pose, lifted by the rise, and the root rests there."""
+    hips, local = standing(style)
+    for t, z, y in ((0.0, start, 0.0), (crossing.seconds, crossing.end_z, rise)):
+        assert crossing.root_z(t) == pytest.approx(z, abs=1e-9)
+        pose = crossing.pose(t, moved(hips, crossing.root_z(t)), local)
+        np.testing.assert_allclose(pose.hips, moved(hips, z, y), atol=1e-6)
+        assert rotations.angle_between(pose.local, local).max() < 1e-4
+        assert pose.contacts.tolist() == [1.0] * 4
+    for t in (0.0, crossing.seconds - 1e-3):
+        assert abs(crossing.root_z(t + 1e-3) - crossing.root_z(t)) < 1e-4
+
+
+def check_body(positions: Array, rise: float, depth: float = 1.0) -> None:
+    """Finite, no faster than a person, and not inside the ground."""
+    assert np.isfinite(positions).all()
+    assert np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() * FPS < FASTEST
+    assert (depth_of(positions, rise, depth) > 0.03).mean(0).max() <= 0.01
+    for name, pairs in CAPSULES.items():
+        surface = np.concatenate([capsule_points(positions, *ends) for ends in pairs], 1)
+        depths = depth_of(surface, rise, depth).max(1)
+        assert (depths > 0.03).mean() <= 0.02, name
+        assert depths.max() < 0.06, name
+
+
+def check_stance(positions: Array, contacts: Array) -> None:
+    """A toe or a heel in contact moves no farther than a sole rolls."""
+    feet = positions[:, [4, 5, 9, 10]]
+    way = np.linalg.norm(np.diff(feet, axis=0), axis=-1) * FPS
+    both = (contacts[1:] > 0.99) & (contacts[:-1] > 0.99)
+    assert way[both].size > 0
+    assert np.percentile(way[both], 95) < 0.5
+    assert np.percentile(way[:, [1, 3]][both[:, [1, 3]]], 95) < 0.15
+
+
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(rise=RISES, start=STARTS, style=STYLES)
+def test_climbing_begins_and_ends_in_the_incoming_pose(rise: float, start: float, style: str) -> None:
+    check_ends(Climb(rise, start, 1.0), rise, start, style)
+
+
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(drop=RISES, start=STARTS, style=STYLES)
+def test_getting_down_begins_and_ends_in_the_incoming_pose(drop: float, start: float, style: str) -> None:
+    check_ends(Descend(-drop, start, 1.0), -drop, start, style)
+
+
+@settings(max_examples=10, deadline=None, derandomize=True)
+@given(rise=RISES, start=STARTS, style=STYLES)
+def test_a_climber_holds_the_edge_and_stays_out_of_the_wall(rise: float, start: float, style: str) -> None:
+    positions, contacts = played(Climb(rise, start, 1.0), style)
+    check_body(positions, rise)
+    check_stance(positions, contacts)
+    wall = Obstacle(0.0, 1.0, rise, 3.0)
+    assert hands_on_edge(positions, [wall])[0] >= 0.35
+    assert on_top_after(np.concatenate([positions[:1] - [0.0, 0.0, 1.0], positions]), wall) is not None
+
+
+@settings(max_examples=10, deadline=None, derandomize=True)
+@given(drop=RISES, start=STARTS, style=STYLES)
+def test_getting_down_lands_softly_and_clears_the_edge(drop: float, start: float, style: str) -> None:
+    positions, contacts = played(Descend(-drop, start, 1.0), style)
+    check_body(positions, -drop)
+    check_stance(positions, contacts)
+    height = positions[:, 0, 1]
+    acceleration = np.diff(height, 2) * FPS**2
+    assert acceleration.min() > -40.0  # falling, at most pulled down by the legs
+    assert height.min() < height[-1] - 0.15  # the knees take the landing
+
+
+@pytest.mark.parametrize("rise", [0.6, 1.0, 1.3, 1.5])
+def test_spread_arms_do_not_turn_over_on_their_way_to_the_edge(rise: float) -> None:
+    for start in (-0.45, -0.38, -0.3):
+        positions, _ = played(Climb(rise, start, 1.0), "aeroplane")
+        assert np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() * FPS < FASTEST
+
+
+@pytest.mark.parametrize("rise", [0.6, 1.0, 1.4, -0.6, -1.0, -1.4])
+def test_soles_stand_on_the_ground(rise: float) -> None:
+    """Feet that are in contact with heel and toe are as high over the ground as a flat sole."""
+    crossing = Climb(rise, -0.38, 1.0) if rise > 0 else Descend(rise, -0.38, 1.0)
+    positions, contacts = played(crossing)
+    for heel, toe, side in ((4, 5, 0), (9, 10, 2)):
+        flat = (contacts[:, side : side + 2] > 0.99).all(1)
+        ground = np.where(positions[flat, toe, 2] > 0.0, rise, 0.0)
+        soles = positions[flat][:, [heel, toe], 1] - ground[:, None] - [ANKLE_HEIGHT, TOE_HEIGHT]
+        assert np.percentile(np.abs(soles), 90) < 0.02
+
+
+def test_a_higher_wall_takes_longer_and_a_tempo_shortens_it() -> None:
+    low, high = Climb(0.6, -0.4, 1.0), Climb(1.4, -0.4, 1.0)
+    assert low.seconds == pytest.approx(1.5)
+    assert high.seconds == pytest.approx(2.7)
+    assert Climb(1.4, -0.4, 1.0, tempo=1.5).seconds == pytest.approx(1.8)
+    assert Descend(-1.4, -0.4, 1.0).seconds > Descend(-0.6, -0.4, 1.0).seconds
+
+
+def test_on_a_thin_wall_the_root_ends_in_its_middle() -> None:
+    assert Climb(1.0, -0.4, 0.3).end_z == pytest.approx(0.15)
+    assert Climb(1.0, -0.4, np.inf).end_z <= 0.35
+
+
+def test_knees_bend_forward_and_never_lock_backwards() -> None:
+    for crossing in (Climb(0.6, -0.4, 1.0), Climb(1.4, -0.4, 1.0), Descend(-1.0, -0.4, 1.0)):
+        hips, local = standing("upright")
+        for t in np.linspace(0.0, crossing.seconds, 60):
+            pose = crossing.pose(float(t), moved(hips, crossing.root_z(float(t))), local)
+            for joint in (3, 8):  # the shin turns back about +X of the thigh
+                shin = rotations.rotate(pose.local[joint], np.array([0.0, -1.0, 0.0]))
+                assert shin[2] < 0.05
+
+
+def test_a_track_passes_its_keys_without_overshoot() -> None:
+    track = Track([(0.0, 0.0), (1.0, 2.0), (1.5, 2.0), (2.0, 0.5)])
+    assert [track.at(t)[0] for t in (-1.0, 0.0, 1.0, 1.5, 2.0, 9.0)] == [0.0, 0.0, 2.0, 2.0, 0.5, 0.5]
+    values = [track.at(t)[0] for t in np.linspace(0.0, 2.0, 201)]
+    assert max(values) <= 2.0
+    assert min(values) >= 0.0
+    assert track.at(1.25)[0] == 2.0
+
+
+def test_slerp_is_that_of_the_arrays() -> None:
+    a, b = rotations.normalize(np.array([[1.0, 0.2, -0.3, 0.4], [-0.5, 0.1, 0.7, 0.2]]))
+    np.testing.assert_allclose(slerp(tuple(a), tuple(b), 0.3), rotations.slerp(a, b, 0.3), atol=1e-6)

@@ -14,6 +14,7 @@ from sport.runtime.motion.model import MotionModel, load_model
 from sport.runtime.motion.snapshot import Snapshot, take_snapshot
 from sport.runtime.terrain.courses import Obstacle, raise_obstacles
 from sport.runtime.terrain.height_map import Terrain
+from sport.training.evaluation.metrics import crossing
 
 FORWARD = Controls((0.0, 1.0))
 
@@ -60,27 +61,32 @@ def test_a_bar_is_leapt_over_without_touching_it(model: MotionModel, top: float,
 
 
 def test_a_wall_is_climbed_and_left_again(model: MotionModel) -> None:
-    controller = Controller(model, ground(Obstacle(2.5, 3.7, 1.0, 4.0)))
+    wall = Obstacle(2.5, 3.7, 1.0, 4.0)
+    controller = Controller(model, ground(wall))
     positions, kinds = walked(controller, 4.6, 14.0)
     assert kinds == ["climb", "descend"]
     on_top = positions[:, 0, 1].max()
     assert on_top == pytest.approx(1.93, abs=0.15)
     assert positions[-1, 0, 1] == pytest.approx(0.93, abs=0.1)
+    depths = crossing.depths(positions, controller.terrain, np.ones(len(positions), bool))
+    assert depths["sole_p99"] < 0.5
+    assert depths["joint_deep"] <= 0.01
+    assert crossing.hands_on_edge(positions, [wall])[0] > 0.5
     assert np.linalg.norm(np.diff(positions, axis=0), axis=-1).max() < 0.25
 
 
 def test_the_network_sees_no_obstacle_that_is_crossed() -> None:
     """Before a bar and while it leaps: level ground; a hill stays what it is."""
-    crossing = Crossing()
+    state = Crossing()
     points = np.zeros((12, 3, 2))
     points[..., 1] = np.arange(12)[:, None] * 0.25
     heights = np.where(points[..., 1] > 2.0, 0.4, 0.0)
     terrain = ground(Obstacle(2.0, 2.1, 0.4, 4.0))
-    assert not crossing.look(terrain, np.zeros(2), np.array([0.0, 1.2]), 1.2)
-    assert crossing.seen(points, heights, 0).max() == 0.0
+    assert not state.look(terrain, np.zeros(2), np.array([0.0, 1.2]), 1.2)
+    assert state.seen(points, heights, 0).max() == 0.0
     slope = points[..., 1] * 0.2
-    assert not crossing.look(Terrain.flat(), np.zeros(2), np.array([0.0, 1.2]), 1.2)
-    assert crossing.seen(points, slope, 0) is slope
+    assert not state.look(Terrain.flat(), np.zeros(2), np.array([0.0, 1.2]), 1.2)
+    assert state.seen(points, slope, 0) is slope
 
 
 @pytest.mark.parametrize(

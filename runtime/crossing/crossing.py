@@ -19,8 +19,10 @@ from sport.runtime.crossing.climb import Climb, Descend
 from sport.runtime.crossing.keyed_pose import CrossingPose, smooth
 from sport.runtime.crossing.leap import Leap, Stride, takeoff_m
 from sport.runtime.crossing.steps import Steps
-from sport.runtime.feet.ik import LEG_FEET
+from sport.runtime.feet.ik import LEG_FEET, solve_legs
+from sport.runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
 from sport.runtime.pose import Pose
+from sport.runtime.skeleton import SPORT_SKELETON
 from sport.runtime.terrain.height_map import Terrain
 from sport.runtime.terrain.obstacles import blocked_message, step_ahead
 from sport.runtime.terrain.way_ahead import Kind, Obstacle, obstacle_ahead
@@ -38,9 +40,9 @@ STOP_M = 0.5  # from ground that nobody can walk on the root stops,
 STOP_SECONDS = 0.45  # and as much farther as it covers in this time
 HOLD_M = 0.5  # it sets off again where the way is free this much farther: else it stops and starts in turn
 HALF_BODY_M = 0.25  # no root comes nearer
-CLIMB_M = 0.42  # from the edge the root stops,
+CLIMB_M = 0.46  # from the edge the root stops,
 CLIMB_SECONDS = 0.4  # and as much farther as it covers in this time
-NEAREST_M = 0.3  # it comes to a wall
+NEAREST_M = 0.38  # it comes to a wall
 CLIMB_FROM_M, CLIMB_SPEED = 0.8, 0.3  # a climb begins nearer and slower (m/s)
 WIDEST_SKEW = 0.9  # radians from the right angle
 PACE = (0.85, 1.2)  # of the root in the steps before a leap, so that a foot comes down at its edge
@@ -48,6 +50,7 @@ LAST_STEP = 0.65  # of a step: what is left is leapt over, more is another step
 LATEST_START = 0.55  # of a stride: when the next foot would come down beyond the edge, a leap begins so late
 TOO_LATE_M = 0.08  # a foot whose ankle stands nearer to the edge leaps no more
 BEFORE_M = 0.06  # the edge of an obstacle that the network is not to see
+DEEPEST_M = 0.05  # that a sole is lifted out of the ground
 FADE_S = 0.3  # in which the first pose's difference from the crossing's goes
 SLOWEST = 0.2  # m/s of a walk that leaps
 TEMPO = (0.7, 1.2)  # of a climb
@@ -166,7 +169,7 @@ class Crossing:
         It has learnt slopes and stairs; before a bar or a gap it would crouch or climb as before those.
         """
         if self.kind:
-            done = float(smooth(np.array(self._time / self.motion.seconds)))
+            done = smooth(self._time / self.motion.seconds)
             beyond = self._numbers[0] if self.climbing else self._numbers[2]
             return np.full_like(heights, self._origin[1] + done * beyond)
         ahead = self.ahead
@@ -249,7 +252,9 @@ class Crossing:
         speed, self._last_z = (z - self._last_z) / DT, z
         return speed * np.array([np.sin(self._yaw), np.cos(self._yaw)])
 
-    def apply(self, hips: Array, local: Array, ground: float, last: Pose) -> tuple[Array, Array, Array]:
+    def apply(
+        self, hips: Array, local: Array, ground: float, last: Pose, terrain: Terrain
+    ) -> tuple[Array, Array, Array]:
         """World hips `(3,)`, local rotations and contacts to show for the network's, which stands on `ground`."""
         local = np.array(local, np.float64)
         turn = rotations.from_yaw(-self._yaw)
@@ -259,7 +264,7 @@ class Crossing:
             )
             over = last.hips_position.astype(np.float64) - hips
             self._hips_offset = np.array([0.0, over[1] - (self._origin[1] - ground), 0.0])
-        fade = 1.0 - float(smooth(np.array(self._time / FADE_S)))
+        fade = 1.0 - smooth(self._time / FADE_S)
         if fade > 0.0:
             local = rotations.multiply(rotations.from_rotation_vector(fade * self._offset), local)
             hips = hips + fade * self._hips_offset
@@ -269,7 +274,8 @@ class Crossing:
         back = rotations.from_yaw(self._yaw)
         result = np.array(shown.local)
         result[0] = rotations.multiply(back, result[0])
-        return rotations.rotate(back, shown.hips) + self._origin, result, shown.contacts
+        place = rotations.rotate(back, shown.hips) + self._origin
+        return place, _on_the_ground(place, result, terrain), shown.contacts
 
     def ends(self) -> bool:
         """Whether the frame just shown was the crossing's last; it is over then."""
@@ -305,6 +311,18 @@ def _blocked(obstacle: Obstacle) -> str | None:
     if abs(obstacle.skew) > WIDEST_SKEW and is_climb(obstacle):
         return "The way ahead is blocked: walk straight at the wall to climb it."
     return None
+
+
+def _on_the_ground(hips: Array, local: Array, terrain: Terrain) -> Array:
+    """Local rotations with soles lifted out of the ground; a foot far inside passes before a face, and stays."""
+    positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
+    soles = positions[list(SOLE_POINTS)].astype(np.float64)
+    lack = terrain.height(soles[:, 0], soles[:, 2]) + np.array(SOLE_HEIGHTS) - soles[:, 1]
+    lift = np.max(np.where(lack < DEEPEST_M, lack, 0.0).reshape(2, 2), axis=1)
+    if lift.max() <= 0.0:
+        return local
+    ankles = soles[::2] + np.outer(np.maximum(lift, 0.0), [0.0, 1.0, 0.0])
+    return solve_legs(hips, local, ankles, world[LEG_FEET].astype(np.float64))
 
 
 def _origin(pose: Pose, way: Array, near: float, ground: float) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sport.runtime import rotations
-from sport.runtime.crossing.keyed_pose import CrossingPose, smooth
+from sport.runtime.crossing.keyed_pose import CrossingPose
 from sport.runtime.feet.ik import LEG_FEET, LEG_SHINS, LEG_THIGHS, solve_legs
 from sport.runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
 from sport.runtime.terrain.way_ahead import Kind
@@ -135,9 +135,9 @@ class Leap:
         """Height of the hips over those of the incoming pose: the new ground, a flight's arc, and legs that reach."""
         t, end = self._t, self.stride.seconds
         up = (
-            smooth((t - land) / (0.4 * end))
+            _smooth((t - land) / (0.4 * end))
             if self.beyond > 0.0
-            else smooth((t - 0.8 * off) / (land - 0.7 * off))
+            else _smooth((t - 0.8 * off) / (land - 0.7 * off))
         )
         if self._fall:
             up = np.clip((t - off) / max(land - off, 1e-3), 0.0, 1.0) ** 2
@@ -157,7 +157,7 @@ class Leap:
         lower = np.maximum(rise - limit, 0.0)
         kernel = np.hanning(15)
         spread = np.convolve(np.pad(lower, 7, mode="edge"), kernel / kernel.sum(), mode="valid")
-        fade = smooth(np.minimum(t - t[0], end - t) / 0.15)
+        fade = _smooth(np.minimum(t - t[0], end - t) / 0.15)
         return rise - np.minimum(np.maximum(spread, lower), DEEPEST_M) * fade
 
     def root_z(self, t: float) -> float:
@@ -197,8 +197,8 @@ class _FootPlan:
         if not inner.any():
             return
         first, last = float(u[inner][0]), float(u[inner][-1])
-        up = smooth(u / max(first, STEEPEST))
-        down = smooth((1.0 - u) / max(1.0 - last, STEEPEST))
+        up = _smooth(u / max(first, STEEPEST))
+        down = _smooth((1.0 - u) / max(1.0 - last, STEEPEST))
         self.ankle = self.ankle + np.outer(float(lack[inner].max()) * np.minimum(up, down), [0.0, 1.0, 0.0])
 
 
@@ -213,13 +213,13 @@ def _foot_plan(
     level = float(np.arctan2(TOE[1], TOE[2]))
     pitch0 = float(level - np.arctan2(ahead[1], np.hypot(ahead[0], ahead[2])))
     u = np.clip((t - off) / max(land - off, 1e-3), 0.0, 1.0)
-    flat = smooth((t - t[0]) / FLATTEN_S)
-    heel_off = smooth((t - 0.35 * off) / (0.65 * off)) if pitch0 < 0.3 else np.ones(len(t))
+    flat = _smooth((t - t[0]) / FLATTEN_S)
+    heel_off = _smooth((t - 0.35 * off) / (0.65 * off)) if pitch0 < 0.3 else np.ones(len(t))
     standing = pitch0 * (1.0 - flat) if pitch0 < 0.3 else np.full(len(t), pitch0)
-    standing = standing + (TOE_OFF - standing) * heel_off * smooth((t - t[0]) / max(off - t[0], 1e-3))
-    swung = TOE_OFF + (LANDING - TOE_OFF) * smooth(u / 0.8)
-    rolled = TOE_OFF * smooth((t - rolls) / (1.6 * (t[-1] - rolls))) if rolls < t[-1] else np.zeros(len(t))
-    landed = LANDING * (1.0 - smooth((t - land) / FLATTEN_S)) + rolled
+    standing = standing + (TOE_OFF - standing) * heel_off * _smooth((t - t[0]) / max(off - t[0], 1e-3))
+    swung = TOE_OFF + (LANDING - TOE_OFF) * _smooth(u / 0.8)
+    rolled = TOE_OFF * _smooth((t - rolls) / (1.6 * (t[-1] - rolls))) if rolls < t[-1] else np.zeros(len(t))
+    landed = LANDING * (1.0 - _smooth((t - land) / FLATTEN_S)) + rolled
     pitch = np.where(t < off, standing, np.where(t < land, swung, landed))
     ankle = _planned_ankle(
         t, off, land, u, pitch, yaw, start, np.array([goal[0], goal[1] + ANKLE_HEIGHT, goal[2]])
@@ -242,12 +242,18 @@ def _planned_ankle(
     held = np.array([start[0], down, start[2]]) + toe[0]
     held[1] = max(held[1], TOE_HEIGHT) if pitch[0] >= 0.3 else TOE_HEIGHT
     over = held - toe  # the toe stays where it is
-    settle = (start - over[0]) * (1.0 - smooth((t - t[0]) / FLATTEN_S))[:, None]
+    settle = (start - over[0]) * (1.0 - _smooth((t - t[0]) / FLATTEN_S))[:, None]
     standing = over + settle
     leaves = standing[min(int(np.searchsorted(t, off)), len(t) - 1)]
     eased = (u**3 * (10.0 - 15.0 * u + 6.0 * u**2))[:, None]
     swung = leaves + (goal - leaves) * eased + LIFT_M * np.outer(np.sin(np.pi * u) ** 2, [0.0, 1.0, 0.0])
     return np.where((t < off)[:, None], standing, np.where((t < land)[:, None], swung, goal))
+
+
+def _smooth(share: Array) -> Array:
+    """From 0 to 1 as `share` does, with no speed at both ends."""
+    s = np.clip(share, 0.0, 1.0)
+    return s * s * (3.0 - 2.0 * s)
 
 
 def _pitched(pitch: Array) -> Array:

@@ -330,7 +330,7 @@ class Controller:
         """Hips, local rotations and contacts to show for the network's: crossing an obstacle, or with planted feet."""
         self._network_pose = self._unlocked = (hips, local)
         if self._crossing.kind:
-            hips, local, contacts = self._crossing.apply(hips, local, self._ground, self.pose)
+            hips, local, contacts = self._crossing.apply(hips, local, self._ground, self.pose, self.terrain)
             self._unlocked = (hips, local)
         elif self.foot_lock_enabled:
             locked = self._foot_lock.apply(hips, local, contacts, self.terrain, DT)

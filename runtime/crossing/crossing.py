@@ -52,6 +52,7 @@ TOO_LATE_M = 0.08  # a foot whose ankle stands nearer to the edge leaps no more
 BEFORE_M = 0.06  # the edge of an obstacle that the network is not to see
 DEEPEST_M = 0.05  # that a sole is lifted out of the ground
 FADE_S = 0.3  # in which the first pose's difference from the crossing's goes
+WALKING, FOLLOWED = 0.4, 0.7  # m/s from which the root's own direction counts, by so much
 SLOWEST = 0.2  # m/s of a walk that leaps
 TEMPO = (0.7, 1.2)  # of a climb
 NEUTRAL_SPEED = 1.3  # m/s of a walk whose climb takes the time it is keyed for
@@ -137,7 +138,7 @@ class Crossing:
             return True
         if terrain is None or asked <= STAND_SPEED:
             return False
-        x, z, way = float(place[0]), float(place[1]), velocity / asked
+        x, z, way = float(place[0]), float(place[1]), self.way(velocity / asked)
         reach = STOP_M + STOP_SECONDS * speed + HOLD_M * held
         distance, rise = step_ahead(terrain, x, z, way, reach)
         if distance <= reach:
@@ -151,6 +152,15 @@ class Crossing:
             return False
         self.reason = self.ahead.blocked
         return True
+
+    def way(self, heading: Array) -> Array:
+        """Where the root goes (XZ, a unit vector): mostly as it has gone, for feet land there, and towards the stick's `heading`."""
+        speed = float(np.linalg.norm(self._steps.velocity))
+        if speed < WALKING:
+            return heading
+        mixed: Array = (1.0 - FOLLOWED) * heading + FOLLOWED * self._steps.velocity / speed
+        size = float(np.linalg.norm(mixed))
+        return mixed / size if size > 0.5 else heading
 
     def held_back(self, terrain: Terrain, place: Array, velocity: Array) -> Array:
         """The root's velocity (m/s), zero where the next of it would be a step that nobody can take, or into a wall."""

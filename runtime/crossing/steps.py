@@ -23,6 +23,7 @@ WALKED_S, JOGGED_S, JOGS = (
 )  # of a stride at a neutral walk, and a jog: faster than so many m/s
 SHORTEST_S = 0.25  # between two landings of one foot
 AGAIN = 0.8  # of a stride, until the same foot may come down twice running
+TURNING = 0.15  # share of a frame in the mean velocity
 SMOOTHING = 0.05  # share of a frame in the mean speed
 SAME = (0.6, 1.6)  # of the stride before: other lengths come of a landing that was missed
 
@@ -35,6 +36,7 @@ class Steps:
         self.elapsed = 0.0  # seconds since then
         self.seconds = WALKED_S  # of a stride
         self.speed = 0.0  # of the root, m/s, smoothed, at full pace
+        self.velocity: Array = np.zeros(2)  # of the root, m/s, smoothed
         self._ahead = 0.2  # m of the last landing before the root
         self._held = (True, True)
         self._since = (9.0, 9.0)  # seconds since each foot came down
@@ -51,6 +53,7 @@ class Steps:
         """Whether a foot came down in this frame; `held` tells which feet stand, `way` (XZ) where the root goes."""
         place = pose.root_position[[0, 2]].astype(np.float64)
         if self._root is not None:
+            self.velocity = self.velocity + ((place - self._root) / DT - self.velocity) * TURNING
             speed = float(np.linalg.norm(place - self._root)) / DT / pace
             self.speed += (min(speed, 6.0) - self.speed) * SMOOTHING
         self._root = place

@@ -86,13 +86,12 @@ class Crowd:
     def _steer(self, controls: Controls) -> None:
         members = self.members
         direction: Array = np.array(controls.move, np.float64)
-        direction = np.tile(direction / max(float(np.linalg.norm(direction)), 1e-9), (len(members), 1))
+        direction = direction / max(float(np.linalg.norm(direction)), 1e-9)
+        ways = np.array([m._crossing.way(direction) for m in members])
         reach = np.array([LOOK_M + STOP_SECONDS * m._measured_speed for m in members])
         here = np.array([m._trajectory.xz[PRESENT] for m in members])
         gaits = []
-        for member, clear in zip(
-            members, level_ahead(self.terrain, here, direction, reach, EDGE_M), strict=True
-        ):
+        for member, clear in zip(members, level_ahead(self.terrain, here, ways, reach, EDGE_M), strict=True):
             member.message = ""
             member._advance_style()
             velocity, facing, gait = member._asked(controls, bool(clear))

@@ -15,6 +15,7 @@ from sport.runtime.feet.narrow_support import (
     LIFTED_M,
     OUT,
     SidewaysLead,
+    pull_of_beam,
     side_of_beam,
 )
 from sport.runtime.skeleton import SPORT_SKELETON
@@ -120,3 +121,14 @@ def test_no_other_ground_is_taken_for_a_beam(name):
             h = hips[0] + np.array([0.0, ground.height(0.0, z), z], np.float32)
             place, legs = legs_of(h, turned)
             assert side_of_beam(place, legs, ground) is None
+
+
+def test_the_root_is_led_back_over_the_middle_and_nowhere_else():
+    for x in (-0.2, 0.0, 0.15):
+        hips, local, _ = along(x, BEAM, 1)
+        place, legs = legs_of(hips[0], local[0])
+        ground = PointHeights(BEAM)
+        pull = pull_of_beam(place, side_of_beam(place, legs, ground), ground)
+        assert pull[0] == pytest.approx(-1.5 * x, abs=0.05)
+        assert abs(pull[1]) < 0.02
+    assert not pull_of_beam((0.0, 0.95, 0.0), None, PointHeights(make_terrain("flat"))).any()

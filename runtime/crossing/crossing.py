@@ -47,7 +47,7 @@ CLIMB_FROM_M, CLIMB_SPEED = 0.8, 0.3  # a climb begins nearer and slower (m/s)
 WIDEST_SKEW = 0.9  # radians from the right angle
 PACE = (0.85, 1.2)  # of the root in the steps before a leap, so that a foot comes down at its edge
 LAST_STEP = 0.65  # of a step: what is left is leapt over, more is another step
-LATEST_START = 0.55  # of a stride: when the next foot would come down beyond the edge, a leap begins so late
+LATEST_START = 0.55  # of a stride: a leap that begins later is planned as if it began then
 TOO_LATE_M = 0.08  # a foot whose ankle stands nearer to the edge leaps no more
 BEFORE_M = 0.06  # the edge of an obstacle that the network is not to see
 DEEPEST_M = 0.05  # that a sole is lifted out of the ground
@@ -211,10 +211,8 @@ class Crossing:
             count = int(np.ceil(missing / steps.length - LAST_STEP))
             self.pace = min(max(missing / (count * steps.length), PACE[0]), PACE[1]) if count > 0 else 1.0
             return count <= 0
-        soon = steps.elapsed < LATEST_START * steps.seconds
-        return soon and obstacle.near - steps.next_ankle(self.pace) < 0.6 * takeoff_m(
-            obstacle.kind, obstacle.top, 0.0
-        )
+        edge = obstacle.near - 0.6 * takeoff_m(obstacle.kind, obstacle.top, 0.0)
+        return steps.next_ankle(self.pace) > edge
 
     def _climb(self, ahead: Ahead, pose: Pose, ground: float, speed: float, walk_speed: float) -> None:
         """Climb where the character stands before a wall or drop, at the tempo of its style."""
@@ -238,7 +236,8 @@ class Crossing:
         hips = float(pose.hips_position[1]) - ground
         length = 0.0 if obstacle.kind in (Kind.UP, Kind.DOWN) else obstacle.far - obstacle.near
         top = obstacle.top if obstacle.kind is Kind.BAR else 0.0
-        gait = (steps.speed * self.pace, steps.seconds, steps.elapsed, float(steps.stance or 0))
+        begun = min(steps.elapsed, LATEST_START * steps.seconds)
+        gait = (steps.speed * self.pace, steps.seconds, begun, float(steps.stance or 0))
         points = (*ankles.ravel().tolist(), *feet.ravel().tolist())
         numbers = (length, top, obstacle.beyond, -obstacle.near, *gait, hips, *points)
         self.pace = 1.0

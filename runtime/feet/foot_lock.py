@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sport.runtime.feet.carried_hips import CarriedHips
 from sport.runtime.feet.leg_scalar import leg_bones, leg_forward, leg_inverse
-from sport.runtime.feet.narrow_support import Balance, SidewaysLead, side_of_beam
+from sport.runtime.feet.narrow_support import Balance, SidewaysLead, pull_of_beam, side_of_beam
 from sport.runtime.feet.planted_foot import PlantedFoot
 from sport.runtime.feet.settings import FootLockSettings
 from sport.runtime.skeleton import SPORT_SKELETON, Skeleton
@@ -51,6 +51,7 @@ class FootLock:
         self._leads = (SidewaysLead(1.0), SidewaysLead(-1.0))
         self._balance = Balance()
         self.on_beam = False
+        self.pull: Array = np.zeros(2)  # m/s that keep the root over a beam
 
     @property
     def held(self) -> tuple[str, str]:
@@ -79,7 +80,7 @@ class FootLock:
         left, right = (leg_forward(foot.bones, (x, y, z), local) for foot in self._feet)
         incoming = (left, right)
         side_way = side_of_beam((x, y, z), incoming, ground)
-        self.on_beam = side_way is not None
+        self.on_beam, self.pull = side_way is not None, pull_of_beam((x, y, z), side_way, ground)
         legs = [
             lead.apply(leg, other, side_way, bool(foot.anchor), ground, dt)
             for lead, leg, other, foot in zip(self._leads, incoming, incoming[::-1], self._feet, strict=True)

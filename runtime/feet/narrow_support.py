@@ -26,6 +26,7 @@ AROUND_M = 0.08  # farther out it passes the other foot,
 PASSES_M = 0.25  # while it is so near to it along the way
 LIFTED_M = 0.06  # and so high
 HALFLIFE_S = 0.06
+PULL_PER_S, FASTEST_PULL = 1.5, 0.3  # of the root's way to the middle; m/s
 NOTHING: Vector = (0.0, 0.0, 0.0)
 
 ARMS = (SPORT_SKELETON.index("LeftArm"), SPORT_SKELETON.index("RightArm"))
@@ -44,7 +45,7 @@ def side_of_beam(hips: Vector, legs: tuple[LegPose, LegPose], ground: PointHeigh
     for sign in (BESIDE_M, -BESIDE_M):
         if ground.height(hips[0] + sign * side[0], hips[2] + sign * side[2]) > top - DROP_M:
             return None
-    middle = _to_middle(hips, side, ground)
+    middle = to_middle(hips, side, ground)
     if middle is None:
         return None
     over = add(hips, scale(side, middle))
@@ -55,7 +56,7 @@ def side_of_beam(hips: Vector, legs: tuple[LegPose, LegPose], ground: PointHeigh
     return side
 
 
-def _to_middle(point: Vector, side: Vector, ground: PointHeights) -> float | None:
+def to_middle(point: Vector, side: Vector, ground: PointHeights) -> float | None:
     """Metres along `side` from a point to the middle of the highest ground there; None where it goes on to either side."""
     count = round(SCAN_M / SPACING_M)
     ways = [SPACING_M * k for k in range(-count, count + 1)]
@@ -66,6 +67,15 @@ def _to_middle(point: Vector, side: Vector, ground: PointHeights) -> float | Non
         return None
     way = 0.5 * (high[0] + high[-1])
     return way if abs(way) <= FARTHEST_M else None
+
+
+def pull_of_beam(hips: Vector, side: Vector | None, ground: PointHeights) -> Array:
+    """Velocity (m/s, XZ) that keeps the root over the middle of a beam; `side` as `side_of_beam` gave it."""
+    way = None if side is None else to_middle(hips, side, ground)
+    if side is None or way is None:
+        return np.zeros(2)
+    speed = min(max(PULL_PER_S * way, -FASTEST_PULL), FASTEST_PULL)
+    return speed * np.array([side[0], side[2]])
 
 
 class SidewaysLead:
@@ -96,7 +106,7 @@ class SidewaysLead:
     def _lead(self, leg: LegPose, other: LegPose, side: Vector, ground: PointHeights) -> Vector:
         """The way (m) that brings the foot's middle onto that of the beam, and around the other foot while it passes."""
         middle = scale(add(leg.toe, leg.ankle), 0.5)
-        way = _to_middle(middle, side, ground)
+        way = to_middle(middle, side, ground)
         if way is None:
             return NOTHING
         forward = (-side[2], 0.0, side[0])

@@ -380,7 +380,7 @@ class Controller:
     def _root_velocity(self, velocity: Array, contacts: Array, clear: bool = False) -> Array:
         """The velocity (m/s) that the root takes of the network's; `clear` where no step is known to lie ahead."""
         standing = float(self._trajectory.gait[PRESENT, Gait.STAND])
-        velocity = velocity * (1.0 - standing**4)  # damped, so that idle characters do not creep
+        velocity = (velocity + self._foot_lock.pull) * (1.0 - standing**4)  # at rest nobody creeps
         self._root_speed = float(np.linalg.norm(velocity))
         self._measured_speed += (self._root_speed - self._measured_speed) * (1 - decay(SPEED_HALF_LIFE))
         self._stride.update(self._body.joints, contacts, self._measured_speed)

@@ -52,6 +52,7 @@ def model_card(metadata: dict[str, Any], curves: dict[str, str]) -> str:
         + (
             "." if not again else ". A sum is of models that each went on from the weights of the one before."
         ),
+        *([f"- weights: {notes['mean_of_weights']}"] if "mean_of_weights" in notes else []),
         *[f"- {stage}: {text}" for stage, text in curves.items()],
         f"- ONNX against torch, largest difference: {max(metadata['onnx_error'].values()):.1e}",
         "- Analytic-DPM variance per step of tau: "

@@ -28,7 +28,6 @@ _LIMITS = """- Trained on about 35 captured styles, on recombinations of their p
 def model_card(metadata: dict[str, Any], curves: dict[str, str]) -> str:
     """Markdown text from `metadata.json`'s content; `curves` maps a stage to its last logged losses."""
     notes, config = metadata["notes"], metadata["config"]
-    again = any(len(counts) > 1 for counts in notes["steps"].values())
     lines = [
         f"# Model `{metadata['name']}`",
         "",
@@ -47,13 +46,7 @@ def model_card(metadata: dict[str, Any], curves: dict[str, str]) -> str:
         *[f"- {credit}" for credit in metadata["credits"]],
         "",
         "## Training",
-        f"Seed {notes['seed']}; steps of the stages: "
-        + ", ".join(f"{stage} {' + '.join(map(str, counts))}" for stage, counts in notes["steps"].items())
-        + (
-            "." if not again else ". A sum is of models that each went on from the weights of the one before."
-        ),
-        *([f"- weights: {notes['mean_of_weights']}"] if "mean_of_weights" in notes else []),
-        *[f"- {stage}: {text}" for stage, text in curves.items()],
+        *_history(notes, curves),
         f"- ONNX against torch, largest difference: {max(metadata['onnx_error'].values()):.1e}",
         "- Analytic-DPM variance per step of tau: "
         + ", ".join(f"{v:.4f}" for v in metadata["sigma_bar_squared"]),
@@ -66,6 +59,18 @@ def model_card(metadata: dict[str, Any], curves: dict[str, str]) -> str:
         "",
     ]
     return "\n".join(lines)
+
+
+def _history(notes: dict[str, Any], curves: dict[str, str]) -> list[str]:
+    """Steps and last losses of the stages, and what was done to the weights afterwards."""
+    again = any(len(counts) > 1 for counts in notes["steps"].values())
+    steps = ", ".join(f"{stage} {' + '.join(map(str, counts))}" for stage, counts in notes["steps"].items())
+    sums = " A sum is of models that each went on from the weights of the one before." if again else ""
+    return [
+        f"Seed {notes['seed']}; steps of the stages: {steps}.{sums}",
+        *([f"- weights: {notes['mean_of_weights']}"] if "mean_of_weights" in notes else []),
+        *[f"- {stage}: {text}" for stage, text in curves.items()],
+    ]
 
 
 def _eight_bits(quantised: dict[str, Any]) -> list[str]:

@@ -28,10 +28,9 @@ from numpy.typing import NDArray
 
 from sport.benchmarks.bandwidth import read_bandwidth
 from sport.benchmarks.bench import cpu_name
-from sport.runtime.assets import PROJECT_ROOT, asset_path
+from sport.runtime.assets import PROJECT_ROOT, model_folder
 from sport.runtime.atomic import check_target, write_atomic
 from sport.runtime.errors import UsageError, run_command
-from sport.runtime.motion.model import DEFAULT_MODEL
 from sport.runtime.motion.model_files import FOLDED, INT8_GRAPH, open_graph, read_graph, read_metadata
 from sport.training.evaluation.report.markers import check_section, write_section
 
@@ -79,7 +78,9 @@ def main(argv: list[str] | None = None) -> int:
     )
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--preset", help="random weights of this preset")
-    which.add_argument("--model", type=Path, metavar="DIR", help="exported model (default: the shipped one)")
+    which.add_argument(
+        "--model", type=model_folder, metavar="DIR", help="exported model (default: the shipped one)"
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures to FILE")
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="put the table into this document")
     options = parser.parse_args(argv)
@@ -96,7 +97,7 @@ def run(
     if json_path is not None:
         check_target(json_path)
     threads = [count for count in (1, 2) if count <= (os.cpu_count() or 1)]
-    model = model or asset_path(DEFAULT_MODEL)
+    model = model or model_folder()
     network = preset or model.name
     if markdown is not None:
         check_section(markdown, f"networks {network}")

@@ -1,12 +1,14 @@
-"""Where the shipped files lie: one root for every asset and shader."""
+"""Where the shipped files lie: one root for every asset and shader, and the trained models by name."""
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 
 from sport.runtime.errors import FileError
 
 PROJECT_ROOT = Path(__file__).resolve().parent.parent
+DEFAULT_MODEL = "compact"
 
 
 def asset_path(relative: str) -> Path:
@@ -15,3 +17,25 @@ def asset_path(relative: str) -> Path:
     if not path.exists():
         raise FileError(f"{path}: this shipped file is missing.", "Install the program again.")
     return path
+
+
+@lru_cache(1)
+def shipped_models() -> dict[str, Path]:
+    """Folder of every shipped model by its name, the default first; FileError where the package has none."""
+    folders = [path.parent for path in asset_path("models").glob("*/metadata.json")]
+    return {path.name: path for path in sorted(folders, key=lambda p: (p.name != DEFAULT_MODEL, p.name))}
+
+
+def model_folder(model: Path | str | None = None) -> Path:
+    """Folder of a model that is named (`open`), lies somewhere (`./open`) or, for None, is the default; FileError without that."""
+    if model is None:
+        return asset_path(f"models/{DEFAULT_MODEL}")
+    named = shipped_models() if Path(model).parent == Path() and not str(model).startswith(".") else {}
+    return named.get(str(model), Path(model))
+
+
+def model_name(folder: Path | None) -> str:
+    """Name of a shipped model's folder (None: the default); "" for any other folder."""
+    if folder is None:
+        return DEFAULT_MODEL
+    return next((name for name, path in shipped_models().items() if path == folder), "")

@@ -13,7 +13,8 @@ from sport.runtime.errors import FileError
 from sport.runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, Skeleton
 from sport.runtime.takes.bvh import format_bvh, parse_bvh
 from sport.training.data import cutting, labels, relief
-from sport.training.data.catalog import ClipSource
+from sport.training.data.archives import FREE, credits_of, licence_of
+from sport.training.data.catalog import ClipSource, list_clips
 from sport.training.data.clip_files import TrainingClip
 from sport.training.data.foot_cleaning import bridge, clean_feet, stretches
 from sport.training.data.height_patches import Patches, wrapped_height
@@ -359,6 +360,19 @@ def test_import_writes_the_contract(tmp_path: Path) -> None:
     assert "| angry |" in report.markdown()
     assert "`bandai2` 7," in report.markdown()
     assert Report.load(tmp_path / "out" / "report.json").markdown() == report.markdown()
+
+
+def test_an_import_for_the_open_model_leaves_bound_archives_out(tmp_path: Path) -> None:
+    for archive, name in (("100style", "Angry_FW"), ("pfnn", "LocomotionFlat01_000")):
+        (tmp_path / archive).mkdir()
+        (tmp_path / archive / f"{name}.bvh").write_text(march(), encoding="utf-8")
+    every, _ = list_clips(tmp_path)
+    free, refused = list_clips(tmp_path, free_only=True)
+    assert {clip.source for clip in every} == {"100style", "pfnn"}
+    assert {clip.source for clip in free} == {"100style"}
+    assert ("pfnn", "licence is non-commercial") in {(r.name, r.reason) for r in refused}
+    assert licence_of({"100style", "o3de"}) == FREE != licence_of({"100style", "pfnn"})
+    assert credits_of({"100style", "100style_more"}) == ["The 100STYLE Dataset - Ian Mason (CC BY 4.0)"]
 
 
 def test_import_without_data_says_what_to_do(tmp_path: Path) -> None:

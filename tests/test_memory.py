@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 from sport.benchmarks.bench import peak_memory_mb
-from sport.runtime.assets import PROJECT_ROOT, asset_path
+from sport.runtime.assets import PROJECT_ROOT, model_folder
 from sport.runtime.errors import SportError
-from sport.runtime.motion.model import DEFAULT_MODEL
 from sport.runtime.motion.model_files import open_graph, read_graph, read_metadata
 
 TRAINING_ONLY = {"torch", "onnx", "onnxscript", "scipy", "sklearn", "matplotlib", "pandas", "trimesh", "PIL"}
@@ -45,7 +44,7 @@ def test_a_run_of_the_viewer_loads_no_library_that_it_does_not_use(tmp_path: Pat
 
 
 def test_a_session_keeps_no_second_copy_of_its_file() -> None:
-    folder = asset_path(DEFAULT_MODEL)
+    folder = model_folder()
     data = read_graph(folder, "prompt", read_metadata(folder))
     session = open_graph(folder / "prompt.onnx", data, 1)
     assert not [name for name, value in vars(session).items() if value is data]

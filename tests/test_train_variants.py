@@ -22,7 +22,7 @@ from synthetic_clips import write_clip  # noqa: E402
 from test_stage_words import BagOfWords  # noqa: E402
 
 from sport.runtime.controls import Controls  # noqa: E402
-from sport.runtime.errors import ModelError, UsageError  # noqa: E402
+from sport.runtime.errors import FileError, ModelError, UsageError  # noqa: E402
 from sport.runtime.motion.controller import Controller  # noqa: E402
 from sport.runtime.motion.features import PAPER_OUTPUT_SIZE  # noqa: E402
 from sport.runtime.motion.model import load_model  # noqa: E402
@@ -191,3 +191,13 @@ def test_the_preset_without_rotations_is_refused_with_a_sentence(
     (folder / "metadata.json").write_text(json.dumps(metadata), encoding="utf-8")
     with pytest.raises(ModelError, match="with joint rotations"):
         load_model(folder)
+
+
+def test_the_open_model_refuses_clips_that_bind_it(tmp_path: Path) -> None:
+    clips = tmp_path / "clips"
+    clips.mkdir()
+    write_clip(clips / "a.npz", "neutral", 0.0)
+    with np.load(clips / "a.npz") as clip:
+        np.savez(clips / "b.npz", **{**clip, "source": "bandai_namco"})
+    with pytest.raises(FileError, match=r"bandai_namco.*non-commercial"):
+        pipeline.main(["phase", "--preset", "open", "--clips", str(clips), "--out", str(tmp_path / "out")])

@@ -14,7 +14,7 @@ from typing import Any
 
 import torch
 
-from sport.runtime.assets import asset_path
+from sport.runtime.assets import model_folder
 from sport.runtime.errors import FileError, UsageError, run_command
 from sport.training.history import History
 from sport.training.session import load_checkpoint, save_checkpoint
@@ -58,7 +58,7 @@ def unpack(file: Path, run: Path, model: Path | None = None) -> None:
     `model` is the folder of the run's own model, by default the shipped one; it is read where the file leaves out what
     its graphs hold.
     """
-    packed = put_back(load_checkpoint(file), model or asset_path("models/compact"))
+    packed = put_back(load_checkpoint(file), model or model_folder())
     missing = [key for key in _FILES if key not in packed]
     if missing:
         raise FileError(f"{file}: lacks {', '.join(missing)}.", "Pack a finished run.")
@@ -78,7 +78,7 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("action", choices=("pack", "unpack"))
     parser.add_argument("source", type=Path)
     parser.add_argument("target", type=Path)
-    parser.add_argument("--model", type=Path, help="folder of the run's exported model")
+    parser.add_argument("--model", type=model_folder, help="folder of the run's exported model")
     args = parser.parse_args(argv)
     (pack if args.action == "pack" else unpack)(args.source, args.target, args.model)
 

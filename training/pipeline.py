@@ -18,6 +18,7 @@ from sport.runtime.prompts.text_encoder import SHIPPED, TextEncoder
 from sport.training import parallel
 from sport.training.arguments import STAGES, build_parser
 from sport.training.batches import Frames, Normalisation
+from sport.training.data import archives
 from sport.training.export.half_storage import store_model_in_half
 from sport.training.export.model import Trained, export_model
 from sport.training.export.quantize import quantize_model
@@ -28,7 +29,7 @@ from sport.training.natural_pace import neutral_style, start_state, style_speeds
 from sport.training.networks.content import ContentEncoder
 from sport.training.networks.diffusion import Schedule, reverse_steps
 from sport.training.networks.generator import Generator
-from sport.training.presets import ModelConfig, ablation, preset
+from sport.training.presets import OPEN, ModelConfig, ablation, preset
 from sport.training.rest_rhythm import rest_rhythm
 from sport.training.session import Session, load_checkpoint, save_checkpoint
 from sport.training.stages import (
@@ -46,19 +47,6 @@ from sport.training.stages import (
 from sport.training.styles import StyleTexts, load_style_texts
 
 log = logging.getLogger("sport.train")
-
-CREDITS = {
-    "o3de": "Copyright (c) Contributors to the Open 3D Engine Project (Apache-2.0 or MIT)",
-    "accad": "ACCAD, The Ohio State University (CC BY 3.0)",
-    "fair_zombie": "Zombie walk: Copyright (c) Meta Platforms, Inc. and affiliates (MIT)",
-    "cmu91": "CMU subject 91: mocap.cs.cmu.edu, created with funding from NSF EIA-0196217",
-    "100style": "The 100STYLE Dataset - Ian Mason (CC BY 4.0)",
-    "bandai_namco": "Bandai Namco Research Motiondataset (CC BY-NC 4.0)",
-    "cmu": "Data from mocap.cs.cmu.edu, created with funding from NSF EIA-0196217",
-    "jlpm": "José Luis Pontón, locomotion take (MIT)",
-    "pfnn": "Holden et al. 2017, Phase-Functioned Neural Networks (academic, non-commercial)",
-    "pfnn_rollouts": "Rollouts of the published PFNN, Holden et al. 2017 (academic, non-commercial)",
-}
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -86,7 +74,7 @@ def _import(args: argparse.Namespace) -> None:
     if args.data is None:
         raise FileError("--data: missing.", "Name the folder that holds the motion data archives.")
     if not (args.out / "clips").exists():
-        import_all(args.data, args.out)
+        import_all(args.data, args.out, free_only=args.preset == OPEN)
 
 
 def _layer(args: argparse.Namespace) -> None:
@@ -113,7 +101,7 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
         session.device = torch.device(args.device)
     clips = args.clips or args.out / "clips"
     table = _load(clips, args.limit)
-    log.info("%d clips, %d frames, %d styles", len(table.styles), len(table), len(set(table.styles)))
+    _check_data(config, clips, table)
     words = config.direction_words, config.one_sided_words
     texts = load_style_texts(table, args.styles or asset_path("prompts/styles.json"), encoder, clips, *words)
     weights = sampling_weights(table, favoured=texts.of_rhythm())
@@ -151,6 +139,17 @@ def _refuse_table_one(config: ModelConfig) -> None:
         )
 
 
+def _check_data(config: ModelConfig, clips: Path, table: FrameTable) -> None:
+    """FileError for clips that must not enter a model which anybody may publish; else says how much there is."""
+    bound = sorted(name for name in set(table.sources) if not archives.BY_NAME[name].free)
+    if bound and config.name == OPEN:
+        raise FileError(
+            f"{clips}: holds clips of {', '.join(bound)}, whose licence is non-commercial.",
+            f"Import with --preset {OPEN} into another --out.",
+        )
+    log.info("%d clips, %d frames, %d styles", len(table.styles), len(table), len(set(table.styles)))
+
+
 def _export(
     args: argparse.Namespace,
     session: Session,
@@ -181,7 +180,7 @@ def _export(
         steps=reverse_steps(schedule, schedule.subsequence(config.inference_steps), sigma),
         sigma_bar_squared=sigma,
         start=start_state(table, phase),
-        credits=[CREDITS[s] for s in sorted(set(table.sources))],
+        credits=archives.credits_of(set(table.sources)),
         notes=_notes(args, table, history),
         curves=history.losses,
         neutral=neutral_style(table, data.style),
@@ -323,9 +322,7 @@ def _notes(args: argparse.Namespace, table: FrameTable, history: History) -> dic
         "styles": sorted(set(table.styles)),
         "steps": {stage: history.steps[stage] for stage in STAGES if stage in history.steps},
         "seed": args.seed,
-        "licence": "non-commercial: trained also on CC BY-NC and academic data"
-        if set(table.sources) & {"bandai_namco", "pfnn", "pfnn_rollouts"}
-        else "CC BY 4.0",
+        "licence": archives.licence_of(set(table.sources)),
     }
 
 

@@ -82,8 +82,10 @@ _PAPER = ModelConfig(
     part_swaps=False,
     longer_sentences=False,
 )
+OPEN = "open"  # sizes of compact, trained on archives alone that allow commercial use
 PRESETS: dict[str, ModelConfig] = {
     "compact": _COMPACT,
+    OPEN: replace(_COMPACT, name=OPEN),
     "paper": _PAPER,
     "paper-rotations": replace(_PAPER, name="paper-rotations", output_size=OUTPUT_SIZE),
     "small": replace(  # a quarter of compact: what ablations are compared with where there is little time

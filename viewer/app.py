@@ -20,6 +20,7 @@ from sport.viewer.input.gamepad import GamepadSource, GlfwGamepads
 from sport.viewer.input.script import ControlScript
 from sport.viewer.jobs import Jobs
 from sport.viewer.options import ViewOptions
+from sport.viewer.prompt.even_blends import EvenBlends
 from sport.viewer.prompt.expanders import Expanders
 from sport.viewer.prompt.prompting import Prompting
 from sport.viewer.prompt.room import PromptRoom
@@ -133,7 +134,9 @@ class App:
         state, options, drives = self.state, self.options, DriveRecorder()
         settings, messages, prompt, stage = state.settings, state.messages, state.prompt, state.stage
         self.jobs = jobs = Jobs(messages, blocking=options.offscreen)
-        self.prompting = Prompting(prompt, settings, messages, lambda: stage.controller)
+        self.prompting = Prompting(
+            prompt, settings, messages, lambda: stage.controller, even_blends=EvenBlends(jobs)
+        )
         self.prompting.blocking = options.offscreen
         self.expanders = Expanders(prompt.expander, settings, jobs, services, self.prompting)
         self.suggester = Suggester(prompt, settings, jobs)

@@ -22,6 +22,7 @@ from sport.viewer.render.quality import PRESETS
 DEFAULT_CHARACTER = "character/mannequin.glb"
 STYLES = "prompts/styles.json"
 LIBRARY = "prompts/library.json"
+BETWEEN_FRAMES_S = 0.004  # in which the window draws while a blend is measured
 
 
 class ControllerLike(Protocol):
@@ -111,6 +112,7 @@ class Loaded:
     name: str
     provider: str
     notice: str = ""
+    even_shares: Callable[[Any, Any], tuple[float, ...]] | None = None  # makes a blend's change even
 
 
 def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSettings | None = None) -> Loaded:
@@ -119,6 +121,7 @@ def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSett
     Prompts are expanded by the library, or by the language model `gpt` with the library behind it.
     """
     from sport.runtime.motion.controller import Controller
+    from sport.runtime.motion.even_blend import even_shares
     from sport.runtime.motion.model import load_model as load
     from sport.runtime.prompts.prompter import Prompter
     from sport.runtime.prompts.service import PromptWorker
@@ -129,7 +132,10 @@ def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSett
     expander = library if gpt is None else open_expander(library, gpt)
     workers = PromptWorker(expander, prompter.encoder), PromptWorker(expander, prompter.encoder)
     controller = Controller(model, terrain, seed)
-    return Loaded(controller, workers, library, model.name, model.provider, model.notice)
+    return Loaded(
+        controller, workers, library, model.name, model.provider, model.notice,
+        lambda a, b: even_shares(model, a, b, pause=BETWEEN_FRAMES_S),
+    )  # fmt: skip
 
 
 def open_expander(library: LibraryLike, gpt: GptSettings) -> Expander:

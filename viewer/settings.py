@@ -123,7 +123,7 @@ class Settings:
     dead_zone: float = specified(0.15, 0.0, 0.9)  # of a stick's travel
     invert_look: bool = specified(False, label="Invert look", hint="Stick and keys up look down")
     text_size: float = specified(1.0, choices={0.9: "Small", 1.0: "Normal", 1.15: "Large"})
-    model_folder: str = ""  # of an exported model; "": the shipped one
+    model_folder: str = ""  # name of a shipped model or folder of an exported one; "": the default
     first_minute_seen: bool = False
     recent_projects: list[str] = field(default_factory=list)  # newest first
     prompt_history: list[str] = field(default_factory=list)  # newest first

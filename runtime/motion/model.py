@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.assets import asset_path
+from sport.runtime.assets import model_folder
 from sport.runtime.errors import ModelError
 from sport.runtime.motion.features import C
 from sport.runtime.motion.model_files import (
@@ -26,7 +26,6 @@ from sport.runtime.motion.model_files import (
 
 Array = NDArray[np.float32]
 
-DEFAULT_MODEL = "models/compact"
 MIN_STRENGTH, MAX_STRENGTH = 0.0, 2.0
 
 
@@ -162,9 +161,9 @@ def _strength(folder: Path, metadata: dict[str, Any], shape: tuple[int, int]) ->
 
 
 def load_model(folder: Path | str | None = None, threads: int = 1, precision: str = "auto") -> MotionModel:
-    """Load and check a model folder (default: the shipped one); ModelError names what is wrong with it.
+    """Load and check a model, by its folder or its name (default: `compact`); ModelError names what is wrong with it.
 
     `precision` is fp32, int8, or auto: what the folder's metadata name as the better one.
     """
-    folder = Path(folder) if folder is not None else asset_path(DEFAULT_MODEL)
+    folder = model_folder(folder)
     return MotionModel(folder, read_metadata(folder), threads, precision)

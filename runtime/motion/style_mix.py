@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from sport.runtime.motion.model import Style
 
 Array = NDArray[np.float32]
+Shares = tuple[float, ...]  # of the second of two styles, at even parts of the change from the first
 
+LINEAR: Shares = (0.0, 1.0)
 CACHED = 16  # folded codes that are kept: a blend of six parts has seven
 
 
@@ -25,6 +27,21 @@ class StyleMix:
 
     shares: tuple[float, ...]
     codes: tuple[Array, ...]
+
+
+def even_weights(shares: Shares, weights: Sequence[float]) -> Shares:
+    """The shares of the second style at which these parts (0 to 1) of the change are done; 0 and 1 stay what they are."""
+    return tuple(np.interp(weights, np.linspace(0.0, 1.0, len(shares)), shares).tolist())
+
+
+def turned_round(shares: Shares) -> Shares:
+    """The shares of the same pair, the other style first."""
+    return tuple(1.0 - share for share in reversed(shares))
+
+
+def mixes(weights: Sequence[float]) -> bool:
+    """Whether any part is of both styles; else there is nothing to measure."""
+    return any(0.0 < weight < 1.0 for weight in weights)
 
 
 def mixed(styles: Sequence[Style], shares: Sequence[float]) -> Style:

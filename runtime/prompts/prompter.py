@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sport.runtime.errors import UsageError
-from sport.runtime.motion.style_mix import StyleMix
-from sport.runtime.prompts.blend import BlendedPrompt, Words, mix_of_parts
+from sport.runtime.motion.even_blend import even_shares
+from sport.runtime.motion.style_mix import Shares, StyleMix, even_weights, mixes
+from sport.runtime.prompts.blend import BlendedPrompt, Weights, Words, mix_of_parts
 from sport.runtime.prompts.content import PromptEncoder
 from sport.runtime.prompts.english.library import LibraryExpander
 from sport.runtime.prompts.expander import Expander, Expansion
@@ -48,6 +49,8 @@ class Prompter:
         self._expander = self._open(expander)
         self._report, self._expanded = report, expanded
         self._shares = shares_of(model.name)
+        self._model = model
+        self._shares_of_pairs: dict[tuple[bytes, bytes], Shares] = {}
 
     def listening(
         self, report: Callable[[str], None], expanded: Callable[[str, PartDescriptions], object]
@@ -80,12 +83,21 @@ class Prompter:
     def __call__(self, words: Words | BlendedPrompt) -> NDArray[np.float32] | StyleMix:
         """Z^t `(6, 64)`, or the mix of a blend; PromptError when the words cannot be used."""
         if isinstance(words, BlendedPrompt):
-            return mix_of_parts(self(words.a), self(words.b), words.weights)
+            return self._blend(self(words.a), self(words.b), words.weights)
         if isinstance(words, PartDescriptions):
             if note := self._shares.note(words):
                 self._report(note)
             return self.encoder.encode(words)
         return self.encoder.encode(self.expand(words).descriptions)
+
+    def _blend(self, a: NDArray[np.float32], b: NDArray[np.float32], weights: Weights) -> StyleMix:
+        """The mix in which `weights` of the change are done; a pair is measured once."""
+        if mixes(weights):
+            pair = a.tobytes(), b.tobytes()
+            if pair not in self._shares_of_pairs:
+                self._shares_of_pairs[pair] = even_shares(self._model, a, b)
+            weights = even_weights(self._shares_of_pairs[pair], weights)
+        return mix_of_parts(a, b, weights)
 
     def _open(self, name: str) -> Expander:
         if name == "library":

@@ -13,14 +13,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.assets import asset_path
+from sport.runtime.assets import DEFAULT_MODEL, asset_path
 from sport.runtime.errors import FileError
 from sport.runtime.prompts.parts import PartDescriptions, mirror_text
 from sport.runtime.skeleton import PART_NAMES
 
 HARDLY = 0.3  # share under which a sentence is said to be hardly shown
 FILE = "prompts/shares.json"
-DEFAULT_MODEL = "compact"
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, NoReturn
 
 from sport.batch.rows import Row
-from sport.runtime.assets import asset_path
+from sport.runtime.assets import model_folder
 from sport.runtime.errors import UsageError
 
 NOT_COLUMNS = ("batch", "ray", "workers", "help")
@@ -122,7 +122,7 @@ def _targets(options: argparse.Namespace) -> list[Path]:
 def _key(options: argparse.Namespace, prints: dict[Path, str]) -> str:
     """Changes with every argument, and with the content of the files and the model that they name."""
     values = {k: str(v) if isinstance(v, Path) else v for k, v in vars(options).items()}
-    model = asset_path("models/compact") if options.model is None else options.model
+    model = model_folder(options.model)
     paths = [model / "metadata.json", *(Path(p) for name in _FILES if (p := getattr(options, name)))]
     found = [_print(path, prints) for path in paths]
     return hashlib.sha256(json.dumps([values, found], sort_keys=True).encode()).hexdigest()

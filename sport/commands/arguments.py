@@ -4,9 +4,20 @@ from __future__ import annotations
 
 import argparse
 
+from sport.runtime.assets import model_folder
 from sport.runtime.errors import UsageError
 
 Subparsers = argparse._SubParsersAction  # what `add_subparsers` returns
+
+
+def add_model(command: argparse.ArgumentParser) -> None:
+    """Declare the model."""
+    command.add_argument(
+        "--model",
+        type=model_folder,
+        metavar="NAME|DIR",
+        help="a shipped model (compact, the default, or open) or the folder of an exported one",
+    )
 
 
 def add_blend(command: argparse.ArgumentParser) -> None:

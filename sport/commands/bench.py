@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from sport.commands.arguments import Subparsers
+from sport.commands.arguments import Subparsers, add_model
 
 
 def add(commands: Subparsers) -> None:
@@ -14,7 +14,7 @@ def add(commands: Subparsers) -> None:
     bench.set_defaults(command=run)
     bench.add_argument("--json", type=Path, metavar="FILE", help="write the figures to FILE")
     bench.add_argument("--frames", type=int, default=1000, metavar="N", help="frames to time (default: 1000)")
-    bench.add_argument("--model", type=Path, metavar="DIR", help="folder of an exported model")
+    add_model(bench)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sport.commands.arguments import Subparsers, add_blend, blend_weights
+from sport.commands.arguments import Subparsers, add_blend, add_model, blend_weights
 from sport.commands.export_arguments import OUT_HELP, add_export_arguments
 from sport.runtime.errors import UsageError
 
@@ -81,7 +81,7 @@ def _add_course(generate: argparse.ArgumentParser) -> None:
 
 
 def _add_output(generate: argparse.ArgumentParser) -> None:
-    generate.add_argument("--model", type=Path, metavar="DIR", help="folder of an exported model")
+    add_model(generate)
     generate.add_argument(
         "--text-encoder",
         type=Path,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from sport.commands.arguments import Subparsers, add_blend, blend_weights, size
+from sport.commands.arguments import Subparsers, add_blend, add_model, blend_weights, size
 
 
 def add(commands: Subparsers) -> None:
@@ -15,7 +15,7 @@ def add(commands: Subparsers) -> None:
     view.add_argument("--terrain", metavar="NAME|FILE", help="a ready terrain, PNG, NPY or mesh file")
     view.add_argument("--prompt", metavar="TEXT", help="style to begin with")
     add_blend(view)
-    view.add_argument("--model", type=Path, metavar="DIR", help="folder of an exported model")
+    add_model(view)
     view.add_argument("--character", type=Path, metavar="FILE", help="skinned character (GLB, glTF, VRM)")
     view.add_argument(
         "--joint-map", type=Path, metavar="JSON", help="names of its joints, in place of the file beside it"

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sport.runtime.errors import FileError
+from sport.training.data.archives import ARCHIVES, BY_NAME
 
-SOURCES = (
-    "o3de", "accad", "100style", "100style_more", "bandai_namco", "cmu", "cmu91", "fair_zombie", "jlpm", "pfnn",
-    "pfnn_rollouts",
-)  # fmt: skip
+SOURCES = tuple(archive.name for archive in ARCHIVES)
 
 _STYLE100_CONTENT = {
     "FW": "walk forward", "BW": "walk backward", "SW": "walk sideways", "FR": "run forward", "BR": "run backward",
@@ -76,11 +74,17 @@ class Refusal:
     reason: str
 
 
-def list_clips(data: Path) -> tuple[list[ClipSource], list[Refusal]]:
-    """All clips below `data` (one folder per archive) and the files that are left out, in a stable order."""
+def list_clips(data: Path, free_only: bool = False) -> tuple[list[ClipSource], list[Refusal]]:
+    """All clips below `data` (one folder per archive) and the files that are left out, in a stable order.
+
+    `free_only` leaves out the archives that may not go into weights which anybody may publish.
+    """
     clips: list[ClipSource] = []
     refused: list[Refusal] = []
     for source in SOURCES:
+        if free_only and not BY_NAME[source].free:
+            refused.append(Refusal(source, source, "licence is non-commercial"))
+            continue
         folder = source_folder(data, source)
         if folder is None:
             refused.append(Refusal(source, source, "archive not present"))

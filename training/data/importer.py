@@ -23,9 +23,12 @@ CALIBRATION_CLIPS = 40  # of each source, evenly spread
 MAX_ARCHIVE_BYTES = 4 << 30  # unpacked
 
 
-def import_all(data: Path, out: Path, workers: int = 2) -> Report:
-    """Retarget everything below `data` to `out/clips` and write `out/report.json`. FileError when nothing is there."""
-    clips, refused = list_clips(unpack(data, out / "unpacked"))
+def import_all(data: Path, out: Path, workers: int = 2, free_only: bool = False) -> Report:
+    """Retarget everything below `data` to `out/clips` and write `out/report.json`. FileError when nothing is there.
+
+    `free_only` leaves out archives with a non-commercial licence.
+    """
+    clips, refused = list_clips(unpack(data, out / "unpacked"), free_only)
     folder = out / "clips"
     folder.mkdir(parents=True, exist_ok=True)
     held = cutting.held_out_names([(c.name, c.style, c.content) for c in clips])

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from sport.runtime.assets import model_folder
 from sport.runtime.atomic import check_target, write_atomic
 from sport.runtime.errors import UsageError
 from sport.runtime.motion.motion_encoder import MotionEncoder
@@ -36,7 +37,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--clips", type=Path, required=True, metavar="DIR", help="folder of imported clips")
     parser.add_argument(
         "--model",
-        type=Path,
+        type=model_folder,
         action="append",
         required=True,
         metavar="DIR",

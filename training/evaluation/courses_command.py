@@ -8,7 +8,7 @@ import logging
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.assets import asset_path
+from sport.runtime.assets import model_folder
 from sport.runtime.atomic import check_target, write_atomic
 from sport.runtime.errors import UsageError
 from sport.training.evaluation.metrics.recognition import StyleClassifier
@@ -29,7 +29,10 @@ def build_parser() -> argparse.ArgumentParser:
         description="Lead a character over six obstacle courses and measure how it crosses them. Equal arguments give equal figures.",
     )
     parser.add_argument(
-        "--model", type=Path, metavar="DIR", help="folder of an exported model (default: the shipped one)"
+        "--model",
+        type=model_folder,
+        metavar="DIR",
+        help="folder of an exported model (default: the shipped one)",
     )
     parser.add_argument(
         "--clips",
@@ -82,7 +85,7 @@ def main(argv: list[str]) -> int:
 
 def evaluate(args: argparse.Namespace) -> dict[str, Any]:
     """All figures as plain data; pictures are drawn on the way."""
-    subject = Subject(args.model or asset_path("models/compact"), style_texts(set(args.styles)))
+    subject = Subject(args.model or model_folder(), style_texts(set(args.styles)))
     walks: list[CourseRun] = []
     keep = None if args.pictures is None else lambda run: _keep(walks, run, args)
     runner, courses = runner_of(subject, args.seed), by_name(args.course)

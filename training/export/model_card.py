@@ -15,15 +15,6 @@ from typing import Any
 from sport.runtime.atomic import write_atomic
 from sport.runtime.errors import FileError, run_command
 
-_LIMITS = """- Trained on about 35 captured styles, on recombinations of their parts, and on parametric edits of parts; a prompt far
-  from them is composed from the nearest ones, part by part.
-- A left foot drags when the words say so, a right one (never shown in training) by a quarter of that.
-- Nodding is hardly there. Words of bounce, hips that sway or swing, limps and staggering change little.
-- A hand that should wave waves at rest too; looking around and nodding beat with the steps.
-- Terrain is known from distilled rollouts of PFNN and from flat capture laid over hills and stairs; there is only about
-  a minute of captured stairs and uneven ground, and no capture of climbing over walls.
-- Jumping was seen in the neutral style only."""
-
 
 def model_card(metadata: dict[str, Any], curves: dict[str, str]) -> str:
     """Markdown text from `metadata.json`'s content; `curves` maps a stage to its last logged losses."""
@@ -55,7 +46,7 @@ def model_card(metadata: dict[str, Any], curves: dict[str, str]) -> str:
         *(metadata.get("metrics") or ["Not measured yet."]),
         "",
         "## Limits",
-        _LIMITS,
+        *_limits(metadata),
         "",
     ]
     return "\n".join(lines)
@@ -70,6 +61,22 @@ def _history(notes: dict[str, Any], curves: dict[str, str]) -> list[str]:
         f"Seed {notes['seed']}; steps of the stages: {steps}.{sums}",
         *([f"- weights: {notes['mean_of_weights']}"] if "mean_of_weights" in notes else []),
         *[f"- {stage}: {text}" for stage, text in curves.items()],
+    ]
+
+
+def _limits(metadata: dict[str, Any]) -> list[str]:
+    """What the model cannot do, as far as its data tell."""
+    rollouts = any(credit.startswith("Rollouts") for credit in metadata["credits"])
+    return [
+        f"- Trained on {len(metadata['notes']['styles'])} captured styles, on recombinations of their parts, and on parametric"
+        " edits of parts; a prompt far from them is composed from the nearest ones, part by part.",
+        "- Words of nodding, of sides that training never showed and of slight rhythm show less than others; the shares of"
+        " single phrases are in `assets/prompts/shares.json`.",
+        "- Terrain is known from "
+        + ("distilled rollouts of PFNN and from " if rollouts else "")
+        + "flat capture laid over hills and stairs; there is only about a minute of captured stairs and uneven ground."
+        " Leaps over obstacles and climbing are keyed by the program, not by the model.",
+        "- Jumping was seen in the neutral style only.",
     ]
 
 

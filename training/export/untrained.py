@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from sport.runtime.assets import model_folder
 from sport.runtime.errors import run_command
 from sport.runtime.motion.features import INPUT_SIZE
 from sport.runtime.motion.model_files import FOLDED, INT8_GRAPH, read_metadata
@@ -63,7 +64,7 @@ def main(argv: list[str] | None = None) -> int:
     )
     parser.add_argument("folder", type=Path)
     parser.add_argument("--preset", default="paper")
-    parser.add_argument("--model", type=Path, help="folder of a model whose layer sizes are taken")
+    parser.add_argument("--model", type=model_folder, help="folder of a model whose layer sizes are taken")
     options = parser.parse_args(argv)
     for chatty in ("onnx_ir", "onnxscript", "torch.onnx"):
         logging.getLogger(chatty).setLevel(logging.WARNING)

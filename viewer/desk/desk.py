@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from sport.runtime.assets import DEFAULT_MODEL, model_folder, model_name
 from sport.viewer.desk.guide import Guide
 from sport.viewer.desk.state import DeskState
 from sport.viewer.exports.exporting import Exporting
@@ -112,15 +113,16 @@ class Desk:
         text = self.settings.model_folder
         if not text or offscreen:
             return None
-        if not Path(text).is_dir():
-            self.messages.warn(f"The model {text} is not there any more: the shipped one is used.")
+        if not model_folder(text).is_dir():
+            self.messages.warn(f"The model {text} is not there any more: {DEFAULT_MODEL} is used.")
             return None
-        return Path(text)
+        return model_folder(text)
 
     def choose_model(self, folder: Path | None) -> None:
-        """Load another model, now and at the next start; None is the shipped one."""
+        """Load another model, now and at the next start; None is the default."""
         controller = self.stage.state.controller
-        self.settings.model_folder = "" if folder is None else str(folder)
+        folder = None if model_name(folder) == DEFAULT_MODEL else folder
+        self.settings.model_folder = "" if folder is None else model_name(folder) or str(folder)
         self.load_model(folder, 0 if controller is None else controller.seed)
 
     def cancel(self) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from sport.runtime.safe_read import printable
+from sport.viewer.desk import model_panel
 from sport.viewer.desk.desk import Desk
 from sport.viewer.gl_bindings import imgui
 from sport.viewer.gui import overlay, setting_widgets, theme, widgets
@@ -32,7 +33,7 @@ def draw(desk: Desk, fonts: Fonts) -> None:
     with overlay.window(fonts, "Settings", ICON.gear, WIDTH) as closed:
         _interface(desk)
         _takes(desk)
-        _model(desk)
+        model_panel.draw(desk)
         setting_widgets.toggle(desk.settings, "invert_look", px(140))
         imgui.same_line(0, px(4))
         if widgets.button("Show the first minute", -1, "The steps for beginners over the view"):
@@ -74,24 +75,6 @@ def _takes(desk: Desk) -> None:
         desk.dialogs.ask(Kind.FOLDER, "Folder of exports", start, chosen)
     overlay.row("Seconds kept", "What T keeps of the rolling memory")
     setting_widgets.slider(settings, "keep_seconds")
-
-
-def _model(desk: Desk) -> None:
-    state, side = desk.stage.state, imgui.get_frame_height()
-    overlay.row("Model", "Takes that were recorded stay with the model that made them")
-    shipped = state.model_folder is None and state.controller is not None
-    width = imgui.get_content_region_avail().x - side - px(4)
-    name = f"{state.model_name or 'none'}{', shipped' if shipped else ''}"
-    imgui.begin_disabled(desk.jobs.busy("model") or shipped)
-    text = "Loading…" if desk.jobs.busy("model") else widgets.elided(printable(name), width - px(20))
-    if widgets.button(
-        f"{text}##model", width, "" if shipped else f"{state.model_folder}: back to the shipped one"
-    ):
-        desk.choose_model(None)
-    imgui.end_disabled()
-    imgui.same_line(0, px(4))
-    if widgets.icon_button(ICON.folder, "browse model", "Choose the folder of an exported model", theme.TEXT):
-        desk.dialogs.ask(Kind.FOLDER, "Folder of an exported model", desk.model_home, desk.choose_model)
 
 
 def _reset(desk: Desk) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from sport.runtime.assets import model_folder, model_name
 from sport.runtime.projects.character_files import write_character_files
 from sport.runtime.projects.project import ModelName, Project, StoredTake, StoredVersion
 from sport.runtime.takes.metadata import origin_of
@@ -51,6 +52,7 @@ class Contents:
         style = self.prompting.state.edit
         x, _, z = (float(v) for v in pose.root_position)
         folder = stage.state.model_folder
+        name = "" if folder is None else model_name(folder) or str(folder)
         model = origin_of(controller, "")
         return Project(
             takes=tuple(stored(item) for item in takes.items),
@@ -58,7 +60,7 @@ class Contents:
             selected=takes.selected,
             ground=stage.state.terrain_spec,
             terrain=stage.state.terrain,
-            model=ModelName(str(folder or ""), model.model, model.model_sha256, int(model.seed or 0)),
+            model=ModelName(name, model.model, model.model_sha256, int(model.seed or 0)),
             style=None if style.a is None else style,
             place=(x, z, float(pose.root_yaw)),
             view=self._view(),
@@ -121,7 +123,7 @@ class Contents:
         now = origin_of(self.stage.state.controller, "")
         if self.stage.state.controller is None or now.model_sha256 == wanted.sha256:
             return True
-        folder = Path(wanted.folder) if wanted.folder else None
+        folder = model_folder(wanted.folder) if wanted.folder else None
         if folder is not None and not folder.is_dir():
             self.takes.messages.warn(
                 f"The project's model {wanted.name or wanted.folder!r} is not there: its takes play and are exported,"

@@ -15,6 +15,7 @@ from sport.runtime.prompts.expander import Expander
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.takes.recorder import LIVE_SECONDS
 from sport.viewer.messages import Messages
+from sport.viewer.prompt.even_blends import EvenBlends
 from sport.viewer.prompt.messages import answer_message
 from sport.viewer.prompt.state import PromptState, Question, Request
 from sport.viewer.prompt.style_edit import Answer, Side, StyleEdit, UndoStack
@@ -40,6 +41,7 @@ class Prompting:
     # hears what comes into force, for the recorder
     mark: Callable[[StyleEdit, float], None] = lambda *_: None
     blocking: bool = False  # offscreen: an answer arrives in the same frame
+    even_blends: EvenBlends | None = None
     first_error: SportError | None = None
     history: UndoStack = field(default_factory=UndoStack)
     workers: tuple[PromptWorkerLike, PromptWorkerLike] | None = None  # of the model in use, by side
@@ -125,8 +127,7 @@ class Prompting:
         edit = self.state.edit
         if edit.b is None or self.state.asked:
             return
-        flipped = tuple(1.0 - weight for weight in edit.weights)
-        self._show(dataclasses.replace(edit, answers=edit.answers[::-1], weights=flipped), LIVE_SECONDS)
+        self._show(edit.turned_round(), LIVE_SECONDS)
         self.commit("exchange of A and B")
 
     def drop_blend(self) -> None:
@@ -262,7 +263,15 @@ class Prompting:
                 self.state.questions[side] = None
                 if question.then is not None:
                     self._ask(side, question.then)
+        if self.even_blends is not None:
+            self.even_blends.poll(self.state.edit, self._even_out)
         self._hand_over()
+
+    def _even_out(self, change: Callable[[StyleEdit], StyleEdit]) -> None:
+        """Take a pair's shares into the edit in force and into the steps of undo."""
+        self.history.revise(change)
+        self.state.edit = change(self.state.edit)
+        self._due_seconds = LIVE_SECONDS if self._due_seconds is None else self._due_seconds
 
     def _take(self, side: Side, question: Question, result: Any) -> None:
         edit, followed = self.state.edit, question.answered

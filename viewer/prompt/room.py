@@ -36,6 +36,8 @@ class PromptRoom:
     def use_model(self, loaded: Loaded, given: GptSettings | None) -> None:
         """Let a loaded model answer, whose workers were opened to ask `given`."""
         self.state.available, self.state.model = True, loaded.name
+        if self.prompting.even_blends is not None:
+            self.prompting.even_blends.use(loaded.even_shares)
         self.suggester.nearest = loaded.library.nearest
         self.expanders.use(loaded, given)
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.motion.style_mix import StyleMix
+from sport.runtime.motion.style_mix import LINEAR, Shares, StyleMix, even_weights, turned_round
 from sport.runtime.prompts.blend import ALL_A, BlendedPrompt, Weights, Words, mix_of_parts, write_words
 from sport.runtime.prompts.expander import Expansion
 from sport.runtime.prompts.parts import PartDescriptions
@@ -88,6 +88,8 @@ class StyleEdit:
     answers: tuple[Answer | None, Answer | None] = (None, None)
     weights: Weights = ALL_A
     locked: frozenset[str] = frozenset()
+    # of B at which even parts of the change from A are done, once they are measured
+    shares: Shares = field(default=LINEAR, compare=False)
 
     @property
     def a(self) -> Answer | None:
@@ -106,7 +108,8 @@ class StyleEdit:
 
     def with_answer(self, side: Side, answer: Answer | None) -> StyleEdit:
         """Another answer on one side."""
-        return dataclasses.replace(self, answers=(answer, self.b) if side is Side.A else (self.a, answer))
+        answers = (answer, self.b) if side is Side.A else (self.a, answer)
+        return dataclasses.replace(self, answers=answers, shares=LINEAR)
 
     def locked_on(self, side: Side) -> frozenset[str]:
         """Parts whose words the answers on a side leave alone: of prompt B those that have a share of it."""
@@ -123,13 +126,18 @@ class StyleEdit:
         """Z^t `(6, 64)`, or the mix of a blend; None before the first answer."""
         if self.a is None or self.b is None or not self.blended:
             return None if self.a is None else self.a.z
-        return mix_of_parts(self.a.z, self.b.z, self.weights)
+        return mix_of_parts(self.a.z, self.b.z, even_weights(self.shares, self.weights))
 
     def replayable(self) -> Words | BlendedPrompt:
         """What a take keeps of this style."""
         if self.a is None or self.b is None or not self.blended:
             return "" if self.a is None else self.a.replayable
         return BlendedPrompt(self.a.replayable, self.b.replayable, self.weights)
+
+    def turned_round(self) -> StyleEdit:
+        """Prompts A and B exchanged: the same style."""
+        flipped, shares = tuple(1.0 - weight for weight in self.weights), turned_round(self.shares)
+        return dataclasses.replace(self, answers=self.answers[::-1], weights=flipped, shares=shares)
 
     def typed(self) -> str:
         """What was typed, where `replayable` keeps descriptions in its place; "" where it keeps the prompt itself."""

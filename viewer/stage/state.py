@@ -23,7 +23,7 @@ class StageState:
     quality: str = ""  # name of the renderer's preset
     model_name: str = ""  # "" while loading
     provider: str = ""
-    model_folder: Path | None = None  # asked for last; None: the shipped one
+    model_folder: Path | None = None  # asked for last; None: the default
 
     @property
     def controller(self) -> ControllerLike | None:

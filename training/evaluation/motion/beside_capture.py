@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from sport.runtime.assets import asset_path
+from sport.runtime.assets import asset_path, model_folder
 from sport.runtime.errors import FileError, run_command
 from sport.runtime.motion.features import FPS
 from sport.runtime.motion.model import load_model
@@ -33,7 +33,7 @@ def main(argv: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--clips", type=Path, required=True, help="folder of imported clips")
     parser.add_argument("--style", action="append", required=True, help="as in prompts/styles.json; several")
-    parser.add_argument("--model", type=Path, help="default: the shipped one")
+    parser.add_argument("--model", type=model_folder, help="default: the shipped one")
     parser.add_argument("--out", type=Path, required=True, help="folder for two files of each style")
     args = parser.parse_args(argv)
     model = load_model(args.model)

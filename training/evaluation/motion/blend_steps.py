@@ -2,25 +2,27 @@
 
     python -m sport.training.evaluation.motion.blend_steps [--model FOLDER] [--pairs 24] [--out docs/results/walks.md]
 
-Two styles are mixed in seven shares from 0 to 1; at each the character walks straight on, and its walk is summed up as the
+Two prompts are blended by seven weights from 0 to 1, as the slider and `sport generate --blend` do; at each the character walks straight on, and its walk is summed up as the
 mean and the deviation of every joint's place seen from the root. A step is the distance between two neighbours. 1/6 is even.
 """
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.assets import asset_path
+from sport.runtime.assets import asset_path, model_folder
 from sport.runtime.controls import Controls
 from sport.runtime.errors import run_command
 from sport.runtime.motion.controller import Controller
 from sport.runtime.motion.features import FPS
 from sport.runtime.motion.model import MotionModel, load_model
 from sport.runtime.motion.style_mix import StyleMix
+from sport.runtime.prompts.blend import ALL_A, BlendedPrompt
 from sport.runtime.prompts.english.library_data import load_styles
 from sport.runtime.prompts.prompter import Prompter
 from sport.runtime.skeleton import SPORT_SKELETON
@@ -78,8 +80,9 @@ def measure(model: MotionModel, count: int = PAIRS) -> dict[tuple[str, str], flo
     names = sorted(name for name in styles if not name.startswith(GESTURES))
     result = {}
     for first, second in random_pairs(names, count):
-        ends = tuple(to_style(styles[name].descriptions[0]) for name in (first, second))
-        mixes = [StyleMix((1.0 - k / STEPS, k / STEPS), ends) for k in range(STEPS + 1)]
+        words = (styles[name].descriptions[0] for name in (first, second))
+        blend = BlendedPrompt(*words, ALL_A)
+        mixes = [to_style(replace(blend, weights=(k / STEPS,) * len(ALL_A))) for k in range(STEPS + 1)]
         result[first, second] = largest_step(np.stack([walk_summary(model, mix) for mix in mixes]))
     return result
 
@@ -101,7 +104,7 @@ def table(found: dict[tuple[str, str], float]) -> str:
 def main(argv: list[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--model", type=Path, help="default: the shipped one")
+    parser.add_argument("--model", type=model_folder, help="default: the shipped one")
     parser.add_argument("--pairs", type=int, default=PAIRS)
     parser.add_argument("--out", type=Path, help="document whose section between the markers is exchanged")
     args = parser.parse_args(argv)

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.assets import asset_path
+from sport.runtime.assets import asset_path, model_folder
 from sport.runtime.errors import run_command
 from sport.runtime.motion.model import load_model
 from sport.runtime.prompts.english.library_data import load_styles
@@ -93,7 +93,7 @@ def main(argv: list[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--clips", type=Path, required=True, help="folder of imported clips")
-    parser.add_argument("--model", type=Path, action="append", required=True)
+    parser.add_argument("--model", type=model_folder, action="append", required=True)
     parser.add_argument("--seconds", type=float, default=SECONDS, help="of each style")
     parser.add_argument("--out", type=Path, help="document whose section between the markers is exchanged")
     args = parser.parse_args(argv)

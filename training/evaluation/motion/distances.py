@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from sport.runtime.assets import model_folder
 from sport.runtime.atomic import write_atomic
 from sport.runtime.errors import run_command
 from sport.runtime.motion.motion_encoder import MotionEncoder
@@ -30,7 +31,7 @@ def main(argv: list[str] | None = None) -> int:
     )
     parser.add_argument("--clips", type=Path, required=True, help="folder of imported clips")
     parser.add_argument(
-        "--model", type=Path, action="append", required=True, help="can be given several times"
+        "--model", type=model_folder, action="append", required=True, help="can be given several times"
     )
     parser.add_argument("--seconds", type=float, default=12.0, help="of followed paths per style")
     parser.add_argument("--json", type=Path)

@@ -17,12 +17,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.assets import PROJECT_ROOT, asset_path
+from sport.runtime.assets import PROJECT_ROOT, model_folder
 from sport.runtime.errors import UsageError, run_command
 from sport.runtime.generate import simulate
 from sport.runtime.motion.controller import Controller
 from sport.runtime.motion.features import FPS
-from sport.runtime.motion.model import DEFAULT_MODEL, load_model
+from sport.runtime.motion.model import load_model
 from sport.runtime.motion.model_files import INT8_GRAPH, read_metadata
 from sport.runtime.motion.paths import control_script
 from sport.runtime.prompts.prompter import Prompter
@@ -122,13 +122,15 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="sport.training.evaluation.motion.precision", description="Play in fp32 and int8."
     )
-    parser.add_argument("--model", type=Path, metavar="DIR", help="exported model (default: the shipped one)")
+    parser.add_argument(
+        "--model", type=model_folder, metavar="DIR", help="exported model (default: the shipped one)"
+    )
     parser.add_argument("--seconds", type=float, default=60.0, help="of play in each run (default 60)")
     options = parser.parse_args(argv)
     if not 1.0 <= options.seconds <= 3600.0:
         raise UsageError(f"--seconds {options.seconds}: expected 1 to 3600.", "Try 60.")
     with tempfile.TemporaryDirectory() as folder:
-        model = _with_twin(options.model or asset_path(DEFAULT_MODEL), Path(folder))
+        model = _with_twin(options.model or model_folder(), Path(folder))
         print(table(*compare(model, options.seconds)))
     return 0
 

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from sport.runtime.assets import model_folder
 from sport.runtime.controls import Gait
 from sport.runtime.errors import run_command
 from sport.runtime.motion.features import FPS
@@ -115,7 +116,7 @@ def main(argv: list[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--clips", type=Path, required=True, help="folder of imported clips")
-    parser.add_argument("--model", type=Path, action="append", required=True)
+    parser.add_argument("--model", type=model_folder, action="append", required=True)
     parser.add_argument("--count", type=int, default=CLIPS)
     parser.add_argument("--out", type=Path, help="document whose section between the markers is exchanged")
     args = parser.parse_args(argv)

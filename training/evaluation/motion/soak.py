@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sport.runtime.assets import model_folder
 from sport.runtime.atomic import check_target, write_atomic
 from sport.runtime.controls import Controls, Gait
 from sport.runtime.errors import UsageError, run_command
@@ -80,7 +81,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="sport.training.evaluation.motion.soak", description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0, help="of simulated time (default: 10)")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--model", type=Path, help="folder of an exported model")
+    parser.add_argument("--model", type=model_folder, help="folder of an exported model")
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     options = parser.parse_args(argv)
     if options.json is not None:

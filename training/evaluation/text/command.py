@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.assets import asset_path
+from sport.runtime.assets import asset_path, model_folder
 from sport.runtime.atomic import check_target, write_atomic
 from sport.runtime.errors import UsageError, run_command
 from sport.runtime.motion.model import load_model
@@ -48,8 +48,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """What the text evaluation asks for."""
     parser.add_argument(
         "--model",
-        type=Path,
-        default=asset_path("models/compact"),
+        type=model_folder,
+        default=model_folder(),
         metavar="DIR",
         help="folder of an exported model",
     )

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from sport.runtime.assets import asset_path
+from sport.runtime.assets import asset_path, model_folder
 from sport.runtime.atomic import check_target, write_atomic
 from sport.runtime.errors import UsageError, run_command
 from sport.runtime.generate import simulate
@@ -188,7 +188,7 @@ def write_shares(path: Path, model: str, table: dict[str, Any]) -> None:
 def main(argv: Sequence[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description="Measure on walks what every phrase of the library shows.")
-    parser.add_argument("--model", type=Path, default=asset_path("models/compact"), metavar="DIR")
+    parser.add_argument("--model", type=model_folder, default=model_folder(), metavar="DIR")
     parser.add_argument("--out", type=Path, default=Path("assets") / FILE, metavar="FILE")
     parser.add_argument("--workers", type=int, default=2, metavar="N")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="walk one in N: a trial")

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.assets import asset_path
+from sport.runtime.assets import asset_path, model_folder
 from sport.runtime.atomic import check_target, write_atomic
 from sport.runtime.errors import FileError, SportError, run_command
 from sport.runtime.motion.model import MotionModel, load_model
@@ -71,7 +71,7 @@ def main(argv: list[str] | None = None) -> int:
         prog="sport.training.evaluation.text.untuned_prompts", description=__doc__
     )
     parser.add_argument("--file", type=Path, default=UNTUNED_PROMPTS, help="one prompt a line")
-    parser.add_argument("--model", type=Path, help="folder of an exported model")
+    parser.add_argument("--model", type=model_folder, help="folder of an exported model")
     parser.add_argument("--json", type=Path, help="write figures and all answers to this file")
     parser.add_argument("--markdown", type=Path, help="put a sample of the answers into this document")
     options = parser.parse_args(argv)

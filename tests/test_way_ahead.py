@@ -57,6 +57,15 @@ def test_a_gap_ends_where_the_ground_comes_back() -> None:
     assert found.beyond == pytest.approx(0.1, abs=0.02)
 
 
+@pytest.mark.parametrize(
+    ("depth", "width", "kind"), [(0.16, 1.1, None), (0.16, 0.35, None), (0.5, 1.1, Kind.GAP)]
+)
+def test_a_dip_as_deep_as_a_stair_is_walked_through(depth: float, width: float, kind: Kind | None) -> None:
+    terrain = ground(Block(0.0, 3.0, depth, 4.0), Block(3.0 + width, 8.0, depth, 4.0))
+    found = obstacle_ahead(terrain, 0.0, 1.0, AHEAD, 3.0)
+    assert (None if found is None else found.kind) is kind
+
+
 @given(angle=st.floats(-0.6, 0.6))
 @settings(max_examples=20, deadline=None)
 def test_an_edge_that_is_met_aslant_says_how_far_to_turn(angle: float) -> None:

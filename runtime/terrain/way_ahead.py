@@ -47,7 +47,7 @@ class Obstacle:
 def obstacle_ahead(terrain: Terrain, x: float, z: float, direction: Array, reach_m: float) -> Obstacle | None:
     """The first obstacle whose near edge lies within `reach_m` on the way from x, z; None where there is none.
 
-    `direction` `(2,)` is a unit vector in XZ. Steps under `STEP_M`, slopes, and bars and gaps under `EDGE_M` are none.
+    `direction` `(2,)` is a unit vector in XZ. Steps and gaps under `STEP_M`, slopes, and bars under `EDGE_M` are none.
     """
     along = np.arange(0.0, reach_m + BEHIND_M, SPACING_M)
     across = np.array(SIDES_M)[:, None]  # to the left is (z, -x) of the direction
@@ -94,6 +94,8 @@ def _classified(row: Array, along: Array, first: int, run: int, near: float) -> 
         if abs(beyond) <= LEVEL_M:
             return Obstacle(Kind.BAR, near, far, step, beyond, 0.0)
     if step < 0.0 and far - near <= WIDEST_GAP_M:
+        if base - float(row[here : round(far / SPACING_M) + 1].min()) < STEP_M:
+            return None  # stairs down and up again
         return Obstacle(Kind.GAP, near, far, 0.0, _level_after(row, far) - base, 0.0)
     if abs(step) < STEP_M:
         return None

@@ -228,3 +228,14 @@ def test_generate_says_what_the_model_hardly_shows(monkeypatch: pytest.MonkeyPat
 class Encoding:
     def encode(self, descriptions: PartDescriptions) -> np.ndarray:
         return np.zeros((6, 64), np.float32)
+
+
+def test_the_sentences_of_a_plain_walk_ask_for_nothing() -> None:
+    found = phrase_shares.Found()
+    found.sentences["leg", "left leg taking brisk steps"] = [0.0]
+    words = PLAIN.replace("left_leg", "left leg taking brisk steps").replace("head", "head level")
+    plain = library_data.Style("walking", (words,))
+    found.add_plain({"neutral_bn": plain, "neutral_rough": library_data.Style("x", (PLAIN,)), "proud": plain})
+    table = found.table()["sentences"]
+    assert table["leg"]["left leg taking brisk steps"] == 1.0
+    assert table["head"] == {"head level": 1.0}

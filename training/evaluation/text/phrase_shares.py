@@ -13,7 +13,7 @@ import argparse
 import json
 import logging
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from sport.runtime.motion.controller import Controller
 from sport.runtime.motion.features import FPS
 from sport.runtime.motion.model import MotionModel, load_model
 from sport.runtime.motion.paths import control_script
+from sport.runtime.prompts.english.library_data import Style
 from sport.runtime.prompts.parts import PartDescriptions
 from sport.runtime.prompts.prompter import Prompter
 from sport.runtime.prompts.shares import FILE, as_left_limb
@@ -37,6 +38,7 @@ from sport.training.evaluation.motion.driving import flat_ground
 from sport.training.evaluation.text.command import PLAIN_PROMPT
 from sport.training.evaluation.text.part_edits import targets, value
 from sport.training.evaluation.text.walks import LEAD_SECONDS, Summary, Walk, Walker, summarise
+from sport.training.frames import PLAIN
 from sport.training.layering.apply import apply
 from sport.training.layering.catalog import EDITS
 from sport.training.layering.pose_edits import Motion
@@ -48,6 +50,7 @@ log = logging.getLogger("sport.evaluate")
 SECONDS = 3.0  # walked and measured for each phrase
 _HAND = ("hand_front", "hand_out", "hand_level")
 _LEVEL_M = 0.45  # metres of one unit of hand_level
+UNEVEN = ("neutral_rough",)  # plain, on ground that is not
 
 
 @dataclass
@@ -74,6 +77,14 @@ class Found:
         """What a walk shows of a phrase of the catalogue."""
         self.sentences[as_left_limb(phrase, part)].append(share)
         self.clauses[as_left_limb(phrase, part)].append(share)
+
+    def add_plain(self, styles: Mapping[str, Style]) -> None:
+        """The sentences of the plain walks ask for nothing that everybody does not do: all of it is shown."""
+        for name in sorted(styles):
+            if name.startswith(PLAIN) and name not in UNEVEN:
+                for words in styles[name].descriptions:
+                    for part in PART_NAMES:
+                        self.sentences[as_left_limb(getattr(words, part), part)] = [1.0]
 
     def table(self) -> dict[str, dict[str, dict[str, float]]]:
         """Medians over the walks, as the file has them."""
@@ -201,9 +212,11 @@ def main(argv: Sequence[str] | None = None) -> None:
 
     model = load_model(args.model)
     prompter = Prompter(model)
-    entries = load_library(asset_path("prompts/library.json"), load_styles(asset_path("prompts/styles.json")))
+    styles = load_styles(asset_path("prompts/styles.json"))
+    entries = load_library(asset_path("prompts/library.json"), styles)
     walker = Walker(args.model, args.workers, SECONDS)
     found = measure_shares(model, prompter, walker, [e.descriptions for e in entries], args.every)
+    found.add_plain(styles)
     write_shares(args.out, model.name, found.table())
     shares = [np.median(v) for v in found.sentences.values()]
     print(f"{args.out}: {len(shares)} sentences, {np.mean(np.array(shares) < 0.3):.0%} of them under 0.3")

@@ -1,4 +1,4 @@
-"""Clips a minute of `sport generate --batch` beside processes that write no manifest: python -m sport.benchmarks.batch [--clips 40] [--seconds 4].
+"""Clips a minute of `sport generate --batch` beside processes that write no manifest: python -m benchmarks.batch [--clips 40] [--seconds 4].
 
 Both make the same clips on the same number of cores, start of the processes included. `cpu_share` compares the
 processor's time in place of the clock's, which other programs on the machine do not change.
@@ -17,19 +17,19 @@ import tempfile
 import time
 from pathlib import Path
 
-from sport.runtime.atomic import write_atomic
-from sport.runtime.errors import run_command
+from runtime.atomic import write_atomic
+from runtime.errors import run_command
 
 PROMPTS = ("a proud walk", "drunk", "an old man", "march like a soldier")
 
 
 def make_clips(folder: Path, numbers: list[int], seconds: float) -> None:
     """What a process without a manifest does: load once, then clip after clip."""
-    from sport.runtime.generate import generate_clip
-    from sport.runtime.motion.model import load_model
-    from sport.runtime.prompts.prompter import Prompter
-    from sport.runtime.takes.export import save_motion
-    from sport.runtime.takes.options import ExportOptions
+    from runtime.generate import generate_clip
+    from runtime.motion.model import load_model
+    from runtime.prompts.prompter import Prompter
+    from runtime.takes.export import save_motion
+    from runtime.takes.options import ExportOptions
 
     model = load_model(None)
     prompter = Prompter(model)
@@ -86,7 +86,7 @@ def _cpu_s() -> float:
 
 def main() -> int:
     """Measure and print."""
-    parser = argparse.ArgumentParser(prog="python -m sport.benchmarks.batch", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.batch", description=__doc__)
     parser.add_argument("--clips", type=int, default=40)
     parser.add_argument("--seconds", type=float, default=4.0, help="of each clip")
     parser.add_argument("--workers", type=int, default=2)

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from sport.runtime.atomic import check_target, write_atomic
-from sport.runtime.errors import SportError, UsageError
+from runtime.atomic import check_target, write_atomic
+from runtime.errors import SportError, UsageError
 
 WARM_UP = 60  # frames
 CROWDS = (1, 9, 32)  # characters
@@ -111,11 +111,11 @@ def _timed(work: Callable[[], object], count: int) -> list[float]:
 
 
 def _model_times(frames: int, model: Path | None) -> dict[str, Any]:
-    from sport.runtime.controls import Controls
-    from sport.runtime.motion.controller import Controller
-    from sport.runtime.motion.features import INPUT_SIZE
-    from sport.runtime.motion.model import load_model
-    from sport.runtime.terrain.height_map import Terrain
+    from runtime.controls import Controls
+    from runtime.motion.controller import Controller
+    from runtime.motion.features import INPUT_SIZE
+    from runtime.motion.model import load_model
+    from runtime.terrain.height_map import Terrain
 
     network = load_model(model)
     x = np.zeros((1, INPUT_SIZE), np.float32)
@@ -134,11 +134,11 @@ def _model_times(frames: int, model: Path | None) -> dict[str, Any]:
 
 def _crowd_times(frames: int, model: Path | None) -> dict[str, float]:
     """A step of characters that walk side by side on one stick, on two threads: ms for all of them."""
-    from sport.runtime.controls import Controls
-    from sport.runtime.motion.controller import Controller
-    from sport.runtime.motion.crowd import Crowd
-    from sport.runtime.motion.model import load_model
-    from sport.runtime.terrain.height_map import Terrain
+    from runtime.controls import Controls
+    from runtime.motion.controller import Controller
+    from runtime.motion.crowd import Crowd
+    from runtime.motion.model import load_model
+    from runtime.terrain.height_map import Terrain
 
     network, ground, forward = load_model(model), Terrain.flat(), Controls(move=(0.0, 1.0))
     codes = np.random.default_rng(0).normal(0.0, 0.5, (CROWDS[-1], *network.style_shape)).astype(np.float32)
@@ -159,8 +159,8 @@ def _journal_times(frames: int) -> dict[str, float]:
     """The journal of a take at the rate of the simulation: milliseconds a frame, the thread's processor time included."""
     import tempfile
 
-    from sport.runtime.takes.journal import ROW, Header, TakeJournal
-    from sport.runtime.takes.metadata import UNKNOWN
+    from runtime.takes.journal import ROW, Header, TakeJournal
+    from runtime.takes.metadata import UNKNOWN
 
     row = np.zeros(ROW, np.float32)
     with tempfile.TemporaryDirectory() as folder:
@@ -178,8 +178,8 @@ def _journal_times(frames: int) -> dict[str, float]:
 
 
 def _prompt_times(model: Path | None) -> dict[str, float]:
-    from sport.runtime.motion.model import load_model
-    from sport.runtime.prompts.prompter import Prompter
+    from runtime.motion.model import load_model
+    from runtime.prompts.prompter import Prompter
 
     network = load_model(model)
     begin = time.perf_counter()
@@ -194,8 +194,8 @@ def _prompt_times(model: Path | None) -> dict[str, float]:
 
 def _frame_times(frames: int, model: Path | None) -> dict[str, float]:
     """Frames of the viewer itself, walking, with everything that draws pixels left out."""
-    from sport.viewer.app import App
-    from sport.viewer.options import ViewOptions
+    from viewer.app import App
+    from viewer.options import ViewOptions
 
     app = App(ViewOptions(offscreen=True, frames=frames, model=model, controls=f"w {WARM_UP + frames}"))
     try:

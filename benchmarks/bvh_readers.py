@@ -1,6 +1,6 @@
 """Does an exported BVH mean the same to other programs? Two steps, as the readers live in environments of their own.
 
-    python -m sport.benchmarks.bvh_readers make DIR              a generated clip as BVH, and its joints by our kinematics
+    python -m benchmarks.bvh_readers make DIR              a generated clip as BVH, and its joints by our kinematics
     python benchmarks/bvh_readers.py check DIR bvhio       pip install bvhio
     python benchmarks/bvh_readers.py check DIR blender     pip install bpy==5.0.1 (python 3.11, numpy < 2)
 
@@ -22,14 +22,14 @@ FRAMES_CHECKED = 60
 
 def make(folder: Path) -> None:
     """Generate a clip and write `clip.bvh` (centimetres) with `clip.npz` (joint positions in metres)."""
-    from sport.runtime.generate import generate_clip
-    from sport.runtime.takes.clip import save_bvh
+    from runtime.generate import generate_clip
+    from runtime.takes.clip import save_bvh
 
     folder.mkdir(parents=True, exist_ok=True)
     clip = generate_clip("an angry person stomping", "hills", "figure8", "walk", 8.0, 1)
     save_bvh(clip, folder / "clip.bvh")
     positions, _ = clip.world()
-    from sport.runtime.skeleton import SPORT_SKELETON
+    from runtime.skeleton import SPORT_SKELETON
 
     np.savez(folder / "clip.npz", positions=positions, fps=clip.fps, names=np.array(SPORT_SKELETON.names))
 

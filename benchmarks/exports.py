@@ -1,4 +1,4 @@
-"""What a film costs beside drawing alone, and what loops come to: python -m sport.benchmarks.exports [--seconds 12] [--json FILE]."""
+"""What a film costs beside drawing alone, and what loops come to: python -m benchmarks.exports [--seconds 12] [--json FILE]."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import tempfile
 import time
 from pathlib import Path
 
-from sport.runtime.atomic import write_atomic
-from sport.runtime.errors import run_command
-from sport.runtime.generate import generate_clip
-from sport.runtime.takes.clip import Clip
-from sport.runtime.takes.options import ExportOptions
-from sport.runtime.takes.prepare import prepare
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.filming.film import FilmOptions, film_frames, make_film
-from sport.viewer.filming.studio import studio
+from runtime.atomic import write_atomic
+from runtime.errors import run_command
+from runtime.generate import generate_clip
+from runtime.takes.clip import Clip
+from runtime.takes.options import ExportOptions
+from runtime.takes.prepare import prepare
+from runtime.terrain.height_map import Terrain
+from viewer.filming.film import FilmOptions, film_frames, make_film
+from viewer.filming.studio import studio
 
 PROMPTS = ("walk normally", "an old man", "march like a soldier")
 
@@ -42,7 +42,7 @@ def measure_loop(clip: Clip) -> dict[str, float]:
 
 def main() -> int:
     """Measure and print."""
-    parser = argparse.ArgumentParser(prog="python -m sport.benchmarks.exports", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.exports", description=__doc__)
     parser.add_argument("--seconds", type=float, default=12.0)
     parser.add_argument("--size", type=int, nargs=2, default=(1280, 720), metavar=("W", "H"))
     parser.add_argument("--json", type=Path, metavar="FILE")

@@ -1,7 +1,7 @@
 """The exported networks in three forms, against each other and against the memory that they have to read.
 
-python -m sport.benchmarks.networks                              layers of the shipped model, its own weights
-python -m sport.benchmarks.networks --preset paper               any preset, random weights (needs the extra `[train]`)
+python -m benchmarks.networks                              layers of the shipped model, its own weights
+python -m benchmarks.networks --preset paper               any preset, random weights (needs the extra `[train]`)
 
 `plain` blends the content experts in every frame, `folded` has them folded once for each prompt, `int8` is the same with
 8-bit weights. One run measures all, so that they are compared under the same conditions. `--markdown FILE` puts the table
@@ -26,13 +26,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.benchmarks.bandwidth import read_bandwidth
-from sport.benchmarks.bench import cpu_name
-from sport.runtime.assets import PROJECT_ROOT, model_folder
-from sport.runtime.atomic import check_target, write_atomic
-from sport.runtime.errors import UsageError, run_command
-from sport.runtime.motion.model_files import FOLDED, INT8_GRAPH, open_graph, read_graph, read_metadata
-from sport.training.evaluation.report.markers import check_section, write_section
+from benchmarks.bandwidth import read_bandwidth
+from benchmarks.bench import cpu_name
+from runtime.assets import PROJECT_ROOT, model_folder
+from runtime.atomic import check_target, write_atomic
+from runtime.errors import UsageError, run_command
+from runtime.motion.model_files import FOLDED, INT8_GRAPH, open_graph, read_graph, read_metadata
+from training.evaluation.report.markers import check_section, write_section
 
 Array = NDArray[np.float32]
 Feed = dict[str, Array]
@@ -73,9 +73,7 @@ class Row:
 
 def main(argv: list[str] | None = None) -> int:
     """Command line."""
-    parser = argparse.ArgumentParser(
-        prog="sport.benchmarks.networks", description="Time the exported networks."
-    )
+    parser = argparse.ArgumentParser(prog="benchmarks.networks", description="Time the exported networks.")
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--preset", help="random weights of this preset")
     which.add_argument(
@@ -161,7 +159,7 @@ def _variants(folder: Path, preset: str | None, model: Path) -> list[Variant]:
 
 def _untrained(folder: Path, arguments: list[str]) -> None:
     """A process of its own: torch's threads and memory would be measured with the networks."""
-    command = [sys.executable, "-m", "sport.training.export.untrained", str(folder), *arguments]
+    command = [sys.executable, "-m", "training.export.untrained", str(folder), *arguments]
     done = subprocess.run(command, cwd=PROJECT_ROOT, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         last = (done.stderr.strip().splitlines() or ["no reason given"])[-1]

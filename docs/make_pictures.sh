@@ -23,7 +23,7 @@ shot() { # PICTURE SIZE FRAMES OPTIONS...
 sport generate "${model[@]}" --terrain hills --path circle --seconds 21 --seed 3 --out "$clips/film.bvh" --prompts \
   "0:walking in a relaxed, everyday way; 4:an exhausted soldier, left arm hanging; 8.5:a child pretending to be an aeroplane; \
 13:a proud queen, hands on her hips; 17:walking in a relaxed, everyday way"
-python -m sport.viewer.tools.film "$clips/film.bvh" --fps 15 --size 640 360 --out "$images/film.webp"
+python -m viewer.tools.film "$clips/film.bvh" --fps 15 --size 640 360 --out "$images/film.webp"
 
 shot viewer.png 1280x720 230 --terrain hills --prompt "an exhausted soldier, left arm hanging" --controls "w 3.3; w+q 0.6"
 shot blend.png 1280x720 110 --terrain flat --prompt "a proud queen" --blend "an exhausted soldier" \
@@ -49,7 +49,7 @@ for i in "${!styles[@]}"; do
   sport generate "${model[@]}" --prompt "${styles[$i]}" --path forward --seconds 6 --seed 1 --out "$clips/$i.bvh"
   files+=("$clips/$i.bvh")
 done
-python -m sport.viewer.tools.contact_sheet "${files[@]}" --labels "${styles[@]}" --start 4 --interval 0.2 --out "$images/styles.png"
+python -m viewer.tools.contact_sheet "${files[@]}" --labels "${styles[@]}" --start 4 --interval 0.2 --out "$images/styles.png"
 echo "$images/styles.png"
 
 # Words about single parts, in combinations that training never showed
@@ -64,5 +64,5 @@ for i in "${!words[@]}"; do
   sport generate "${model[@]}" --prompt "${words[$i]}" --path forward --seconds 6 --seed 1 --out "$clips/words$i.bvh"
   files+=("$clips/words$i.bvh")
 done
-python -m sport.viewer.tools.contact_sheet "${files[@]}" --labels "${words[@]}" --start 4 --interval 0.2 --out "$images/words.png"
+python -m viewer.tools.contact_sheet "${files[@]}" --labels "${words[@]}" --start 4 --interval 0.2 --out "$images/words.png"
 echo "$images/words.png"

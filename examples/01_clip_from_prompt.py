@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from sport.runtime.generate import generate_clip
-from sport.runtime.takes.clip import load_clip_bvh, save_bvh
+from sport import generate_clip, load_clip_bvh, save_bvh
 
 OUT = Path("soldier.bvh")
 

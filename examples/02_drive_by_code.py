@@ -4,13 +4,7 @@ from __future__ import annotations
 
 from math import hypot
 
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.model import load_model
-from sport.runtime.prompts.prompter import Prompter
-from sport.runtime.takes.clip import save_bvh
-from sport.runtime.takes.recorder import ClipRecorder
-from sport.runtime.terrain.library import load_terrain
+from sport import ClipRecorder, Controller, Controls, Gait, Prompter, load_model, load_terrain, save_bvh
 
 WAY_POINTS = ((0.0, 2.0, Gait.WALK), (1.5, 3.5, Gait.JOG), (0.0, 5.0, Gait.CROUCH))  # x, z in metres
 REACHED_M = 0.5

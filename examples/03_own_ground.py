@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sport.runtime.generate import generate_clip
-from sport.runtime.takes.clip import save_bvh
-from sport.runtime.terrain.height_map import Terrain
-from sport.runtime.terrain.library import load_terrain
+from sport import Terrain, generate_clip, load_terrain, save_bvh
 
 CELL_M = 0.1
 HALF_M = 10.0

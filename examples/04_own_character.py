@@ -10,10 +10,7 @@ from pathlib import Path
 
 import trimesh
 
-from sport.runtime.assets import asset_path
-from sport.runtime.character.character import load_character, skin_vertices
-from sport.runtime.character.joint_map import read_joint_map
-from sport.runtime.generate import generate_clip
+from sport import asset_path, generate_clip, load_character, read_joint_map, skin_vertices
 
 # For a joint of ours the joint of the file: only those that the names do not tell. In a file: {"Hips": "Root_M", ...}
 JOINT_MAP = {"Hips": "Hips", "Head": "Head"}

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from sport.runtime.controls import Controls
-from sport.runtime.generate import generate_clip
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.model import load_model
-from sport.runtime.prompts.blend import BlendedPrompt, mix_of_parts, parse_weights
-from sport.runtime.prompts.prompter import Prompter
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.takes.clip import save_bvh
-from sport.runtime.terrain.height_map import Terrain
+from sport import (
+    SPORT_SKELETON,
+    BlendedPrompt,
+    Controller,
+    Controls,
+    Prompter,
+    Terrain,
+    generate_clip,
+    load_model,
+    mix_of_parts,
+    parse_weights,
+    save_bvh,
+)
 
 A, B = "a person walking normally", "a child pretending to be an aeroplane"
 STEPS = 6

@@ -13,7 +13,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.errors import SportError
+from sport import SportError
 
 ROWS: list[dict[str, Any]] = [
     {"name": f"{style.split()[-1]}_{seed}", "prompt": style, "seed": seed, "seconds": 1.0}
@@ -24,8 +24,8 @@ ROWS: list[dict[str, Any]] = [
 
 def make(row: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Generate one row and write it; what the manifest says about it."""
-    from sport.runtime.generate import generate_clip
-    from sport.runtime.takes.clip import save_bvh
+    from runtime.generate import generate_clip
+    from runtime.takes.clip import save_bvh
 
     arguments = {key: value for key, value in row.items() if key != "name"}
     try:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from functools import lru_cache
 from pathlib import Path
 
-from sport.runtime.errors import FileError
+from runtime.errors import FileError
 
-PROJECT_ROOT = Path(__file__).resolve().parent.parent
+_PACKAGES = Path(__file__).resolve().parent.parent
+# in a checkout assets and shaders lie beside the packages, in an installed wheel inside `sport`
+PROJECT_ROOT = _PACKAGES if (_PACKAGES / "assets").is_dir() else _PACKAGES / "sport"
 DEFAULT_MODEL = "compact"
 
 

@@ -9,7 +9,7 @@ import uuid
 from collections.abc import Iterator
 from pathlib import Path
 
-from sport.runtime.errors import FileError
+from runtime.errors import FileError
 
 _REMEDY = "Choose a folder that can be written, with space left."
 MAX_NUMBER = 100_000  # of names tried by `write_new`

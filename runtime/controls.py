@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-from sport.runtime.errors import UsageError
+from runtime.errors import UsageError
 
 MAX_STICK = 1e6
 

@@ -11,25 +11,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import FileError, PromptError, SportError, UsageError
-from sport.runtime.motion.features import FPS
-from sport.runtime.motion.paths import GAITS, ControlScript, Place, control_script
-from sport.runtime.pose import Pose
-from sport.runtime.prompts.blend import BlendedPrompt, Words, read_words, write_words
-from sport.runtime.prompts.expander import DEFAULT_PROMPT, check_prompt
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.prompts.prompter import Prompter
-from sport.runtime.safe_read import read_bounded
-from sport.runtime.skeleton import PART_NAMES
-from sport.runtime.takes.clip import Clip, PromptEvent
-from sport.runtime.takes.metadata import gait_of, gait_seconds, origin_of
-from sport.runtime.terrain.height_map import Terrain
+from runtime.errors import FileError, PromptError, SportError, UsageError
+from runtime.motion.features import FPS
+from runtime.motion.paths import GAITS, ControlScript, Place, control_script
+from runtime.pose import Pose
+from runtime.prompts.blend import BlendedPrompt, Words, read_words, write_words
+from runtime.prompts.expander import DEFAULT_PROMPT, check_prompt
+from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.prompter import Prompter
+from runtime.safe_read import read_bounded
+from runtime.skeleton import PART_NAMES
+from runtime.takes.clip import Clip, PromptEvent
+from runtime.takes.metadata import gait_of, gait_seconds, origin_of
+from runtime.terrain.height_map import Terrain
 
 if TYPE_CHECKING:
-    from sport.runtime.controls import Controls, Gait
-    from sport.runtime.motion.controller import Controller
-    from sport.runtime.motion.model import MotionModel
-    from sport.runtime.motion.style_mix import StyleMix
+    from runtime.controls import Controls, Gait
+    from runtime.motion.controller import Controller
+    from runtime.motion.model import MotionModel
+    from runtime.motion.style_mix import StyleMix
 
 Array = NDArray[np.floating]
 
@@ -105,7 +105,7 @@ def generate_clip(
 
     It begins at rest at the origin, in its first style and in the gait.
     `prompt` is one prompt, six descriptions, a blend of two, or several prompts with times (also those of a take),
-    `terrain` a name, file or terrain, `path` and `gait` are those of `sport.runtime.motion.paths`. `model` is a model folder, by default the shipped one, or a loaded model; `expander`, `report` and
+    `terrain` a name, file or terrain, `path` and `gait` are those of `runtime.motion.paths`. `model` is a model folder, by default the shipped one, or a loaded model; `expander`, `report` and
     `text_encoder` are those of `Prompter`, or `prompter` is one of that model; `strength` is that of `Controller`. SportError names what cannot be used.
     """
     _check(seconds, transition_seconds, strength, seed)
@@ -127,7 +127,7 @@ def generate_clip(
 
 def _check(seconds: float, transition_seconds: float, strength: float, seed: int) -> None:
     """UsageError names the number of `generate_clip` that is out of its range."""
-    from sport.runtime.motion.model import MAX_STRENGTH, MIN_STRENGTH
+    from runtime.motion.model import MAX_STRENGTH, MIN_STRENGTH
 
     if not 1.0 / FPS <= seconds <= MAX_SECONDS:
         raise UsageError(
@@ -149,9 +149,9 @@ def _controller(
     terrain: str | Path | Terrain, model: Path | MotionModel | None, seed: int, strength: float
 ) -> Controller:
     """A character at the origin of the ground."""
-    from sport.runtime.motion.controller import Controller
-    from sport.runtime.motion.model import load_model
-    from sport.runtime.terrain.library import load_terrain
+    from runtime.motion.controller import Controller
+    from runtime.motion.model import load_model
+    from runtime.terrain.library import load_terrain
 
     ground = terrain if isinstance(terrain, Terrain) else load_terrain(terrain)
     loaded = load_model(model) if model is None or isinstance(model, Path) else model

@@ -10,7 +10,7 @@ import stat
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from sport.runtime.errors import FileError, SportError
+from runtime.errors import FileError, SportError
 
 MAX_JSON_ITEMS = 1_000_000  # an empty list of two bytes takes 56 in memory
 MAX_DIGITS = 400

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
+from runtime import rotations
 
 Array = NDArray[np.floating]
 

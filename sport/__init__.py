@@ -1,10 +1,89 @@
-"""SPORT viewer: prompts to real-time locomotion.  `sport.runtime`, `sport.viewer`, `sport.training` and `sport.benchmarks`.
+"""SPORT viewer: prompts to real-time locomotion. What this package names is the public interface; rooms behind it may move.
 
-In a checkout these folders lie beside this one, in an installed wheel inside it.
+Nothing is imported before it is used: `import sport` and `sport --help` load neither numpy nor a network.
 """
 
-from pathlib import Path
+from __future__ import annotations
 
-_ROOT = Path(__file__).resolve().parent.parent
-if (_ROOT / "pyproject.toml").is_file():
-    __path__.append(str(_ROOT))
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from runtime.assets import asset_path
+    from runtime.character.character import load_character, skin_vertices
+    from runtime.character.joint_map import read_joint_map
+    from runtime.controls import Controls, Gait
+    from runtime.errors import SportError
+    from runtime.generate import generate_clip
+    from runtime.motion.controller import Controller
+    from runtime.motion.model import MotionModel, load_model
+    from runtime.pose import Pose
+    from runtime.prompts.blend import BlendedPrompt, mix_of_parts, parse_weights
+    from runtime.prompts.prompter import Prompter
+    from runtime.skeleton import SPORT_SKELETON
+    from runtime.takes.clip import Clip, load_clip_bvh, save_bvh
+    from runtime.takes.recorder import ClipRecorder
+    from runtime.terrain.height_map import Terrain
+    from runtime.terrain.library import load_terrain
+
+_MODULES = {
+    "BlendedPrompt": "runtime.prompts.blend",
+    "Clip": "runtime.takes.clip",
+    "ClipRecorder": "runtime.takes.recorder",
+    "Controller": "runtime.motion.controller",
+    "Controls": "runtime.controls",
+    "Gait": "runtime.controls",
+    "MotionModel": "runtime.motion.model",
+    "Pose": "runtime.pose",
+    "Prompter": "runtime.prompts.prompter",
+    "SPORT_SKELETON": "runtime.skeleton",
+    "SportError": "runtime.errors",
+    "Terrain": "runtime.terrain.height_map",
+    "asset_path": "runtime.assets",
+    "generate_clip": "runtime.generate",
+    "load_character": "runtime.character.character",
+    "load_clip_bvh": "runtime.takes.clip",
+    "load_model": "runtime.motion.model",
+    "load_terrain": "runtime.terrain.library",
+    "mix_of_parts": "runtime.prompts.blend",
+    "parse_weights": "runtime.prompts.blend",
+    "read_joint_map": "runtime.character.joint_map",
+    "save_bvh": "runtime.takes.clip",
+    "skin_vertices": "runtime.character.character",
+}
+__all__ = [
+    "BlendedPrompt",
+    "Clip",
+    "ClipRecorder",
+    "Controller",
+    "Controls",
+    "Gait",
+    "MotionModel",
+    "Pose",
+    "Prompter",
+    "SPORT_SKELETON",
+    "SportError",
+    "Terrain",
+    "asset_path",
+    "generate_clip",
+    "load_character",
+    "load_clip_bvh",
+    "load_model",
+    "load_terrain",
+    "mix_of_parts",
+    "parse_weights",
+    "read_joint_map",
+    "save_bvh",
+    "skin_vertices",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, from the module that defines it."""
+    if name not in _MODULES:
+        raise AttributeError(f"module 'sport' has no attribute '{name}'")
+    return getattr(importlib.import_module(_MODULES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -7,8 +7,8 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import NoReturn
 
+from runtime.errors import UsageError, run_command
 from sport.commands import bench, convert, generate, training, view
-from sport.runtime.errors import UsageError, run_command
 
 _DESCRIPTION = "Type a prompt, drive the character over uneven ground, take home the clip as BVH."
 _EXAMPLES = """examples:

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from viewer_fakes import FakeController
 
-from sport.runtime.motion.style_mix import StyleMix
-from sport.viewer.app import App
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.input.gamepad import GamepadState
+from runtime.motion.style_mix import StyleMix
+from viewer.app import App
+from viewer.gl_bindings import imgui
+from viewer.input.gamepad import GamepadState
 
 Start = Callable[..., App]
 WIDGETS = (

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-from sport.runtime.assets import PROJECT_ROOT
+from runtime.assets import PROJECT_ROOT
 
 ADDON = PROJECT_ROOT / "integrations" / "blender" / "sport_viewer.py"
 
@@ -25,7 +25,7 @@ def load_addon() -> ModuleType:
 
 def blender_command(script: Path, *arguments: object) -> list[str]:
     """The command that runs a script in Blender with arguments."""
-    from sport.runtime.takes.fbx import find_blender
+    from runtime.takes.fbx import find_blender
 
     command = find_blender()
     assert command is not None

@@ -23,8 +23,8 @@ def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[
     from app_driver import InjectedPads
     from viewer_fakes import fake_services
 
-    from sport.viewer.app import App
-    from sport.viewer.options import ViewOptions
+    from viewer.app import App
+    from viewer.options import ViewOptions
 
     for name in ("OPENAI_API_KEY", "OPENAI_BASE_URL", "SPORT_GPT_MODEL", "SPORT_GPT_TIMEOUT"):
         monkeypatch.delenv(name, raising=False)
@@ -51,8 +51,8 @@ def exported_tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pytest.importorskip("onnxscript")
     from tiny_model import tiny_trained
 
-    from sport.runtime.file_lock import open_locked
-    from sport.training.export.model import export_model
+    from runtime.file_lock import open_locked
+    from training.export.model import export_model
 
     base = tmp_path_factory.getbasetemp()
     folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "exported_tiny"

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import pytest
 
+from runtime.assets import PROJECT_ROOT
 from sport import cli
 from sport.commands import training
-from sport.runtime.assets import PROJECT_ROOT
 
 ROOT = PROJECT_ROOT
 GUIDE = sorted((ROOT / "docs" / "guide").glob("*.md"))

@@ -10,7 +10,7 @@ import numpy as np
 from gltf_characters import _CENTRE, _LEFT, _MIXAMO_PARENTS, join_glb
 from PIL import Image
 
-from sport.runtime import rotations
+from runtime import rotations
 
 BONES = [name for name in _MIXAMO_PARENTS if name not in ("Armature", "HeadTop_End")]
 VRM_NAMES = {"Hips": "hips", "Spine": "spine", "Spine1": "chest", "Spine2": "upperChest", "Neck": "neck", "Head": "head",

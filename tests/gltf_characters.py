@@ -7,11 +7,11 @@ import struct
 
 import numpy as np
 
-from sport.runtime import rotations
-from sport.runtime.character.character import Character
-from sport.runtime.character.joints import align, match_joints
-from sport.runtime.pose import Pose
-from sport.runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
+from runtime import rotations
+from runtime.character.character import Character
+from runtime.character.joints import align, match_joints
+from runtime.pose import Pose
+from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 
 
 def make_pose(seed: int | None, angle: float = 0.8) -> Pose:

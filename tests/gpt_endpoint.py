@@ -11,15 +11,15 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import numpy as np
 import pytest
 
-import sport.runtime.motion.model
-import sport.runtime.prompts.content
-import sport.runtime.prompts.gpt.expander
-from sport.runtime.assets import asset_path
-from sport.runtime.prompts.english.library_data import load_styles
-from sport.runtime.prompts.expander import Expansion
-from sport.runtime.prompts.gpt.expander import GptExpander
-from sport.runtime.prompts.gpt.prompt import load_structured_prompt
-from sport.runtime.prompts.gpt.settings import GptSettings, Secret
+import runtime.motion.model
+import runtime.prompts.content
+import runtime.prompts.gpt.expander
+from runtime.assets import asset_path
+from runtime.prompts.english.library_data import load_styles
+from runtime.prompts.expander import Expansion
+from runtime.prompts.gpt.expander import GptExpander
+from runtime.prompts.gpt.prompt import load_structured_prompt
+from runtime.prompts.gpt.settings import GptSettings, Secret
 
 KEY = "test-0123456789-abcdef"
 STYLES = load_styles(asset_path("prompts/styles.json"))
@@ -136,7 +136,7 @@ class Endpoint(ThreadingHTTPServer):
 @pytest.fixture
 def endpoint(monkeypatch):
     pytest.importorskip("openai")
-    monkeypatch.setattr(sport.runtime.prompts.gpt.expander, "load_structured_prompt", lambda: INSTRUCTIONS)
+    monkeypatch.setattr(runtime.prompts.gpt.expander, "load_structured_prompt", lambda: INSTRUCTIONS)
     for name in ("HTTP_PROXY", "HTTPS_PROXY", "ALL_PROXY"):
         monkeypatch.delenv(name, raising=False)
         monkeypatch.delenv(name.lower(), raising=False)

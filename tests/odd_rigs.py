@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from gltf_characters import user_character
 
-from sport.runtime import rotations
-from sport.runtime.character.character import Character
-from sport.runtime.character.writer import write_character
+from runtime import rotations
+from runtime.character.character import Character
+from runtime.character.writer import write_character
 
 Points = dict[str, tuple[str, tuple[float, float, float]]]  # name -> parent, place in metres
 

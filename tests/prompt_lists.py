@@ -1,6 +1,6 @@
 """Prompts that are about a body, and prompts that are not: the library answers the latter with neutral walking.
 
-The thresholds of `sport.runtime.prompts.english.library` were set on the first two lists. The unseen ones were written afterwards, to
+The thresholds of `runtime.prompts.english.library` were set on the first two lists. The unseen ones were written afterwards, to
 test them, and nothing was changed for the sake of one of them.
 """
 

@@ -6,17 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sport.runtime import rotations
-from sport.runtime.pose import Pose
-from sport.runtime.skeleton import SPORT_SKELETON, J
-from sport.runtime.terrain.height_map import Terrain
+from runtime import rotations
+from runtime.pose import Pose
+from runtime.skeleton import SPORT_SKELETON, J
+from runtime.terrain.height_map import Terrain
 
 RINGS, SIDES, RADIUS_M = 8, 10, 0.06
 
 
 @dataclass
 class CapsuleBody:
-    """One capsule per bone, rigidly skinned; the same arrays as `sport.runtime.character.character.Character`."""
+    """One capsule per bone, rigidly skinned; the same arrays as `runtime.character.character.Character`."""
 
     positions: np.ndarray
     normals: np.ndarray

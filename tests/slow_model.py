@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.prompts.service import PromptWorker
-from sport.runtime.skeleton import PART_NAMES
+from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.service import PromptWorker
+from runtime.skeleton import PART_NAMES
 
 if TYPE_CHECKING:
     from app_driver import Start
 
-    from sport.viewer.app import App
-    from sport.viewer.services import Loaded
+    from viewer.app import App
+    from viewer.services import Loaded
 
 ANSWER = PartDescriptions(*(f"{part} as the model says" for part in PART_NAMES))
 
@@ -89,7 +89,7 @@ def load_model(directory: Any, terrain: Any, seed: int, gpt: Any) -> Loaded:
     """The fake model with real workers."""
     from viewer_fakes import FakeController, FakeEncoder, FakeLibrary
 
-    from sport.viewer.services import Loaded, open_expander
+    from viewer.services import Loaded, open_expander
 
     library, encoder = FakeLibrary(), FakeEncoder()
     expander = library if gpt is None else open_expander(library, gpt)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from sport.runtime import rotations
-from sport.runtime.motion import features
-from sport.runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON, J
+from runtime import rotations
+from runtime.motion import features
+from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON, J
 
 SPEED = 1.2  # m/s
 LENGTH = 260

@@ -5,14 +5,14 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from sport.runtime.errors import FileError, UsageError  # noqa: E402
-from sport.runtime.motion.model_files import FOLDED  # noqa: E402
-from sport.training.ablations import SHARED, prepare  # noqa: E402
-from sport.training.export.graph import export_graph  # noqa: E402
-from sport.training.export.model import EmbeddingGraph, StyleGraph  # noqa: E402
-from sport.training.networks.generator import Generator  # noqa: E402
-from sport.training.networks.phase import PeriodicAutoencoder  # noqa: E402
-from sport.training.presets import ABLATIONS, ablation, preset  # noqa: E402
+from runtime.errors import FileError, UsageError  # noqa: E402
+from runtime.motion.model_files import FOLDED  # noqa: E402
+from training.ablations import SHARED, prepare  # noqa: E402
+from training.export.graph import export_graph  # noqa: E402
+from training.export.model import EmbeddingGraph, StyleGraph  # noqa: E402
+from training.networks.generator import Generator  # noqa: E402
+from training.networks.phase import PeriodicAutoencoder  # noqa: E402
+from training.presets import ABLATIONS, ablation, preset  # noqa: E402
 
 
 @pytest.mark.parametrize("name", ABLATIONS)

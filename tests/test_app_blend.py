@@ -6,8 +6,8 @@ import numpy as np
 from app_driver import Start, click_on, controller, message, place, press, run, style, words
 from viewer_fakes import FakeEncoder, FakeLibrary
 
-from sport.runtime.prompts.blend import read_words, write_words
-from sport.viewer.prompt.style_edit import Side
+from runtime.prompts.blend import read_words, write_words
+from viewer.prompt.style_edit import Side
 
 
 def test_a_blend_moves_each_part_by_its_share(start: Start) -> None:

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from app_driver import Start, click_on, controller, press, run
 
-from sport.runtime.terrain.height_map import Terrain
-from sport.runtime.terrain.library import TERRAIN_NAMES, make_terrain
-from sport.viewer.app import App
-from sport.viewer.stage.camera_control import CameraControl
-from sport.viewer.stage.views import VIEWS, start_yaw
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.library import TERRAIN_NAMES, make_terrain
+from viewer.app import App
+from viewer.stage.camera_control import CameraControl
+from viewer.stage.views import VIEWS, start_yaw
 
 
 def shown_at(app: App, point: np.ndarray) -> np.ndarray:

@@ -14,15 +14,15 @@ import pytest
 from app_driver import Start, message, run
 from viewer_fakes import fake_services
 
-from sport.runtime.errors import FileError
-from sport.runtime.motion.controller import TEMPERATURE
-from sport.runtime.takes.bvh import read_bvh
-from sport.runtime.takes.clip import load_clip_bvh
-from sport.viewer import app as app_module
-from sport.viewer.app import App
-from sport.viewer.input.bindings import Action
-from sport.viewer.options import ViewOptions
-from sport.viewer.takes.takes import Takes
+from runtime.errors import FileError
+from runtime.motion.controller import TEMPERATURE
+from runtime.takes.bvh import read_bvh
+from runtime.takes.clip import load_clip_bvh
+from viewer import app as app_module
+from viewer.app import App
+from viewer.input.bindings import Action
+from viewer.options import ViewOptions
+from viewer.takes.takes import Takes
 
 
 def record(app: App, frames: int = 30) -> None:

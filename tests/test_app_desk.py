@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 from app_driver import Start, click, click_on, drawn, place, press, run
 
-from sport.runtime.takes.clip import load_clip_bvh
-from sport.viewer.app import App
-from sport.viewer.desk.guide import STEPS
-from sport.viewer.filming import film
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.messages import SETTLED_SECONDS, WARNING_SECONDS, Messages
+from runtime.takes.clip import load_clip_bvh
+from viewer.app import App
+from viewer.desk.guide import STEPS
+from viewer.filming import film
+from viewer.gl_bindings import imgui
+from viewer.messages import SETTLED_SECONDS, WARNING_SECONDS, Messages
 
 
 def said(app: App) -> str:

@@ -8,8 +8,8 @@ import math
 import pytest
 from app_driver import Start, click_prompt_box, controller, message, run
 
-from sport.viewer.input.gamepad import GamepadState
-from sport.viewer.prompt.style_edit import Side
+from viewer.input.gamepad import GamepadState
+from viewer.prompt.style_edit import Side
 
 
 def test_key_w_moves_the_character_at_once(start: Start) -> None:
@@ -121,7 +121,7 @@ def test_function_keys_toggle_what_is_shown(start: Start) -> None:
 
 
 def test_no_key_of_ctrl_z_makes_the_character_duck(start: Start) -> None:
-    from sport.runtime.controls import Gait
+    from runtime.controls import Gait
 
     app = start()
     run(app, 2)

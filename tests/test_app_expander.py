@@ -13,11 +13,11 @@ import pytest
 from app_driver import Start, click_on, message, press, run, run_until
 from slow_model import ANSWER, Model, load_model, source
 
-from sport.viewer.app import App
-from sport.viewer.jobs import Jobs
-from sport.viewer.prompt.style_edit import Side
-from sport.viewer.services import Loaded
-from sport.viewer.settings import load_settings, save_settings
+from viewer.app import App
+from viewer.jobs import Jobs
+from viewer.prompt.style_edit import Side
+from viewer.services import Loaded
+from viewer.settings import load_settings, save_settings
 
 KEY = "sk-0123456789-never-written"
 
@@ -214,7 +214,7 @@ def loading(
     """Opens the application as on a screen; the model is there once the event is set."""
     loaded = threading.Event()
     model.released.set()
-    monkeypatch.setattr("sport.viewer.app.Jobs", lambda messages, blocking: Jobs(messages))
+    monkeypatch.setattr("viewer.app.Jobs", lambda messages, blocking: Jobs(messages))
 
     def load(*given: Any) -> Loaded:
         loaded.wait(20.0)

@@ -12,12 +12,12 @@ from app_driver import Start, click_on, run
 from glb_playback import play
 from gltf_characters import user_character
 
-from sport.runtime.character.writer import write_character
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.takes import fbx
-from sport.viewer.app import App
-from sport.viewer.exports.state import FORMATS
-from sport.viewer.services import Services
+from runtime.character.writer import write_character
+from runtime.skeleton import SPORT_SKELETON
+from runtime.takes import fbx
+from viewer.app import App
+from viewer.exports.state import FORMATS
+from viewer.services import Services
 
 FRAMES = 24
 REAL = {"load_character": Services().load_character}

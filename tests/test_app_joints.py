@@ -10,12 +10,12 @@ from app_driver import Start, click_on, drawn, message, press, run
 from gltf_characters import user_character
 from odd_rigs import PLAIN, write_odd
 
-from sport.runtime.character.character import load_character
-from sport.runtime.character.guess import JointsUnknown
-from sport.runtime.character.joint_map import joint_map_path
-from sport.runtime.character.writer import write_character
-from sport.viewer.app import App
-from sport.viewer.services import Services
+from runtime.character.character import load_character
+from runtime.character.guess import JointsUnknown
+from runtime.character.joint_map import joint_map_path
+from runtime.character.writer import write_character
+from viewer.app import App
+from viewer.services import Services
 
 REAL = {"load_character": Services().load_character}
 LAME = {

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from app_driver import Start, click, click_on, drawn, place, press, run, type_prompt
 
-from sport.viewer.app import App
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.prompt.style_edit import Side
+from viewer.app import App
+from viewer.gl_bindings import imgui
+from viewer.prompt.style_edit import Side
 
 
 def open_lists() -> int:

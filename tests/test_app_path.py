@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from app_driver import Start, click, click_on, controller, message, press, run
 
-from sport.runtime.controls import Gait
-from sport.viewer.app import App
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.stage.path_tool import on_screen
+from runtime.controls import Gait
+from viewer.app import App
+from viewer.gl_bindings import imgui
+from viewer.stage.path_tool import on_screen
 
 
 def screen(app: App, x: float, z: float) -> tuple[float, float]:

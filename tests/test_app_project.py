@@ -13,12 +13,12 @@ import pytest
 from app_driver import Start, click_on, drawn, press, prompt, run
 from gltf_characters import user_character
 
-from sport.runtime.character.writer import write_character
-from sport.runtime.projects.project import load_project
-from sport.runtime.terrain.files import write_height_png
-from sport.viewer.app import App
-from sport.viewer.projects.autosave import find_sessions
-from sport.viewer.projects.notes import StyleNotes
+from runtime.character.writer import write_character
+from runtime.projects.project import load_project
+from runtime.terrain.files import write_height_png
+from viewer.app import App
+from viewer.projects.autosave import find_sessions
+from viewer.projects.notes import StyleNotes
 
 KILLED = Path(__file__).with_name("faults") / "project.py"
 

@@ -24,10 +24,10 @@ from app_driver import (
 )
 from viewer_fakes import FakeEncoder, FakeLibrary
 
-from sport.runtime.prompts.blend import read_words
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.skeleton import PART_NAMES
-from sport.viewer.prompt.style_edit import Side
+from runtime.prompts.blend import read_words
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import PART_NAMES
+from viewer.prompt.style_edit import Side
 
 # typing
 
@@ -84,8 +84,8 @@ def test_enter_changes_the_style_at_the_next_simulated_frame(start: Start) -> No
 
 def test_enter_changes_the_shipped_models_style_at_the_next_frame_after_the_answer(start: Start) -> None:
     """The real networks and the real worker thread: the frame that finds the answer steps in the new style."""
-    from sport.runtime.motion.controller import Controller
-    from sport.viewer.services import load_model
+    from runtime.motion.controller import Controller
+    from viewer.services import load_model
 
     app = start(services={"load_model": load_model}, prompt="a person walking normally")
     app.prompting.blocking = app.jobs.blocking = False

@@ -13,20 +13,20 @@ import pytest
 from app_driver import Start, message, run, run_until
 from viewer_fakes import fake_services
 
-from sport.runtime.errors import FileError
-from sport.viewer import jobs
-from sport.viewer.app import App
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import status
-from sport.viewer.jobs import Jobs
-from sport.viewer.takes import opening
+from runtime.errors import FileError
+from viewer import jobs
+from viewer.app import App
+from viewer.gl_bindings import imgui
+from viewer.gui import status
+from viewer.jobs import Jobs
+from viewer.takes import opening
 
 
 @pytest.fixture
 def endless(start: Start, monkeypatch: pytest.MonkeyPatch) -> Iterator[App]:
     """An application in which the ground "endless.npy" is never read to its end."""
     monkeypatch.setattr(jobs, "PATIENCE_S", 0.0)
-    monkeypatch.setattr("sport.viewer.app.Jobs", lambda messages, blocking: Jobs(messages))
+    monkeypatch.setattr("viewer.app.Jobs", lambda messages, blocking: Jobs(messages))
     real, never = fake_services().load_terrain, threading.Event()
 
     def load(spec: str, *sizes: float) -> Any:
@@ -92,7 +92,7 @@ def test_a_character_or_clip_without_end_is_cancelled_and_the_next_one_is_read(
     name: str, start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(jobs, "PATIENCE_S", 0.0)
-    monkeypatch.setattr("sport.viewer.app.Jobs", lambda messages, blocking: Jobs(messages))
+    monkeypatch.setattr("viewer.app.Jobs", lambda messages, blocking: Jobs(messages))
     never, begun, shipped = threading.Event(), [], fake_services().load_character
 
     def wait(path: Path) -> None:
@@ -105,7 +105,7 @@ def test_a_character_or_clip_without_end_is_cancelled_and_the_next_one_is_read(
         return shipped(None, joint_map) if path is None else wait(path)
 
     monkeypatch.setattr(opening, "read_clip", wait)
-    monkeypatch.setattr("sport.viewer.stage.stage.has_skin", lambda _: True)
+    monkeypatch.setattr("viewer.stage.stage.has_skin", lambda _: True)
     app = start(services={"load_character": load_character})
     run_until(app, lambda: not app.jobs.busy("character") and not app.jobs.busy("terrain"))
     before, drawn_before, takes = (

@@ -13,12 +13,12 @@ from typing import Any
 import pytest
 from app_driver import Start, click_on, drawn, message, run, run_until
 
-from sport.runtime.errors import FileError
-from sport.runtime.takes import clip as clip_module
-from sport.runtime.takes.clip import load_clip_bvh
-from sport.viewer.app import App
-from sport.viewer.settings import Settings, load_settings, save_settings
-from sport.viewer.takes import takes as takes_module
+from runtime.errors import FileError
+from runtime.takes import clip as clip_module
+from runtime.takes.clip import load_clip_bvh
+from viewer.app import App
+from viewer.settings import Settings, load_settings, save_settings
+from viewer.takes import takes as takes_module
 
 
 def record(app: App, frames: int = 30, stop: bool = True) -> None:

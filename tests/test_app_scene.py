@@ -11,13 +11,13 @@ from app_driver import InjectedPads, Start, controller, message, run
 from PIL import Image
 from viewer_fakes import FakeRenderer, fake_services
 
-from sport.runtime.assets import asset_path
-from sport.runtime.controls import Controls
-from sport.runtime.errors import SportError
-from sport.viewer.app import App
-from sport.viewer.messages import Level
-from sport.viewer.options import ViewOptions
-from sport.viewer.stage.simulation import MAX_FAILURES
+from runtime.assets import asset_path
+from runtime.controls import Controls
+from runtime.errors import SportError
+from viewer.app import App
+from viewer.messages import Level
+from viewer.options import ViewOptions
+from viewer.stage.simulation import MAX_FAILURES
 
 
 def test_a_missing_terrain_shows_a_message_and_keeps_the_old_one(start: Start) -> None:

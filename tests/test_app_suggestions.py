@@ -7,8 +7,8 @@ import threading
 from app_driver import Start, click_on, controller, press, prompt, run, run_until, type_prompt, typing
 from viewer_fakes import FakeLibrary
 
-from sport.viewer.prompt.style_edit import Side
-from sport.viewer.settings import load_settings, save_settings
+from viewer.prompt.style_edit import Side
+from viewer.settings import load_settings, save_settings
 
 
 def test_suggestions_show_while_typing_and_are_taken_by_keys(start: Start) -> None:
@@ -125,9 +125,9 @@ def test_the_prompt_that_the_program_begins_with_is_no_history(start: Start) -> 
 
 
 def test_the_shipped_library_is_what_is_suggested() -> None:
-    from sport.runtime.prompts.english.library import LibraryExpander
-    from sport.runtime.prompts.text_encoder import TextEncoder
-    from sport.viewer.services import library_prompts
+    from runtime.prompts.english.library import LibraryExpander
+    from runtime.prompts.text_encoder import TextEncoder
+    from viewer.services import library_prompts
 
     ready, prompts = library_prompts()
     assert {text.casefold() for text in ready} <= {text.casefold() for text in prompts}

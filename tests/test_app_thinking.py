@@ -9,10 +9,10 @@ from app_driver import run, run_until, style, words
 from slow_model import ANSWER, Model, source
 from viewer_fakes import FakeEncoder, FakeLibrary
 
-from sport.runtime.prompts.blend import BlendedPrompt
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.viewer.app import App
-from sport.viewer.prompt.style_edit import Side
+from runtime.prompts.blend import BlendedPrompt
+from runtime.prompts.parts import PartDescriptions
+from viewer.app import App
+from viewer.prompt.style_edit import Side
 
 KING, DUCK = (FakeLibrary().expand(prompt).descriptions for prompt in ("a proud king", "a duck"))
 

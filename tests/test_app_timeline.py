@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from app_driver import Start, click_on, drawn, message, place, press, prompt, run, run_until, type_prompt
 
-from sport.runtime.controls import Gait
-from sport.runtime.takes import drive
-from sport.runtime.takes.clip import Clip
-from sport.viewer.app import App
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.services import Services
-from sport.viewer.takes.state import ClipItem
+from runtime.controls import Gait
+from runtime.takes import drive
+from runtime.takes.clip import Clip
+from viewer.app import App
+from viewer.gl_bindings import imgui
+from viewer.services import Services
+from viewer.takes.state import ClipItem
 
 
 def record(app: App, frames: int = 40) -> ClipItem:

@@ -13,17 +13,17 @@ import pytest
 from app_driver import Start, run
 from viewer_fakes import FakeController
 
-from sport.runtime.errors import UsageError
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.gui.layout import Rect, arrange, framing
-from sport.viewer.gui.status import Stats
-from sport.viewer.gui.widgets import clock
-from sport.viewer.input.bindings import Action
-from sport.viewer.messages import Messages
-from sport.viewer.settings import Settings, config_directory, load_settings, save_settings, spec_of
-from sport.viewer.stage.simulation import MAX_STEPS, Simulation, interpolate
-from sport.viewer.takes.playback import Playback
-from sport.viewer.takes.takes import export_target, file_stem, free_path
+from runtime.errors import UsageError
+from runtime.terrain.height_map import Terrain
+from viewer.gui.layout import Rect, arrange, framing
+from viewer.gui.status import Stats
+from viewer.gui.widgets import clock
+from viewer.input.bindings import Action
+from viewer.messages import Messages
+from viewer.settings import Settings, config_directory, load_settings, save_settings, spec_of
+from viewer.stage.simulation import MAX_STEPS, Simulation, interpolate
+from viewer.takes.playback import Playback
+from viewer.takes.takes import export_target, file_stem, free_path
 
 
 def test_settings_survive_and_damage_is_named(tmp_path: Path) -> None:
@@ -153,7 +153,7 @@ def test_simulation_steps_at_60_hz_whatever_the_display() -> None:
         fake = simulation.controller
         assert isinstance(fake, FakeController)
         begin = fake.steps
-        from sport.runtime.controls import Controls
+        from runtime.controls import Controls
 
         for _ in range(round(rate * 2)):
             simulation.advance(1.0 / rate, Controls(move=(0.0, 1.0)))
@@ -164,7 +164,7 @@ def test_simulation_steps_at_60_hz_whatever_the_display() -> None:
 def test_interpolated_poses_keep_bone_lengths() -> None:
     ground = Terrain.flat()
     fake = FakeController(ground)
-    from sport.runtime.controls import Controls
+    from runtime.controls import Controls
 
     a = fake.step(Controls())
     b = fake.step(Controls(move=(1.0, 0.0)))
@@ -176,8 +176,8 @@ def test_interpolated_poses_keep_bone_lengths() -> None:
 
 
 def test_playback_loops_between_its_marks() -> None:
-    from sport.runtime.controls import Controls
-    from sport.runtime.takes.recorder import ClipRecorder
+    from runtime.controls import Controls
+    from runtime.takes.recorder import ClipRecorder
 
     fake, recorder = FakeController(Terrain.flat()), ClipRecorder()
     for _ in range(61):

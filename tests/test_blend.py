@@ -8,13 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from walker import WalkerModel
 
-import sport.runtime.generate as generate_module
-import sport.runtime.motion.model
-from sport import cli
-from sport.runtime.errors import PromptError
-from sport.runtime.motion.model import Style
-from sport.runtime.motion.style_mix import StyleFolder
-from sport.runtime.prompts.blend import (
+import runtime.generate as generate_module
+import runtime.motion.model
+from runtime.errors import PromptError
+from runtime.motion.model import Style
+from runtime.motion.style_mix import StyleFolder
+from runtime.prompts.blend import (
     ALL_A,
     ALL_B,
     BlendedPrompt,
@@ -24,10 +23,11 @@ from sport.runtime.prompts.blend import (
     read_words,
     write_words,
 )
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.prompts.prompter import Prompter
-from sport.runtime.skeleton import PART_NAMES
-from sport.runtime.takes.clip import PromptEvent
+from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.prompter import Prompter
+from runtime.skeleton import PART_NAMES
+from runtime.takes.clip import PromptEvent
+from sport import cli
 
 settings.register_profile("blend", max_examples=40, deadline=None, derandomize=True)
 settings.load_profile("blend")
@@ -161,9 +161,7 @@ class StandIn(Prompter):
 
 @pytest.fixture
 def walker(monkeypatch):
-    monkeypatch.setattr(
-        sport.runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel()
-    )
+    monkeypatch.setattr(runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel())
     monkeypatch.setattr(generate_module, "Prompter", StandIn)
 
 
@@ -213,9 +211,9 @@ def test_a_blend_that_cannot_be_made_is_one_sentence(walker, tmp_path, capsys, a
 
 def test_a_style_that_changes_each_frame_is_folded_once_a_frame():
     """As while a slider is dragged."""
-    from sport.runtime.controls import Controls
-    from sport.runtime.motion.controller import Controller
-    from sport.runtime.terrain.height_map import Terrain
+    from runtime.controls import Controls
+    from runtime.motion.controller import Controller
+    from runtime.terrain.height_map import Terrain
 
     model = WalkerModel()
     folded, fold = [], model.fold_style

@@ -15,20 +15,20 @@ from blender_addon import ADDON, blender_command, load_addon
 from foreign_rigs import RIGS
 from walker import walk
 
-from sport.runtime.assets import PROJECT_ROOT
-from sport.runtime.character.character import load_character
-from sport.runtime.pose import Pose
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.takes.clip import Clip
-from sport.runtime.takes.export import save_motion
-from sport.runtime.takes.fbx import find_blender
-from sport.runtime.takes.metadata import PromptEvent
-from sport.runtime.takes.options import ExportOptions
-from sport.runtime.takes.prepare import prepare
-from sport.runtime.terrain.library import load_terrain
-from sport.viewer.live.address import Address
-from sport.viewer.live.link import LiveLink
-from sport.viewer.messages import Messages
+from runtime.assets import PROJECT_ROOT
+from runtime.character.character import load_character
+from runtime.pose import Pose
+from runtime.skeleton import SPORT_SKELETON
+from runtime.takes.clip import Clip
+from runtime.takes.export import save_motion
+from runtime.takes.fbx import find_blender
+from runtime.takes.metadata import PromptEvent
+from runtime.takes.options import ExportOptions
+from runtime.takes.prepare import prepare
+from runtime.terrain.library import load_terrain
+from viewer.live.address import Address
+from viewer.live.link import LiveLink
+from viewer.messages import Messages
 
 needs_blender = pytest.mark.skipif(find_blender() is None, reason="neither bpy nor a command blender")
 IN_BLENDER = PROJECT_ROOT / "tests" / "in_blender.py"

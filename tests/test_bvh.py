@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from sport.runtime import rotations
-from sport.runtime.errors import FileError
-from sport.runtime.skeleton import SPORT_SKELETON, J
-from sport.runtime.takes.bvh import format_bvh, parse_bvh, read_bvh
+from runtime import rotations
+from runtime.errors import FileError
+from runtime.skeleton import SPORT_SKELETON, J
+from runtime.takes.bvh import format_bvh, parse_bvh, read_bvh
 
 SMALL = """HIERARCHY
 ROOT hip

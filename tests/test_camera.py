@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from render_scene import hills
 
-from sport.runtime.spring import spring
-from sport.viewer.render.camera import Camera, FollowCamera, OrbitCamera
-from sport.viewer.render.frame import make_frame
+from runtime.spring import spring
+from viewer.render.camera import Camera, FollowCamera, OrbitCamera
+from viewer.render.frame import make_frame
 
 untimed = settings(deadline=None)  # a busy machine must not fail them
 yaws = st.floats(-math.pi, math.pi)

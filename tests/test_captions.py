@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sport.runtime import rotations
-from sport.runtime.errors import FileError, UsageError
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.skeleton import SPORT_SKELETON, mirror_motion
-from sport.training.text.captions import main, measured_captions, merge_captions
-from sport.training.text.clip_measures import measure_clips, styles_of
-from sport.training.text.measure import average, measure, smoothed_facing
-from sport.training.text.wording import describe
+from runtime import rotations
+from runtime.errors import FileError, UsageError
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import SPORT_SKELETON, mirror_motion
+from training.text.captions import main, measured_captions, merge_captions
+from training.text.clip_measures import measure_clips, styles_of
+from training.text.measure import average, measure, smoothed_facing
+from training.text.wording import describe
 
 FRAMES = 240
 Z = np.array([0.0, 0.0, 1.0])

@@ -4,13 +4,13 @@ import tomllib
 
 import pytest
 
-from sport.runtime.assets import asset_path
+from runtime.assets import asset_path
 
 pytest.importorskip("torch")
 
 
 def test_named_sentences_are_the_catalogues() -> None:
-    from sport.training.layering.catalog import EDITS
+    from training.layering.catalog import EDITS
 
     sentences = tomllib.loads(asset_path("prompts/clauses.toml").read_text("utf-8"))["sentences"]
     for name, text in sentences.items():

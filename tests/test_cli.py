@@ -8,19 +8,17 @@ import pytest
 import test_generate
 from walker import WalkerModel
 
-import sport.runtime.generate as generate_module
-import sport.runtime.motion.model
+import runtime.generate as generate_module
+import runtime.motion.model
+from runtime.assets import PROJECT_ROOT
+from runtime.takes.bvh import read_bvh
+from runtime.takes.clip import load_clip_bvh
 from sport import cli
-from sport.runtime.assets import PROJECT_ROOT
-from sport.runtime.takes.bvh import read_bvh
-from sport.runtime.takes.clip import load_clip_bvh
 
 
 @pytest.fixture
 def walker(monkeypatch):
-    monkeypatch.setattr(
-        sport.runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel()
-    )
+    monkeypatch.setattr(runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel())
     monkeypatch.setattr(generate_module, "Prompter", lambda model, *_: test_generate.style_of)
 
 
@@ -28,9 +26,9 @@ def walker(monkeypatch):
 def viewed(monkeypatch):
     """Options that reach the viewer, in place of a window."""
     seen = []
-    app = types.ModuleType("sport.viewer.app")
+    app = types.ModuleType("viewer.app")
     app.run = lambda options: seen.append(options) or 0
-    monkeypatch.setitem(sys.modules, "sport.viewer.app", app)
+    monkeypatch.setitem(sys.modules, "viewer.app", app)
     return seen
 
 
@@ -141,9 +139,9 @@ def test_training_without_torch_says_what_to_install():
 
 
 def test_training_commands_hand_on_their_arguments(monkeypatch):
-    stub = types.ModuleType("sport.training.pipeline")
+    stub = types.ModuleType("training.pipeline")
     stub.main = lambda argv: len(argv)
-    monkeypatch.setitem(sys.modules, "sport.training.pipeline", stub)
+    monkeypatch.setitem(sys.modules, "training.pipeline", stub)
     assert cli.main(["train", "all", "--out", "x"]) == 3
 
 

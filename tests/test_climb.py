@@ -10,14 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.crossing.climb import Climb, Descend
-from sport.runtime.crossing.keyed_pose import Track, slerp
-from sport.runtime.feet.ik import solve_legs
-from sport.runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
-from sport.runtime.terrain.courses import Obstacle
-from sport.training.evaluation.metrics.crossing import hands_on_edge, on_top_after
-from sport.training.evaluation.metrics.obstacle_depth import CAPSULES, capsule_points
+from runtime import rotations
+from runtime.crossing.climb import Climb, Descend
+from runtime.crossing.keyed_pose import Track, slerp
+from runtime.feet.ik import solve_legs
+from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
+from runtime.terrain.courses import Obstacle
+from training.evaluation.metrics.crossing import hands_on_edge, on_top_after
+from training.evaluation.metrics.obstacle_depth import CAPSULES, capsule_points
 
 Array = NDArray[np.floating]
 

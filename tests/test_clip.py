@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from walker import walk
 
-from sport.runtime import rotations
-from sport.runtime.atomic import atomic_path, write_atomic
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.errors import FileError, UsageError
-from sport.runtime.pose import Pose
-from sport.runtime.skeleton import SPORT_SKELETON, J
-from sport.runtime.takes import metadata as take_metadata
-from sport.runtime.takes.bvh import read_bvh
-from sport.runtime.takes.clip import Clip, PromptEvent, load_clip_bvh, save_bvh
-from sport.runtime.takes.metadata import Origin, gait_of, origin_of, sidecar_path
-from sport.runtime.takes.recorder import ClipRecorder
+from runtime import rotations
+from runtime.atomic import atomic_path, write_atomic
+from runtime.controls import Controls, Gait
+from runtime.errors import FileError, UsageError
+from runtime.pose import Pose
+from runtime.skeleton import SPORT_SKELETON, J
+from runtime.takes import metadata as take_metadata
+from runtime.takes.bvh import read_bvh
+from runtime.takes.clip import Clip, PromptEvent, load_clip_bvh, save_bvh
+from runtime.takes.metadata import Origin, gait_of, origin_of, sidecar_path
+from runtime.takes.recorder import ClipRecorder
 
 
 def make_clip(frames=61, **changes):

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from walker import WalkerModel
 
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.model import load_model
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.terrain.height_map import Terrain
-from sport.runtime.terrain.library import make_terrain
+from runtime.controls import Controls, Gait
+from runtime.motion.controller import Controller
+from runtime.motion.model import load_model
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.library import make_terrain
 
 FORWARD = Controls((0.0, 1.0))
 

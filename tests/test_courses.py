@@ -9,16 +9,16 @@ from walker import WalkerModel, walk
 
 pytest.importorskip("sklearn")
 
-from sport.runtime.controls import Gait
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.terrain.courses import BEAM, BEAM_RAMP_M, GAPS, HURDLES, WALLS, Obstacle
-from sport.runtime.terrain.height_map import Terrain
-from sport.runtime.terrain.library import make_terrain
-from sport.training.evaluation.metrics import crossing
-from sport.training.evaluation.metrics.obstacle_depth import capsule_points, depth_inside, limb_depths
-from sport.training.evaluation.motion.obstacle_courses import COURSES, run_obstacles
-from sport.training.evaluation.motion.score_obstacles import score_obstacles
-from sport.training.evaluation.report.course_tables import markdown
+from runtime.controls import Gait
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.courses import BEAM, BEAM_RAMP_M, GAPS, HURDLES, WALLS, Obstacle
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.library import make_terrain
+from training.evaluation.metrics import crossing
+from training.evaluation.metrics.obstacle_depth import capsule_points, depth_inside, limb_depths
+from training.evaluation.motion.obstacle_courses import COURSES, run_obstacles
+from training.evaluation.motion.score_obstacles import score_obstacles
+from training.evaluation.report.course_tables import markdown
 
 BLOCK = Obstacle(2.0, 4.0, 1.0, 3.0)
 
@@ -184,7 +184,7 @@ def test_a_walker_gets_over_a_low_wall_and_its_row_is_whole(results):
 
 def test_a_run_is_drawn(results, tmp_path):
     pytest.importorskip("matplotlib")
-    from sport.training.evaluation.report.course_pictures import draw_courses
+    from training.evaluation.report.course_pictures import draw_courses
 
     picture = tmp_path / "wall.png"
     draw_courses(results[1][:1], picture)

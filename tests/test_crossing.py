@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.crossing.crossing import Crossing
-from sport.runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.crowd import Crowd
-from sport.runtime.motion.model import MotionModel, load_model
-from sport.runtime.motion.snapshot import Snapshot, take_snapshot
-from sport.runtime.terrain.courses import Obstacle, raise_obstacles
-from sport.runtime.terrain.height_map import Terrain
-from sport.training.evaluation.metrics import crossing
+from runtime.controls import Controls, Gait
+from runtime.crossing.crossing import Crossing
+from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
+from runtime.motion.controller import Controller
+from runtime.motion.crowd import Crowd
+from runtime.motion.model import MotionModel, load_model
+from runtime.motion.snapshot import Snapshot, take_snapshot
+from runtime.terrain.courses import Obstacle, raise_obstacles
+from runtime.terrain.height_map import Terrain
+from training.evaluation.metrics import crossing
 
 FORWARD = Controls((0.0, 1.0))
 

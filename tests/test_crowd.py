@@ -7,16 +7,16 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.errors import UsageError
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.crowd import MOST, Crowd
-from sport.runtime.motion.model import MotionModel, load_model
-from sport.runtime.motion.snapshot import take_snapshot
-from sport.runtime.pose import Pose
-from sport.runtime.terrain.height_map import Terrain
-from sport.runtime.terrain.library import make_terrain
-from sport.runtime.terrain.obstacles import level_ahead, step_ahead
+from runtime.controls import Controls, Gait
+from runtime.errors import UsageError
+from runtime.motion.controller import Controller
+from runtime.motion.crowd import MOST, Crowd
+from runtime.motion.model import MotionModel, load_model
+from runtime.motion.snapshot import take_snapshot
+from runtime.pose import Pose
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.library import make_terrain
+from runtime.terrain.obstacles import level_ahead, step_ahead
 
 FLAT = Terrain.flat()
 

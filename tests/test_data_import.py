@@ -8,19 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sport.runtime import rotations
-from sport.runtime.errors import FileError
-from sport.runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, Skeleton
-from sport.runtime.takes.bvh import format_bvh, parse_bvh
-from sport.training.data import cutting, labels, relief
-from sport.training.data.archives import FREE, credits_of, licence_of
-from sport.training.data.catalog import ClipSource, list_clips
-from sport.training.data.clip_files import TrainingClip
-from sport.training.data.foot_cleaning import bridge, clean_feet, stretches
-from sport.training.data.height_patches import Patches, wrapped_height
-from sport.training.data.importer import import_all
-from sport.training.data.report import Report
-from sport.training.data.retarget import (
+from runtime import rotations
+from runtime.errors import FileError
+from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, Skeleton
+from runtime.takes.bvh import format_bvh, parse_bvh
+from training.data import cutting, labels, relief
+from training.data.archives import FREE, credits_of, licence_of
+from training.data.catalog import ClipSource, list_clips
+from training.data.clip_files import TrainingClip
+from training.data.foot_cleaning import bridge, clean_feet, stretches
+from training.data.height_patches import Patches, wrapped_height
+from training.data.importer import import_all
+from training.data.report import Report
+from training.data.retarget import (
     calibrate_feet,
     load_source,
     resample_positions,
@@ -28,7 +28,7 @@ from sport.training.data.retarget import (
     retarget,
     sample_times,
 )
-from sport.training.data.source_skeletons import known_skeletons, of_capture, recognise
+from training.data.source_skeletons import known_skeletons, of_capture, recognise
 
 # a 100STYLE-like rig, 10 % larger than ours, with longer feet; name, parent, offset in cm
 RIG = [

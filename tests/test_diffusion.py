@@ -7,17 +7,17 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from sport.runtime.motion.features import INPUT_SIZE  # noqa: E402
-from sport.training.networks.decoder import blend_codes  # noqa: E402
-from sport.training.networks.diffusion import (  # noqa: E402
+from runtime.motion.features import INPUT_SIZE  # noqa: E402
+from training.networks.decoder import blend_codes  # noqa: E402
+from training.networks.diffusion import (  # noqa: E402
     Schedule,
     add_noise,
     analytic_variance,
     noise_estimate,
     reverse_steps,
 )
-from sport.training.networks.generator import Generator  # noqa: E402
-from sport.training.presets import preset  # noqa: E402
+from training.networks.generator import Generator  # noqa: E402
+from training.presets import preset  # noqa: E402
 
 
 def test_schedule_ends_in_noise():

@@ -5,8 +5,8 @@ import hashlib
 import numpy as np
 import pytest
 
-from sport.runtime.prompts.content import PromptEncoder
-from sport.runtime.prompts.direction_words import GROUPS, PRESENT, direction_words, with_direction_words
+from runtime.prompts.content import PromptEncoder
+from runtime.prompts.direction_words import GROUPS, PRESENT, direction_words, with_direction_words
 
 NAMES = [name for name, _ in GROUPS]
 
@@ -89,7 +89,7 @@ class _Words:
 
 
 def test_a_network_gets_them_if_it_was_trained_with_them(tmp_path):
-    from sport.runtime.prompts.parts import PartDescriptions
+    from runtime.prompts.parts import PartDescriptions
 
     text = PartDescriptions(*["both feet stepping"] * 6)
     plain = PromptEncoder(_Words(), _network(tmp_path / "plain.onnx", 4)).encode(text)

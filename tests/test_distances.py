@@ -1,6 +1,6 @@
 """The table of several models' distances."""
 
-from sport.training.evaluation.motion.distances import table
+from training.evaluation.motion.distances import table
 
 RESULT = {
     "fmd": {

@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.errors import UsageError
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.model import MotionModel, load_model
-from sport.runtime.motion.snapshot import Snapshot
-from sport.runtime.motion.style_mix import StyleMix
-from sport.runtime.takes import drive_edits
-from sport.runtime.takes.clip import Clip
-from sport.runtime.takes.drive import (
+from runtime.controls import Controls, Gait
+from runtime.errors import UsageError
+from runtime.motion.controller import Controller
+from runtime.motion.model import MotionModel, load_model
+from runtime.motion.snapshot import Snapshot
+from runtime.motion.style_mix import StyleMix
+from runtime.takes import drive_edits
+from runtime.takes.clip import Clip
+from runtime.takes.drive import (
     KEYFRAME_STEPS,
     Drive,
     DrivenFrame,
@@ -27,9 +27,9 @@ from sport.runtime.takes.drive import (
     played_again,
     redrive,
 )
-from sport.runtime.takes.metadata import PromptEvent, gait_of
-from sport.runtime.takes.recorder import ClipRecorder
-from sport.runtime.terrain.library import make_terrain
+from runtime.takes.metadata import PromptEvent, gait_of
+from runtime.takes.recorder import ClipRecorder
+from runtime.terrain.library import make_terrain
 
 Take = tuple[Clip, Drive]
 STYLES = np.random.default_rng(0).normal(size=(4, 6, 64)).astype(np.float32) * 0.4

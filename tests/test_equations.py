@@ -7,14 +7,14 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from sport.runtime.assets import PROJECT_ROOT  # noqa: E402
-from sport.training import losses  # noqa: E402
-from sport.training.networks.content import Gaussian  # noqa: E402
-from sport.training.networks.decoder import blend_codes  # noqa: E402
-from sport.training.networks.diffusion import Schedule, analytic_variance, reverse_steps  # noqa: E402
-from sport.training.networks.generator import Generator  # noqa: E402
-from sport.training.networks.phase import PeriodicAutoencoder  # noqa: E402
-from sport.training.presets import preset  # noqa: E402
+from runtime.assets import PROJECT_ROOT  # noqa: E402
+from training import losses  # noqa: E402
+from training.networks.content import Gaussian  # noqa: E402
+from training.networks.decoder import blend_codes  # noqa: E402
+from training.networks.diffusion import Schedule, analytic_variance, reverse_steps  # noqa: E402
+from training.networks.generator import Generator  # noqa: E402
+from training.networks.phase import PeriodicAutoencoder  # noqa: E402
+from training.presets import preset  # noqa: E402
 
 
 def test_equation_1_amplitude_times_sine_and_cosine_of_the_shift():

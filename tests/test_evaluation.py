@@ -9,23 +9,23 @@ from walker import WalkerModel, walk
 
 pytest.importorskip("sklearn")
 
-from sport.runtime.controls import Gait
-from sport.runtime.errors import FileError, SportError, UsageError
-from sport.runtime.motion.features import OUTPUT
-from sport.runtime.terrain.height_map import Terrain
-from sport.training.data.clip_files import TrainingClip
-from sport.training.data.height_patches import Patches
-from sport.training.evaluation.command import build_parser, main
-from sport.training.evaluation.motion.capture import TERRAIN_GROUP, driving_segments, read_capture
-from sport.training.evaluation.motion.courses import run_course
-from sport.training.evaluation.motion.driving import follow, replay, requests_of, transition
-from sport.training.evaluation.motion.motion import load_motion
-from sport.training.evaluation.motion.plan import Options, make_plan, style_texts
-from sport.training.evaluation.motion.score_capture import score_held_out, score_rollouts
-from sport.training.evaluation.motion.score_model import score_model
-from sport.training.evaluation.report.bars import check
-from sport.training.evaluation.report.tables import markdown
-from sport.training.frames import clip_frames
+from runtime.controls import Gait
+from runtime.errors import FileError, SportError, UsageError
+from runtime.motion.features import OUTPUT
+from runtime.terrain.height_map import Terrain
+from training.data.clip_files import TrainingClip
+from training.data.height_patches import Patches
+from training.evaluation.command import build_parser, main
+from training.evaluation.motion.capture import TERRAIN_GROUP, driving_segments, read_capture
+from training.evaluation.motion.courses import run_course
+from training.evaluation.motion.driving import follow, replay, requests_of, transition
+from training.evaluation.motion.motion import load_motion
+from training.evaluation.motion.plan import Options, make_plan, style_texts
+from training.evaluation.motion.score_capture import score_held_out, score_rollouts
+from training.evaluation.motion.score_model import score_model
+from training.evaluation.report.bars import check
+from training.evaluation.report.tables import markdown
+from training.frames import clip_frames
 
 Z = np.zeros((6, 64), np.float32)
 
@@ -210,7 +210,7 @@ def test_style_texts_take_written_and_measured_descriptions_in_turn():
 
 
 def style_path():
-    from sport.runtime.assets import asset_path
+    from runtime.assets import asset_path
 
     return asset_path("prompts/styles.json")
 

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from walker import WalkerModel
 
-from sport.runtime.motion import features
-from sport.runtime.motion.features import OUTPUT
-from sport.runtime.skeleton import SPORT_SKELETON, J
+from runtime.motion import features
+from runtime.motion.features import OUTPUT
+from runtime.skeleton import SPORT_SKELETON, J
 
 pytest.importorskip("matplotlib")
 
-from sport.training.evaluation.motion.capture import Capture, ClipInfo
-from sport.training.evaluation.motion.driving import LEAD_IN_FRAMES
-from sport.training.evaluation.report.figures import _most_captured, blend_walk, hand_height, phase_curves
+from training.evaluation.motion.capture import Capture, ClipInfo
+from training.evaluation.motion.driving import LEAD_IN_FRAMES
+from training.evaluation.report.figures import _most_captured, blend_walk, hand_height, phase_curves
 
 Z = np.full((6, 64), 0.01, np.float32)
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from test_evaluation_text import clips, write_clip  # noqa: F401
 
-from sport.runtime.errors import FileError, ModelError
-from sport.training.evaluation.text import (
+from runtime.errors import FileError, ModelError
+from training.evaluation.text import (
     retrieval,
 )
-from sport.training.evaluation.text.retrieval import Clips, Codes, first_ranks, held_out_clips, recall
+from training.evaluation.text.retrieval import Clips, Codes, first_ranks, held_out_clips, recall
 
 
 def test_codes_compare_as_equation_2_does() -> None:

@@ -10,42 +10,42 @@ import numpy as np
 import pytest
 from walker import WalkerModel, walk
 
-from sport.runtime import rotations
-from sport.runtime.controls import Gait
-from sport.runtime.errors import FileError, UsageError
-from sport.runtime.motion.features import OUTPUT
-from sport.runtime.prompts.expander import Expansion
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.prompts.prompter import Prompter
-from sport.runtime.skeleton import PART_NAMES, SPORT_SKELETON
-from sport.training.data.clip_files import TrainingClip
-from sport.training.data.height_patches import Patches
-from sport.training.evaluation.report.text_tables import bars, markdown
-from sport.training.evaluation.text import (
+from runtime import rotations
+from runtime.controls import Gait
+from runtime.errors import FileError, UsageError
+from runtime.motion.features import OUTPUT
+from runtime.prompts.expander import Expansion
+from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.prompter import Prompter
+from runtime.skeleton import PART_NAMES, SPORT_SKELETON
+from training.data.clip_files import TrainingClip
+from training.data.height_patches import Patches
+from training.evaluation.report.text_tables import bars, markdown
+from training.evaluation.text import (
     command as text_main,
 )
-from sport.training.evaluation.text import (
+from training.evaluation.text import (
     part_edits,
 )
-from sport.training.evaluation.text import (
+from training.evaluation.text import (
     timing as text_timing,
 )
-from sport.training.evaluation.text import (
+from training.evaluation.text import (
     walks as text_walks,
 )
-from sport.training.evaluation.text.independence import (
+from training.evaluation.text.independence import (
     by_slot,
     independence,
     own_and_others,
     part_changes,
     seed_changes,
 )
-from sport.training.evaluation.text.part_edits import Case, catalogue_cases, load_reference, score, targets
-from sport.training.evaluation.text.prompts import FREE_PROMPTS
-from sport.training.evaluation.text.walks import Walk, Walker, mean_rotation, rotation_change, summarise
-from sport.training.layering.apply import apply
-from sport.training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
-from sport.training.layering.pose_edits import Motion
+from training.evaluation.text.part_edits import Case, catalogue_cases, load_reference, score, targets
+from training.evaluation.text.prompts import FREE_PROMPTS
+from training.evaluation.text.walks import Walk, Walker, mean_rotation, rotation_change, summarise
+from training.layering.apply import apply
+from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
+from training.layering.pose_edits import Motion
 
 NEUTRAL = PartDescriptions(**{part: f"{part} as always" for part in PART_NAMES})
 FRAMES = 300
@@ -343,8 +343,8 @@ def test_a_number_of_workers_that_makes_no_sense_is_named(small: None, clips: Pa
 
 
 def test_joints_of_the_parts_are_apart() -> None:
-    from sport.runtime.skeleton import PART_JOINTS
-    from sport.training.evaluation.text.independence import JOINTS
+    from runtime.skeleton import PART_JOINTS
+    from training.evaluation.text.independence import JOINTS
 
     for part, joints in JOINTS.items():
         assert set(joints) <= set(PART_JOINTS[part])

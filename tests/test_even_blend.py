@@ -11,13 +11,13 @@ from app_driver import Start, run
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sport.runtime.motion import even_blend
-from sport.runtime.motion.model import load_model
-from sport.runtime.motion.style_mix import LINEAR, StyleMix, even_weights, mixes, turned_round
-from sport.runtime.prompts.blend import BlendedPrompt
-from sport.runtime.prompts.prompter import Prompter
-from sport.training.evaluation.motion.blend_steps import STEPS, largest_step
-from sport.viewer.prompt.style_edit import Side
+from runtime.motion import even_blend
+from runtime.motion.model import load_model
+from runtime.motion.style_mix import LINEAR, StyleMix, even_weights, mixes, turned_round
+from runtime.prompts.blend import BlendedPrompt
+from runtime.prompts.prompter import Prompter
+from training.evaluation.motion.blend_steps import STEPS, largest_step
+from viewer.prompt.style_edit import Side
 
 ONE = st.floats(0.0, 1.0)
 RISING = st.lists(ONE, min_size=1, max_size=11).map(lambda inner: (0.0, *sorted(inner), 1.0))
@@ -68,7 +68,7 @@ def test_a_prompter_measures_a_pair_once(monkeypatch: pytest.MonkeyPatch) -> Non
         asked.append(1)
         return (0.0, 0.9, 1.0)
 
-    monkeypatch.setattr("sport.runtime.prompts.prompter.even_shares", measured)
+    monkeypatch.setattr("runtime.prompts.prompter.even_shares", measured)
     to_style = Prompter(load_model())
     blend = BlendedPrompt("a zombie", "an old man", (0.5,) * 6)
     assert to_style(blend).shares == pytest.approx((0.9, 0.1))

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from documents import ROOT, text_of
 
-from sport.runtime.takes.clip import load_clip_bvh
-from sport.runtime.terrain.library import load_terrain
+from runtime.takes.clip import load_clip_bvh
+from runtime.terrain.library import load_terrain
 
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
 MAX_LINES = 80  # a page

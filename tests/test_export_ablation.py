@@ -6,13 +6,13 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("onnxscript")
 
-from sport.runtime.motion.features import INPUT_SIZE, OUTPUT_SIZE  # noqa: E402
-from sport.training.batches import Normalisation  # noqa: E402
-from sport.training.export.ablation import MixtureStepGraph  # noqa: E402
-from sport.training.export.model import StyleGraph  # noqa: E402
-from sport.training.export.step import export_step  # noqa: E402
-from sport.training.networks.generator import Generator  # noqa: E402
-from sport.training.presets import PRESETS  # noqa: E402
+from runtime.motion.features import INPUT_SIZE, OUTPUT_SIZE  # noqa: E402
+from training.batches import Normalisation  # noqa: E402
+from training.export.ablation import MixtureStepGraph  # noqa: E402
+from training.export.model import StyleGraph  # noqa: E402
+from training.export.step import export_step  # noqa: E402
+from training.networks.generator import Generator  # noqa: E402
+from training.presets import PRESETS  # noqa: E402
 
 INPUTS = ["x", "noise", "front_bias", "content_weight", "content_bias"]
 

@@ -4,9 +4,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sport.runtime import rotations
-from sport.runtime.motion import features
-from sport.runtime.skeleton import SPORT_SKELETON
+from runtime import rotations
+from runtime.motion import features
+from runtime.skeleton import SPORT_SKELETON
 
 
 def test_sizes_are_the_papers():

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from walker import walk
 
-from sport.runtime.assets import PROJECT_ROOT
-from sport.runtime.errors import UsageError
-from sport.runtime.takes.clip import Clip, save_bvh
-from sport.training.evaluation.motion import feet
+from runtime.assets import PROJECT_ROOT
+from runtime.errors import UsageError
+from runtime.takes.clip import Clip, save_bvh
+from training.evaluation.motion import feet
 
 
 def sliding(frames):
@@ -50,7 +50,7 @@ def test_one_frame_has_no_skating(tmp_path):
 
 def test_a_missing_file_is_one_sentence_and_exit_code_2(tmp_path):
     done = subprocess.run(
-        [sys.executable, "-m", "sport.training.evaluation.motion.feet", str(tmp_path / "none.bvh")],
+        [sys.executable, "-m", "training.evaluation.motion.feet", str(tmp_path / "none.bvh")],
         cwd=PROJECT_ROOT,
         capture_output=True,
         text=True,

@@ -7,10 +7,10 @@ import pytest
 from PIL import Image
 from walker import walk
 
-from sport.runtime.errors import FileError, UsageError
-from sport.runtime.takes.clip import Clip, save_bvh
-from sport.runtime.takes.metadata import PromptEvent
-from sport.viewer.tools import film
+from runtime.errors import FileError, UsageError
+from runtime.takes.clip import Clip, save_bvh
+from runtime.takes.metadata import PromptEvent
+from viewer.tools import film
 
 PROMPTS = (PromptEvent(0.0, "a proud queen"), PromptEvent(1.0, "walk like a drunk"))
 SIZE = ["--size", "96", "64"]
@@ -69,7 +69,7 @@ def test_a_film_of_a_take_on_its_own_ground(clip: Clip, tmp_path: Path, suffix: 
 
 
 def test_the_camera_stays_before_the_character(clip: Clip) -> None:
-    from sport.runtime.terrain.height_map import Terrain
+    from runtime.terrain.height_map import Terrain
 
     pictures = list(film.draw_frames(clip, Terrain.flat(), (96, 64), 10.0))
     middle = np.array([p[8:56, 32:64].astype(float).std() for p in pictures])

@@ -15,17 +15,17 @@ from foreign_rigs import vrm_rig
 from PIL import Image
 from walker import walk
 
-from sport.runtime.character.character import load_character
-from sport.runtime.errors import FileError, UsageError
-from sport.runtime.takes.clip import Clip
-from sport.runtime.takes.metadata import PromptEvent
-from sport.runtime.terrain.height_map import Terrain
-from sport.runtime.terrain.library import load_terrain
-from sport.viewer.filming.captions import Captions, caption
-from sport.viewer.filming.film import FilmOptions, FilmResult, count_frames, make_film
-from sport.viewer.filming.shots import CAMERAS, camera_path
-from sport.viewer.filming.writers import open_writer
-from sport.viewer.render.camera import Camera
+from runtime.character.character import load_character
+from runtime.errors import FileError, UsageError
+from runtime.takes.clip import Clip
+from runtime.takes.metadata import PromptEvent
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.library import load_terrain
+from viewer.filming.captions import Captions, caption
+from viewer.filming.film import FilmOptions, FilmResult, count_frames, make_film
+from viewer.filming.shots import CAMERAS, camera_path
+from viewer.filming.writers import open_writer
+from viewer.render.camera import Camera
 
 FLAT = Terrain.flat()
 SMALL = FilmOptions(width=96, height=64, quality="software")
@@ -139,7 +139,7 @@ def test_what_the_writer_meets_ends_the_film(tmp_path: Path, monkeypatch: pytest
     def full(*_: Any) -> Iterator[Full]:
         yield Full()
 
-    monkeypatch.setattr("sport.viewer.filming.film.open_writer", full)
+    monkeypatch.setattr("viewer.filming.film.open_writer", full)
     with pytest.raises(FileError, match="no space left"):
         make_film(CLIP, FLAT, tmp_path / "a.mp4", SMALL, open_studio=paper)
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from walker import CYCLE_FRAMES, walk
 
-from sport.runtime import rotations
-from sport.runtime.feet.foot_lock import FootLock
-from sport.runtime.feet.settings import FootLockSettings
-from sport.runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS, joint_heights
-from sport.runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, J
-from sport.runtime.terrain.height_map import Terrain
-from sport.runtime.terrain.library import make_terrain
-from sport.training.evaluation.motion.feet import skating, sole_skating, toe_heights
+from runtime import rotations
+from runtime.feet.foot_lock import FootLock
+from runtime.feet.settings import FootLockSettings
+from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS, joint_heights
+from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, J
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.library import make_terrain
+from training.evaluation.motion.feet import skating, sole_skating, toe_heights
 
 DT = 1 / 60
 TOES, ANKLES, KNEES = [5, 10], [4, 9], [3, 8]

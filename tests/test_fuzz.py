@@ -15,8 +15,8 @@ from fuzz import files, models, projects, words
 from fuzz.run import Tally, run
 from fuzz.target import Target
 
-from sport.runtime.assets import PROJECT_ROOT
-from sport.runtime.errors import FileError
+from runtime.assets import PROJECT_ROOT
+from runtime.errors import FileError
 
 TARGETS = {
     target.name: target for target in (*files.TARGETS, *words.TARGETS, *models.TARGETS, *projects.TARGETS)

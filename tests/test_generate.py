@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from walker import WALK_SPEED, WalkerModel
 
-import sport.runtime.generate as generate_module
-import sport.runtime.motion.model
-from sport.runtime.controls import Gait
-from sport.runtime.errors import PromptError, SportError, TerrainError, UsageError
-from sport.runtime.generate import DEFAULT_PROMPT, generate_clip, parse_prompts, simulate
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.paths import GAITS, PATH_NAMES, Place, control_script
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.takes.clip import PromptEvent
-from sport.runtime.terrain.height_map import Terrain
+import runtime.generate as generate_module
+import runtime.motion.model
+from runtime.controls import Gait
+from runtime.errors import PromptError, SportError, TerrainError, UsageError
+from runtime.generate import DEFAULT_PROMPT, generate_clip, parse_prompts, simulate
+from runtime.motion.controller import Controller
+from runtime.motion.paths import GAITS, PATH_NAMES, Place, control_script
+from runtime.prompts.parts import PartDescriptions
+from runtime.takes.clip import PromptEvent
+from runtime.terrain.height_map import Terrain
 
 
 def style_of(prompt):
@@ -23,9 +23,7 @@ def style_of(prompt):
 
 @pytest.fixture
 def walker(monkeypatch):
-    monkeypatch.setattr(
-        sport.runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel()
-    )
+    monkeypatch.setattr(runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel())
     monkeypatch.setattr(generate_module, "Prompter", lambda model, *_: style_of)
 
 

@@ -12,14 +12,14 @@ from gpt_endpoint import (
 )
 from walker import WalkerModel
 
-import sport.runtime.generate as generate_module
-import sport.runtime.motion.model
-import sport.runtime.prompts.gpt.expander
-import sport.runtime.prompts.prompter
+import runtime.generate as generate_module
+import runtime.motion.model
+import runtime.prompts.gpt.expander
+import runtime.prompts.prompter
+from runtime.errors import UsageError
+from runtime.prompts.parts import PartDescriptions
+from runtime.takes.bvh import read_bvh
 from sport import cli
-from sport.runtime.errors import UsageError
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.takes.bvh import read_bvh
 
 
 @pytest.fixture
@@ -37,8 +37,8 @@ def walker(monkeypatch, tmp_path):
 
     model = WalkerModel()
     model.prompt_path = tmp_path / "none.onnx"
-    monkeypatch.setattr(sport.runtime.motion.model, "load_model", lambda folder=None, threads=1: model)
-    monkeypatch.setattr(sport.runtime.prompts.prompter, "PromptEncoder", Encoding)
+    monkeypatch.setattr(runtime.motion.model, "load_model", lambda folder=None, threads=1: model)
+    monkeypatch.setattr(runtime.prompts.prompter, "PromptEncoder", Encoding)
     monkeypatch.setenv("SPORT_CACHE_DIR", str(tmp_path / "cache"))
     for name in ("OPENAI_API_KEY", "OPENAI_BASE_URL", "SPORT_GPT_MODEL"):
         monkeypatch.delenv(name, raising=False)

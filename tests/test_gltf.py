@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from gltf_characters import make_pose, split_glb, user_character
 
-from sport.runtime import rotations
-from sport.runtime.assets import asset_path
-from sport.runtime.character.character import Character, load_character, skin_vertices
-from sport.runtime.character.joint_map import read_joint_map
-from sport.runtime.character.joints import match_joints
-from sport.runtime.character.writer import save_animated_glb, write_character
-from sport.runtime.errors import FileError
-from sport.runtime.pose import Pose
-from sport.runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
+from runtime import rotations
+from runtime.assets import asset_path
+from runtime.character.character import Character, load_character, skin_vertices
+from runtime.character.joint_map import read_joint_map
+from runtime.character.joints import match_joints
+from runtime.character.writer import save_animated_glb, write_character
+from runtime.errors import FileError
+from runtime.pose import Pose
+from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 
 JOINTS = SPORT_SKELETON.names
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from gltf_characters import join_glb, split_glb, user_character
 
-from sport.runtime.character.character import load_character, skin_vertices
-from sport.runtime.character.writer import write_character
-from sport.runtime.errors import FileError
+from runtime.character.character import load_character, skin_vertices
+from runtime.character.writer import write_character
+from runtime.errors import FileError
 
 
 @pytest.fixture(scope="module")

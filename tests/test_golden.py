@@ -10,13 +10,13 @@ import pytest
 from golden_images import check_golden
 from render_scene import capsule_body, walking_pose
 
-from sport.runtime.terrain.library import TERRAIN_NAMES, make_terrain
-from sport.viewer.render.camera import OrbitCamera
-from sport.viewer.render.offscreen import OffscreenTarget
-from sport.viewer.render.overlays import Overlays
-from sport.viewer.render.quality import FAST, SOFTWARE, Quality
-from sport.viewer.render.renderer import Renderer
-from sport.viewer.services import Services
+from runtime.terrain.library import TERRAIN_NAMES, make_terrain
+from viewer.render.camera import OrbitCamera
+from viewer.render.offscreen import OffscreenTarget
+from viewer.render.overlays import Overlays
+from viewer.render.quality import FAST, SOFTWARE, Quality
+from viewer.render.renderer import Renderer
+from viewer.services import Services
 
 SIZE = 240, 150
 WHERE = 0.0, 1.6  # x, z

@@ -32,13 +32,13 @@ from gpt_endpoint import (
     trickle,
 )
 
-from sport.runtime.errors import FileError, PromptError
-from sport.runtime.prompts.expander import Expansion
-from sport.runtime.prompts.gpt.client import retry_after
-from sport.runtime.prompts.gpt.expander import GptExpander
-from sport.runtime.prompts.gpt.fallback import FallbackExpander
-from sport.runtime.prompts.gpt.prompt import LISTS, load_structured_prompt
-from sport.runtime.skeleton import PART_NAMES
+from runtime.errors import FileError, PromptError
+from runtime.prompts.expander import Expansion
+from runtime.prompts.gpt.client import retry_after
+from runtime.prompts.gpt.expander import GptExpander
+from runtime.prompts.gpt.fallback import FallbackExpander
+from runtime.prompts.gpt.prompt import LISTS, load_structured_prompt
+from runtime.skeleton import PART_NAMES
 
 # what is asked
 
@@ -276,7 +276,7 @@ def test_after_a_costly_failure_the_endpoint_is_left_alone_for_a_while(endpoint,
     expander = expander_of(endpoint, attempts=1, costly_s=0.0, pause_s=100.0)
     assert expander.expand("known").source == "gpt"
     endpoint.script = [fail(500), say(DRUNK.to_json())]
-    monkeypatch.setattr("sport.runtime.prompts.gpt.expander.time", clock)
+    monkeypatch.setattr("runtime.prompts.gpt.expander.time", clock)
     with pytest.raises(PromptError, match="500"):
         expander.expand("proud")
     assert expander.expand("known").descriptions == PROUD  # stored
@@ -284,7 +284,7 @@ def test_after_a_costly_failure_the_endpoint_is_left_alone_for_a_while(endpoint,
         expander.expand("proud")
     assert len(endpoint.requests) == 2
     later[0] = 101.0
-    monkeypatch.setattr("sport.runtime.prompts.gpt.client.time", clock)
+    monkeypatch.setattr("runtime.prompts.gpt.client.time", clock)
     assert expander.expand("proud").descriptions == DRUNK
 
 

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 from gpt_endpoint import PROUD, Endpoint, completion, say
 
-from sport.runtime.prompts.gpt.bounded_http import MAX_BODY_BYTES
-from sport.runtime.prompts.gpt.client import ChatClient, EndpointError
+from runtime.prompts.gpt.bounded_http import MAX_BODY_BYTES
+from runtime.prompts.gpt.client import ChatClient, EndpointError
 
 MAX_GROWTH = 20e6  # bytes held at once by client and server together; asked are 50 MB
 ASKED = [{"role": "user", "content": "a proud walk"}]

@@ -20,13 +20,13 @@ from gpt_endpoint import (
     fail,
 )
 
-from sport.runtime.errors import PromptError, UsageError
-from sport.runtime.prompts.expander import Expansion
-from sport.runtime.prompts.gpt.cache import AnswerCache, cache_directory
-from sport.runtime.prompts.gpt.check import check_endpoint
-from sport.runtime.prompts.gpt.expander import GptExpander
-from sport.runtime.prompts.gpt.fallback import FallbackExpander
-from sport.runtime.prompts.gpt.settings import GptSettings, Secret, gpt_configured, has_credentials
+from runtime.errors import PromptError, UsageError
+from runtime.prompts.expander import Expansion
+from runtime.prompts.gpt.cache import AnswerCache, cache_directory
+from runtime.prompts.gpt.check import check_endpoint
+from runtime.prompts.gpt.expander import GptExpander
+from runtime.prompts.gpt.fallback import FallbackExpander
+from runtime.prompts.gpt.settings import GptSettings, Secret, gpt_configured, has_credentials
 
 # the cache
 

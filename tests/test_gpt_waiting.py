@@ -18,11 +18,11 @@ from gpt_endpoint import (
     wait_for,
 )
 
-from sport.runtime.errors import PromptError
-from sport.runtime.prompts.expander import Expansion, PromptCancelledError
-from sport.runtime.prompts.gpt.fallback import FallbackExpander, open_expander
-from sport.runtime.prompts.gpt.settings import GptSettings
-from sport.runtime.prompts.service import PromptWorker
+from runtime.errors import PromptError
+from runtime.prompts.expander import Expansion, PromptCancelledError
+from runtime.prompts.gpt.fallback import FallbackExpander, open_expander
+from runtime.prompts.gpt.settings import GptSettings
+from runtime.prompts.service import PromptWorker
 
 # what is asked
 

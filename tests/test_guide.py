@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 from documents import DOCUMENTS, GUIDE, ROOT, blocks, check_command, commands, run_python, text_of
 
-from sport.runtime.motion.controller import TEMPERATURE
-from sport.runtime.motion.noise import PERIODS_S
-from sport.runtime.motion.paths import GAITS, PATH_NAMES
-from sport.runtime.terrain.library import TERRAIN_NAMES
-from sport.training.presets import ABLATIONS, preset
-from sport.viewer.input.bindings import HELP
+from runtime.motion.controller import TEMPERATURE
+from runtime.motion.noise import PERIODS_S
+from runtime.motion.paths import GAITS, PATH_NAMES
+from runtime.terrain.library import TERRAIN_NAMES
+from training.presets import ABLATIONS, preset
+from viewer.input.bindings import HELP
 
 PAGES = [path for path in DOCUMENTS if path.name != "README.md"]
 

@@ -12,15 +12,15 @@ from foreign_rigs import centimetre_rig, mixamo_rig, vrm_rig
 from glb_playback import play
 from gltf_characters import make_pose
 
-from sport.runtime import rotations
-from sport.runtime.assets import asset_path
-from sport.runtime.character.character import Character, load_character, skin_vertices
-from sport.runtime.character.hand_contact import clear_hands
-from sport.runtime.character.hand_reach import touching
-from sport.runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
-from sport.runtime.takes.clip import Clip, load_clip_bvh
-from sport.runtime.takes.export import save_motion
-from sport.runtime.takes.options import ExportOptions
+from runtime import rotations
+from runtime.assets import asset_path
+from runtime.character.character import Character, load_character, skin_vertices
+from runtime.character.hand_contact import clear_hands
+from runtime.character.hand_reach import touching
+from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
+from runtime.takes.clip import Clip, load_clip_bvh
+from runtime.takes.export import save_motion
+from runtime.takes.options import ExportOptions
 
 HAND = SPORT_SKELETON.index("LeftHand")
 FORE = SPORT_SKELETON.index("LeftForeArm")
@@ -104,7 +104,7 @@ def test_a_hand_lies_on_the_surface(
     character = mannequin if kind == "mannequin" else stout(mannequin)
     hips, local = reaching(np.array([PLACES[place]]))
     after = depth_cm(character, hips[0], local[0])
-    monkeypatch.setattr("sport.runtime.character.character.clear_hands", lambda c, p, w: (p, w))
+    monkeypatch.setattr("runtime.character.character.clear_hands", lambda c, p, w: (p, w))
     before = depth_cm(character, hips[0], local[0])
     assert before > 3.0
     assert after < 2.5

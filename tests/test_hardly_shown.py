@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from sport.runtime.prompts import shares
-from sport.runtime.prompts.expander import DEFAULT_PROMPT
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.viewer.prompt.state import PromptState
-from sport.viewer.prompt.style_edit import Answer, StyleEdit
+from runtime.prompts import shares
+from runtime.prompts.expander import DEFAULT_PROMPT
+from runtime.prompts.parts import PartDescriptions
+from viewer.prompt.state import PromptState
+from viewer.prompt.style_edit import Answer, StyleEdit
 
 WORDS = PartDescriptions(*["hanging"] * 6)
 

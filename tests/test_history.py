@@ -4,10 +4,10 @@ import json
 
 import pytest
 
-from sport.runtime.assets import asset_path
-from sport.runtime.errors import FileError
-from sport.training.export.model_card import model_card
-from sport.training.history import BEFORE, History
+from runtime.assets import asset_path
+from runtime.errors import FileError
+from training.export.model_card import model_card
+from training.history import BEFORE, History
 
 
 @pytest.fixture
@@ -32,8 +32,8 @@ def test_a_run_that_goes_on_adds_its_steps_and_keeps_the_others(run) -> None:
 
 def test_a_checkpoint_carries_it_into_the_next_run(run, tmp_path) -> None:
     pytest.importorskip("torch")
-    from sport.training.packed_run import pack, unpack
-    from sport.training.session import save_checkpoint
+    from training.packed_run import pack, unpack
+    from training.session import save_checkpoint
 
     for name in ("phase_final.pt", "content_final.pt", "scales.pt", "stage3_final.pt"):
         save_checkpoint(run / name, {"module": {}})

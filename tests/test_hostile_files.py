@@ -17,18 +17,18 @@ import pytest
 from gltf_characters import join_glb, split_glb, user_character
 from PIL import Image
 
-from sport.runtime.assets import PROJECT_ROOT
-from sport.runtime.character.character import load_character
-from sport.runtime.character.joint_map import read_joint_map
-from sport.runtime.character.writer import write_character
-from sport.runtime.errors import FileError, SportError
-from sport.runtime.generate import load_parts, parse_prompts
-from sport.runtime.motion.model_files import read_metadata
-from sport.runtime.prompts.text_encoder import TextEncoder
-from sport.runtime.skeleton import REST_HIPS_HEIGHT
-from sport.runtime.takes.bvh import MAX_JOINT_FRAMES, parse_bvh, read_bvh
-from sport.runtime.takes.clip import Clip, save_bvh
-from sport.runtime.terrain.files import read_terrain
+from runtime.assets import PROJECT_ROOT
+from runtime.character.character import load_character
+from runtime.character.joint_map import read_joint_map
+from runtime.character.writer import write_character
+from runtime.errors import FileError, SportError
+from runtime.generate import load_parts, parse_prompts
+from runtime.motion.model_files import read_metadata
+from runtime.prompts.text_encoder import TextEncoder
+from runtime.skeleton import REST_HIPS_HEIGHT
+from runtime.takes.bvh import MAX_JOINT_FRAMES, parse_bvh, read_bvh
+from runtime.takes.clip import Clip, save_bvh
+from runtime.terrain.files import read_terrain
 
 MOTION = "MOTION\nFrames: {}\nFrame Time: 0.01\n"
 
@@ -281,7 +281,7 @@ from pathlib import Path
 sys.path.insert(0, "tests")
 import numpy, trimesh, PIL.PngImagePlugin
 from test_hostile_files import BOMBS
-from sport.runtime.errors import SportError
+from runtime.errors import SportError
 work = BOMBS[sys.argv[1]](Path(sys.argv[2]))
 Path("/proc/self/clear_refs").write_text("5")
 held = lambda name: int(Path("/proc/self/status").read_text().split(name + ":")[1].split()[0]) / 1024

@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from runtime.controls import Controls, Gait
+from runtime.errors import FileError, PromptError, TerrainError, UsageError
+from runtime.generate import parse_prompts
+from runtime.motion.controller import Controller
+from runtime.motion.model import load_model
+from runtime.takes.bvh import parse_bvh, read_bvh
+from runtime.takes.clip import Clip, load_clip_bvh, save_bvh
+from runtime.terrain.files import read_terrain
+from runtime.terrain.height_map import Terrain
 from sport import cli
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.errors import FileError, PromptError, TerrainError, UsageError
-from sport.runtime.generate import parse_prompts
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.model import load_model
-from sport.runtime.takes.bvh import parse_bvh, read_bvh
-from sport.runtime.takes.clip import Clip, load_clip_bvh, save_bvh
-from sport.runtime.terrain.files import read_terrain
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.settings import Settings, load_settings
+from viewer.settings import Settings, load_settings
 
 MOTION = "MOTION\nFrames: {}\nFrame Time: 0.01\n"
 

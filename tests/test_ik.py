@@ -4,9 +4,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sport.runtime import rotations
-from sport.runtime.feet import ik, leg_scalar
-from sport.runtime.skeleton import SPORT_SKELETON, J
+from runtime import rotations
+from runtime.feet import ik, leg_scalar
+from runtime.skeleton import SPORT_SKELETON, J
 
 LEG = 0.4118 + 0.4233
 ANKLES, KNEES, HIPS, TOES = [4, 9], [3, 8], [2, 7], [5, 10]

@@ -8,15 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_data_import import index, march
 
-from sport.runtime import rotations
-from sport.runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, Skeleton
-from sport.runtime.takes.bvh import format_bvh, parse_bvh
-from sport.training.data.foot_cleaning import clean_feet
-from sport.training.data.heel import FOOT_OFFSET, heel_rise, pitched
-from sport.training.data.reference_pose import standing_rotations
-from sport.training.data.retarget import calibrate_feet, load_source, retarget
-from sport.training.data.source_skeletons import SourceJoint, SourceSkeleton, recognise
-from sport.training.evaluation.metrics import gait
+from runtime import rotations
+from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, Skeleton
+from runtime.takes.bvh import format_bvh, parse_bvh
+from training.data.foot_cleaning import clean_feet
+from training.data.heel import FOOT_OFFSET, heel_rise, pitched
+from training.data.reference_pose import standing_rotations
+from training.data.retarget import calibrate_feet, load_source, retarget
+from training.data.source_skeletons import SourceJoint, SourceSkeleton, recognise
+from training.evaluation.metrics import gait
 
 LEG = 0.8351
 

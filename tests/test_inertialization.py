@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from sport.runtime import rotations
-from sport.runtime.motion.features import FPS
-from sport.runtime.motion.inertialization import ARMS, FASTEST, FASTEST_EVER, Inertialization
-from sport.runtime.skeleton import SPORT_SKELETON
+from runtime import rotations
+from runtime.motion.features import FPS
+from runtime.motion.inertialization import ARMS, FASTEST, FASTEST_EVER, Inertialization
+from runtime.skeleton import SPORT_SKELETON
 
 ARM = SPORT_SKELETON.index("LeftArm")
 

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sport.runtime.controls import Gait
-from sport.runtime.errors import UsageError
-from sport.viewer.input.bindings import (
+from runtime.controls import Gait
+from runtime.errors import UsageError
+from viewer.input.bindings import (
     BINDINGS,
     HOLD_SECONDS,
     JUMP_SECONDS,
@@ -22,9 +22,9 @@ from sport.viewer.input.bindings import (
     Intent,
     to_controls,
 )
-from sport.viewer.input.gamepad import BUTTONS, GamepadState, GlfwGamepads, radial_dead_zone
-from sport.viewer.input.keyboard import Keyboard
-from sport.viewer.input.script import ControlScript
+from viewer.input.gamepad import BUTTONS, GamepadState, GlfwGamepads, radial_dead_zone
+from viewer.input.keyboard import Keyboard
+from viewer.input.script import ControlScript
 
 KEYS = frozenset({"w", "a", "s", "d", "shift", "r"})
 DT = 1 / 60

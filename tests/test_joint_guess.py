@@ -11,12 +11,12 @@ import pytest
 from gltf_characters import make_pose
 from odd_rigs import DOG, HELPED, LOOSE, PLAIN, Points, odd_character, write_odd
 
-from sport.runtime.character.character import joints_of, load_character
-from sport.runtime.character.guess import BY_TREE, JointsUnknown, NotUpright
-from sport.runtime.character.joint_map import joint_map_path, save_joint_map
-from sport.runtime.character.joints import match_joints
-from sport.runtime.character.writer import write_character
-from sport.runtime.errors import FileError
+from runtime.character.character import joints_of, load_character
+from runtime.character.guess import BY_TREE, JointsUnknown, NotUpright
+from runtime.character.joint_map import joint_map_path, save_joint_map
+from runtime.character.joints import match_joints
+from runtime.character.writer import write_character
+from runtime.errors import FileError
 
 
 def found_in(path: Path) -> dict[str, str]:

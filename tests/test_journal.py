@@ -13,13 +13,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sport.runtime.errors import FileError
-from sport.runtime.takes.clip import Clip
-from sport.runtime.takes.journal import ROW, FoundJournal, Header, TakeJournal, find_journals, read_journal
-from sport.runtime.takes.metadata import Origin
-from sport.runtime.takes.recorder import ClipRecorder
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.stage.simulation import Simulation
+from runtime.errors import FileError
+from runtime.takes.clip import Clip
+from runtime.takes.journal import ROW, FoundJournal, Header, TakeJournal, find_journals, read_journal
+from runtime.takes.metadata import Origin
+from runtime.takes.recorder import ClipRecorder
+from runtime.terrain.height_map import Terrain
+from viewer.stage.simulation import Simulation
 
 FRAME_BYTES = 1 + 4 * ROW
 HEADER = Header("Take 1", 60.0, "hills", Origin(model="compact", seed=3, temperature=0.5), 1e9)
@@ -65,7 +65,7 @@ def test_a_journal_holds_the_take_frame_by_frame(tmp_path: Path) -> None:
 
 def test_a_journal_that_another_process_holds_is_not_offered(tmp_path: Path) -> None:
     code = (
-        "import sys, time; from pathlib import Path; from sport.runtime.file_lock import open_locked;"
+        "import sys, time; from pathlib import Path; from runtime.file_lock import open_locked;"
         "open_locked(Path(sys.argv[1]), create=True); print('held', flush=True); sys.stdin.read()"
     )
     journal, _ = record(tmp_path)

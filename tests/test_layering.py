@@ -5,22 +5,22 @@ import json
 import numpy as np
 import pytest
 
-from sport.runtime import rotations
-from sport.runtime.feet.ik import LEG_FEET
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.skeleton import ANKLE_HEIGHT, PART_NAMES, SPORT_SKELETON, TOE_HEIGHT
-from sport.runtime.terrain.height_map import Terrain
-from sport.training.data.clip_files import TrainingClip
-from sport.training.data.height_patches import flat_patch
-from sport.training.layering import recipes
-from sport.training.layering.apply import apply
-from sport.training.layering.build import LAYERS, build_layers
-from sport.training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
-from sport.training.layering.pose_edits import Motion, keep_feet
-from sport.training.layering.recombine import recombine
-from sport.training.layering.steps import left_landings, step_phase
-from sport.training.text.measure import measure
+from runtime import rotations
+from runtime.feet.ik import LEG_FEET
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import ANKLE_HEIGHT, PART_NAMES, SPORT_SKELETON, TOE_HEIGHT
+from runtime.terrain.height_map import Terrain
 from tests.walker import CYCLE_FRAMES, walk
+from training.data.clip_files import TrainingClip
+from training.data.height_patches import flat_patch
+from training.layering import recipes
+from training.layering.apply import apply
+from training.layering.build import LAYERS, build_layers
+from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
+from training.layering.pose_edits import Motion, keep_feet
+from training.layering.recombine import recombine
+from training.layering.steps import left_landings, step_phase
+from training.text.measure import measure
 
 
 def walker(frames: int = 300) -> Motion:

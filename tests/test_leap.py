@@ -7,11 +7,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from sport.runtime import rotations
-from sport.runtime.crossing.leap import TOE, Leap, Stride, takeoff_m
-from sport.runtime.feet.ik import LEG_FEET, LEG_TOES
-from sport.runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
-from sport.runtime.terrain.way_ahead import Kind
+from runtime import rotations
+from runtime.crossing.leap import TOE, Leap, Stride, takeoff_m
+from runtime.feet.ik import LEG_FEET, LEG_TOES
+from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
+from runtime.terrain.way_ahead import Kind
 
 DT = 1.0 / 60.0
 HIPS = 0.93

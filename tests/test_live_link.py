@@ -14,16 +14,16 @@ import pytest
 from app_driver import Start, click_on, message, run
 from blender_addon import load_addon
 
+from runtime.errors import UsageError
+from runtime.pose import Pose
+from runtime.skeleton import SPORT_SKELETON, J
+from runtime.terrain.height_map import Terrain
 from sport import cli
-from sport.runtime.errors import UsageError
-from sport.runtime.pose import Pose
-from sport.runtime.skeleton import SPORT_SKELETON, J
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.live import message as messages
-from sport.viewer.live.address import Address, parse_address
-from sport.viewer.live.link import LiveLink
-from sport.viewer.messages import Messages
-from sport.viewer.stage.simulation import make_pose
+from viewer.live import message as messages
+from viewer.live.address import Address, parse_address
+from viewer.live.link import LiveLink
+from viewer.messages import Messages
+from viewer.stage.simulation import make_pose
 
 JOINTS = messages.skeleton_joints(SPORT_SKELETON)
 NUMBER = messages.skeleton_number(JOINTS)
@@ -259,7 +259,7 @@ def test_standing_is_sent_too_on_a_ground_of_its_own_height(receiver: Any) -> No
     """The position is that of the hips in the world, metres, Y up."""
     link = LiveLink(Messages(), address=Address(*receiver.address))
     link.start()
-    from sport.viewer.stage.simulation import rest_pose
+    from viewer.stage.simulation import rest_pose
 
     link.publish([rest_pose(Terrain.flat(), 2.0, -3.0)])
     (pose,) = drain(receiver, 1)

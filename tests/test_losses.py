@@ -6,8 +6,8 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from sport.training import losses  # noqa: E402
-from sport.training.networks.content import Gaussian  # noqa: E402
+from training import losses  # noqa: E402
+from training.networks.content import Gaussian  # noqa: E402
 
 
 def test_contrastive_of_aligned_pairs_is_lower_than_of_shuffled_pairs():

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from sport.runtime.errors import FileError
-from sport.training.evaluation.report.markers import check_section, write_section
+from runtime.errors import FileError
+from training.evaluation.report.markers import check_section, write_section
 
 PAGE = "# Reading\n\n<!-- speed: begin -->\nold\n<!-- speed: end -->\n\nAfterwards.\n"
 

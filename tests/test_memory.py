@@ -11,16 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sport.benchmarks.bench import peak_memory_mb
-from sport.runtime.assets import PROJECT_ROOT, model_folder
-from sport.runtime.errors import SportError
-from sport.runtime.motion.model_files import open_graph, read_graph, read_metadata
+from benchmarks.bench import peak_memory_mb
+from runtime.assets import PROJECT_ROOT, model_folder
+from runtime.errors import SportError
+from runtime.motion.model_files import open_graph, read_graph, read_metadata
 
 TRAINING_ONLY = {"torch", "onnx", "onnxscript", "scipy", "sklearn", "matplotlib", "pandas", "trimesh", "PIL"}
 RUN = """
 import json, sys
-from sport.viewer.app import App, run
-from sport.viewer.options import ViewOptions
+from viewer.app import App, run
+from viewer.options import ViewOptions
 run(ViewOptions(offscreen=True, frames=2, terrain="hills"))
 print(json.dumps(sorted({name.split(".")[0] for name in sys.modules})))
 """

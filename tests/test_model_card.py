@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from sport.runtime.assets import asset_path
-from sport.runtime.errors import FileError
-from sport.training.export.model_card import main, model_card
+from runtime.assets import asset_path
+from runtime.errors import FileError
+from training.export.model_card import main, model_card
 
 SOAK = {
     "frames": 7200,

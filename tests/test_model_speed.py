@@ -13,13 +13,13 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("onnxscript")
 
-from sport.benchmarks import networks  # noqa: E402
-from sport.runtime.errors import FileError, ModelError  # noqa: E402
-from sport.runtime.motion import processor  # noqa: E402
-from sport.runtime.motion.features import OUTPUT  # noqa: E402
-from sport.runtime.motion.model import load_model  # noqa: E402
-from sport.runtime.motion.processor import exact_8_bit_products  # noqa: E402
-from sport.training.export.quantize import KEPT, Frames, main, quantize_model, quantize_step, relative_error  # noqa: E402
+from benchmarks import networks  # noqa: E402
+from runtime.errors import FileError, ModelError  # noqa: E402
+from runtime.motion import processor  # noqa: E402
+from runtime.motion.features import OUTPUT  # noqa: E402
+from runtime.motion.model import load_model  # noqa: E402
+from runtime.motion.processor import exact_8_bit_products  # noqa: E402
+from training.export.quantize import KEPT, Frames, main, quantize_model, quantize_step, relative_error  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def quantised(folder, frames, tmp_path_factory):
     path = tmp_path_factory.mktemp("quantised") / "model"
     shutil.copytree(folder, path)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sport.training.export.quantize.LIMIT", 1.0)
+        patch.setattr("training.export.quantize.LIMIT", 1.0)
         return path, quantize_model(path, frames=frames)
 
 
@@ -88,7 +88,7 @@ def test_the_unrolled_frame_is_the_plain_one(frames):
     """Folding, hoisting and laying out the weights anew changes nothing but the speed."""
     from tiny_model import tiny_trained
 
-    from sport.training.export.step import PlainGraph, StepGraph
+    from training.export.step import PlainGraph, StepGraph
 
     trained = tiny_trained()
     z = torch.randn(2, 384)
@@ -133,7 +133,7 @@ def test_where_8_bits_cost_too_much_the_last_product_stays_in_full_precision(
 ):
     import onnx
 
-    monkeypatch.setattr("sport.training.export.quantize.LIMIT", limit)
+    monkeypatch.setattr("training.export.quantize.LIMIT", limit)
     copy = tmp_path / "model"
     shutil.copytree(folder, copy)
     assert quantize_model(copy, frames=frames)["kept"] == kept
@@ -145,7 +145,7 @@ def test_the_second_row_takes_the_rounding_of_activations_away(folder, frames, t
     model = load_model(folder)
     errors = {}
     for name, refined in (("with", ("encoder_first", "encoder_second")), ("without", ("front_wide",))):
-        monkeypatch.setattr("sport.training.export.quantize.REFINED", refined)
+        monkeypatch.setattr("training.export.quantize.REFINED", refined)
         copy = tmp_path / name
         shutil.copytree(folder, copy)
         quantize_model(copy, frames=frames)
@@ -169,7 +169,7 @@ def test_the_metadata_say_what_auto_means(quantised, frames, tmp_path):
 def test_a_missing_or_damaged_8_bit_graph_is_named_with_its_remedy(folder, quantised, tmp_path):
     with pytest.raises(ModelError, match="no 8-bit graph") as error:
         load_model(folder, precision="int8")
-    assert "sport.training.export.quantize" in str(error.value)
+    assert "training.export.quantize" in str(error.value)
     with pytest.raises(ModelError, match="precision int3"):
         load_model(folder, precision="int3")
     shutil.copytree(quantised[0], tmp_path / "model")
@@ -199,9 +199,7 @@ def test_a_graph_of_an_older_export_cannot_be_quantised(folder, tmp_path):
 
 
 def test_the_command_measures_the_models_own_walks(folder, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(
-        "sport.training.export.quantize.COURSES", (("a proud queen", "circle", "walk", "flat"),)
-    )
+    monkeypatch.setattr("training.export.quantize.COURSES", (("a proud queen", "circle", "walk", "flat"),))
     shutil.copytree(folder, tmp_path / "model")
     assert main([str(tmp_path / "model")]) == 0
     assert "relative_error" in capsys.readouterr().out
@@ -239,7 +237,7 @@ def test_an_idle_model_takes_no_processor_time(folder, frames):
 
 def test_8_bits_are_left_alone_where_they_overflow(quantised, frames, tmp_path, monkeypatch, caplog):
     shutil.copytree(quantised[0], tmp_path / "model")
-    monkeypatch.setattr("sport.runtime.motion.model_files.exact_8_bit_products", lambda: False)
+    monkeypatch.setattr("runtime.motion.model_files.exact_8_bit_products", lambda: False)
     with caplog.at_level("WARNING", "sport.model"):
         model = load_model(tmp_path / "model")
     assert model.precision == "fp32"

@@ -7,22 +7,22 @@ torch = pytest.importorskip("torch")
 
 from test_training import clips, frames, small_table  # noqa: E402, F401
 
-from sport.runtime import rotations  # noqa: E402
-from sport.runtime.controls import Gait  # noqa: E402
-from sport.runtime.motion import features  # noqa: E402
-from sport.runtime.motion.features import INPUT, INPUT_SIZE, MOTION_INPUT_SIZE, OUTPUT, OUTPUT_SIZE, L  # noqa: E402
-from sport.runtime.skeleton import SPORT_SKELETON, J  # noqa: E402
-from sport.training import losses  # noqa: E402
-from sport.training.batches import Normalisation  # noqa: E402
-from sport.training.frames import LAYERED, FrameTable  # noqa: E402
-from sport.training.kinematics import KNEES, knee_flexion, shown_joints, turns  # noqa: E402
-from sport.training.natural_pace import captured_paces, straight_speeds  # noqa: E402
-from sport.training.networks.generator import Generator  # noqa: E402
-from sport.training.presets import preset  # noqa: E402
-from sport.training.rollouts import MOVEMENTS, RolloutLanes  # noqa: E402
-from sport.training.session import Session  # noqa: E402
-from sport.training.stages.motion import MotionData, _decay, estimate_variance  # noqa: E402
-from sport.training.styles import StyleTable  # noqa: E402
+from runtime import rotations  # noqa: E402
+from runtime.controls import Gait  # noqa: E402
+from runtime.motion import features  # noqa: E402
+from runtime.motion.features import INPUT, INPUT_SIZE, MOTION_INPUT_SIZE, OUTPUT, OUTPUT_SIZE, L  # noqa: E402
+from runtime.skeleton import SPORT_SKELETON, J  # noqa: E402
+from training import losses  # noqa: E402
+from training.batches import Normalisation  # noqa: E402
+from training.frames import LAYERED, FrameTable  # noqa: E402
+from training.kinematics import KNEES, knee_flexion, shown_joints, turns  # noqa: E402
+from training.natural_pace import captured_paces, straight_speeds  # noqa: E402
+from training.networks.generator import Generator  # noqa: E402
+from training.presets import preset  # noqa: E402
+from training.rollouts import MOVEMENTS, RolloutLanes  # noqa: E402
+from training.session import Session  # noqa: E402
+from training.stages.motion import MotionData, _decay, estimate_variance  # noqa: E402
+from training.styles import StyleTable  # noqa: E402
 
 
 def test_steps_that_are_the_velocity_are_no_unrest_and_trembling_is():
@@ -33,7 +33,7 @@ def test_steps_that_are_the_velocity_are_no_unrest_and_trembling_is():
 
 
 def test_a_lane_that_predicts_the_truth_moves_by_its_velocity(frames, monkeypatch):  # noqa: F811
-    monkeypatch.setattr("sport.training.rollouts.FOREIGN_POSE", 0.0)
+    monkeypatch.setattr("training.rollouts.FOREIGN_POSE", 0.0)
     rows = torch.tensor([100, 620])  # on a floor, and up a slope
     lanes = RolloutLanes(frames, 2, 1e9, iter([rows, rows, rows]))
     for k in range(3):

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sport.runtime.atomic import check_target, write_atomic, write_new
-from sport.runtime.errors import FileError
-from sport.runtime.safe_read import printable
-from sport.viewer.render.capture import save_png
+from runtime.atomic import check_target, write_atomic, write_new
+from runtime.errors import FileError
+from runtime.safe_read import printable
+from viewer.render.capture import save_png
 
 posix = pytest.mark.skipif(os.name != "posix", reason="modes, links and pipes of POSIX")
 

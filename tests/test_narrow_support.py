@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from walker import walk
 
-from sport.runtime import rotations
-from sport.runtime.feet.foot_lock import FootLock
-from sport.runtime.feet.leg_scalar import leg_bones, leg_forward
-from sport.runtime.feet.narrow_support import (
+from runtime import rotations
+from runtime.feet.foot_lock import FootLock
+from runtime.feet.leg_scalar import leg_bones, leg_forward
+from runtime.feet.narrow_support import (
     ARMS,
     AROUND_M,
     FARTHEST_M,
@@ -18,9 +18,9 @@ from sport.runtime.feet.narrow_support import (
     pull_of_beam,
     side_of_beam,
 )
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.terrain.library import make_terrain
-from sport.runtime.terrain.point_heights import PointHeights
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.library import make_terrain
+from runtime.terrain.point_heights import PointHeights
 
 BEAM = make_terrain("beam")
 

@@ -8,14 +8,14 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from sport.runtime.skeleton import PART_JOINTS, PART_NAMES, SPORT_SKELETON  # noqa: E402
-from sport.training.networks.content import ContentEncoder, StatisticsReader, pose_statistics  # noqa: E402
-from sport.training.networks.decoder import MixtureDecoder, blend_codes  # noqa: E402
-from sport.training.networks.generator import Generator  # noqa: E402
-from sport.training.networks.modulator import instance_norm  # noqa: E402
-from sport.training.networks.motion_encoder import MotionEncoder  # noqa: E402
-from sport.training.networks.phase import PeriodicAutoencoder, two_hop_neighbours  # noqa: E402
-from sport.training.presets import preset  # noqa: E402
+from runtime.skeleton import PART_JOINTS, PART_NAMES, SPORT_SKELETON  # noqa: E402
+from training.networks.content import ContentEncoder, StatisticsReader, pose_statistics  # noqa: E402
+from training.networks.decoder import MixtureDecoder, blend_codes  # noqa: E402
+from training.networks.generator import Generator  # noqa: E402
+from training.networks.modulator import instance_norm  # noqa: E402
+from training.networks.motion_encoder import MotionEncoder  # noqa: E402
+from training.networks.phase import PeriodicAutoencoder, two_hop_neighbours  # noqa: E402
+from training.presets import preset  # noqa: E402
 
 
 def _millions(config, without_diffusion=False) -> float:
@@ -160,9 +160,9 @@ def test_a_paper_content_encoder_reads_no_statistics():
 def test_exported_graphs_agree_with_torch(exported_tiny):
     from tiny_model import tiny_trained
 
-    from sport.runtime.errors import ModelError
-    from sport.runtime.motion.model import MotionModel, load_model
-    from sport.runtime.motion.motion_encoder import MotionEncoder
+    from runtime.errors import ModelError
+    from runtime.motion.model import MotionModel, load_model
+    from runtime.motion.motion_encoder import MotionEncoder
 
     trained = tiny_trained()
     normal, steps = trained.normal, trained.steps

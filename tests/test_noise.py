@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sport.runtime.motion.noise import DriftingNoise
+from runtime.motion.noise import DriftingNoise
 
 DT = 1.0 / 60.0
 

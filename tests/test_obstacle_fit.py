@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from walker import walk
 
-from sport.runtime.controls import Gait
-from sport.runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.terrain.height_map import Terrain
-from sport.training.data.clip_files import TrainingClip
-from sport.training.data.height_patches import flat_patch
-from sport.training.data.obstacle_clips import fitted_copies, load_clip, report
-from sport.training.data.obstacle_fit import fit_obstacles, platform_ground, raised
+from runtime.controls import Gait
+from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
+from training.data.clip_files import TrainingClip
+from training.data.height_patches import flat_patch
+from training.data.obstacle_clips import fitted_copies, load_clip, report
+from training.data.obstacle_fit import fit_obstacles, platform_ground, raised
 
 FLAT = Terrain.flat()
 WAY_M, FLIGHT = 1.6, 30

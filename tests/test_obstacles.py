@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from walker import WalkerModel
 
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.feet.foot_lock import FootLock
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.model import load_model
-from sport.runtime.rotations import identity
-from sport.runtime.skeleton import J
-from sport.runtime.terrain.height_map import Terrain
-from sport.runtime.terrain.obstacles import step_ahead, within_steps
+from runtime.controls import Controls, Gait
+from runtime.feet.foot_lock import FootLock
+from runtime.motion.controller import Controller
+from runtime.motion.model import load_model
+from runtime.rotations import identity
+from runtime.skeleton import J
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.obstacles import step_ahead, within_steps
 
 NORTH = np.array([0.0, 1.0])
 

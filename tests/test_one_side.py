@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sport.runtime.errors import ModelError
-from sport.runtime.prompts.direction_words import GROUPS
-from sport.runtime.prompts.one_side import one_sided
-from sport.runtime.prompts.parts import PartDescriptions, mirror_text
-from sport.runtime.prompts.sentence_inputs import input_sizes, part_inputs, sentence_inputs
-from sport.runtime.skeleton import PART_NAMES
+from runtime.errors import ModelError
+from runtime.prompts.direction_words import GROUPS
+from runtime.prompts.one_side import one_sided
+from runtime.prompts.parts import PartDescriptions, mirror_text
+from runtime.prompts.sentence_inputs import input_sizes, part_inputs, sentence_inputs
+from runtime.skeleton import PART_NAMES
 
 WORDS = [
     "left",
@@ -111,7 +111,7 @@ def test_inputs_hold_what_their_length_says():
 
 def test_the_code_of_mirrored_words_is_the_mirrored_code():
     torch = pytest.importorskip("torch")
-    from sport.training.networks.content import PART_SIZE, PartTextEncoder, StatisticsReader
+    from training.networks.content import PART_SIZE, PartTextEncoder, StatisticsReader
 
     torch.manual_seed(0)
     network = PartTextEncoder(7 + len(GROUPS), one_sided=True).eval()

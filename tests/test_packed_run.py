@@ -8,12 +8,12 @@ torch = pytest.importorskip("torch")
 
 from tiny_model import tiny_trained  # noqa: E402
 
-from sport.runtime.errors import FileError, UsageError  # noqa: E402
-from sport.training.export.half_storage import store_model_in_half  # noqa: E402
-from sport.training.networks.generator import Generator  # noqa: E402
-from sport.training.packed_run import START, pack, unpack  # noqa: E402
-from sport.training.presets import preset  # noqa: E402
-from sport.training.session import load_checkpoint, save_checkpoint  # noqa: E402
+from runtime.errors import FileError, UsageError  # noqa: E402
+from training.export.half_storage import store_model_in_half  # noqa: E402
+from training.networks.generator import Generator  # noqa: E402
+from training.packed_run import START, pack, unpack  # noqa: E402
+from training.presets import preset  # noqa: E402
+from training.session import load_checkpoint, save_checkpoint  # noqa: E402
 
 
 @pytest.fixture

@@ -7,9 +7,9 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from sport.runtime.errors import UsageError  # noqa: E402
-from sport.training import parallel  # noqa: E402
-from sport.training.session import MovingAverage, Session, StageState, load_checkpoint, train  # noqa: E402
+from runtime.errors import UsageError  # noqa: E402
+from training import parallel  # noqa: E402
+from training.session import MovingAverage, Session, StageState, load_checkpoint, train  # noqa: E402
 
 STEPS = 3
 
@@ -69,7 +69,7 @@ def test_stages_that_write_files_are_run_alone(monkeypatch):
 
 
 def test_only_the_first_process_writes_checkpoints(tmp_path, monkeypatch):
-    from sport.training.session import save_checkpoint
+    from training.session import save_checkpoint
 
     monkeypatch.setenv("RANK", "1")
     save_checkpoint(tmp_path / "x.pt", {"a": 1})

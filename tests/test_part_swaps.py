@@ -4,10 +4,10 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from sport.runtime.motion.features import OUTPUT, OUTPUT_SIZE  # noqa: E402
-from sport.runtime.skeleton import PART_JOINTS, PART_NAMES, J  # noqa: E402
-from sport.training import losses  # noqa: E402
-from sport.training.part_swaps import NOTHING, SHARE, Swaps  # noqa: E402
+from runtime.motion.features import OUTPUT, OUTPUT_SIZE  # noqa: E402
+from runtime.skeleton import PART_JOINTS, PART_NAMES, J  # noqa: E402
+from training import losses  # noqa: E402
+from training.part_swaps import NOTHING, SHARE, Swaps  # noqa: E402
 
 ALWAYS = ("trajectory_positions", "trajectory_directions", "root", "contacts", "phase")
 

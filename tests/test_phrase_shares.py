@@ -6,23 +6,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sport.runtime.errors import FileError
-from sport.runtime.prompts import prompter, shares
-from sport.runtime.prompts.english import library_data
-from sport.runtime.prompts.english.compose import compose_neighbours
-from sport.runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
-from sport.runtime.prompts.expander import Expansion
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.prompts.shares import PhraseShares, as_left_limb, load_shares
-from sport.runtime.skeleton import PART_NAMES
-from sport.training.evaluation.text import phrase_shares
-from sport.training.evaluation.text import walks as text_walks
-from sport.training.layering.apply import apply
-from sport.training.layering.catalog import EDITS
-from sport.training.text.claims import RULES, clause_share, clauses
-from sport.training.text.measure import BodyMeasures, measure
+from runtime.errors import FileError
+from runtime.prompts import prompter, shares
+from runtime.prompts.english import library_data
+from runtime.prompts.english.compose import compose_neighbours
+from runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
+from runtime.prompts.expander import Expansion
+from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.shares import PhraseShares, as_left_limb, load_shares
+from runtime.skeleton import PART_NAMES
 from tests.test_layering import walker
 from tests.walker import WalkerModel
+from training.evaluation.text import phrase_shares
+from training.evaluation.text import walks as text_walks
+from training.layering.apply import apply
+from training.layering.catalog import EDITS
+from training.text.claims import RULES, clause_share, clauses
+from training.text.measure import BodyMeasures, measure
 
 PLAIN = PartDescriptions(**{part: f"{part.replace('_', ' ')} as it is" for part in PART_NAMES})
 TABLE = PhraseShares(

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sport.runtime.controls import Gait
-from sport.runtime.errors import UsageError
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.model import load_model
-from sport.runtime.motion.paths import Place
-from sport.runtime.motion.point_path import PathWalk, PointPath, Waypoint
-from sport.runtime.terrain.height_map import Terrain
+from runtime.controls import Gait
+from runtime.errors import UsageError
+from runtime.motion.controller import Controller
+from runtime.motion.model import load_model
+from runtime.motion.paths import Place
+from runtime.motion.point_path import PathWalk, PointPath, Waypoint
+from runtime.terrain.height_map import Terrain
 
 HERE = Place(0.0, 0.0, 0.0)
 COORDINATES = st.floats(-8.0, 8.0)

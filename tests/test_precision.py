@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from walker import WalkerModel
 
-import sport.training.evaluation.motion.precision as precision
-from sport.runtime.errors import UsageError
-from sport.runtime.motion.features import OUTPUT
-from sport.runtime.motion.model_files import INT8_GRAPH
+import training.evaluation.motion.precision as precision
+from runtime.errors import UsageError
+from runtime.motion.features import OUTPUT
+from runtime.motion.model_files import INT8_GRAPH
 
 
 class Stooping(WalkerModel):

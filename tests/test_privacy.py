@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 _RUN = """
-from sport.runtime.motion.controller import Controller
-from sport.runtime.controls import Controls
-from sport.runtime.motion.model import load_model
-from sport.runtime.terrain.height_map import Terrain
+from runtime.motion.controller import Controller
+from runtime.controls import Controls
+from runtime.motion.model import load_model
+from runtime.terrain.height_map import Terrain
 Controller(load_model(), Terrain.flat()).step(Controls())
 import os
 print(os.environ.get("ORT_DISABLE_TELEMETRY"))

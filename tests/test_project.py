@@ -12,16 +12,16 @@ import pytest
 from fuzz.projects import project
 from test_drive import STYLES, Studio, Take, same, style
 
-from sport.runtime.errors import FileError
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.model import MotionModel, load_model
-from sport.runtime.projects.archive import DOCUMENT, ArchiveReader, ArchiveWriter
-from sport.runtime.projects.character_files import read_character_files, write_character_files
-from sport.runtime.projects.project import Project, StoredTake, StoredVersion, load_project, save_project
-from sport.runtime.takes import drive_edits
-from sport.runtime.takes.drive import played_again
-from sport.runtime.takes.metadata import PromptEvent
-from sport.runtime.terrain.library import make_terrain
+from runtime.errors import FileError
+from runtime.motion.controller import Controller
+from runtime.motion.model import MotionModel, load_model
+from runtime.projects.archive import DOCUMENT, ArchiveReader, ArchiveWriter
+from runtime.projects.character_files import read_character_files, write_character_files
+from runtime.projects.project import Project, StoredTake, StoredVersion, load_project, save_project
+from runtime.takes import drive_edits
+from runtime.takes.drive import played_again
+from runtime.takes.metadata import PromptEvent
+from runtime.terrain.library import make_terrain
 
 
 @pytest.fixture(scope="module")

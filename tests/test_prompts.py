@@ -11,14 +11,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sport.runtime.errors import ModelError, PromptError, SportError
-from sport.runtime.prompts.content import PromptEncoder
-from sport.runtime.prompts.english.library import LibraryExpander
-from sport.runtime.prompts.expander import Expansion
-from sport.runtime.prompts.parts import PartDescriptions, mirror_text
-from sport.runtime.prompts.service import PromptResult, PromptWorker
-from sport.runtime.prompts.text_encoder import TextEncoder
-from sport.runtime.skeleton import PART_NAMES
+from runtime.errors import ModelError, PromptError, SportError
+from runtime.prompts.content import PromptEncoder
+from runtime.prompts.english.library import LibraryExpander
+from runtime.prompts.expander import Expansion
+from runtime.prompts.parts import PartDescriptions, mirror_text
+from runtime.prompts.service import PromptResult, PromptWorker
+from runtime.prompts.text_encoder import TextEncoder
+from runtime.skeleton import PART_NAMES
 
 _SHARED = TextEncoder()
 DESCRIPTIONS = PartDescriptions(*(f"the {part} moves left" for part in PART_NAMES))

@@ -6,8 +6,8 @@ from functools import cache
 
 import pytest
 
-from sport.runtime.prompts.english.library import LibraryExpander
-from sport.runtime.prompts.text_encoder import TextEncoder
+from runtime.prompts.english.library import LibraryExpander
+from runtime.prompts.text_encoder import TextEncoder
 from tests.prompt_lists import BODILY, NOTHING, UNSEEN_BODILY, UNSEEN_NOTHING
 
 

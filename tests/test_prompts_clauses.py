@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sport.runtime.prompts.english.clauses import parse_clauses
-from sport.runtime.skeleton import PART_NAMES
-from sport.training.layering.catalog import EDITS
+from runtime.prompts.english.clauses import parse_clauses
+from runtime.skeleton import PART_NAMES
+from training.layering.catalog import EDITS
 
 SIDES = ("left", "right")
 

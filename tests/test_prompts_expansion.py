@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sport.runtime.errors import PromptError
-from sport.runtime.prompts.english.library import LibraryExpander
-from sport.runtime.prompts.english.spelling import Spelling
-from sport.runtime.prompts.expander import Expansion
-from sport.runtime.prompts.parts import PartDescriptions, mirror_text
-from sport.runtime.prompts.text_encoder import TextEncoder
-from sport.runtime.skeleton import PART_NAMES
+from runtime.errors import PromptError
+from runtime.prompts.english.library import LibraryExpander
+from runtime.prompts.english.spelling import Spelling
+from runtime.prompts.expander import Expansion
+from runtime.prompts.parts import PartDescriptions, mirror_text
+from runtime.prompts.text_encoder import TextEncoder
+from runtime.skeleton import PART_NAMES
 
 ARMS, LEGS = ("left_arm", "right_arm"), ("left_leg", "right_leg")
 

@@ -9,22 +9,22 @@ from pathlib import Path
 
 import pytest
 
-from sport.runtime.assets import asset_path
-from sport.runtime.errors import FileError
-from sport.runtime.prompts.english.library import LibraryExpander
-from sport.runtime.prompts.english.library_data import (
+from runtime.assets import asset_path
+from runtime.errors import FileError
+from runtime.prompts.english.library import LibraryExpander
+from runtime.prompts.english.library_data import (
     PromptLibrary,
     library_hash,
     load_embeddings,
     load_prompt_library,
     load_styles,
 )
-from sport.runtime.prompts.english.phrases import PhraseIndex
-from sport.runtime.prompts.english.words import key, words_of
-from sport.runtime.prompts.gpt.prompt import load_structured_prompt
-from sport.runtime.prompts.text_encoder import TextEncoder
-from sport.runtime.skeleton import PART_NAMES
-from sport.training.text.build_library import other_words
+from runtime.prompts.english.phrases import PhraseIndex
+from runtime.prompts.english.words import key, words_of
+from runtime.prompts.gpt.prompt import load_structured_prompt
+from runtime.prompts.text_encoder import TextEncoder
+from runtime.skeleton import PART_NAMES
+from training.text.build_library import other_words
 
 PROMPTS = asset_path("prompts/library.json").parent
 ENCODER = TextEncoder()
@@ -243,7 +243,7 @@ def test_there_are_100_of_them() -> None:
 
 
 def test_stored_embeddings_fit_the_shipped_words(library: PromptLibrary) -> None:
-    """Fails when library.json or a style changed without `python -m sport.training.text.build_library`."""
+    """Fails when library.json or a style changed without `python -m training.text.build_library`."""
     path = PROMPTS / "library.npz"
     stored = load_embeddings(path, library_hash(library), ENCODER, len(library.entries))
     assert stored is not None

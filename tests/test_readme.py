@@ -20,7 +20,7 @@ from documents import (
     text_of,
 )
 
-from sport.runtime.takes.clip import load_clip_bvh
+from runtime.takes.clip import load_clip_bvh
 
 README = ROOT / "README.md"
 MAX_README_LINES = 120
@@ -89,6 +89,6 @@ def test_files_and_modules_that_are_named_exist() -> None:
         text = text_of(document)
         for name in re.findall(rf"`((?:{'|'.join(folders)})/[\w./-]+?)(?:::\w+)?`", text):
             assert (ROOT / name).exists(), f"{document}: {name}"
-        for module in re.findall(r"python -m sport\.([\w.]+)", text):
+        for module in re.findall(r"python -m ((?:runtime|viewer|training|benchmarks)\.[\w.]+)", text):
             path = ROOT / module.replace(".", "/")
-            assert path.with_suffix(".py").exists() or path.is_dir(), f"{document}: sport.{module}"
+            assert path.with_suffix(".py").exists() or path.is_dir(), f"{document}: {module}"

@@ -9,19 +9,19 @@ import pytest
 from app_driver import Start, message, run
 from walker import walk
 
+from runtime import rotations
+from runtime.character.joint_map import save_joint_map
+from runtime.errors import FileError
+from runtime.skeleton import SPORT_SKELETON, Skeleton
+from runtime.takes.bvh import format_bvh
+from runtime.takes.clip import Clip, load_clip_bvh, save_bvh
+from runtime.takes.metadata import PromptEvent
+from runtime.takes.options import ExportOptions
+from runtime.takes.prepare import prepare
+from runtime.takes.reference import load_reference_bvh
+from runtime.terrain.files import write_height_png
+from runtime.terrain.library import load_terrain
 from sport import cli
-from sport.runtime import rotations
-from sport.runtime.character.joint_map import save_joint_map
-from sport.runtime.errors import FileError
-from sport.runtime.skeleton import SPORT_SKELETON, Skeleton
-from sport.runtime.takes.bvh import format_bvh
-from sport.runtime.takes.clip import Clip, load_clip_bvh, save_bvh
-from sport.runtime.takes.metadata import PromptEvent
-from sport.runtime.takes.options import ExportOptions
-from sport.runtime.takes.prepare import prepare
-from sport.runtime.takes.reference import load_reference_bvh
-from sport.runtime.terrain.files import write_height_png
-from sport.runtime.terrain.library import load_terrain
 
 TURNS = {  # of the axes of a file
     "as ours": rotations.identity(),

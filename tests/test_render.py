@@ -16,18 +16,18 @@ import pytest
 from golden_images import check_golden
 from render_scene import CapsuleBody, capsule_body, hills, stairs, walking_pose
 
-from sport.runtime.errors import DisplayError, FileError
-from sport.runtime.pose import Pose
-from sport.runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.render.camera import OrbitCamera
-from sport.viewer.render.capture import save_png
-from sport.viewer.render.marks import contact_strokes, feet_of, skeleton_strokes, trajectory_strokes
-from sport.viewer.render.offscreen import OffscreenTarget, create_offscreen_context
-from sport.viewer.render.overlays import Overlays, TrajectoryOverlay
-from sport.viewer.render.quality import HIGH, SOFTWARE, Quality, choose_quality
-from sport.viewer.render.renderer import Renderer
-from sport.viewer.render.targets import scene_size
+from runtime.errors import DisplayError, FileError
+from runtime.pose import Pose
+from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
+from viewer.render.camera import OrbitCamera
+from viewer.render.capture import save_png
+from viewer.render.marks import contact_strokes, feet_of, skeleton_strokes, trajectory_strokes
+from viewer.render.offscreen import OffscreenTarget, create_offscreen_context
+from viewer.render.overlays import Overlays, TrajectoryOverlay
+from viewer.render.quality import HIGH, SOFTWARE, Quality, choose_quality
+from viewer.render.renderer import Renderer
+from viewer.render.targets import scene_size
 
 WIDTH, HEIGHT = 160, 120
 SMALL_HIGH = replace(HIGH, shadow_map_size=512)

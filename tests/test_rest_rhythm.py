@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sport.runtime.motion.features import FPS, PHASE_OFFSETS, C
-from sport.runtime.motion.rest_rhythm import RestRhythm
+from runtime.motion.features import FPS, PHASE_OFFSETS, C
+from runtime.motion.rest_rhythm import RestRhythm
 
 PRESENT = int(-PHASE_OFFSETS[0])
 STILL = np.tile(np.array([0.3, 0.4]), (PHASE_OFFSETS[-1] - PHASE_OFFSETS[0] + 1, C, 1))
@@ -43,11 +43,11 @@ def test_it_leaves_when_the_body_sets_off_and_does_nothing_for_a_quiet_style():
 
 def test_the_rhythm_of_standing_clips_is_read_off_their_words():
     torch = pytest.importorskip("torch")
-    from sport.runtime.controls import Gait
-    from sport.runtime.motion.features import INPUT, MOTION_INPUT_SIZE, OUTPUT_SIZE, L
-    from sport.training.frames import FrameTable
-    from sport.training.rest_rhythm import rest_rhythm
-    from sport.training.styles import StyleTable
+    from runtime.controls import Gait
+    from runtime.motion.features import INPUT, MOTION_INPUT_SIZE, OUTPUT_SIZE, L
+    from training.frames import FrameTable
+    from training.rest_rhythm import rest_rhythm
+    from training.styles import StyleTable
 
     frames, clips = 120, 3  # a quiet one, a waving one, and one that walks
     gait = np.zeros((clips, frames, L, len(Gait)), np.float16)

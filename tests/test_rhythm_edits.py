@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.training.data.labels import FOOT_JOINTS
-from sport.training.layering.apply import apply
-from sport.training.layering.catalog import EDITS, HELD_OUT, PartEdit
-from sport.training.layering.cycle import cycle_frames, cycle_mean
-from sport.training.layering.pose_edits import Motion
-from sport.training.text.measure import BodyMeasures, measure
+from runtime.skeleton import SPORT_SKELETON
 from tests.test_layering import walker
+from training.data.labels import FOOT_JOINTS
+from training.layering.apply import apply
+from training.layering.catalog import EDITS, HELD_OUT, PartEdit
+from training.layering.cycle import cycle_frames, cycle_mean
+from training.layering.pose_edits import Motion
+from training.text.measure import BodyMeasures, measure
 
 RHYTHM = sorted(name for name, edit in EDITS.items() if edit.of_steps)
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from sport.runtime import rotations as R
+from runtime import rotations as R
 
 ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 shapes = hnp.array_shapes(min_dims=0, max_dims=3, max_side=4)

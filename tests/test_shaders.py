@@ -8,9 +8,9 @@ from pathlib import Path
 import moderngl
 import pytest
 
-from sport.runtime.errors import DisplayError, FileError
-from sport.viewer.render.offscreen import create_offscreen_context
-from sport.viewer.render.shaders import SHADER_ROOT, ShaderSource, load_program, preprocess
+from runtime.errors import DisplayError, FileError
+from viewer.render.offscreen import create_offscreen_context
+from viewer.render.shaders import SHADER_ROOT, ShaderSource, load_program, preprocess
 
 
 @pytest.fixture(scope="module")

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sport.runtime.assets import DEFAULT_MODEL, asset_path, model_folder, model_name, shipped_models
-from sport.runtime.controls import Controls
-from sport.runtime.errors import ModelError
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.model import load_model
-from sport.runtime.terrain.height_map import Terrain
+from runtime.assets import DEFAULT_MODEL, asset_path, model_folder, model_name, shipped_models
+from runtime.controls import Controls
+from runtime.errors import ModelError
+from runtime.motion.controller import Controller
+from runtime.motion.model import load_model
+from runtime.terrain.height_map import Terrain
 
 BOUND = ("Bandai", "Holden")
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sport.runtime import rotations
-from sport.runtime.skeleton import (
+from runtime import rotations
+from runtime.skeleton import (
     MIRROR_JOINTS,
     PART_JOINTS,
     PART_NAMES,

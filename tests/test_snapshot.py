@@ -7,13 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.errors import FileError
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.model import MotionModel, load_model
-from sport.runtime.motion.snapshot import Snapshot, take_snapshot
-from sport.runtime.pose import Pose
-from sport.runtime.terrain.library import make_terrain
+from runtime.controls import Controls, Gait
+from runtime.errors import FileError
+from runtime.motion.controller import Controller
+from runtime.motion.model import MotionModel, load_model
+from runtime.motion.snapshot import Snapshot, take_snapshot
+from runtime.pose import Pose
+from runtime.terrain.library import make_terrain
 
 
 @pytest.fixture(scope="module")

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from walker import WalkerModel
 
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.errors import UsageError
-from sport.runtime.motion.controller import Controller
-from sport.runtime.terrain.height_map import Terrain
-from sport.training.evaluation.motion import soak
+from runtime.controls import Controls, Gait
+from runtime.errors import UsageError
+from runtime.motion.controller import Controller
+from runtime.terrain.height_map import Terrain
+from training.evaluation.motion import soak
 
 
 def play(controller, frames, controls, frozen_from=None):

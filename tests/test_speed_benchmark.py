@@ -1,4 +1,4 @@
-"""`python -m sport.training.evaluation.motion.speed`: its figures, on speeds that are known and on the shipped model."""
+"""`python -m training.evaluation.motion.speed`: its figures, on speeds that are known and on the shipped model."""
 
 import json
 from pathlib import Path
@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sport.runtime.errors import UsageError
-from sport.runtime.motion.features import FPS
-from sport.training.evaluation.motion import speed
+from runtime.errors import UsageError
+from runtime.motion.features import FPS
+from training.evaluation.motion import speed
 
 
 def test_a_steady_walk_has_neither_error_nor_deviation():

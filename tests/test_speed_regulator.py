@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sport.runtime.motion.features import FPS
-from sport.runtime.motion.speed_regulator import RANGE, STANDING_GAIN, SpeedRegulator
+from runtime.motion.features import FPS
+from runtime.motion.speed_regulator import RANGE, STANDING_GAIN, SpeedRegulator
 
 LATE, SLUGGISH = (
     round(0.25 * FPS),

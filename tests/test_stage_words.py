@@ -5,14 +5,14 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from sport.runtime.prompts.sentence_inputs import part_inputs  # noqa: E402
-from sport.runtime.skeleton import PART_NAMES  # noqa: E402
-from sport.training.layering.catalog import EDITS, HELD_OUT  # noqa: E402
-from sport.training.layering.longer_phrases import LongerSentence, longer_sentences  # noqa: E402
-from sport.training.networks.content import ContentEncoder  # noqa: E402
-from sport.training.presets import preset  # noqa: E402
-from sport.training.stages.words import codes_of, disturbed, learn_longer_sentences  # noqa: E402
-from sport.training.styles import StyleTexts  # noqa: E402
+from runtime.prompts.sentence_inputs import part_inputs  # noqa: E402
+from runtime.skeleton import PART_NAMES  # noqa: E402
+from training.layering.catalog import EDITS, HELD_OUT  # noqa: E402
+from training.layering.longer_phrases import LongerSentence, longer_sentences  # noqa: E402
+from training.networks.content import ContentEncoder  # noqa: E402
+from training.presets import preset  # noqa: E402
+from training.stages.words import codes_of, disturbed, learn_longer_sentences  # noqa: E402
+from training.styles import StyleTexts  # noqa: E402
 
 
 class BagOfWords:

@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sport.runtime.motion.features import FPS
-from sport.runtime.motion.stall import FEET, STALLED_SECONDS, Stall, advance_by_cycles
+from runtime.motion.features import FPS
+from runtime.motion.stall import FEET, STALLED_SECONDS, Stall, advance_by_cycles
 
 WANTED = 1.4  # m/s
 

@@ -5,9 +5,9 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from sport.runtime.motion.features import FPS, INPUT, INPUT_SIZE, TRAJECTORY_OFFSETS, L  # noqa: E402
-from sport.training import steered_paths  # noqa: E402
-from sport.training.steered_paths import steered  # noqa: E402
+from runtime.motion.features import FPS, INPUT, INPUT_SIZE, TRAJECTORY_OFFSETS, L  # noqa: E402
+from training import steered_paths  # noqa: E402
+from training.steered_paths import steered  # noqa: E402
 
 TIME = np.asarray(TRAJECTORY_OFFSETS) / FPS
 

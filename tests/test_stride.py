@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sport.runtime.motion.features import FPS
-from sport.runtime.motion.stride import POINTS, RANGE, Stride
+from runtime.motion.features import FPS
+from runtime.motion.stride import POINTS, RANGE, Stride
 
 SPEED = 1.2
 PLANTED = np.array([1.0, 1.0, 0.0, 0.0])

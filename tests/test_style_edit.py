@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sport.runtime.motion.style_mix import StyleMix
-from sport.runtime.prompts.blend import ALL_A, BlendedPrompt
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.skeleton import PART_NAMES
-from sport.viewer.prompt.style_edit import MAX_STEPS, Answer, StyleEdit, UndoStack
-from sport.viewer.prompt.suggestions import MAX_HISTORY, MAX_SUGGESTIONS, matching, remember, suggest
+from runtime.motion.style_mix import StyleMix
+from runtime.prompts.blend import ALL_A, BlendedPrompt
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import PART_NAMES
+from viewer.prompt.style_edit import MAX_STEPS, Answer, StyleEdit, UndoStack
+from viewer.prompt.suggestions import MAX_HISTORY, MAX_SUGGESTIONS, matching, remember, suggest
 
 settings.register_profile("edits", max_examples=40, deadline=None, derandomize=True)
 settings.load_profile("edits")

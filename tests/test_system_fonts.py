@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from app_driver import Start, message, run
 
-from sport.viewer.gui import system_fonts
-from sport.viewer.gui.system_fonts import find_fonts, font_folders
+from viewer.gui import system_fonts
+from viewer.gui.system_fonts import find_fonts, font_folders
 
 TEXT = "元気に歩く"
 

@@ -16,25 +16,23 @@ from glb_playback import play
 from PIL import Image
 from walker import WalkerModel, walk
 
-import sport.runtime.generate as generate_module
-import sport.runtime.motion.model
+import runtime.generate as generate_module
+import runtime.motion.model
+from runtime.assets import PROJECT_ROOT
+from runtime.takes import fbx
+from runtime.takes.clip import Clip, load_clip_bvh, save_bvh
+from runtime.takes.endings import ENDINGS
+from runtime.takes.metadata import PromptEvent
+from runtime.terrain.library import load_terrain
 from sport import cli
-from sport.runtime.assets import PROJECT_ROOT
-from sport.runtime.takes import fbx
-from sport.runtime.takes.clip import Clip, load_clip_bvh, save_bvh
-from sport.runtime.takes.endings import ENDINGS
-from sport.runtime.takes.metadata import PromptEvent
-from sport.runtime.terrain.library import load_terrain
-from sport.viewer.tools.contact_sheet import main as contact_sheet
+from viewer.tools.contact_sheet import main as contact_sheet
 
 SMALL = ["--size", "96x64", "--quality", "software"]
 
 
 @pytest.fixture(autouse=True)
 def walker(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(
-        sport.runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel()
-    )
+    monkeypatch.setattr(runtime.motion.model, "load_model", lambda folder=None, threads=1: WalkerModel())
     monkeypatch.setattr(generate_module, "Prompter", lambda model, *_: test_generate.style_of)
 
 

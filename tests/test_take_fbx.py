@@ -12,16 +12,16 @@ import pytest
 from foreign_rigs import RIGS
 from walker import walk
 
-from sport.runtime.assets import asset_path
-from sport.runtime.character.character import load_character
-from sport.runtime.errors import FileError, UsageError
-from sport.runtime.takes import fbx
-from sport.runtime.takes.clip import Clip
-from sport.runtime.takes.export import save_motion
-from sport.runtime.takes.glb import MANNEQUIN
-from sport.runtime.takes.options import ExportOptions
-from sport.runtime.takes.prepare import prepare
-from sport.runtime.terrain.height_map import Terrain
+from runtime.assets import asset_path
+from runtime.character.character import load_character
+from runtime.errors import FileError, UsageError
+from runtime.takes import fbx
+from runtime.takes.clip import Clip
+from runtime.takes.export import save_motion
+from runtime.takes.glb import MANNEQUIN
+from runtime.takes.options import ExportOptions
+from runtime.takes.prepare import prepare
+from runtime.terrain.height_map import Terrain
 
 CLIP = Clip("walk", 60.0, *walk(61))
 READER = """

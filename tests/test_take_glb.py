@@ -16,18 +16,18 @@ from PIL import Image
 from pygltflib import GLTF2
 from walker import walk
 
-from sport.runtime import rotations
-from sport.runtime.assets import asset_path
-from sport.runtime.character.character import load_character, skin_vertices
-from sport.runtime.character.read import open_gltf
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.takes.clip import Clip
-from sport.runtime.takes.glb import MANNEQUIN, save_glb
-from sport.runtime.takes.glb_buffer import GlbBuffer
-from sport.runtime.takes.metadata import PromptEvent
-from sport.runtime.takes.options import ExportOptions
-from sport.runtime.takes.prepare import prepare
-from sport.runtime.terrain.library import load_terrain
+from runtime import rotations
+from runtime.assets import asset_path
+from runtime.character.character import load_character, skin_vertices
+from runtime.character.read import open_gltf
+from runtime.skeleton import SPORT_SKELETON
+from runtime.takes.clip import Clip
+from runtime.takes.glb import MANNEQUIN, save_glb
+from runtime.takes.glb_buffer import GlbBuffer
+from runtime.takes.metadata import PromptEvent
+from runtime.takes.options import ExportOptions
+from runtime.takes.prepare import prepare
+from runtime.terrain.library import load_terrain
 
 CHARACTERS = ("mannequin", *RIGS)
 HILLS = load_terrain("hills")

@@ -10,18 +10,18 @@ import pytest
 import trimesh
 from walker import walk
 
-from sport.runtime.errors import FileError, UsageError
-from sport.runtime.feet.skating import joint_heights
-from sport.runtime.takes import ground as ground_module
-from sport.runtime.takes.clip import Clip, load_clip_bvh, save_bvh
-from sport.runtime.takes.export import save_motion
-from sport.runtime.takes.ground import ground_mesh
-from sport.runtime.takes.ground_of import ground_of, ground_spec
-from sport.runtime.takes.options import ExportOptions
-from sport.runtime.takes.prepare import prepare
-from sport.runtime.terrain.files import write_height_png
-from sport.runtime.terrain.height_map import Terrain
-from sport.runtime.terrain.library import load_terrain
+from runtime.errors import FileError, UsageError
+from runtime.feet.skating import joint_heights
+from runtime.takes import ground as ground_module
+from runtime.takes.clip import Clip, load_clip_bvh, save_bvh
+from runtime.takes.export import save_motion
+from runtime.takes.ground import ground_mesh
+from runtime.takes.ground_of import ground_of, ground_spec
+from runtime.takes.options import ExportOptions
+from runtime.takes.prepare import prepare
+from runtime.terrain.files import write_height_png
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.library import load_terrain
 
 HILLS = load_terrain("hills")
 

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from walker import CYCLE_FRAMES, walk
 
-from sport.runtime import rotations
-from sport.runtime.errors import UsageError
-from sport.runtime.feet.ik import LEG_FEET, solve_legs
-from sport.runtime.takes.clip import Clip, load_clip_bvh
-from sport.runtime.takes.export import save_motion
-from sport.runtime.takes.loop import seam_error
-from sport.runtime.takes.options import ExportOptions
-from sport.runtime.takes.prepare import prepare
-from sport.runtime.takes.root import Placement
-from sport.runtime.terrain.height_map import Terrain
+from runtime import rotations
+from runtime.errors import UsageError
+from runtime.feet.ik import LEG_FEET, solve_legs
+from runtime.takes.clip import Clip, load_clip_bvh
+from runtime.takes.export import save_motion
+from runtime.takes.loop import seam_error
+from runtime.takes.options import ExportOptions
+from runtime.takes.prepare import prepare
+from runtime.takes.root import Placement
+from runtime.terrain.height_map import Terrain
 
 FLAT = Terrain.flat()
 LOOP = ExportOptions(loop=True)

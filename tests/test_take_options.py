@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from walker import walk
 
+from runtime import rotations
+from runtime.errors import UsageError
+from runtime.motion import features
+from runtime.skeleton import SPORT_SKELETON
+from runtime.takes.bvh import read_bvh
+from runtime.takes.clip import Clip, load_clip_bvh, save_bvh
+from runtime.takes.export import save_motion
+from runtime.takes.metadata import PromptEvent, sidecar_path, title
+from runtime.takes.options import ExportOptions
+from runtime.takes.prepare import on_its_ground, prepare
+from runtime.takes.root import Placement, root_track
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.library import load_terrain
 from sport.commands.export import parse_range
-from sport.runtime import rotations
-from sport.runtime.errors import UsageError
-from sport.runtime.motion import features
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.takes.bvh import read_bvh
-from sport.runtime.takes.clip import Clip, load_clip_bvh, save_bvh
-from sport.runtime.takes.export import save_motion
-from sport.runtime.takes.metadata import PromptEvent, sidecar_path, title
-from sport.runtime.takes.options import ExportOptions
-from sport.runtime.takes.prepare import on_its_ground, prepare
-from sport.runtime.takes.root import Placement, root_track
-from sport.runtime.terrain.height_map import Terrain
-from sport.runtime.terrain.library import load_terrain
 
 FLAT, HILLS = Terrain.flat(), load_terrain("hills")
 

@@ -6,13 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from sport.runtime.assets import asset_path
-from sport.runtime.errors import FileError, TerrainError
-from sport.runtime.terrain.files import write_height_png
-from sport.runtime.terrain.height_map import Terrain
-from sport.runtime.terrain.library import STEP_RISE_M, TERRAIN_NAMES, load_terrain, make_terrain
-from sport.runtime.terrain.mesh import rasterise
-from sport.runtime.terrain.point_heights import PointHeights
+from runtime.assets import asset_path
+from runtime.errors import FileError, TerrainError
+from runtime.terrain.files import write_height_png
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.library import STEP_RISE_M, TERRAIN_NAMES, load_terrain, make_terrain
+from runtime.terrain.mesh import rasterise
+from runtime.terrain.point_heights import PointHeights
 
 places = st.floats(-6.0, 6.0)
 

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from render_scene import hills, stairs
 
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.render.terrain_mesh import LEVELS, MAX_CELLS, TILE, TerrainMesh, cut_window
+from runtime.terrain.height_map import Terrain
+from viewer.render.terrain_mesh import LEVELS, MAX_CELLS, TILE, TerrainMesh, cut_window
 
 RADIANS_PER_PIXEL = 0.001
 
@@ -126,7 +126,7 @@ def test_small_terrain_is_whole_and_goes_on_at_its_edge_height() -> None:
 
 
 def test_invisible_tiles_are_those_behind_the_camera() -> None:
-    from sport.viewer.render.camera import OrbitCamera
+    from viewer.render.camera import OrbitCamera
 
     mesh = TerrainMesh(cut_window(hills(), np.zeros(2)))
     camera = OrbitCamera((0.0, 1.0, 0.0), yaw=0.0, pitch=0.1, distance=3.0)

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sport.runtime.assets import asset_path
-from sport.runtime.errors import ModelError
-from sport.runtime.prompts.text_encoder import TextEncoder
+from runtime.assets import asset_path
+from runtime.errors import ModelError
+from runtime.prompts.text_encoder import TextEncoder
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +93,7 @@ def test_a_network_of_another_kind_is_refused(tmp_path: Path) -> None:
 
 def test_plain_torch_encoder_agrees_with_itself_under_padding() -> None:
     torch = pytest.importorskip("torch")
-    from sport.training.text.minilm import BertConfig, SentenceEncoder
+    from training.text.minilm import BertConfig, SentenceEncoder
 
     torch.manual_seed(0)
     config = BertConfig(

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sport.runtime.errors import FileError, ModelError
-from sport.runtime.prompts.text_encoder import SHIPPED, TextEncoder, library_encoder, text_encoder_of
+from runtime.errors import FileError, ModelError
+from runtime.prompts.text_encoder import SHIPPED, TextEncoder, library_encoder, text_encoder_of
 
 onnx = pytest.importorskip("onnx")
 WORDS = ("[START]", "[END]", "left", "right", "arm", "raised", "hanging")
@@ -129,8 +129,8 @@ def test_the_content_encoder_takes_embeddings_of_any_size() -> None:
     torch = pytest.importorskip("torch")
     from dataclasses import replace
 
-    from sport.training.networks.content import ContentEncoder
-    from sport.training.presets import preset
+    from training.networks.content import ContentEncoder
+    from training.presets import preset
 
     content = ContentEncoder(
         replace(preset("tiny"), text_size=512, direction_words=False, one_sided_words=False)
@@ -143,7 +143,7 @@ def test_the_content_encoder_takes_embeddings_of_any_size() -> None:
 def write_clip_folder(folder: Path) -> Path:
     """A CLIP of two narrow layers with random weights, stored as Hugging Face does."""
     torch = pytest.importorskip("torch")
-    from sport.training.text.clip_tower import ClipTextConfig, ClipTextTower
+    from training.text.clip_tower import ClipTextConfig, ClipTextTower
 
     text = {"vocab_size": len(WORDS), "hidden_size": 16, "intermediate_size": 32, "num_hidden_layers": 2}
     text |= {"num_attention_heads": 2, "max_position_embeddings": 12}
@@ -178,7 +178,7 @@ def write_clip_folder(folder: Path) -> Path:
 
 def test_the_tower_agrees_with_torch_layers(tmp_path: Path) -> None:
     torch = pytest.importorskip("torch")
-    from sport.training.text.clip_tower import load_tower
+    from training.text.clip_tower import load_tower
 
     tower = load_tower(write_clip_folder(tmp_path))
     ids = torch.tensor([[0, 2, 4, 5, 1]])
@@ -206,7 +206,7 @@ def test_the_tower_agrees_with_torch_layers(tmp_path: Path) -> None:
 @pytest.mark.parametrize("precision", ["float32", "int8"])
 def test_clip_becomes_a_text_encoder_folder(tmp_path: Path, precision: str) -> None:
     pytest.importorskip("torch")
-    from sport.training.text.export_clip import export_clip
+    from training.text.export_clip import export_clip
 
     weights = tmp_path / "clip"
     weights.mkdir()
@@ -221,7 +221,7 @@ def test_clip_becomes_a_text_encoder_folder(tmp_path: Path, precision: str) -> N
 @pytest.mark.parametrize("damage", ["config.json", "tokenizer.json", "model.safetensors", "another network"])
 def test_a_folder_that_is_no_clip_is_named(tmp_path: Path, damage: str) -> None:
     pytest.importorskip("torch")
-    from sport.training.text.export_clip import export_clip
+    from training.text.export_clip import export_clip
 
     write_clip_folder(tmp_path)
     if damage == "another network":

@@ -5,12 +5,12 @@ import pytest
 
 pytest.importorskip("sklearn")
 
-from sport.runtime import rotations
-from sport.runtime.skeleton import SPORT_SKELETON, J
-from sport.runtime.terrain.height_map import Terrain
-from sport.training.evaluation.metrics.told_apart import area_under_curve, halves_told_apart
-from sport.training.evaluation.motion.classifier import FEATURES, told_from, windows_of
-from sport.training.evaluation.motion.motion import Motion
+from runtime import rotations
+from runtime.skeleton import SPORT_SKELETON, J
+from runtime.terrain.height_map import Terrain
+from training.evaluation.metrics.told_apart import area_under_curve, halves_told_apart
+from training.evaluation.motion.classifier import FEATURES, told_from, windows_of
+from training.evaluation.motion.motion import Motion
 
 TAKES, FRAMES = 6, 160
 FLAT = Terrain.flat(size_m=20.0)
@@ -30,7 +30,7 @@ def takes(swing: float, seed: int) -> list[Motion]:
 
 
 def test_an_arm_that_swings_less_is_told_from_the_capture_and_halves_of_it_are_not(monkeypatch):
-    monkeypatch.setattr("sport.training.evaluation.motion.classifier.HOP", 4)
+    monkeypatch.setattr("training.evaluation.motion.classifier.HOP", 4)
     theirs = windows_of(takes(0.8, 0))
     told = told_from(windows_of(takes(0.3, 1)), theirs)
     assert told["kinematic"] > 0.9
@@ -41,7 +41,7 @@ def test_an_arm_that_swings_less_is_told_from_the_capture_and_halves_of_it_are_n
 @pytest.fixture(autouse=True)
 def _few_trees(monkeypatch):
     for name, value in {"ROUNDS": 10, "FOLDS": 3, "DRAWS": 2}.items():
-        monkeypatch.setattr(f"sport.training.evaluation.metrics.told_apart.{name}", value)
+        monkeypatch.setattr(f"training.evaluation.metrics.told_apart.{name}", value)
 
 
 def test_a_window_of_a_take_that_was_seen_is_not_what_counts():

@@ -21,21 +21,21 @@ pytest.importorskip("onnxscript")
 from synthetic_clips import write_clip  # noqa: E402
 from test_stage_words import BagOfWords  # noqa: E402
 
-from sport.runtime.controls import Controls  # noqa: E402
-from sport.runtime.errors import FileError, ModelError, UsageError  # noqa: E402
-from sport.runtime.motion.controller import Controller  # noqa: E402
-from sport.runtime.motion.features import PAPER_OUTPUT_SIZE  # noqa: E402
-from sport.runtime.motion.model import load_model  # noqa: E402
-from sport.runtime.prompts.content import PromptEncoder  # noqa: E402
-from sport.runtime.prompts.parts import PartDescriptions  # noqa: E402
-from sport.runtime.skeleton import PART_NAMES  # noqa: E402
-from sport.runtime.terrain.height_map import Terrain  # noqa: E402
-from sport.training import ablations, pipeline  # noqa: E402
-from sport.training.export import model as export_module  # noqa: E402
-from sport.training.layering.longer_phrases import longer_sentences  # noqa: E402
-from sport.training.networks.content import StatisticsReader  # noqa: E402
-from sport.training.presets import ABLATIONS, PRESETS  # noqa: E402
-from sport.training.stages import motion as stage_motion  # noqa: E402
+from runtime.controls import Controls  # noqa: E402
+from runtime.errors import FileError, ModelError, UsageError  # noqa: E402
+from runtime.motion.controller import Controller  # noqa: E402
+from runtime.motion.features import PAPER_OUTPUT_SIZE  # noqa: E402
+from runtime.motion.model import load_model  # noqa: E402
+from runtime.prompts.content import PromptEncoder  # noqa: E402
+from runtime.prompts.parts import PartDescriptions  # noqa: E402
+from runtime.skeleton import PART_NAMES  # noqa: E402
+from runtime.terrain.height_map import Terrain  # noqa: E402
+from training import ablations, pipeline  # noqa: E402
+from training.export import model as export_module  # noqa: E402
+from training.layering.longer_phrases import longer_sentences  # noqa: E402
+from training.networks.content import StatisticsReader  # noqa: E402
+from training.presets import ABLATIONS, PRESETS  # noqa: E402
+from training.stages import motion as stage_motion  # noqa: E402
 
 NARROW = {  # of the tiny preset; everything else stays as the preset has it
     name: getattr(PRESETS["tiny"], name)
@@ -87,12 +87,10 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     fast = torch.backends.mha.get_fastpath_enabled()
     torch.backends.mha.set_fastpath_enabled(False)  # has no symbol in ONNX
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sport.training.stages.words.longer_sentences", lambda: few)
+        patch.setattr("training.stages.words.longer_sentences", lambda: few)
         patch.setattr(pipeline, "TextEncoder", Words)
         patch.setattr(StatisticsReader, "measure", lambda self, joints: measure(self, joints[:256]))
-        patch.setattr(
-            "sport.training.stages.words._error", lambda *_: 0.0
-        )  # of thousands of sentences, four times
+        patch.setattr("training.stages.words._error", lambda *_: 0.0)  # of thousands of sentences, four times
         patch.setattr(pipeline, "quantize_model", lambda *_args, **_options: None)
         for name in ("estimate_variance", "measure_codes"):
             patch.setattr(stage_motion, name, functools.partial(getattr(stage_motion, name), batches=1))

@@ -12,20 +12,20 @@ pytest.importorskip("onnxscript")
 
 from synthetic_clips import LENGTH, SPEED, write_clip  # noqa: E402
 
-from sport.runtime.controls import Controls  # noqa: E402
-from sport.runtime.motion import features  # noqa: E402
-from sport.runtime.motion.controller import Controller  # noqa: E402
-from sport.runtime.motion.features import INPUT, OUTPUT  # noqa: E402
-from sport.runtime.motion.model import load_model  # noqa: E402
-from sport.runtime.skeleton import PART_NAMES, REST_HIPS_HEIGHT  # noqa: E402
-from sport.runtime.terrain.height_map import Terrain  # noqa: E402
-from sport.training.batches import Frames  # noqa: E402
-from sport.training.frames import clip_frames, load_frames, sampling_weights  # noqa: E402
-from sport.training.layering.longer_phrases import longer_sentences  # noqa: E402
-from sport.training.part_swaps import NOTHING  # noqa: E402
-from sport.training.pipeline import main  # noqa: E402
-from sport.training.rollouts import RolloutLanes  # noqa: E402
-from sport.training.stages import motion as stage_motion  # noqa: E402
+from runtime.controls import Controls  # noqa: E402
+from runtime.motion import features  # noqa: E402
+from runtime.motion.controller import Controller  # noqa: E402
+from runtime.motion.features import INPUT, OUTPUT  # noqa: E402
+from runtime.motion.model import load_model  # noqa: E402
+from runtime.skeleton import PART_NAMES, REST_HIPS_HEIGHT  # noqa: E402
+from runtime.terrain.height_map import Terrain  # noqa: E402
+from training.batches import Frames  # noqa: E402
+from training.frames import clip_frames, load_frames, sampling_weights  # noqa: E402
+from training.layering.longer_phrases import longer_sentences  # noqa: E402
+from training.part_swaps import NOTHING  # noqa: E402
+from training.pipeline import main  # noqa: E402
+from training.rollouts import RolloutLanes  # noqa: E402
+from training.stages import motion as stage_motion  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +88,7 @@ def test_held_out_clips_are_never_drawn(small_table):
 
 
 def test_a_lane_that_predicts_the_truth_sees_captured_frames(frames, monkeypatch):
-    monkeypatch.setattr("sport.training.rollouts.FOREIGN_POSE", 0.0)
+    monkeypatch.setattr("training.rollouts.FOREIGN_POSE", 0.0)
     rows = torch.tensor([100, 400])
     lanes = RolloutLanes(frames, 2, 1e9, iter([rows, rows]))
     for k in range(5):
@@ -100,7 +100,7 @@ def test_a_lane_that_predicts_the_truth_sees_captured_frames(frames, monkeypatch
 
 
 def test_lanes_can_begin_in_the_pose_of_another_clip(frames, monkeypatch):
-    monkeypatch.setattr("sport.training.rollouts.FOREIGN_POSE", 1.0)
+    monkeypatch.setattr("training.rollouts.FOREIGN_POSE", 1.0)
     rows = torch.arange(100, 164)
     lanes = RolloutLanes(frames, 64, 1e9, iter([rows]))
     pose = INPUT["joint_positions"]
@@ -136,11 +136,11 @@ def arguments(clips: Path, out: Path) -> list[str]:
 def short_work(monkeypatch):
     """What takes long without being another case: all longer sentences, variances of many batches, six courses."""
     few = [s for part in PART_NAMES for s in longer_sentences() if s.part == part][::60]
-    monkeypatch.setattr("sport.training.stages.words.longer_sentences", lambda: few)
+    monkeypatch.setattr("training.stages.words.longer_sentences", lambda: few)
     for name in ("estimate_variance", "measure_codes"):
         monkeypatch.setattr(stage_motion, name, partial(getattr(stage_motion, name), batches=1))
     courses = (("a proud queen", "random", "jog", "flat"),)
-    monkeypatch.setattr("sport.training.export.quantize.COURSES", courses)
+    monkeypatch.setattr("training.export.quantize.COURSES", courses)
 
 
 def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(

@@ -1,4 +1,4 @@
-"""`python -m sport.training.evaluation.text.untuned_prompts`: its figures, its table, and that it says so when an answer is missing."""
+"""`python -m training.evaluation.text.untuned_prompts`: its figures, its table, and that it says so when an answer is missing."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sport.runtime.errors import PromptError, SportError
-from sport.runtime.motion.model import load_model
-from sport.runtime.prompts.expander import Expansion
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.skeleton import PART_NAMES
-from sport.training.evaluation.text import untuned_prompts as prompts
+from runtime.errors import PromptError, SportError
+from runtime.motion.model import load_model
+from runtime.prompts.expander import Expansion
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import PART_NAMES
+from training.evaluation.text import untuned_prompts as prompts
 
 PROMPTS = "an old man\n\nRight arm raised, head down!\n???\n"
 

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sport.runtime.terrain.courses import Obstacle as Block
-from sport.runtime.terrain.courses import raise_obstacles
-from sport.runtime.terrain.height_map import Terrain
-from sport.runtime.terrain.library import make_terrain
-from sport.runtime.terrain.way_ahead import Kind, obstacle_ahead
+from runtime.terrain.courses import Obstacle as Block
+from runtime.terrain.courses import raise_obstacles
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.library import make_terrain
+from runtime.terrain.way_ahead import Kind, obstacle_ahead
 
 AHEAD = np.array([0.0, 1.0])
 

@@ -8,9 +8,9 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from sport.runtime.errors import FileError, UsageError  # noqa: E402
-from sport.training.session import load_checkpoint, save_checkpoint  # noqa: E402
-from sport.training.weight_mean import average  # noqa: E402
+from runtime.errors import FileError, UsageError  # noqa: E402
+from training.session import load_checkpoint, save_checkpoint  # noqa: E402
+from training.weight_mean import average  # noqa: E402
 
 
 def run(folder: Path, value: float, size: int = 3) -> Path:

@@ -3,12 +3,12 @@
 import numpy as np
 import torch
 
-from sport.training.batches import Normalisation
-from sport.training.export.model import Trained
-from sport.training.networks.content import ContentEncoder
-from sport.training.networks.diffusion import Schedule, reverse_steps
-from sport.training.networks.generator import Generator
-from sport.training.presets import preset
+from training.batches import Normalisation
+from training.export.model import Trained
+from training.networks.content import ContentEncoder
+from training.networks.diffusion import Schedule, reverse_steps
+from training.networks.generator import Generator
+from training.presets import preset
 
 
 def tiny_trained(seed: int = 7) -> Trained:

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.errors import SportError
-from sport.runtime.pose import Pose
-from sport.runtime.prompts.expander import Expansion, check_prompt
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.prompts.service import PromptResult
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.services import Loaded, Services
-from sport.viewer.stage.simulation import make_pose, rest_pose
+from runtime.controls import Controls, Gait
+from runtime.errors import SportError
+from runtime.pose import Pose
+from runtime.prompts.expander import Expansion, check_prompt
+from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.service import PromptResult
+from runtime.terrain.height_map import Terrain
+from viewer.services import Loaded, Services
+from viewer.stage.simulation import make_pose, rest_pose
 
 SPEEDS = {Gait.WALK: 1.4, Gait.JOG: 3.0, Gait.CROUCH: 0.8, Gait.JUMP: 1.4}  # m/s
 

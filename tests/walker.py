@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from sport.runtime import rotations
-from sport.runtime.feet import ik
-from sport.runtime.motion import features
-from sport.runtime.motion.features import OutputParts, build_output
-from sport.runtime.motion.model import Style
-from sport.runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, J
+from runtime import rotations
+from runtime.feet import ik
+from runtime.motion import features
+from runtime.motion.features import OutputParts, build_output
+from runtime.motion.model import Style
+from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, J
 
 CYCLE_FRAMES = 64
 STRIDE_M = 1.2  # of a whole cycle
@@ -68,7 +68,7 @@ def _vault(z, ankles):
 
 @dataclass
 class WalkerModel:
-    """Has the interface of `sport.runtime.motion.model.MotionModel`, follows its trajectory input and cycles the walk.
+    """Has the interface of `runtime.motion.model.MotionModel`, follows its trajectory input and cycles the walk.
 
     `style` tilts the head, so that another Z^t gives another motion; `broken_at` makes that frame not finite.
     """

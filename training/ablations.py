@@ -1,10 +1,10 @@
 """The ablation rows of Table I: every variant trained for the same few steps, on the same data, and exported.
 
-    python -m sport.training.ablations --clips DIR --run DIR --out DIR --stage2-steps 3000 --stage3-steps 1000
+    python -m training.ablations --clips DIR --run DIR --out DIR --stage2-steps 3000 --stage3-steps 1000
 
 `--run` is the folder of a finished run: its phases and content encoder serve the variants that do not change them.
 Every variant lands in OUT/<name>/model, and OUT/full/model-mixture is the one without diffusion;
-`sport.training.evaluation.motion.distances --model` scores them beside each other.
+`training.evaluation.motion.distances --model` scores them beside each other.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import logging
 import shutil
 from pathlib import Path
 
-from sport.runtime.errors import FileError, run_command
-from sport.training import pipeline
-from sport.training.presets import ABLATIONS
+from runtime.errors import FileError, run_command
+from training import pipeline
+from training.presets import ABLATIONS
 
 log = logging.getLogger("sport.train")
 

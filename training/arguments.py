@@ -6,7 +6,7 @@ import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
-from sport.training.presets import ABLATIONS, PRESETS
+from training.presets import ABLATIONS, PRESETS
 
 STAGES = ("import", "layer", "phase", "content", "words", "stage2", "stage3", "export")
 DECODERS = ("diffusion", "mixture")

@@ -9,10 +9,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sport.runtime.motion import features
-from sport.runtime.motion.features import INPUT, OUTPUT
-from sport.runtime.skeleton import PART_JOINTS, SPORT_SKELETON, J
-from sport.training.frames import FrameTable
+from runtime.motion import features
+from runtime.motion.features import INPUT, OUTPUT
+from runtime.skeleton import PART_JOINTS, SPORT_SKELETON, J
+from training.frames import FrameTable
 
 
 @dataclass

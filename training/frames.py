@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.controls import Gait
-from sport.runtime.errors import FileError
-from sport.runtime.motion import features
-from sport.runtime.motion.features import FPS, InputParts, OutputParts
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.terrain.height_map import Terrain
+from runtime.controls import Gait
+from runtime.errors import FileError
+from runtime.motion import features
+from runtime.motion.features import FPS, InputParts, OutputParts
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 
 PAD = 61  # frames of extrapolated root path at each end of a clip
 FACING_SIGMA = 12.0  # frames; the root faces the forward direction smoothed by this Gaussian
 MAX_PATCHES = 3
-LAYERED = "layered"  # content of clips made by sport.training.layering
+LAYERED = "layered"  # content of clips made by training.layering
 PLAIN = "neutral"  # of the neutral styles the one that "a person walking normally" describes
 
 

@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.atomic import write_atomic
-from sport.runtime.errors import FileError
+from runtime.atomic import write_atomic
+from runtime.errors import FileError
 
 BEFORE = "before.json"  # in a run that began with packed weights: what these had been through
 _STEP = re.compile(r"step (\d+) of \d+")

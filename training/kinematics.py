@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from sport.runtime.motion.features import OUTPUT
-from sport.runtime.skeleton import SPORT_SKELETON, J
+from runtime.motion.features import OUTPUT
+from runtime.skeleton import SPORT_SKELETON, J
 
 
 def shown_joints(y: Tensor) -> Tensor:

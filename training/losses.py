@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import mse_loss, smooth_l1_loss
 
-from sport.training.networks.content import Gaussian
+from training.networks.content import Gaussian
 
 CONTACT_SPEED = 0.02  # Eq. 13: threshold on the squared foot velocity
 

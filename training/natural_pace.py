@@ -9,10 +9,10 @@ import numpy as np
 import torch
 from numpy.lib.stride_tricks import sliding_window_view
 
-from sport.runtime.controls import Gait
-from sport.runtime.motion.features import FPS, INPUT, OUTPUT, PHASE_OFFSETS, L
-from sport.training.frames import LAYERED, PLAIN, FrameTable, smooth
-from sport.training.styles import StyleTable
+from runtime.controls import Gait
+from runtime.motion.features import FPS, INPUT, OUTPUT, PHASE_OFFSETS, L
+from training.frames import LAYERED, PLAIN, FrameTable, smooth
+from training.styles import StyleTable
 
 STRAIGHT = np.deg2rad(20.0)  # of the velocity from the facing direction
 STEADY_TURN = 0.35  # rad/s of the root, smoothed over a second

@@ -1,7 +1,7 @@
 """A run's weights as one small file, to fine-tune a model or to train it further elsewhere.
 
-python -m sport.training.packed_run pack RUN FILE --model RUN/model     phases, content encoder, scales and generator, in half precision
-python -m sport.training.packed_run unpack FILE RUN --model FOLDER      into an empty run; `sport train stage2` then starts from them
+python -m training.packed_run pack RUN FILE --model RUN/model     phases, content encoder, scales and generator, in half precision
+python -m training.packed_run unpack FILE RUN --model FOLDER      into an empty run; `sport train stage2` then starts from them
 
 What the graphs of the exported model hold is left out of FILE: it is read from the folder of the model (--model).
 """
@@ -14,11 +14,11 @@ from typing import Any
 
 import torch
 
-from sport.runtime.assets import model_folder
-from sport.runtime.errors import FileError, UsageError, run_command
-from sport.training.history import History
-from sport.training.session import load_checkpoint, save_checkpoint
-from sport.training.shared_weights import leave_out, put_back
+from runtime.assets import model_folder
+from runtime.errors import FileError, UsageError, run_command
+from training.history import History
+from training.session import load_checkpoint, save_checkpoint
+from training.shared_weights import leave_out, put_back
 
 START = "start.pt"  # weights that stage 2 begins with in place of random ones
 CONTENT_START = "content_start.pt"  # the same for stage 1

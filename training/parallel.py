@@ -15,7 +15,7 @@ import torch
 import torch.distributed as distributed
 from torch import Tensor, nn
 
-from sport.runtime.errors import UsageError
+from runtime.errors import UsageError
 
 STAGES = ("content", "stage2", "stage3")  # the others are quick, or write files that all would write
 

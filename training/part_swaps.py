@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from sport.runtime.motion.features import OUTPUT, OUTPUT_SIZE
-from sport.runtime.skeleton import PART_JOINTS, PART_NAMES, J
+from runtime.motion.features import OUTPUT, OUTPUT_SIZE
+from runtime.skeleton import PART_JOINTS, PART_NAMES, J
 
 SHARE = 0.5  # of the lanes
 # Arms most often: they have the most to say, and each follows the other in most of the capture.

@@ -11,40 +11,40 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from sport.runtime.assets import asset_path
-from sport.runtime.errors import FileError, UsageError
-from sport.runtime.motion.features import OUTPUT_SIZE
-from sport.runtime.prompts.text_encoder import SHIPPED, TextEncoder
-from sport.training import parallel
-from sport.training.arguments import STAGES, build_parser
-from sport.training.batches import Frames, Normalisation
-from sport.training.data import archives
-from sport.training.export.half_storage import store_model_in_half
-from sport.training.export.model import Trained, export_model
-from sport.training.export.quantize import quantize_model
-from sport.training.frames import FrameTable, load_frames, sampling_weights
-from sport.training.history import History
-from sport.training.layering.build import LAYERS, build_layers
-from sport.training.natural_pace import neutral_style, start_state, style_speeds
-from sport.training.networks.content import ContentEncoder
-from sport.training.networks.diffusion import Schedule, reverse_steps
-from sport.training.networks.generator import Generator
-from sport.training.presets import OPEN, ModelConfig, ablation, preset
-from sport.training.rest_rhythm import rest_rhythm
-from sport.training.session import Session, load_checkpoint, save_checkpoint
-from sport.training.stages import (
+from runtime.assets import asset_path
+from runtime.errors import FileError, UsageError
+from runtime.motion.features import OUTPUT_SIZE
+from runtime.prompts.text_encoder import SHIPPED, TextEncoder
+from training import parallel
+from training.arguments import STAGES, build_parser
+from training.batches import Frames, Normalisation
+from training.data import archives
+from training.export.half_storage import store_model_in_half
+from training.export.model import Trained, export_model
+from training.export.quantize import quantize_model
+from training.frames import FrameTable, load_frames, sampling_weights
+from training.history import History
+from training.layering.build import LAYERS, build_layers
+from training.natural_pace import neutral_style, start_state, style_speeds
+from training.networks.content import ContentEncoder
+from training.networks.diffusion import Schedule, reverse_steps
+from training.networks.generator import Generator
+from training.presets import OPEN, ModelConfig, ablation, preset
+from training.rest_rhythm import rest_rhythm
+from training.session import Session, load_checkpoint, save_checkpoint
+from training.stages import (
     content as stage_content,
 )
-from sport.training.stages import (
+from training.stages import (
     motion as stage_motion,
 )
-from sport.training.stages import (
+from training.stages import (
     phase as stage_phase,
 )
-from sport.training.stages import (
+from training.stages import (
     words as stage_words,
 )
-from sport.training.styles import StyleTexts, load_style_texts
+from training.styles import StyleTexts, load_style_texts
 
 log = logging.getLogger("sport.train")
 
@@ -69,7 +69,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _import(args: argparse.Namespace) -> None:
-    from sport.training.data.importer import import_all
+    from training.data.importer import import_all
 
     if args.data is None:
         raise FileError("--data: missing.", "Name the folder that holds the motion data archives.")
@@ -78,8 +78,8 @@ def _import(args: argparse.Namespace) -> None:
 
 
 def _layer(args: argparse.Namespace) -> None:
-    from sport.training.styles import CAPTIONS
-    from sport.training.text.captions import write_clip_captions
+    from training.styles import CAPTIONS
+    from training.text.captions import write_clip_captions
 
     clips = args.clips or args.out / "clips"
     if args.layers and not (clips / LAYERS).exists():
@@ -327,6 +327,6 @@ def _notes(args: argparse.Namespace, table: FrameTable, history: History) -> dic
 
 
 if __name__ == "__main__":
-    from sport.runtime.errors import run_command
+    from runtime.errors import run_command
 
     raise SystemExit(run_command("train", main))

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from sport.runtime.errors import UsageError
-from sport.runtime.motion.features import OUTPUT_SIZE, PAPER_OUTPUT_SIZE
-from sport.runtime.prompts.direction_words import GROUPS
+from runtime.errors import UsageError
+from runtime.motion.features import OUTPUT_SIZE, PAPER_OUTPUT_SIZE
+from runtime.prompts.direction_words import GROUPS
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class ModelConfig:
     residual_diffusion: bool = True
     # stages 2 and 3 also see rollouts in which one part follows the words of another clip (paper: no)
     part_swaps: bool = True
-    # after stage 1 the text network learns phrases in longer sentences, `sport.training.stages.words` (paper: no)
+    # after stage 1 the text network learns phrases in longer sentences, `training.stages.words` (paper: no)
     longer_sentences: bool = True
 
     @property

@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from sport.runtime.controls import Gait
-from sport.runtime.motion.features import FPS, INPUT, C, L
-from sport.training.frames import FrameTable
-from sport.training.natural_pace import ridge_regression
-from sport.training.styles import StyleTable
+from runtime.controls import Gait
+from runtime.motion.features import FPS, INPUT, C, L
+from training.frames import FrameTable
+from training.natural_pace import ridge_regression
+from training.styles import StyleTable
 
 DRAWS = 6  # of words for each clip
 STANDING = 0.9  # share of a clip's frames

@@ -12,11 +12,11 @@ from collections.abc import Iterator
 import torch
 from torch import Tensor
 
-from sport.runtime.motion import features
-from sport.runtime.motion.features import INPUT, OUTPUT
-from sport.training.batches import Frames
-from sport.training.kinematics import TURNS, shown_joints, turns
-from sport.training.part_swaps import Swaps
+from runtime.motion import features
+from runtime.motion.features import INPUT, OUTPUT
+from training.batches import Frames
+from training.kinematics import TURNS, shown_joints, turns
+from training.part_swaps import Swaps
 
 PRESENT = 60
 _POSE = ("joint_positions", "joint_velocities")
@@ -31,7 +31,7 @@ SWING_FRAMES = 15  # about a quarter of a gait cycle: over so many frames a swin
 class RolloutLanes:
     """`lanes` rollouts; each ends by chance after `mean_frames` on average, or with its clip.
 
-    With `part_swaps` some are told of another clip's part, see `sport.training.part_swaps`.
+    With `part_swaps` some are told of another clip's part, see `training.part_swaps`.
     """
 
     def __init__(

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor, nn
 
-from sport.runtime.errors import FileError
-from sport.training import parallel
+from runtime.errors import FileError
+from training import parallel
 
 if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter

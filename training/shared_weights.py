@@ -18,7 +18,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from sport.runtime.errors import FileError
+from runtime.errors import FileError
 
 GRAPHS = ("step", "style", "prompt", "motion")
 SMALLEST = 1000  # numbers; what is smaller stays in the file

@@ -8,12 +8,12 @@ from functools import lru_cache
 import torch
 from torch import Tensor
 
-from sport.runtime.motion.features import FPS, OUTPUT
-from sport.runtime.skeleton import SPORT_SKELETON, J
-from sport.training import losses as terms
-from sport.training.batches import Normalisation, loss_weights
-from sport.training.kinematics import KNEES, TURNED, TURNS, knee_flexion, shown_joints, turns
-from sport.training.rollouts import ENERGY_FRAMES, SWING_FRAMES, RolloutLanes
+from runtime.motion.features import FPS, OUTPUT
+from runtime.skeleton import SPORT_SKELETON, J
+from training import losses as terms
+from training.batches import Normalisation, loss_weights
+from training.kinematics import KNEES, TURNED, TURNS, knee_flexion, shown_joints, turns
+from training.rollouts import ENERGY_FRAMES, SWING_FRAMES, RolloutLanes
 
 _ARMS = [SPORT_SKELETON.index(name) for name in ("LeftArm", "RightArm")]
 TURN = 0.15  # radians: unit of turns
@@ -26,7 +26,7 @@ def shown_losses(
     normal: Normalisation, lanes: RolloutLanes, target: Tensor, supervised: Tensor, y: Tensor
 ) -> dict[str, Tensor]:
     """Of the pose that is shown, by forward kinematics of the normalised prediction y `(B, n)`, and of the lanes'
-    movements in it: `shown` holds it to the capture, the others are those of `sport.training.losses`."""
+    movements in it: `shown` holds it to the capture, the others are those of `training.losses`."""
     field = OUTPUT["joint_positions"]
     scale = normal.y_deviation[field]
     real = y * normal.y_deviation + normal.y_mean

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sport.runtime.motion.features import FPS, INPUT, TRAJECTORY_OFFSETS, L
+from runtime.motion.features import FPS, INPUT, TRAJECTORY_OFFSETS, L
 
 EXACT = 0.35  # share of rows whose path stays as captured
 

@@ -11,13 +11,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sport.runtime.errors import FileError
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.prompts.sentence_inputs import part_inputs
-from sport.runtime.prompts.text_encoder import TextEncoderLike
-from sport.runtime.skeleton import PART_NAMES
-from sport.training.frames import FrameTable
-from sport.training.layering.catalog import EDITS
+from runtime.errors import FileError
+from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.sentence_inputs import part_inputs
+from runtime.prompts.text_encoder import TextEncoderLike
+from runtime.skeleton import PART_NAMES
+from training.frames import FrameTable
+from training.layering.catalog import EDITS
 
 LAYERS, CAPTIONS = (
     "layers.json",
@@ -33,7 +33,7 @@ class StyleTexts:
     """Descriptions of every clip.
 
     `sentences[k]` are part k's distinct sentences with embeddings `embeddings[k]` `(U_k, D)`, to which direction
-    words and side belong if asked for (`sport.runtime.prompts.sentence_inputs`);
+    words and side belong if asked for (`runtime.prompts.sentence_inputs`);
     `index` `(clips, PARAPHRASES, 6)` points into them. `keys` `(clips, 6)` numbers what a part does: equal keys are
     the same content, whatever the words. `names` are the keys' names.
     """

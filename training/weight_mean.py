@@ -1,6 +1,6 @@
 """The mean of two runs' generators, one of which went on from the other (Wortsman et al. 2022, model soups).
 
-python -m sport.training.weight_mean RUN LATER OUT     OUT: a run as LATER, with the mean of both generators, to be exported
+python -m training.weight_mean RUN LATER OUT     OUT: a run as LATER, with the mean of both generators, to be exported
 
 Further training of single things (turns of head and feet) costs others (words of rhythm); halfway between both runs most of
 either is kept.
@@ -15,8 +15,8 @@ from typing import Any
 
 import torch
 
-from sport.runtime.errors import FileError, UsageError, run_command
-from sport.training.session import load_checkpoint, save_checkpoint
+from runtime.errors import FileError, UsageError, run_command
+from training.session import load_checkpoint, save_checkpoint
 
 GENERATORS = ("stage2_final.pt", "stage3_final.pt")
 REST = ("content_final.pt", "phase_final.pt", "scales.pt", "before.json")

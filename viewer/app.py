@@ -6,47 +6,47 @@ import dataclasses
 import time
 from pathlib import Path
 
-from sport.runtime.errors import SportError
-from sport.runtime.pose import Pose
-from sport.runtime.prompts.expander import DEFAULT_PROMPT
-from sport.runtime.takes.drive import DriveRecorder
-from sport.runtime.takes.recorder import ClipRecorder
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.desk.desk import Desk
-from sport.viewer.gl_bindings import glfw, imgui
-from sport.viewer.input.bindings import Action, Intent, to_controls
-from sport.viewer.input.devices import Devices
-from sport.viewer.input.gamepad import GamepadSource, GlfwGamepads
-from sport.viewer.input.script import ControlScript
-from sport.viewer.jobs import Jobs
-from sport.viewer.options import ViewOptions
-from sport.viewer.prompt.even_blends import EvenBlends
-from sport.viewer.prompt.expanders import Expanders
-from sport.viewer.prompt.prompting import Prompting
-from sport.viewer.prompt.room import PromptRoom
-from sport.viewer.prompt.style_edit import Side
-from sport.viewer.prompt.suggester import Suggester
-from sport.viewer.render.capture import save_png
-from sport.viewer.screenshots import Screenshots
-from sport.viewer.services import Services
-from sport.viewer.settings import (
+from runtime.errors import SportError
+from runtime.pose import Pose
+from runtime.prompts.expander import DEFAULT_PROMPT
+from runtime.takes.drive import DriveRecorder
+from runtime.takes.recorder import ClipRecorder
+from runtime.terrain.height_map import Terrain
+from viewer.desk.desk import Desk
+from viewer.gl_bindings import glfw, imgui
+from viewer.input.bindings import Action, Intent, to_controls
+from viewer.input.devices import Devices
+from viewer.input.gamepad import GamepadSource, GlfwGamepads
+from viewer.input.script import ControlScript
+from viewer.jobs import Jobs
+from viewer.options import ViewOptions
+from viewer.prompt.even_blends import EvenBlends
+from viewer.prompt.expanders import Expanders
+from viewer.prompt.prompting import Prompting
+from viewer.prompt.room import PromptRoom
+from viewer.prompt.style_edit import Side
+from viewer.prompt.suggester import Suggester
+from viewer.render.capture import save_png
+from viewer.screenshots import Screenshots
+from viewer.services import Services
+from viewer.settings import (
     MAPPINGS_NAME,
     config_directory,
     load_settings,
     save_settings,
     state_directory,
 )
-from sport.viewer.shell import Shell
-from sport.viewer.signals import Ending
-from sport.viewer.stage.overlays import make_overlays
-from sport.viewer.stage.simulation import STEP_SECONDS, Simulation
-from sport.viewer.stage.stage import Stage
-from sport.viewer.stage.state import StageState
-from sport.viewer.state import AppState
-from sport.viewer.takes.editing import TakeEditing
-from sport.viewer.takes.takes import Takes
-from sport.viewer.wall.wall import Wall
-from sport.viewer.window import KEY_CODES, Window, WindowEvents
+from viewer.shell import Shell
+from viewer.signals import Ending
+from viewer.stage.overlays import make_overlays
+from viewer.stage.simulation import STEP_SECONDS, Simulation
+from viewer.stage.stage import Stage
+from viewer.stage.state import StageState
+from viewer.state import AppState
+from viewer.takes.editing import TakeEditing
+from viewer.takes.takes import Takes
+from viewer.wall.wall import Wall
+from viewer.window import KEY_CODES, Window, WindowEvents
 
 __all__ = ["App", "ViewOptions", "run"]
 

@@ -7,7 +7,7 @@ order two glfw libraries are loaded and the ImGui backend fails under Wayland.
 # ruff: noqa: I001  (the order of these imports is the subject of this file)
 from __future__ import annotations
 
-from sport.runtime.errors import DisplayError
+from runtime.errors import DisplayError
 
 try:
     from imgui_bundle import imgui

@@ -10,8 +10,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
-from sport.runtime.errors import SportError
-from sport.viewer.messages import Messages
+from runtime.errors import SportError
+from viewer.messages import Messages
 
 _LOG = logging.getLogger("sport.viewer")
 PATIENCE_S = 0.7  # a file that is read faster needs no word

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
-from sport.runtime.safe_read import printable
+from runtime.safe_read import printable
 
 NOTE_SECONDS = 8.0
 WARNING_SECONDS = 60.0

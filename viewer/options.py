@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-from sport.runtime.atomic import check_target
-from sport.runtime.errors import UsageError
-from sport.runtime.prompts.blend import ALL_A, Weights
-from sport.viewer.settings import CAMERAS, QUALITIES, VIEWS, spec_of, specified
+from runtime.atomic import check_target
+from runtime.errors import UsageError
+from runtime.prompts.blend import ALL_A, Weights
+from viewer.settings import CAMERAS, QUALITIES, VIEWS, spec_of, specified
 
 SIDES = (64, 8192)  # pixels
 
@@ -19,7 +19,7 @@ class ViewOptions:
     """Options of one run of the viewer; None means "as last time" or the built-in default.
 
     `controls` is a script of keys for tests and film making, e.g. "w 2; w+shift 1.5; idle 1" (see
-    `sport.viewer.input.script`). With `offscreen` no display is needed, every frame is one simulation step of 1/60 s
+    `viewer.input.script`). With `offscreen` no display is needed, every frame is one simulation step of 1/60 s
     and the run is deterministic; it ends after `frames` frames.
     """
 
@@ -44,7 +44,7 @@ class ViewOptions:
     quality: str | None = specified(None, choices=QUALITIES, flag="--quality")
     camera: str | None = specified(None, choices=CAMERAS | VIEWS, flag="--camera")
     controls: str = ""
-    live_link: str | None = None  # where poses go, see `sport.viewer.live.address`; None: nowhere
+    live_link: str | None = None  # where poses go, see `viewer.live.address`; None: nowhere
 
     def check(self) -> None:
         """UsageError naming the option when a value cannot be used, FileError when a file cannot be written."""

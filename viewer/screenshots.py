@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from sport.viewer.jobs import Jobs
-from sport.viewer.messages import Messages
-from sport.viewer.render.capture import save_png, screenshot_path
-from sport.viewer.settings import Settings
-from sport.viewer.window import Window
+from viewer.jobs import Jobs
+from viewer.messages import Messages
+from viewer.render.capture import save_png, screenshot_path
+from viewer.settings import Settings
+from viewer.window import Window
 
 
 @dataclass

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from sport.runtime.controls import Controls
-from sport.runtime.pose import Pose
-from sport.runtime.prompts.expander import Expander
-from sport.runtime.prompts.gpt.settings import GptSettings
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.render.quality import PRESETS
+from runtime.controls import Controls
+from runtime.pose import Pose
+from runtime.prompts.expander import Expander
+from runtime.prompts.gpt.settings import GptSettings
+from runtime.prompts.parts import PartDescriptions
+from runtime.terrain.height_map import Terrain
+from viewer.render.quality import PRESETS
 
 DEFAULT_CHARACTER = "character/mannequin.glb"
 STYLES = "prompts/styles.json"
@@ -26,7 +26,7 @@ BETWEEN_FRAMES_S = 0.004  # in which the window draws while a blend is measured
 
 
 class ControllerLike(Protocol):
-    """What the viewer needs of `sport.runtime.motion.controller.Controller`."""
+    """What the viewer needs of `runtime.motion.controller.Controller`."""
 
     temperature: float
     strength: float
@@ -58,7 +58,7 @@ class ControllerLike(Protocol):
 
 
 class CrowdLike(Protocol):
-    """What the viewer needs of `sport.runtime.motion.crowd.Crowd`."""
+    """What the viewer needs of `runtime.motion.crowd.Crowd`."""
 
     def step(self, controls: Controls) -> list[Pose]:
         """Advance all by 1/60 s."""
@@ -71,7 +71,7 @@ class CrowdLike(Protocol):
 
 
 class PromptWorkerLike(Protocol):
-    """What the viewer needs of `sport.runtime.prompts.service.PromptWorker`."""
+    """What the viewer needs of `runtime.prompts.service.PromptWorker`."""
 
     def submit(self, prompt: str | PartDescriptions) -> None:
         """Ask for a style in place of an older request."""
@@ -93,7 +93,7 @@ class PromptWorkerLike(Protocol):
 
 
 class LibraryLike(Expander, Protocol):
-    """What the viewer needs of `sport.runtime.prompts.english.library.LibraryExpander`."""
+    """What the viewer needs of `runtime.prompts.english.library.LibraryExpander`."""
 
     def nearest(self, text: str) -> tuple[tuple[str, float], ...]:
         """The library's prompts most like `text` with their similarity, best first."""
@@ -120,11 +120,11 @@ def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSett
 
     Prompts are expanded by the library, or by the language model `gpt` with the library behind it.
     """
-    from sport.runtime.motion.controller import Controller
-    from sport.runtime.motion.even_blend import even_shares
-    from sport.runtime.motion.model import load_model as load
-    from sport.runtime.prompts.prompter import Prompter
-    from sport.runtime.prompts.service import PromptWorker
+    from runtime.motion.controller import Controller
+    from runtime.motion.even_blend import even_shares
+    from runtime.motion.model import load_model as load
+    from runtime.prompts.prompter import Prompter
+    from runtime.prompts.service import PromptWorker
 
     model = load(directory)
     prompter = Prompter(model)
@@ -140,44 +140,44 @@ def load_model(directory: Path | None, terrain: Terrain, seed: int, gpt: GptSett
 
 def open_expander(library: LibraryLike, gpt: GptSettings) -> Expander:
     """A language model with the library behind it."""
-    from sport.runtime.prompts.gpt.fallback import open_expander as open_fallback
+    from runtime.prompts.gpt.fallback import open_expander as open_fallback
 
     return open_fallback(library, gpt)
 
 
 def check_endpoint(gpt: GptSettings, stop: threading.Event) -> str:
     """Ask a language model one question; what it did."""
-    from sport.runtime.prompts.gpt.check import check_endpoint as check
+    from runtime.prompts.gpt.check import check_endpoint as check
 
     return check(gpt, stop)
 
 
 def make_crowd(members: list[ControllerLike]) -> CrowdLike:
     """Characters of one model that are stepped together."""
-    from sport.runtime.motion.crowd import Crowd
+    from runtime.motion.crowd import Crowd
 
     return Crowd(members)  # type: ignore[arg-type]
 
 
 def load_terrain(spec: str, cell_m: float, height_m: float) -> Terrain:
     """A terrain by name or file."""
-    from sport.runtime.terrain.library import load_terrain as load
+    from runtime.terrain.library import load_terrain as load
 
     return load(spec, cell_m, height_m)
 
 
 def terrain_names() -> tuple[str, ...]:
     """Names of the ready terrains."""
-    from sport.runtime.terrain.library import TERRAIN_NAMES
+    from runtime.terrain.library import TERRAIN_NAMES
 
     return TERRAIN_NAMES
 
 
 def load_character(path: Path | None, joint_map: Path | None = None) -> Any:
     """The character of a GLB file; the shipped mannequin by default. `joint_map` is read in place of the one beside it."""
-    from sport.runtime.assets import asset_path
-    from sport.runtime.character.character import load_character as load
-    from sport.runtime.character.joint_map import read_joint_map
+    from runtime.assets import asset_path
+    from runtime.character.character import load_character as load
+    from runtime.character.joint_map import read_joint_map
 
     joints = None if joint_map is None else read_joint_map(joint_map)
     character = load(asset_path(DEFAULT_CHARACTER) if path is None else path, joints)
@@ -187,15 +187,15 @@ def load_character(path: Path | None, joint_map: Path | None = None) -> Any:
 
 def make_renderer(ctx: Any, quality: str) -> Any:
     """The project's renderer with a preset by name; "" lets it choose for this machine."""
-    from sport.viewer.render.renderer import Renderer
+    from viewer.render.renderer import Renderer
 
     return Renderer(ctx, PRESETS.get(quality))
 
 
 def library_prompts() -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Prompts of the shipped library: one for each style, to choose from, and all of them, to suggest."""
-    from sport.runtime.assets import asset_path
-    from sport.runtime.prompts.english.library_data import load_library, load_styles
+    from runtime.assets import asset_path
+    from runtime.prompts.english.library_data import load_library, load_styles
 
     styles = load_styles(asset_path(STYLES))
     entries = load_library(asset_path(LIBRARY), styles)

@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.atomic import write_atomic
-from sport.runtime.errors import FileError
-from sport.runtime.file_lock import open_locked
-from sport.runtime.motion.controller import TEMPERATURE
-from sport.runtime.prompts.gpt.settings import has_credentials
-from sport.runtime.safe_read import is_text, parse_json, read_bounded
+from runtime.atomic import write_atomic
+from runtime.errors import FileError
+from runtime.file_lock import open_locked
+from runtime.motion.controller import TEMPERATURE
+from runtime.prompts.gpt.settings import has_credentials
+from runtime.safe_read import is_text, parse_json, read_bounded
 
 MAX_BYTES = 1_000_000
 LARGEST = 1e300  # of a number: what no float can hold is refused, as NaN is

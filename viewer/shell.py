@@ -7,33 +7,33 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from sport.runtime.safe_read import printable
-from sport.viewer.desk import bar, guide, settings_panel
-from sport.viewer.desk.desk import Desk
-from sport.viewer.exports import panel as exports_panel
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import help, lists, status, theme, widgets
-from sport.viewer.gui.layout import Layout, Rect, arrange, framing
-from sport.viewer.gui.system_fonts import SystemFonts
-from sport.viewer.gui.theme import ICON, Fonts
-from sport.viewer.gui.widgets import px
-from sport.viewer.input.bindings import Action
-from sport.viewer.input.devices import KEYBOARD
-from sport.viewer.messages import Messages
-from sport.viewer.prompt import field_panel
-from sport.viewer.prompt import panel as prompt_panel
-from sport.viewer.prompt.room import PromptRoom
-from sport.viewer.prompt.style_edit import Side
-from sport.viewer.stage import joint_panel
-from sport.viewer.stage import panel as scene_panel
-from sport.viewer.stage.stage import Stage
-from sport.viewer.takes import panel as clips_panel
-from sport.viewer.takes import transport, words_panel
-from sport.viewer.takes.editing import TakeEditing
-from sport.viewer.takes.takes import Takes
-from sport.viewer.wall import labels
-from sport.viewer.wall import panel as wall_panel
-from sport.viewer.wall.wall import Wall
+from runtime.safe_read import printable
+from viewer.desk import bar, guide, settings_panel
+from viewer.desk.desk import Desk
+from viewer.exports import panel as exports_panel
+from viewer.gl_bindings import imgui
+from viewer.gui import help, lists, status, theme, widgets
+from viewer.gui.layout import Layout, Rect, arrange, framing
+from viewer.gui.system_fonts import SystemFonts
+from viewer.gui.theme import ICON, Fonts
+from viewer.gui.widgets import px
+from viewer.input.bindings import Action
+from viewer.input.devices import KEYBOARD
+from viewer.messages import Messages
+from viewer.prompt import field_panel
+from viewer.prompt import panel as prompt_panel
+from viewer.prompt.room import PromptRoom
+from viewer.prompt.style_edit import Side
+from viewer.stage import joint_panel
+from viewer.stage import panel as scene_panel
+from viewer.stage.stage import Stage
+from viewer.takes import panel as clips_panel
+from viewer.takes import transport, words_panel
+from viewer.takes.editing import TakeEditing
+from viewer.takes.takes import Takes
+from viewer.wall import labels
+from viewer.wall import panel as wall_panel
+from viewer.wall.wall import Wall
 
 _FIXED = (
     imgui.WindowFlags_.no_title_bar

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from sport.viewer.desk.state import DeskState
-from sport.viewer.messages import Messages
-from sport.viewer.prompt.state import PromptState
-from sport.viewer.settings import Settings
-from sport.viewer.shell import ShellState
-from sport.viewer.stage.state import StageState
-from sport.viewer.takes.state import TakesState
-from sport.viewer.wall.state import WallState
+from viewer.desk.state import DeskState
+from viewer.messages import Messages
+from viewer.prompt.state import PromptState
+from viewer.settings import Settings
+from viewer.shell import ShellState
+from viewer.stage.state import StageState
+from viewer.takes.state import TakesState
+from viewer.wall.state import WallState
 
 
 @dataclass

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import DisplayError
-from sport.viewer.gl_bindings import glfw, imgui, moderngl
+from runtime.errors import DisplayError
+from viewer.gl_bindings import glfw, imgui, moderngl
 
 _LOG = logging.getLogger("sport.viewer")
 _OFFSCREEN_HINT = "Without a display, `sport view --offscreen --screenshot out.png` renders into a file."

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.skeleton import SPORT_SKELETON
+from runtime import rotations
+from runtime.skeleton import SPORT_SKELETON
 
 if TYPE_CHECKING:
-    from sport.runtime.character.character import Character
+    from runtime.character.character import Character
 
 Array = NDArray[Any]
 

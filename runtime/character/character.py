@@ -11,18 +11,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.character.body_surface import BodySurface, fit_surface
-from sport.runtime.character.guess import JointGuess, guess_joints, require
-from sport.runtime.character.hand_contact import clear_hands
-from sport.runtime.character.joint_map import saved_joint_map
-from sport.runtime.character.joints import Alignment, align
-from sport.runtime.character.mesh import MeshData, read_meshes
-from sport.runtime.character.read import MAX_VALUE, REMEDY, STRUCTURE_ERRORS, GltfFile, open_gltf
-from sport.runtime.errors import FileError
-from sport.runtime.pose import Pose
-from sport.runtime.safe_read import is_text, reason
-from sport.runtime.skeleton import SPORT_SKELETON
+from runtime import rotations
+from runtime.character.body_surface import BodySurface, fit_surface
+from runtime.character.guess import JointGuess, guess_joints, require
+from runtime.character.hand_contact import clear_hands
+from runtime.character.joint_map import saved_joint_map
+from runtime.character.joints import Alignment, align
+from runtime.character.mesh import MeshData, read_meshes
+from runtime.character.read import MAX_VALUE, REMEDY, STRUCTURE_ERRORS, GltfFile, open_gltf
+from runtime.errors import FileError
+from runtime.pose import Pose
+from runtime.safe_read import is_text, reason
+from runtime.skeleton import SPORT_SKELETON
 
 Array = NDArray[Any]
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.character.read import (
+from runtime.character.read import (
     REMEDY,
     STRUCTURE_ERRORS,
     Entry,
@@ -17,8 +17,8 @@ from sport.runtime.character.read import (
     read_accessor,
     read_uri,
 )
-from sport.runtime.errors import FileError
-from sport.runtime.safe_read import reason
+from runtime.errors import FileError
+from runtime.safe_read import reason
 
 Array = NDArray[Any]
 

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.character.joint_map import joint_map_path
-from sport.runtime.character.joints import HANDS, NEEDED, REQUIRED, canonical_axes, match_names
-from sport.runtime.character.mesh import MeshData
-from sport.runtime.character.structure import guess_by_structure, leg_count
-from sport.runtime.character.tree import JointTree
-from sport.runtime.errors import FileError
-from sport.runtime.skeleton import SPORT_SKELETON
+from runtime.character.joint_map import joint_map_path
+from runtime.character.joints import HANDS, NEEDED, REQUIRED, canonical_axes, match_names
+from runtime.character.mesh import MeshData
+from runtime.character.structure import guess_by_structure, leg_count
+from runtime.character.tree import JointTree
+from runtime.errors import FileError
+from runtime.skeleton import SPORT_SKELETON
 
 Array = NDArray[Any]
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.character.body_surface import BodySurface
-from sport.runtime.character.hand_reach import ANCHORS, ramp, reach, touching
-from sport.runtime.skeleton import SPORT_SKELETON
+from runtime import rotations
+from runtime.character.body_surface import BodySurface
+from runtime.character.hand_reach import ANCHORS, ramp, reach, touching
+from runtime.skeleton import SPORT_SKELETON
 
 if TYPE_CHECKING:
-    from sport.runtime.character.character import Character
+    from runtime.character.character import Character
 
 Array = NDArray[Any]
 

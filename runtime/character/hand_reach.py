@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.skeleton import SPORT_SKELETON
+from runtime import rotations
+from runtime.skeleton import SPORT_SKELETON
 
 Array = NDArray[Any]
 

@@ -6,10 +6,10 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
-from sport.runtime.atomic import write_atomic
-from sport.runtime.errors import FileError
-from sport.runtime.safe_read import is_text, parse_json, read_bounded, reason
-from sport.runtime.skeleton import SPORT_SKELETON
+from runtime.atomic import write_atomic
+from runtime.errors import FileError
+from runtime.safe_read import is_text, parse_json, read_bounded, reason
+from runtime.skeleton import SPORT_SKELETON
 
 MAX_MAP_BYTES = 1024 * 1024
 MAP_ENDING = ".joints.json"

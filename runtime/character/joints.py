@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, J
+from runtime import rotations
+from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, J
 
 Array = NDArray[np.floating]
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.character.color import Textures, primitive_colors
-from sport.runtime.character.joints import CONVENTIONS
-from sport.runtime.character.nodes import ancestors, nearest_of, node_world_matrices
-from sport.runtime.character.read import (
+from runtime import rotations
+from runtime.character.color import Textures, primitive_colors
+from runtime.character.joints import CONVENTIONS
+from runtime.character.nodes import ancestors, nearest_of, node_world_matrices
+from runtime.character.read import (
     MAX_PRIMITIVES,
     REMEDY,
     Entry,
@@ -21,7 +21,7 @@ from sport.runtime.character.read import (
     accessor_count,
     read_accessor,
 )
-from sport.runtime.errors import FileError
+from runtime.errors import FileError
 
 Array = NDArray[Any]
 

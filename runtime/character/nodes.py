@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.character.read import MAX_VALUE, REMEDY, GltfFile
-from sport.runtime.errors import FileError
+from runtime import rotations
+from runtime.character.read import MAX_VALUE, REMEDY, GltfFile
+from runtime.errors import FileError
 
 Array = NDArray[Any]
 

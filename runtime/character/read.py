@@ -12,8 +12,8 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import FileError
-from sport.runtime.safe_read import parse_json, read_bounded, reason
+from runtime.errors import FileError
+from runtime.safe_read import parse_json, read_bounded, reason
 
 Array = NDArray[Any]
 

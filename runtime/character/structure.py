@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.character.tree import JointTree
+from runtime.character.tree import JointTree
 
 Array = NDArray[Any]
 

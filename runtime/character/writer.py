@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.character.character import Character
-from sport.runtime.errors import FileError
-from sport.runtime.skeleton import SPORT_SKELETON
+from runtime import rotations
+from runtime.character.character import Character
+from runtime.errors import FileError
+from runtime.skeleton import SPORT_SKELETON
 
 if TYPE_CHECKING:
     from pygltflib import GLTF2, Animation

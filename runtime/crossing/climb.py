@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.crossing.climb_keys import pull_up, step_up
-from sport.runtime.crossing.descend_keys import let_down
-from sport.runtime.crossing.keyed_motion import KeyedMotion
-from sport.runtime.crossing.keyed_pose import CrossingPose
+from runtime.crossing.climb_keys import pull_up, step_up
+from runtime.crossing.descend_keys import let_down
+from runtime.crossing.keyed_motion import KeyedMotion
+from runtime.crossing.keyed_pose import CrossingPose
 
 Array = NDArray[np.floating]
 

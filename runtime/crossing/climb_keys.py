@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sport.runtime.crossing.keyed_motion import (
+from runtime.crossing.keyed_motion import (
     GROUND,
     STANDING_HIPS_M,
     TOP,
@@ -12,7 +12,7 @@ from sport.runtime.crossing.keyed_motion import (
     stands,
     timed,
 )
-from sport.runtime.crossing.keyed_pose import Track
+from runtime.crossing.keyed_pose import Track
 
 ELBOWS = ((0.45, -0.4, -0.6), (-0.45, -0.4, -0.6))  # out, down and back
 

@@ -14,18 +14,18 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.crossing.climb import Climb, Descend
-from sport.runtime.crossing.keyed_pose import CrossingPose, smooth
-from sport.runtime.crossing.leap import Leap, Stride, takeoff_m
-from sport.runtime.crossing.steps import Steps
-from sport.runtime.feet.ik import LEG_FEET, solve_legs
-from sport.runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
-from sport.runtime.pose import Pose
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.terrain.height_map import Terrain
-from sport.runtime.terrain.obstacles import blocked_message, step_ahead
-from sport.runtime.terrain.way_ahead import Kind, Obstacle, obstacle_ahead
+from runtime import rotations
+from runtime.crossing.climb import Climb, Descend
+from runtime.crossing.keyed_pose import CrossingPose, smooth
+from runtime.crossing.leap import Leap, Stride, takeoff_m
+from runtime.crossing.steps import Steps
+from runtime.feet.ik import LEG_FEET, solve_legs
+from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
+from runtime.pose import Pose
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.obstacles import blocked_message, step_ahead
+from runtime.terrain.way_ahead import Kind, Obstacle, obstacle_ahead
 
 Array = NDArray[np.floating]
 

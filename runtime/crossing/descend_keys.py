@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import sqrt
 
-from sport.runtime.crossing.keyed_motion import (
+from runtime.crossing.keyed_motion import (
     GROUND,
     STANDING_HIPS_M,
     TOP,
@@ -15,8 +15,8 @@ from sport.runtime.crossing.keyed_motion import (
     stands,
     timed,
 )
-from sport.runtime.crossing.keyed_pose import Track
-from sport.runtime.skeleton import TOE_HEIGHT
+from runtime.crossing.keyed_pose import Track
+from runtime.skeleton import TOE_HEIGHT
 
 GRAVITY = 9.81
 HEEL_AFTER_S = 0.06  # the toes land first

@@ -8,7 +8,7 @@ from math import cos, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.crossing.keyed_pose import (
+from runtime.crossing.keyed_pose import (
     LEGS,
     CrossingPose,
     Track,
@@ -21,7 +21,7 @@ from sport.runtime.crossing.keyed_pose import (
     slerp,
     smooth,
 )
-from sport.runtime.feet.leg_scalar import (
+from runtime.feet.leg_scalar import (
     LegPose,
     Quaternion,
     Vector,

@@ -1,7 +1,7 @@
 """Key poses over an incoming pose: splines of keys, and limbs that inverse kinematics puts where the keys say.
 
 A crossing's frame: x to the character's left, y up from the ground at its start, z along the way (metres). What no key
-moves keeps the incoming pose's joint angles, so a style stays visible. Plain floats: see `sport.runtime.feet.leg_scalar`.
+moves keeps the incoming pose's joint angles, so a style stays visible. Plain floats: see `runtime.feet.leg_scalar`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from math import acos, atan2, cos, pi, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.feet.leg_scalar import (
+from runtime.feet.leg_scalar import (
     LegPose,
     Quaternion,
     Vector,
@@ -34,7 +34,7 @@ from sport.runtime.feet.leg_scalar import (
     subtract,
     unit,
 )
-from sport.runtime.skeleton import SPORT_SKELETON
+from runtime.skeleton import SPORT_SKELETON
 
 Array = NDArray[np.floating]
 Arm = tuple[int, int, int, int]

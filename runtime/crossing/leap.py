@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.crossing.keyed_pose import CrossingPose
-from sport.runtime.feet.ik import LEG_FEET, LEG_SHINS, LEG_THIGHS, solve_legs
-from sport.runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
-from sport.runtime.terrain.way_ahead import Kind
+from runtime import rotations
+from runtime.crossing.keyed_pose import CrossingPose
+from runtime.feet.ik import LEG_FEET, LEG_SHINS, LEG_THIGHS, solve_legs
+from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
+from runtime.terrain.way_ahead import Kind
 
 Array = NDArray[np.floating]
 Mask = NDArray[np.bool_]

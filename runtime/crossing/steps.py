@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.feet.ik import LEG_FEET
-from sport.runtime.pose import Pose
+from runtime.feet.ik import LEG_FEET
+from runtime.pose import Pose
 
 Array = NDArray[np.floating]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import sqrt
 
-from sport.runtime.feet.leg_scalar import LegPose, Vector, damp
-from sport.runtime.feet.planted_foot import PlantedFoot, span, straightness
-from sport.runtime.feet.settings import FootLockSettings
+from runtime.feet.leg_scalar import LegPose, Vector, damp
+from runtime.feet.planted_foot import PlantedFoot, span, straightness
+from runtime.feet.settings import FootLockSettings
 
 
 class CarriedHips:

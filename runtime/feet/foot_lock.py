@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.feet.carried_hips import CarriedHips
-from sport.runtime.feet.leg_scalar import leg_bones, leg_forward, leg_inverse
-from sport.runtime.feet.narrow_support import Balance, SidewaysLead, pull_of_beam, side_of_beam
-from sport.runtime.feet.planted_foot import PlantedFoot
-from sport.runtime.feet.settings import FootLockSettings
-from sport.runtime.skeleton import SPORT_SKELETON, Skeleton
-from sport.runtime.terrain.height_map import Terrain
-from sport.runtime.terrain.point_heights import PointHeights
+from runtime.feet.carried_hips import CarriedHips
+from runtime.feet.leg_scalar import leg_bones, leg_forward, leg_inverse
+from runtime.feet.narrow_support import Balance, SidewaysLead, pull_of_beam, side_of_beam
+from runtime.feet.planted_foot import PlantedFoot
+from runtime.feet.settings import FootLockSettings
+from runtime.skeleton import SPORT_SKELETON, Skeleton
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.point_heights import PointHeights
 
 Array = NDArray[np.floating]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.skeleton import SPORT_SKELETON, Skeleton
+from runtime import rotations
+from runtime.skeleton import SPORT_SKELETON, Skeleton
 
 Array = NDArray[np.floating]
 

@@ -1,7 +1,7 @@
 """One leg in plain floats: forward kinematics and two-bone IK for the per-frame path.
 
 A NumPy call on three numbers costs as much as fifty multiplications in Python; a foot lock makes hundreds of
-them in a frame. `sport.runtime.feet.ik` is the same mathematics on arrays, and the tests hold the two together.
+them in a frame. `runtime.feet.ik` is the same mathematics on arrays, and the tests hold the two together.
 Vectors are (x, y, z) and quaternions (w, x, y, z) tuples.
 """
 
@@ -10,8 +10,8 @@ from __future__ import annotations
 from math import atan2, cos, exp, sin, sqrt
 from typing import NamedTuple
 
-from sport.runtime.feet.ik import EASE_REACH, MAX_REACH, MIN_REACH, POLE_WEIGHT_M
-from sport.runtime.skeleton import SPORT_SKELETON, Skeleton
+from runtime.feet.ik import EASE_REACH, MAX_REACH, MIN_REACH, POLE_WEIGHT_M
+from runtime.skeleton import SPORT_SKELETON, Skeleton
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -67,7 +67,7 @@ def leg_inverse(
 ) -> tuple[Quaternion, Quaternion, Quaternion]:
     """Local rotations of thigh, shin and foot that bring the ankle to `target` with the hips lowered by `drop` metres.
 
-    `foot` is the foot's new world rotation. See `sport.runtime.feet.ik.two_bone`.
+    `foot` is the foot's new world rotation. See `runtime.feet.ik.two_bone`.
     """
     upper = subtract(leg.knee, leg.hip)
     lower = subtract(leg.ankle, leg.knee)
@@ -92,7 +92,7 @@ def leg_inverse(
 
 
 def soft_reach(distance: float, leg_length: float, span: float = 0.0) -> float:
-    """Scalar twin of `sport.runtime.feet.ik.soft_reach`."""
+    """Scalar twin of `runtime.feet.ik.soft_reach`."""
     start = max((MAX_REACH - EASE_REACH) * leg_length, min(span, leg_length))
     room = max(MAX_REACH * leg_length - start, 1e-9 * leg_length)
     over = min(max(distance - start, 0.0), 2.0 * room)

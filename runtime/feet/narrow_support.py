@@ -7,10 +7,10 @@ from math import exp, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.feet.leg_scalar import LegPose, Vector, add, damp, dot, scale, subtract
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.terrain.point_heights import PointHeights
+from runtime import rotations
+from runtime.feet.leg_scalar import LegPose, Vector, add, damp, dot, scale, subtract
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.point_heights import PointHeights
 
 Array = NDArray[np.floating]
 

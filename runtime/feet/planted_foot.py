@@ -7,8 +7,8 @@ from math import atan2, cos, pi, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.feet.ik import EASE_REACH, MAX_REACH
-from sport.runtime.feet.leg_scalar import (
+from runtime.feet.ik import EASE_REACH, MAX_REACH
+from runtime.feet.leg_scalar import (
     LegBones,
     LegPose,
     Quaternion,
@@ -29,9 +29,9 @@ from sport.runtime.feet.leg_scalar import (
     to_vector,
     unit,
 )
-from sport.runtime.feet.settings import FootLockSettings
-from sport.runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
-from sport.runtime.terrain.point_heights import PointHeights
+from runtime.feet.settings import FootLockSettings
+from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
+from runtime.terrain.point_heights import PointHeights
 
 Array = NDArray[np.floating]
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
-from sport.runtime.terrain.height_map import Terrain
+from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
+from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 

@@ -7,28 +7,28 @@ import logging
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.crossing.crossing import Crossing
-from sport.runtime.errors import UsageError
-from sport.runtime.feet.foot_lock import FootLock
-from sport.runtime.motion import features
-from sport.runtime.motion.body import Body
-from sport.runtime.motion.features import FPS, GAITS, InputParts, split_output
-from sport.runtime.motion.inertialization import Inertialization
-from sport.runtime.motion.model import MotionModel, Style
-from sport.runtime.motion.noise import DriftingNoise
-from sport.runtime.motion.phase import advance_phase
-from sport.runtime.motion.rest_rhythm import RestRhythm
-from sport.runtime.motion.speed_regulator import SpeedRegulator
-from sport.runtime.motion.stall import CYCLES_PER_SECOND, Stall, advance_by_cycles
-from sport.runtime.motion.stride import Stride
-from sport.runtime.motion.style_mix import StyleFolder, StyleMix, mixed
-from sport.runtime.motion.trajectory import PRESENT, Trajectory, TrajectoryView, decay
-from sport.runtime.pose import Pose
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.terrain.height_map import Terrain
-from sport.runtime.terrain.obstacles import within_steps
+from runtime import rotations
+from runtime.controls import Controls, Gait
+from runtime.crossing.crossing import Crossing
+from runtime.errors import UsageError
+from runtime.feet.foot_lock import FootLock
+from runtime.motion import features
+from runtime.motion.body import Body
+from runtime.motion.features import FPS, GAITS, InputParts, split_output
+from runtime.motion.inertialization import Inertialization
+from runtime.motion.model import MotionModel, Style
+from runtime.motion.noise import DriftingNoise
+from runtime.motion.phase import advance_phase
+from runtime.motion.rest_rhythm import RestRhythm
+from runtime.motion.speed_regulator import SpeedRegulator
+from runtime.motion.stall import CYCLES_PER_SECOND, Stall, advance_by_cycles
+from runtime.motion.stride import Stride
+from runtime.motion.style_mix import StyleFolder, StyleMix, mixed
+from runtime.motion.trajectory import PRESENT, Trajectory, TrajectoryView, decay
+from runtime.pose import Pose
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.obstacles import within_steps
 
 Array = NDArray[np.floating]
 log = logging.getLogger("sport.controller")

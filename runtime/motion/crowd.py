@@ -13,20 +13,20 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.controls import Controls
-from sport.runtime.crossing.crossing import HALF_BODY_M, LOOK_M, STOP_SECONDS
-from sport.runtime.errors import UsageError
-from sport.runtime.motion import features
-from sport.runtime.motion.controller import DT, Controller
-from sport.runtime.motion.features import OUTPUT_SIZE, InputParts, OutputParts, split_output
-from sport.runtime.motion.phase import advance_phase
-from sport.runtime.motion.trajectory import PRESENT, advance, bend
-from sport.runtime.pose import Pose
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.terrain.height_map import Terrain
-from sport.runtime.terrain.obstacles import level_ahead, within_steps
-from sport.runtime.terrain.way_ahead import EDGE_M
+from runtime import rotations
+from runtime.controls import Controls
+from runtime.crossing.crossing import HALF_BODY_M, LOOK_M, STOP_SECONDS
+from runtime.errors import UsageError
+from runtime.motion import features
+from runtime.motion.controller import DT, Controller
+from runtime.motion.features import OUTPUT_SIZE, InputParts, OutputParts, split_output
+from runtime.motion.phase import advance_phase
+from runtime.motion.trajectory import PRESENT, advance, bend
+from runtime.pose import Pose
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.obstacles import level_ahead, within_steps
+from runtime.terrain.way_ahead import EDGE_M
 
 Array = NDArray[np.floating]
 

@@ -13,14 +13,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.controls import Controls
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.crowd import Crowd
-from sport.runtime.motion.features import facing_yaw
-from sport.runtime.motion.model import MotionModel
-from sport.runtime.motion.style_mix import Shares, StyleMix
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.terrain.height_map import Terrain
+from runtime.controls import Controls
+from runtime.motion.controller import Controller
+from runtime.motion.crowd import Crowd
+from runtime.motion.features import facing_yaw
+from runtime.motion.model import MotionModel
+from runtime.motion.style_mix import Shares, StyleMix
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 

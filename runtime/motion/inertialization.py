@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.motion.features import FPS
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.spring import spring
+from runtime import rotations
+from runtime.motion.features import FPS
+from runtime.skeleton import SPORT_SKELETON
+from runtime.spring import spring
 
 Array = NDArray[np.floating]
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.assets import model_folder
-from sport.runtime.errors import ModelError
-from sport.runtime.motion.features import C
-from sport.runtime.motion.model_files import (
+from runtime.assets import model_folder
+from runtime.errors import ModelError
+from runtime.motion.features import C
+from runtime.motion.model_files import (
     FOLDED,
     INT8_GRAPH,
     check_graphs,

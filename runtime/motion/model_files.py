@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sport.runtime.errors import ModelError
-from sport.runtime.motion.features import INPUT, INPUT_SIZE, LAYOUT_VERSION, OUTPUT_SIZE, C
-from sport.runtime.motion.processor import exact_8_bit_products
-from sport.runtime.safe_read import is_text, parse_json, read_bounded, reason
-from sport.runtime.skeleton import SPORT_SKELETON
+from runtime.errors import ModelError
+from runtime.motion.features import INPUT, INPUT_SIZE, LAYOUT_VERSION, OUTPUT_SIZE, C
+from runtime.motion.processor import exact_8_bit_products
+from runtime.safe_read import is_text, parse_json, read_bounded, reason
+from runtime.skeleton import SPORT_SKELETON
 
 if TYPE_CHECKING:
     import onnxruntime
@@ -24,9 +24,7 @@ MAX_NAME = 200
 MAX_START = 1e4  # metres and the like
 REMEDY = "Install the program again, or name another model folder."
 FOLDED = ("front_bias", "content_weight", "content_bias")  # what a style gives to every frame
-INT8_GRAPH = (
-    "step_int8"  # optional twin of "step" with 8-bit weights (python -m sport.training.export.quantize)
-)
+INT8_GRAPH = "step_int8"  # optional twin of "step" with 8-bit weights (python -m training.export.quantize)
 PRECISIONS = ("auto", "fp32", "int8")
 _LOG = logging.getLogger("sport.model")
 _Shapes = dict[str, list[int | None] | None]  # by name in order; None stands for any number or shape
@@ -108,7 +106,7 @@ def choose_precision(folder: Path, metadata: dict[str, Any], asked: str) -> tupl
     if precision == "int8" and INT8_GRAPH not in metadata["sha256"]:
         raise ModelError(
             f"{path}: the model has no 8-bit graph ({INT8_GRAPH}.onnx).",
-            f"Make it with `python -m sport.training.export.quantize {folder}`, or load the model with precision fp32.",
+            f"Make it with `python -m training.export.quantize {folder}`, or load the model with precision fp32.",
         )
     if precision == "int8" and not exact_8_bit_products():
         problem = "8-bit products overflow on this processor, which has no VNNI"

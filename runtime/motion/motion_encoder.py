@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import ModelError
-from sport.runtime.motion.model_files import open_graph, read_graph, read_metadata
+from runtime.errors import ModelError
+from runtime.motion.model_files import open_graph, read_graph, read_metadata
 
 Array = NDArray[np.float32]
 

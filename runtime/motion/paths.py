@@ -9,8 +9,8 @@ from math import atan2, cos, hypot, pi, remainder, sin, tau
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.errors import UsageError
+from runtime.controls import Controls, Gait
+from runtime.errors import UsageError
 
 Array = NDArray[np.floating]
 

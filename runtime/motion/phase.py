@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.motion.features import FUTURE_PHASE_OFFSETS, PHASE_OFFSETS
+from runtime.motion.features import FUTURE_PHASE_OFFSETS, PHASE_OFFSETS
 
 Array = NDArray[np.floating]
 

@@ -8,9 +8,9 @@ from math import hypot
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.errors import UsageError
-from sport.runtime.motion.paths import LOOK_AHEAD_M, Place
+from runtime.controls import Controls, Gait
+from runtime.errors import UsageError
+from runtime.motion.paths import LOOK_AHEAD_M, Place
 
 Array = NDArray[np.floating]
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.motion.features import FPS, PHASE_OFFSETS
-from sport.runtime.motion.trajectory import decay
+from runtime.motion.features import FPS, PHASE_OFFSETS
+from runtime.motion.trajectory import decay
 
 Array = NDArray[np.floating]
 

@@ -17,12 +17,12 @@ from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
-from sport.runtime.errors import FileError
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.model import Style
-from sport.runtime.motion.noise import DriftingNoise
-from sport.runtime.motion.style_mix import StyleMix
-from sport.runtime.pose import Pose
+from runtime.errors import FileError
+from runtime.motion.controller import Controller
+from runtime.motion.model import Style
+from runtime.motion.noise import DriftingNoise
+from runtime.motion.style_mix import StyleMix
+from runtime.pose import Pose
 
 VERSION = 2
 MAX_BYTES = 64 * 1024 * 1024
@@ -139,7 +139,7 @@ def _names(owner: object) -> list[str]:
 def _is_ours(value: object) -> bool:
     """An object of the runtime whose attributes change; settings and measures are frozen and do not."""
     frozen = is_dataclass(value) and vars(type(value))["__dataclass_params__"].frozen
-    return type(value).__module__.startswith("sport.runtime.") and hasattr(value, "__dict__") and not frozen
+    return type(value).__module__.startswith("runtime.") and hasattr(value, "__dict__") and not frozen
 
 
 def _taken(owner: object) -> Tree:

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sport.runtime.motion.features import FPS
-from sport.runtime.motion.trajectory import decay
+from runtime.motion.features import FPS
+from runtime.motion.trajectory import decay
 
 RANGE = (0.35, 2.0)  # of the gain
 PROPORTIONAL = 2.0  # gain for a relative error of one

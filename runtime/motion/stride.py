@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.feet.skating import SOLE_POINTS
-from sport.runtime.motion.features import FPS
-from sport.runtime.motion.trajectory import decay
+from runtime.feet.skating import SOLE_POINTS
+from runtime.motion.features import FPS
+from runtime.motion.trajectory import decay
 
 Array = NDArray[np.floating]
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.motion.model import Style
+from runtime.motion.model import Style
 
 Array = NDArray[np.float32]
 Shares = tuple[float, ...]  # of the second of two styles, at even parts of the change from the first

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.motion import features
-from sport.runtime.motion.features import FPS, GAITS, TRAJECTORY_OFFSETS
-from sport.runtime.terrain.height_map import Terrain
+from runtime.motion import features
+from runtime.motion.features import FPS, GAITS, TRAJECTORY_OFFSETS
+from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 

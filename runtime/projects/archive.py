@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.atomic import atomic_path
-from sport.runtime.errors import FileError
-from sport.runtime.safe_read import parse_json, read_bounded, reason
+from runtime.atomic import atomic_path
+from runtime.errors import FileError
+from runtime.safe_read import parse_json, read_bounded, reason
 
 MAX_BYTES = 1 << 30
 MAX_TEXT_BYTES = 64 << 20

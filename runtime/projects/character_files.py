@@ -8,10 +8,10 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 from urllib.parse import unquote
 
-from sport.runtime.atomic import write_atomic
-from sport.runtime.character.read import MAX_FILE_BYTES, SUFFIXES, open_gltf
-from sport.runtime.errors import FileError
-from sport.runtime.safe_read import is_text, read_bounded
+from runtime.atomic import write_atomic
+from runtime.character.read import MAX_FILE_BYTES, SUFFIXES, open_gltf
+from runtime.errors import FileError
+from runtime.safe_read import is_text, read_bounded
 
 MAX_FILES = 1000
 MAX_NAME = 200

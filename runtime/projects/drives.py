@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.errors import FileError
-from sport.runtime.motion.snapshot import Snapshot
-from sport.runtime.motion.style_mix import StyleMix
-from sport.runtime.projects.archive import REMEDY, ArchiveReader, ArchiveWriter
-from sport.runtime.safe_read import is_text, parse_json
-from sport.runtime.takes.drive import Change, Drive, DrivenFrame, GroundChange, Keyframe, Restart, StyleChange
-from sport.runtime.takes.metadata import PromptEvent, event_from
-from sport.runtime.terrain.height_map import Terrain
+from runtime.controls import Controls, Gait
+from runtime.errors import FileError
+from runtime.motion.snapshot import Snapshot
+from runtime.motion.style_mix import StyleMix
+from runtime.projects.archive import REMEDY, ArchiveReader, ArchiveWriter
+from runtime.safe_read import is_text, parse_json
+from runtime.takes.drive import Change, Drive, DrivenFrame, GroundChange, Keyframe, Restart, StyleChange
+from runtime.takes.metadata import PromptEvent, event_from
+from runtime.terrain.height_map import Terrain
 
 CODE = (6, 64)
 MAX_HEIGHT_M = 10_000.0

@@ -12,16 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from sport.runtime.errors import FileError, SportError
-from sport.runtime.projects.archive import REMEDY, ZIP_ERRORS, ArchiveReader, ArchiveWriter
-from sport.runtime.projects.character_files import Files, check_character_files
-from sport.runtime.projects.drives import DriveReader, DriveWriter, Json, read_ground, read_words_text
-from sport.runtime.safe_read import is_text, printable, reason
-from sport.runtime.skeleton import J
-from sport.runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, Clip
-from sport.runtime.takes.drive import Drive
-from sport.runtime.takes.metadata import event_from, gait_seconds, origin_from
-from sport.runtime.terrain.height_map import Terrain
+from runtime.errors import FileError, SportError
+from runtime.projects.archive import REMEDY, ZIP_ERRORS, ArchiveReader, ArchiveWriter
+from runtime.projects.character_files import Files, check_character_files
+from runtime.projects.drives import DriveReader, DriveWriter, Json, read_ground, read_words_text
+from runtime.safe_read import is_text, printable, reason
+from runtime.skeleton import J
+from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, Clip
+from runtime.takes.drive import Drive
+from runtime.takes.metadata import event_from, gait_seconds, origin_from
+from runtime.terrain.height_map import Terrain
 
 SUFFIX = ".sport"
 FORMAT, VERSION = "sport-project", 1

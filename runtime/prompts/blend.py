@@ -1,4 +1,4 @@
-"""Two prompts mixed part by part: the words of a blend and the weights of its parts (`sport.runtime.motion.style_mix` mixes)."""
+"""Two prompts mixed part by part: the words of a blend and the weights of its parts (`runtime.motion.style_mix` mixes)."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import PromptError
-from sport.runtime.motion.style_mix import StyleMix
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.safe_read import parse_json
-from sport.runtime.skeleton import PART_NAMES
+from runtime.errors import PromptError
+from runtime.motion.style_mix import StyleMix
+from runtime.prompts.parts import PartDescriptions
+from runtime.safe_read import parse_json
+from runtime.skeleton import PART_NAMES
 
 Array = NDArray[np.float32]
 Words = str | PartDescriptions  # a prompt, or what the six parts do

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import ModelError
-from sport.runtime.motion.model_files import run_graph
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.prompts.sentence_inputs import input_sizes, sentence_inputs
-from sport.runtime.prompts.text_encoder import TextEncoderLike, open_session
-from sport.runtime.skeleton import PART_NAMES
+from runtime.errors import ModelError
+from runtime.motion.model_files import run_graph
+from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.sentence_inputs import input_sizes, sentence_inputs
+from runtime.prompts.text_encoder import TextEncoderLike, open_session
+from runtime.skeleton import PART_NAMES
 
 if TYPE_CHECKING:
     import onnxruntime

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from sport.runtime.errors import PromptError
-from sport.runtime.prompts.parts import PartDescriptions, check_text
+from runtime.errors import PromptError
+from runtime.prompts.parts import PartDescriptions, check_text
 
 MAX_PROMPT_CHARACTERS = 1000
 DEFAULT_PROMPT = "walking in a relaxed, everyday way"  # what the character does until another prompt comes

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 
-from sport.runtime.prompts.parts import mirror_text
+from runtime.prompts.parts import mirror_text
 
 _SIDE = re.compile(r"\b(left|right)(?:wards?)?\b", re.IGNORECASE)
 _BOTH = re.compile(

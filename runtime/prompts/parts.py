@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sport.runtime.errors import PromptError
-from sport.runtime.safe_read import parse_json, reason
-from sport.runtime.skeleton import PART_NAMES
+from runtime.errors import PromptError
+from runtime.safe_read import parse_json, reason
+from runtime.skeleton import PART_NAMES
 
 MAX_CHARACTERS = 300
 _SWAPPED_PARTS = {

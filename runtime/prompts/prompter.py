@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import UsageError
-from sport.runtime.motion.even_blend import even_shares
-from sport.runtime.motion.style_mix import Shares, StyleMix, even_weights, mixes
-from sport.runtime.prompts.blend import BlendedPrompt, Weights, Words, mix_of_parts
-from sport.runtime.prompts.content import PromptEncoder
-from sport.runtime.prompts.english.library import LibraryExpander
-from sport.runtime.prompts.expander import Expander, Expansion
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.prompts.shares import shares_of
-from sport.runtime.prompts.text_encoder import library_encoder, text_encoder_of
+from runtime.errors import UsageError
+from runtime.motion.even_blend import even_shares
+from runtime.motion.style_mix import Shares, StyleMix, even_weights, mixes
+from runtime.prompts.blend import BlendedPrompt, Weights, Words, mix_of_parts
+from runtime.prompts.content import PromptEncoder
+from runtime.prompts.english.library import LibraryExpander
+from runtime.prompts.expander import Expander, Expansion
+from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.shares import shares_of
+from runtime.prompts.text_encoder import library_encoder, text_encoder_of
 
 if TYPE_CHECKING:
-    from sport.runtime.motion.model import MotionModel
+    from runtime.motion.model import MotionModel
 
 EXPANDERS = ("library", "gpt")
 
@@ -103,7 +103,7 @@ class Prompter:
         if name == "library":
             return self.library
         if name == "gpt":
-            from sport.runtime.prompts.gpt.expander import GptExpander
+            from runtime.prompts.gpt.expander import GptExpander
 
             return GptExpander()
         remedy = f"Choose {' or '.join(EXPANDERS)}."

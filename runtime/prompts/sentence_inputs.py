@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import ModelError
-from sport.runtime.prompts.direction_words import GROUPS, with_direction_words
-from sport.runtime.prompts.one_side import one_sided
-from sport.runtime.prompts.text_encoder import TextEncoderLike
-from sport.runtime.skeleton import PART_NAMES
+from runtime.errors import ModelError
+from runtime.prompts.direction_words import GROUPS, with_direction_words
+from runtime.prompts.one_side import one_sided
+from runtime.prompts.text_encoder import TextEncoderLike
+from runtime.skeleton import PART_NAMES
 
 
 def input_sizes(dimensions: int) -> dict[int, tuple[bool, bool]]:

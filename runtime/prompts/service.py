@@ -12,10 +12,10 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import SportError
-from sport.runtime.prompts.content import PromptEncoder
-from sport.runtime.prompts.expander import Expander, Expansion, PromptCancelledError
-from sport.runtime.prompts.parts import PartDescriptions
+from runtime.errors import SportError
+from runtime.prompts.content import PromptEncoder
+from runtime.prompts.expander import Expander, Expansion, PromptCancelledError
+from runtime.prompts.parts import PartDescriptions
 
 _log = logging.getLogger(__name__)
 Request = str | PartDescriptions

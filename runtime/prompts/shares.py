@@ -1,7 +1,7 @@
 """How much of what a sentence says a model shows: measured once on walks, shipped as `shares.json`.
 
 The file has, for every model by name and for arm, leg, torso and head, shares (0 to 1) of whole sentences and of single
-clauses; limbs are described as the left ones. `python -m sport.training.evaluation.text.phrase_shares` writes it.
+clauses; limbs are described as the left ones. `python -m training.evaluation.text.phrase_shares` writes it.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.assets import DEFAULT_MODEL, asset_path
-from sport.runtime.errors import FileError
-from sport.runtime.prompts.parts import PartDescriptions, mirror_text
-from sport.runtime.skeleton import PART_NAMES
+from runtime.assets import DEFAULT_MODEL, asset_path
+from runtime.errors import FileError
+from runtime.prompts.parts import PartDescriptions, mirror_text
+from runtime.skeleton import PART_NAMES
 
 HARDLY = 0.3  # share under which a sentence is said to be hardly shown
 FILE = "prompts/shares.json"

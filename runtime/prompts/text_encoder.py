@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.assets import asset_path
-from sport.runtime.errors import FileError, ModelError
-from sport.runtime.motion.model_files import check_names, run_graph
-from sport.runtime.safe_read import is_text, parse_json, read_bounded, reason
+from runtime.assets import asset_path
+from runtime.errors import FileError, ModelError
+from runtime.motion.model_files import check_names, run_graph
+from runtime.safe_read import is_text, parse_json, read_bounded, reason
 
 if TYPE_CHECKING:
     import onnxruntime

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.errors import FileError, UsageError
-from sport.runtime.safe_read import decode_text, read_bounded
-from sport.runtime.skeleton import Skeleton
+from runtime import rotations
+from runtime.errors import FileError, UsageError
+from runtime.safe_read import decode_text, read_bounded
+from runtime.skeleton import Skeleton
 
 Array = NDArray[np.floating]
 

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from sport.runtime import rotations
-from sport.runtime.atomic import write_atomic
-from sport.runtime.skeleton import SPORT_SKELETON, Skeleton
-from sport.runtime.takes.bvh import format_bvh
-from sport.runtime.takes.clip import END_OFFSETS, UNITS_PER_METRE
-from sport.runtime.takes.options import ExportOptions
-from sport.runtime.takes.prepare import PreparedTake
-from sport.runtime.takes.sidecar import write_sidecar
+from runtime import rotations
+from runtime.atomic import write_atomic
+from runtime.skeleton import SPORT_SKELETON, Skeleton
+from runtime.takes.bvh import format_bvh
+from runtime.takes.clip import END_OFFSETS, UNITS_PER_METRE
+from runtime.takes.options import ExportOptions
+from runtime.takes.prepare import PreparedTake
+from runtime.takes.sidecar import write_sidecar
 
 ROOT = "Root"
 

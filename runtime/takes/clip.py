@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.atomic import write_atomic, write_new
-from sport.runtime.errors import FileError, UsageError
-from sport.runtime.pose import Pose
-from sport.runtime.safe_read import printable
-from sport.runtime.skeleton import SPORT_SKELETON, J
-from sport.runtime.takes.bvh import BvhMotion, check_size, format_bvh, read_bvh
-from sport.runtime.takes.metadata import (
+from runtime import rotations
+from runtime.atomic import write_atomic, write_new
+from runtime.errors import FileError, UsageError
+from runtime.pose import Pose
+from runtime.safe_read import printable
+from runtime.skeleton import SPORT_SKELETON, J
+from runtime.takes.bvh import BvhMotion, check_size, format_bvh, read_bvh
+from runtime.takes.metadata import (
     UNKNOWN,
     UNMOVED,
     Origin,
@@ -26,7 +26,7 @@ from sport.runtime.takes.metadata import (
     gait_seconds,
     read_metadata,
 )
-from sport.runtime.takes.sidecar import write_sidecar
+from runtime.takes.sidecar import write_sidecar
 
 __all__ = ["Clip", "OtherSkeleton", "PromptEvent", "check_bvh_options", "load_clip_bvh", "save_bvh"]
 

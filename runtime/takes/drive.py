@@ -16,15 +16,15 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.controls import Controls
-from sport.runtime.motion.features import FPS
-from sport.runtime.motion.snapshot import Snapshot, take_snapshot
-from sport.runtime.motion.style_mix import StyleMix
-from sport.runtime.pose import Pose
-from sport.runtime.takes.clip import Clip, shift_prompts
-from sport.runtime.takes.metadata import PromptEvent, gait_of, gait_seconds
-from sport.runtime.takes.recorder import LIVE_SECONDS
-from sport.runtime.terrain.height_map import Terrain
+from runtime.controls import Controls
+from runtime.motion.features import FPS
+from runtime.motion.snapshot import Snapshot, take_snapshot
+from runtime.motion.style_mix import StyleMix
+from runtime.pose import Pose
+from runtime.takes.clip import Clip, shift_prompts
+from runtime.takes.metadata import PromptEvent, gait_of, gait_seconds
+from runtime.takes.recorder import LIVE_SECONDS
+from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 
@@ -32,7 +32,7 @@ KEYFRAME_STEPS = 300  # between two keyframes: 5 s are made again in about half 
 
 
 class Drivable(Protocol):
-    """What is driven: `sport.runtime.motion.controller.Controller`, or a stand-in whose state a snapshot takes."""
+    """What is driven: `runtime.motion.controller.Controller`, or a stand-in whose state a snapshot takes."""
 
     temperature: float
     strength: float

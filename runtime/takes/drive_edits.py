@@ -13,10 +13,10 @@ from math import hypot
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.errors import UsageError
-from sport.runtime.takes.drive import Drive, DrivenFrame, StyleChange, follows_live
-from sport.runtime.takes.metadata import PromptEvent, gait_of
+from runtime.controls import Controls, Gait
+from runtime.errors import UsageError
+from runtime.takes.drive import Drive, DrivenFrame, StyleChange, follows_live
+from runtime.takes.metadata import PromptEvent, gait_of
 
 Array = NDArray[np.floating]
 SETTLE_STEPS = 60  # before the clip, in which hands reach the place that new words give them

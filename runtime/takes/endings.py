@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from sport.runtime.errors import UsageError
+from runtime.errors import UsageError
 
 
 @dataclass(frozen=True)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from sport.runtime.errors import UsageError
-from sport.runtime.takes.clip import Clip
-from sport.runtime.takes.endings import ending_of
-from sport.runtime.takes.ground import GROUND_SUFFIXES, save_ground
-from sport.runtime.takes.options import ExportOptions
-from sport.runtime.takes.prepare import PreparedTake, prepare
-from sport.runtime.terrain.height_map import Terrain
+from runtime.errors import UsageError
+from runtime.takes.clip import Clip
+from runtime.takes.endings import ending_of
+from runtime.takes.ground import GROUND_SUFFIXES, save_ground
+from runtime.takes.options import ExportOptions
+from runtime.takes.prepare import PreparedTake, prepare
+from runtime.terrain.height_map import Terrain
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ def check_export(path: Path, options: ExportOptions, ground: Path | None = None)
     options.check()
     ending_of(path)
     if path.suffix.lower() == ".fbx":
-        from sport.runtime.takes.fbx import check_fbx
+        from runtime.takes.fbx import check_fbx
 
         check_fbx(path)
     if path.suffix.lower() not in (".glb", ".fbx") and options.with_ground:
@@ -55,15 +55,15 @@ def save_motion(
     take = prepare(clip, options, terrain)
     suffix = path.suffix.lower()
     if suffix == ".bvh":
-        from sport.runtime.takes.bvh_take import save_take_bvh
+        from runtime.takes.bvh_take import save_take_bvh
 
         save_take_bvh(take, path, options)
     elif suffix == ".glb":
-        from sport.runtime.takes.glb import save_glb
+        from runtime.takes.glb import save_glb
 
         save_glb(take, path, options, terrain)
     elif suffix == ".fbx":
-        from sport.runtime.takes.fbx import save_fbx
+        from runtime.takes.fbx import save_fbx
 
         save_fbx(take, path, options, terrain)
     elif suffix == ".obj":

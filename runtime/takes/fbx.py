@@ -10,12 +10,12 @@ import sys
 import tempfile
 from pathlib import Path
 
-from sport.runtime.atomic import atomic_path
-from sport.runtime.errors import FileError, UsageError
-from sport.runtime.takes.glb import save_glb
-from sport.runtime.takes.options import ExportOptions
-from sport.runtime.takes.prepare import PreparedTake
-from sport.runtime.terrain.height_map import Terrain
+from runtime.atomic import atomic_path
+from runtime.errors import FileError, UsageError
+from runtime.takes.glb import save_glb
+from runtime.takes.options import ExportOptions
+from runtime.takes.prepare import PreparedTake
+from runtime.terrain.height_map import Terrain
 
 BLENDER_VARIABLE = "SPORT_BLENDER"
 TIMEOUT_S = 600.0

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.assets import asset_path
-from sport.runtime.character.character import load_character
-from sport.runtime.character.joint_map import read_joint_map
-from sport.runtime.character.mesh import read_meshes
-from sport.runtime.character.read import open_gltf
-from sport.runtime.takes.glb_buffer import GlbBuffer
-from sport.runtime.takes.glb_skeleton import (
+from runtime import rotations
+from runtime.assets import asset_path
+from runtime.character.character import load_character
+from runtime.character.joint_map import read_joint_map
+from runtime.character.mesh import read_meshes
+from runtime.character.read import open_gltf
+from runtime.takes.glb_buffer import GlbBuffer
+from runtime.takes.glb_skeleton import (
     Rig,
     joint_worlds,
     local_rest,
@@ -22,11 +22,11 @@ from sport.runtime.takes.glb_skeleton import (
     open_rig,
     set_local,
 )
-from sport.runtime.takes.ground import add_ground
-from sport.runtime.takes.markers import take_extras
-from sport.runtime.takes.options import ExportOptions
-from sport.runtime.takes.prepare import PreparedTake
-from sport.runtime.terrain.height_map import Terrain
+from runtime.takes.ground import add_ground
+from runtime.takes.markers import take_extras
+from runtime.takes.options import ExportOptions
+from runtime.takes.prepare import PreparedTake
+from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 

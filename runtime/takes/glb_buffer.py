@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.atomic import write_atomic
-from sport.runtime.character.read import (
+from runtime.atomic import write_atomic
+from runtime.character.read import (
     REMEDY,
     STRUCTURE_ERRORS,
     GltfFile,
@@ -18,8 +18,8 @@ from sport.runtime.character.read import (
     read_accessor,
     read_uri,
 )
-from sport.runtime.errors import FileError
-from sport.runtime.safe_read import reason
+from runtime.errors import FileError
+from runtime.safe_read import reason
 
 if TYPE_CHECKING:
     from pygltflib import GLTF2

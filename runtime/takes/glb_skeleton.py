@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.character.character import Character
-from sport.runtime.character.hand_contact import clear_hands
-from sport.runtime.character.mesh import MeshData
-from sport.runtime.character.nodes import ancestors, node_world_matrices
-from sport.runtime.character.read import GltfFile, read_accessor
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.takes.glb_buffer import GlbBuffer
-from sport.runtime.takes.prepare import PreparedTake
+from runtime import rotations
+from runtime.character.character import Character
+from runtime.character.hand_contact import clear_hands
+from runtime.character.mesh import MeshData
+from runtime.character.nodes import ancestors, node_world_matrices
+from runtime.character.read import GltfFile, read_accessor
+from runtime.skeleton import SPORT_SKELETON
+from runtime.takes.glb_buffer import GlbBuffer
+from runtime.takes.prepare import PreparedTake
 
 if TYPE_CHECKING:
     from pygltflib import GLTF2, Node

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.atomic import write_atomic
-from sport.runtime.errors import UsageError
-from sport.runtime.takes.clip import UNITS_PER_METRE
-from sport.runtime.takes.glb_buffer import ARRAY_BUFFER, ELEMENT_BUFFER, GlbBuffer
-from sport.runtime.takes.prepare import PreparedTake
-from sport.runtime.terrain.height_map import Terrain
+from runtime.atomic import write_atomic
+from runtime.errors import UsageError
+from runtime.takes.clip import UNITS_PER_METRE
+from runtime.takes.glb_buffer import ARRAY_BUFFER, ELEMENT_BUFFER, GlbBuffer
+from runtime.takes.prepare import PreparedTake
+from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 
@@ -102,6 +102,6 @@ def add_ground(buffer: GlbBuffer, terrain: Terrain, take: PreparedTake, scale: f
 
 
 def _normals(vertices: Array, triangles: NDArray[np.uint32]) -> Array:
-    from sport.runtime.character.mesh import vertex_normals
+    from runtime.character.mesh import vertex_normals
 
     return vertex_normals(vertices, triangles)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sport.runtime.errors import FileError
-from sport.runtime.takes.clip import Clip
-from sport.runtime.takes.metadata import UNKNOWN
-from sport.runtime.terrain.height_map import Terrain
-from sport.runtime.terrain.library import TERRAIN_NAMES, load_terrain
+from runtime.errors import FileError
+from runtime.takes.clip import Clip
+from runtime.takes.metadata import UNKNOWN
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.library import TERRAIN_NAMES, load_terrain
 
 
 def names_ground(clip: Clip) -> bool:

@@ -22,13 +22,13 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import FileError, SportError
-from sport.runtime.file_lock import open_locked
-from sport.runtime.safe_read import is_text, parse_json, printable
-from sport.runtime.skeleton import J
-from sport.runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, Clip
-from sport.runtime.takes.metadata import Origin, PromptEvent, event_from, origin_from
-from sport.runtime.takes.recorder import ClipRecorder
+from runtime.errors import FileError, SportError
+from runtime.file_lock import open_locked
+from runtime.safe_read import is_text, parse_json, printable
+from runtime.skeleton import J
+from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, Clip
+from runtime.takes.metadata import Origin, PromptEvent, event_from, origin_from
+from runtime.takes.recorder import ClipRecorder
 
 SUFFIX = ".take"
 ROW = 3 + 4 * J + 4 + 1  # floats of a frame: hips, local rotations, contacts, gait

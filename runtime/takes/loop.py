@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.errors import UsageError
-from sport.runtime.feet.ik import LEG_FEET, LEG_SHINS, LEG_THIGHS, LEG_TOES, solve_legs
-from sport.runtime.feet.skating import SOLE_POINTS
-from sport.runtime.motion import features
-from sport.runtime.takes.clip import Clip
-from sport.runtime.takes.root import RootTrack
+from runtime import rotations
+from runtime.errors import UsageError
+from runtime.feet.ik import LEG_FEET, LEG_SHINS, LEG_THIGHS, LEG_TOES, solve_legs
+from runtime.feet.skating import SOLE_POINTS
+from runtime.motion import features
+from runtime.takes.clip import Clip
+from runtime.takes.root import RootTrack
 
 Array = NDArray[np.floating]
 

@@ -6,9 +6,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.takes.clip import Clip
-from sport.runtime.takes.metadata import gait_changes, title
-from sport.runtime.takes.prepare import PreparedTake
+from runtime.takes.clip import Clip
+from runtime.takes.metadata import gait_changes, title
+from runtime.takes.prepare import PreparedTake
 
 MARKERS_VERSION = 1
 

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.errors import FileError, SportError
-from sport.runtime.safe_read import is_text, parse_json, printable, read_bounded
-from sport.runtime.takes.bvh import MAX_FILE_BYTES
+from runtime.controls import Controls, Gait
+from runtime.errors import FileError, SportError
+from runtime.safe_read import is_text, parse_json, printable, read_bounded
+from runtime.takes.bvh import MAX_FILE_BYTES
 
 MAX_BYTES = 16 * 1024 * 1024
 MAX_EVENTS = 10_000
@@ -33,7 +33,7 @@ _LOG = logging.getLogger("sport.clip")
 class PromptEvent:
     """A prompt that came into force `seconds` after the clip's first frame (0 or earlier: it held from the start).
 
-    `words` are the six descriptions that it meant, or a blend of two times six, as `sport.runtime.prompts.blend.read_words`
+    `words` are the six descriptions that it meant, or a blend of two times six, as `runtime.prompts.blend.read_words`
     reads them; "" where they are not known. `typed` is what was typed where `prompt` is no longer that, as when a
     part was edited afterwards.
     """
@@ -68,7 +68,7 @@ UNMOVED = (0.0, 0.0, 0.0, 0.0)  # a take that stands where it was made
 
 def origin_of(controller: Any, terrain: str) -> Origin:
     """The origin of what `controller` makes on the ground `terrain`; fields that a stand-in for it lacks stay empty."""
-    from sport.runtime.terrain.library import TERRAIN_NAMES
+    from runtime.terrain.library import TERRAIN_NAMES
 
     model = getattr(controller, "model", None)
     precision = str(getattr(model, "precision", ""))
@@ -224,8 +224,8 @@ def _placed(value: Mapping[str, Any]) -> tuple[float, ...] | None:
 
 def title(event: PromptEvent) -> str:
     """A prompt in at most 60 characters; "own words" for six descriptions, "(edited)" after what they came from."""
-    from sport.runtime.prompts.blend import BlendedPrompt, read_words
-    from sport.runtime.prompts.parts import PartDescriptions
+    from runtime.prompts.blend import BlendedPrompt, read_words
+    from runtime.prompts.parts import PartDescriptions
 
     try:
         words = read_words(event.prompt)

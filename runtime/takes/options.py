@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from sport.runtime.errors import UsageError
-from sport.runtime.takes.clip import MAX_FPS, UNITS_PER_METRE
+from runtime.errors import UsageError
+from runtime.takes.clip import MAX_FPS, UNITS_PER_METRE
 
 
 @dataclass(frozen=True)
@@ -24,9 +24,7 @@ class ExportOptions:
     end_s: float | None = None  # None: to the last frame
     with_ground: bool = False  # the ground as a second node (GLB, FBX)
     character: Path | None = None  # of GLB, FBX and film; None: the mannequin
-    joint_map: Path | None = (
-        None  # names of its joints, see `sport.runtime.character.joint_map.read_joint_map`
-    )
+    joint_map: Path | None = None  # names of its joints, see `runtime.character.joint_map.read_joint_map`
 
     def check(self) -> None:
         """UsageError names the option that cannot be used."""

@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.errors import UsageError
-from sport.runtime.skeleton import REST_HIPS_HEIGHT, J
-from sport.runtime.takes.clip import Clip
-from sport.runtime.takes.loop import LoopReport, make_loop
-from sport.runtime.takes.metadata import UNMOVED
-from sport.runtime.takes.options import ExportOptions
-from sport.runtime.takes.root import Placement, RootTrack, root_track
-from sport.runtime.terrain.height_map import Terrain
+from runtime import rotations
+from runtime.errors import UsageError
+from runtime.skeleton import REST_HIPS_HEIGHT, J
+from runtime.takes.clip import Clip
+from runtime.takes.loop import LoopReport, make_loop
+from runtime.takes.metadata import UNMOVED
+from runtime.takes.options import ExportOptions
+from runtime.takes.root import Placement, RootTrack, root_track
+from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 

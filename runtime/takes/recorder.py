@@ -10,11 +10,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import UsageError
-from sport.runtime.pose import Pose
-from sport.runtime.skeleton import J
-from sport.runtime.takes.clip import Clip, shift_prompts
-from sport.runtime.takes.metadata import UNKNOWN, Origin, PromptEvent, gait_seconds
+from runtime.errors import UsageError
+from runtime.pose import Pose
+from runtime.skeleton import J
+from runtime.takes.clip import Clip, shift_prompts
+from runtime.takes.metadata import UNKNOWN, Origin, PromptEvent, gait_seconds
 
 Array = NDArray[np.floating]
 

@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.character.guess import JointGuess, NotUpright, guess_skeleton
-from sport.runtime.character.joint_map import joint_map_path, saved_joint_map
-from sport.runtime.character.joints import align, canonical_axes
-from sport.runtime.character.tree import JointTree
-from sport.runtime.errors import FileError
-from sport.runtime.safe_read import printable
-from sport.runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON, J
-from sport.runtime.takes.bvh import BvhMotion, read_bvh
-from sport.runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, Clip
+from runtime import rotations
+from runtime.character.guess import JointGuess, NotUpright, guess_skeleton
+from runtime.character.joint_map import joint_map_path, saved_joint_map
+from runtime.character.joints import align, canonical_axes
+from runtime.character.tree import JointTree
+from runtime.errors import FileError
+from runtime.safe_read import printable
+from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON, J
+from runtime.takes.bvh import BvhMotion, read_bvh
+from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, Clip
 
 Array = NDArray[np.floating]
 

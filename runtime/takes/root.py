@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
-from sport.runtime.motion import features
-from sport.runtime.takes.clip import Clip
-from sport.runtime.terrain.height_map import Terrain
+from runtime import rotations
+from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
+from runtime.motion import features
+from runtime.takes.clip import Clip
+from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 

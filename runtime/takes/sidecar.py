@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sport.runtime.atomic import write_atomic
-from sport.runtime.takes.metadata import format_metadata, gait_changes, sidecar_path
+from runtime.atomic import write_atomic
+from runtime.takes.metadata import format_metadata, gait_changes, sidecar_path
 
 if TYPE_CHECKING:
-    from sport.runtime.takes.clip import Clip
+    from runtime.takes.clip import Clip
 
 
 def write_sidecar(clip: Clip, path: Path, text: str) -> None:

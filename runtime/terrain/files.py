@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import FileError, TerrainError
-from sport.runtime.safe_read import read_bounded, reason
-from sport.runtime.terrain.height_map import Terrain
-from sport.runtime.terrain.mesh import MAX_SIDE, MESH_SUFFIXES, read_mesh
+from runtime.errors import FileError, TerrainError
+from runtime.safe_read import read_bounded, reason
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.mesh import MAX_SIDE, MESH_SUFFIXES, read_mesh
 
 Array = NDArray[np.floating]
 

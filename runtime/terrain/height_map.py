@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import TerrainError
+from runtime.errors import TerrainError
 
 Array = NDArray[np.floating]
 

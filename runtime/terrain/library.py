@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import TerrainError
-from sport.runtime.terrain.courses import (
+from runtime.errors import TerrainError
+from runtime.terrain.courses import (
     CELL_M,
     GAPS,
     HURDLES,
@@ -18,7 +18,7 @@ from sport.runtime.terrain.courses import (
     raise_beam,
     raise_obstacles,
 )
-from sport.runtime.terrain.height_map import Terrain
+from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 
@@ -57,7 +57,7 @@ def load_terrain(spec: str | Path, cell_m: float = 0.1, height_m: float = 2.0) -
     `cell_m` is the distance of neighbouring samples, `height_m` the height of a white pixel (see `terrain_files`).
     TerrainError or FileError name the file, what was expected and the remedy.
     """
-    from sport.runtime.terrain import files as terrain_files
+    from runtime.terrain import files as terrain_files
 
     text = str(spec)
     if text in TERRAIN_NAMES:

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import FileError
-from sport.runtime.safe_read import decode_text, read_bounded, reason
+from runtime.errors import FileError
+from runtime.safe_read import decode_text, read_bounded, reason
 
 Array = NDArray[np.floating]
 
@@ -141,8 +141,8 @@ def _obj_geometry(text: str, path: Path) -> tuple[Array, NDArray[np.int64]]:
 
 def _gltf_geometry(path: Path) -> tuple[Array, NDArray[np.int64]]:
     """All triangles of a glTF where its nodes put them; materials and textures are not looked at."""
-    from sport.runtime.character.nodes import ancestors, node_world_matrices
-    from sport.runtime.character.read import open_gltf, read_accessor
+    from runtime.character.nodes import ancestors, node_world_matrices
+    from runtime.character.read import open_gltf, read_accessor
 
     file = open_gltf(path)
     world = node_world_matrices(file, *ancestors(file))
@@ -163,7 +163,7 @@ def _gltf_geometry(path: Path) -> tuple[Array, NDArray[np.int64]]:
 
 def _gltf_primitives(path: Path, file: Any, world: Array) -> Iterator[tuple[Array, int, Any]]:
     """World matrix, mesh number and primitive of everything made of triangles, as long as it is within the budgets."""
-    from sport.runtime.character.read import MAX_PRIMITIVES, accessor_count
+    from runtime.character.read import MAX_PRIMITIVES, accessor_count
 
     primitives = vertices = triangles = 0
     for node, matrix in zip(file.gltf.nodes or [], world, strict=True):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import inf
 
-from sport.runtime.terrain.height_map import Terrain
+from runtime.terrain.height_map import Terrain
 
 
 class PointHeights:

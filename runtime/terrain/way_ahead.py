@@ -8,7 +8,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.terrain.height_map import Terrain
+from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 

@@ -8,10 +8,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from runtime.errors import UsageError
 from sport.batch.manifest import entry
 from sport.batch.plan import Task
 from sport.batch.work import THREADS, Maker, put
-from sport.runtime.errors import UsageError
 
 RETRIES = 2  # of a row whose machine is gone
 AHEAD = 2  # rows that wait for each core

@@ -9,10 +9,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import IO, Any
 
+from runtime.atomic import write_atomic
+from runtime.errors import FileError
+from runtime.safe_read import parse_json, read_bounded
 from sport.batch.plan import Task
-from sport.runtime.atomic import write_atomic
-from sport.runtime.errors import FileError
-from sport.runtime.safe_read import parse_json, read_bounded
 
 NAME = "manifest.jsonl"
 MAX_BYTES = 1024 * 1024 * 1024

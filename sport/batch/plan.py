@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, NoReturn
 
+from runtime.assets import model_folder
+from runtime.errors import UsageError
 from sport.batch.rows import Row
-from sport.runtime.assets import model_folder
-from sport.runtime.errors import UsageError
 
 NOT_COLUMNS = ("batch", "ray", "workers", "help")
 STYLES = (

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.errors import FileError, UsageError
-from sport.runtime.safe_read import decode_text, parse_json, read_bounded, reason
+from runtime.errors import FileError, UsageError
+from runtime.safe_read import decode_text, parse_json, read_bounded, reason
 
 MAX_LIST_BYTES = 256 * 1024 * 1024
 SUFFIXES = (".csv", ".jsonl")

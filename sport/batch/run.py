@@ -12,13 +12,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from runtime.errors import FileError, UsageError
+from runtime.file_lock import open_locked
+from runtime.safe_read import printable
 from sport.batch.manifest import Manifest, entry
 from sport.batch.plan import NOT_COLUMNS, RowParser, Task, plan
 from sport.batch.progress import Progress
 from sport.batch.rows import read_rows
-from sport.runtime.errors import FileError, UsageError
-from sport.runtime.file_lock import open_locked
-from sport.runtime.safe_read import printable
 
 SCRATCH, LOCK = ".sport-batch", ".sport-batch.lock"
 MAX_WORKERS = 1024

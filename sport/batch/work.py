@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from runtime.errors import SportError
 from sport.batch.manifest import entry, sha256
 from sport.batch.plan import Task
-from sport.runtime.errors import SportError
 
 _PROGRESS = re.compile(r": (a film of|\d+ of \d+ frames|this folder is new)")
 # one thread in each process: the rows are what runs side by side
@@ -66,8 +66,8 @@ class Maker:
 
     def _tools(self, options: argparse.Namespace) -> Any:
         """The model and the prompter for these arguments, those of the row before where they are the same."""
-        from sport.runtime.motion.model import load_model
-        from sport.runtime.prompts.prompter import Prompter
+        from runtime.motion.model import load_model
+        from runtime.prompts.prompter import Prompter
 
         key = options.model
         if self._model[1] is None or self._model[0] != key:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from sport.runtime.assets import model_folder
-from sport.runtime.errors import UsageError
+from runtime.assets import model_folder
+from runtime.errors import UsageError
 
 Subparsers = argparse._SubParsersAction  # what `add_subparsers` returns
 
@@ -32,7 +32,7 @@ def add_blend(command: argparse.ArgumentParser) -> None:
 
 def blend_weights(options: argparse.Namespace) -> tuple[float, ...]:
     """The share of the second prompt in each part, in the order of `PART_NAMES`."""
-    from sport.runtime.prompts.blend import parse_weights
+    from runtime.prompts.blend import parse_weights
 
     if options.blend is None and options.blend_weights is not None:
         raise UsageError("--blend-weights: there is no second prompt.", "Add --blend.")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from runtime.errors import UsageError
 from sport.commands.arguments import Subparsers, add_model
 
 
@@ -19,6 +20,13 @@ def add(commands: Subparsers) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print the figures, and write them where a file is named."""
-    from sport.benchmarks.bench import run
-
+    try:
+        from benchmarks.bench import run
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] != "benchmarks":
+            raise
+        raise UsageError(
+            "sport bench: the benchmarks are not part of an installed package.",
+            "Run it in a clone of the repository.",
+        ) from error
     return run(options.json, options.frames, options.model)

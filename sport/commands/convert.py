@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from runtime.errors import UsageError
 from sport.commands.arguments import Subparsers
 from sport.commands.export_arguments import OUT_HELP, add_export_arguments
-from sport.runtime.errors import UsageError
 
 
 def add(commands: Subparsers) -> None:
@@ -26,10 +26,10 @@ def add(commands: Subparsers) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write every file and say what was written; a motion of another skeleton goes onto ours first."""
+    from runtime.takes.clip import OtherSkeleton, load_clip_bvh
+    from runtime.takes.ground_of import ground_of
+    from runtime.takes.reference import load_reference_bvh
     from sport.commands.export import check_outputs, export_options, note, write_take
-    from sport.runtime.takes.clip import OtherSkeleton, load_clip_bvh
-    from sport.runtime.takes.ground_of import ground_of
-    from sport.runtime.takes.reference import load_reference_bvh
 
     export = export_options(options)
     if options.take.resolve() in [out.resolve() for out in options.out]:

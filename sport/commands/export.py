@@ -8,16 +8,16 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+from runtime.atomic import check_target
+from runtime.errors import UsageError
+from runtime.safe_read import printable
+from runtime.takes.clip import Clip
+from runtime.takes.endings import ending_of
+from runtime.takes.export import check_export, save_motion
+from runtime.takes.options import ExportOptions
+from runtime.terrain.height_map import Terrain
 from sport.commands.export_arguments import MOTION_FPS
 from sport.commands.film import film_options, write_film
-from sport.runtime.atomic import check_target
-from sport.runtime.errors import UsageError
-from sport.runtime.safe_read import printable
-from sport.runtime.takes.clip import Clip
-from sport.runtime.takes.endings import ending_of
-from sport.runtime.takes.export import check_export, save_motion
-from sport.runtime.takes.options import ExportOptions
-from sport.runtime.terrain.height_map import Terrain
 
 
 def export_options(arguments: argparse.Namespace) -> ExportOptions:
@@ -90,7 +90,7 @@ def write_take(
         print(printable(write_film(clip, terrain, path, replace(options, fps=clip.fps), arguments)))
         if arguments.ground_out is None:
             return
-        from sport.runtime.takes.export import save_ground_of
+        from runtime.takes.export import save_ground_of
 
         print(printable(save_ground_of(clip, arguments.ground_out, options, terrain).text))
         return

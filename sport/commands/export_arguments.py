@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from sport.runtime.takes.endings import ENDINGS
+from runtime.takes.endings import ENDINGS
 
 MOTION_FPS, FILM_FPS = 60.0, 30.0
 OUT_HELP = "file to write; its ending says what: " + ", ".join(e.suffix for e in ENDINGS)

@@ -8,20 +8,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from runtime.safe_read import printable
+from runtime.takes.clip import Clip
+from runtime.takes.options import ExportOptions
+from runtime.terrain.height_map import Terrain
 from sport.commands.arguments import size
 from sport.commands.export_arguments import FILM_FPS
-from sport.runtime.safe_read import printable
-from sport.runtime.takes.clip import Clip
-from sport.runtime.takes.options import ExportOptions
-from sport.runtime.terrain.height_map import Terrain
 
 if TYPE_CHECKING:
-    from sport.viewer.filming.film import FilmOptions, Progress
+    from viewer.filming.film import FilmOptions, Progress
 
 
 def film_options(arguments: argparse.Namespace) -> FilmOptions:
     """How a film looks, from parsed arguments; UsageError names the one that cannot be used."""
-    from sport.viewer.filming.film import FilmOptions
+    from viewer.filming.film import FilmOptions
 
     width, height = size(arguments.size)
     options = FilmOptions(
@@ -45,10 +45,10 @@ def write_film(
     arguments: argparse.Namespace,
 ) -> str:
     """Make a film of a take; a sentence about it. SportError names what cannot be used."""
-    from sport.runtime.character.character import load_character
-    from sport.runtime.character.joint_map import read_joint_map
-    from sport.runtime.takes.prepare import on_its_ground, prepare
-    from sport.viewer.filming.film import count_frames, make_film
+    from runtime.character.character import load_character
+    from runtime.character.joint_map import read_joint_map
+    from runtime.takes.prepare import on_its_ground, prepare
+    from viewer.filming.film import count_frames, make_film
 
     options = film_options(arguments)
     take = prepare(on_its_ground(clip), replace(export, fps=clip.fps), terrain)

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from runtime.errors import UsageError
 from sport.commands.arguments import Subparsers, add_blend, add_model, blend_weights
 from sport.commands.export_arguments import OUT_HELP, add_export_arguments
-from sport.runtime.errors import UsageError
 
 if TYPE_CHECKING:
     from sport.batch.plan import RowParser
@@ -125,10 +125,10 @@ def row_parser() -> RowParser:
 
 def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None:
     """Write the clip or its variants; `tools` gives a loaded model and its prompter for these options. SportError."""
+    from runtime.generate import generate_clip
+    from runtime.takes.clip import check_bvh_length
+    from runtime.terrain.library import load_terrain
     from sport.commands.export import check_outputs, export_options, note, write_take
-    from sport.runtime.generate import generate_clip
-    from sport.runtime.takes.clip import check_bvh_length
-    from sport.runtime.terrain.library import load_terrain
 
     export = export_options(options)
     outputs = _outputs(options)
@@ -180,9 +180,9 @@ def _outputs(options: argparse.Namespace) -> list[Path]:
 
 def _prompt(options: argparse.Namespace) -> Any:
     """What `generate_clip` takes: a prompt, prompts with times, six descriptions, or a blend."""
-    from sport.runtime.generate import load_parts, parse_prompts
-    from sport.runtime.prompts.blend import BlendedPrompt
-    from sport.runtime.prompts.expander import DEFAULT_PROMPT, check_prompt
+    from runtime.generate import load_parts, parse_prompts
+    from runtime.prompts.blend import BlendedPrompt
+    from runtime.prompts.expander import DEFAULT_PROMPT, check_prompt
 
     prompt: Any = DEFAULT_PROMPT if options.prompt is None else options.prompt
     weights = blend_weights(options)

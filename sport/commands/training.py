@@ -5,11 +5,11 @@ from __future__ import annotations
 import importlib
 from collections.abc import Sequence
 
-from sport.runtime.errors import UsageError
+from runtime.errors import UsageError
 
 COMMANDS = {
-    "train": ("sport.training.pipeline", "train the networks from motion data"),
-    "evaluate": ("sport.training.evaluation.command", "score models against captured motion"),
+    "train": ("training.pipeline", "train the networks from motion data"),
+    "evaluate": ("training.evaluation.command", "score models against captured motion"),
 }
 
 
@@ -17,14 +17,14 @@ def run(command: str, arguments: Sequence[str]) -> int:
     """Run a command of `COMMANDS` with its arguments; UsageError names a package that is not installed."""
     module = COMMANDS[command][0]
     if command == "train" and {"-h", "--help"} & set(arguments):
-        from sport.training.arguments import build_parser  # needs no torch
+        from training.arguments import build_parser  # needs no torch
 
         build_parser().parse_args(["--help"])
     try:
         entry = importlib.import_module(module)
     except ModuleNotFoundError as error:
         missing = error.name or module
-        if missing.split(".")[0] == "sport":
+        if missing.split(".")[0] in ("training", "runtime"):
             raise UsageError(
                 f"sport {command}: this installation has no module {missing}.", "Update it."
             ) from error

@@ -48,8 +48,8 @@ def add(commands: Subparsers) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Open the viewer; its exit code."""
-    from sport.viewer.live.address import parse_address
-    from sport.viewer.options import ViewOptions
+    from viewer.live.address import parse_address
+    from viewer.options import ViewOptions
 
     if options.live_link is not None:
         parse_address(options.live_link)
@@ -79,6 +79,6 @@ def run(options: argparse.Namespace) -> int:
         live_link=options.live_link,
     )
     view_options.check()
-    from sport.viewer.app import run
+    from viewer.app import run
 
     return run(view_options)

@@ -72,8 +72,8 @@ def _measure(folder: Path, url: str, options: argparse.Namespace) -> dict[str, l
     from slow_model import load_model
     from viewer_fakes import fake_services
 
-    from sport.viewer.app import App
-    from sport.viewer.options import ViewOptions
+    from viewer.app import App
+    from viewer.options import ViewOptions
 
     services = dataclasses.replace(fake_services(), load_model=load_model)
     view = ViewOptions(offscreen=True, terrain="flat", width=640, height=360, prompt="a proud king")

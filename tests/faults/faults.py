@@ -14,8 +14,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from sport.runtime.takes.clip import load_clip_bvh
-from sport.runtime.takes.journal import find_journals
+from runtime.takes.clip import load_clip_bvh
+from runtime.takes.journal import find_journals
 
 RECORDER = Path(__file__).with_name("recorder.py")
 START_S = 120.0

@@ -14,8 +14,8 @@ def main(folder: Path) -> None:
     sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
     from viewer_fakes import fake_services
 
-    from sport.viewer.app import App
-    from sport.viewer.options import ViewOptions
+    from viewer.app import App
+    from viewer.options import ViewOptions
 
     view = ViewOptions(offscreen=True, terrain="flat", width=320, height=240, panels=False)
     app = App(view, fake_services(), config=folder / "config")

@@ -36,8 +36,8 @@ def main() -> int:
     sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
     from viewer_fakes import fake_services
 
-    from sport.viewer import app as app_module
-    from sport.viewer.options import ViewOptions
+    from viewer import app as app_module
+    from viewer.options import ViewOptions
 
     _spoil_saving(options)
     _record(app_module.App, options)
@@ -70,7 +70,7 @@ def _record(app_class: Any, options: argparse.Namespace) -> None:
 
 
 def _spoil_saving(options: argparse.Namespace) -> None:
-    from sport.runtime.takes import clip
+    from runtime.takes import clip
 
     save, write = clip.save_bvh, Path.write_bytes
 

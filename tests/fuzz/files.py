@@ -11,18 +11,18 @@ from pathlib import Path
 
 import numpy as np
 
-from sport.runtime.character.character import load_character
-from sport.runtime.character.joint_map import read_joint_map
-from sport.runtime.character.writer import write_character
-from sport.runtime.errors import SportError
-from sport.runtime.pose import Pose
-from sport.runtime.prompts.blend import read_words
-from sport.runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
-from sport.runtime.takes.bvh import MAX_VALUE, format_bvh, read_bvh
-from sport.runtime.takes.clip import MAX_DISTANCE_M, Clip, OtherSkeleton, PromptEvent, load_clip_bvh, save_bvh
-from sport.runtime.takes.metadata import Origin, format_metadata, read_metadata, title
-from sport.runtime.takes.reference import load_reference_bvh
-from sport.runtime.terrain.files import MAX_HEIGHT_M, read_terrain, write_height_png
+from runtime.character.character import load_character
+from runtime.character.joint_map import read_joint_map
+from runtime.character.writer import write_character
+from runtime.errors import SportError
+from runtime.pose import Pose
+from runtime.prompts.blend import read_words
+from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
+from runtime.takes.bvh import MAX_VALUE, format_bvh, read_bvh
+from runtime.takes.clip import MAX_DISTANCE_M, Clip, OtherSkeleton, PromptEvent, load_clip_bvh, save_bvh
+from runtime.takes.metadata import Origin, format_metadata, read_metadata, title
+from runtime.takes.reference import load_reference_bvh
+from runtime.terrain.files import MAX_HEIGHT_M, read_terrain, write_height_png
 
 from .mutate import damaged_bytes, damaged_glb, damaged_json, damaged_png, damaged_text
 from .target import Target, put

@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from sport.runtime.controls import Controls
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.model import load_model
-from sport.runtime.prompts.content import PromptEncoder
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.prompts.text_encoder import TextEncoder, text_encoder_of
-from sport.runtime.terrain.height_map import Terrain
+from runtime.controls import Controls
+from runtime.motion.controller import Controller
+from runtime.motion.model import load_model
+from runtime.prompts.content import PromptEncoder
+from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.text_encoder import TextEncoder, text_encoder_of
+from runtime.terrain.height_map import Terrain
 
 from .files import digest
 from .mutate import damaged_bytes, damaged_json, damaged_text
@@ -129,8 +129,8 @@ class _Endpoint:
 
 @cache
 def _server() -> tuple[_Endpoint, Any]:
-    from sport.runtime.prompts.gpt.client import ChatClient
-    from sport.runtime.prompts.gpt.settings import GptSettings, Secret
+    from runtime.prompts.gpt.client import ChatClient
+    from runtime.prompts.gpt.settings import GptSettings, Secret
 
     endpoint = _Endpoint()
     settings = GptSettings(

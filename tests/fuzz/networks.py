@@ -10,7 +10,7 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from sport.runtime.assets import asset_path
+from runtime.assets import asset_path
 
 DIMENSIONS = 8
 GRAPHS = ("prompt", "style", "step")

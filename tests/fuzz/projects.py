@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.motion.snapshot import Snapshot
-from sport.runtime.projects.archive import DOCUMENT
-from sport.runtime.projects.project import Project, StoredTake, StoredVersion, load_project, save_project
-from sport.runtime.takes.drive import Drive, DrivenFrame, GroundChange, Keyframe, Restart, StyleChange
-from sport.runtime.takes.metadata import PromptEvent
-from sport.runtime.terrain.height_map import Terrain
+from runtime.controls import Controls, Gait
+from runtime.motion.snapshot import Snapshot
+from runtime.projects.archive import DOCUMENT
+from runtime.projects.project import Project, StoredTake, StoredVersion, load_project, save_project
+from runtime.takes.drive import Drive, DrivenFrame, GroundChange, Keyframe, Restart, StyleChange
+from runtime.takes.metadata import PromptEvent
+from runtime.terrain.height_map import Terrain
 
 from .files import clip
 from .mutate import damaged_bytes, damaged_json

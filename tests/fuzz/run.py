@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
 
-from sport.runtime.errors import SportError
+from runtime.errors import SportError
 
 from .target import Target
 

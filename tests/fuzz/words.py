@@ -14,21 +14,21 @@ from typing import Any
 
 import numpy as np
 
+from runtime.assets import asset_path
+from runtime.controls import Controls
+from runtime.generate import generate_clip, load_parts, parse_prompts
+from runtime.motion.controller import Controller
+from runtime.motion.model import load_model
+from runtime.prompts.blend import BlendedPrompt, parse_weights, read_words
+from runtime.prompts.english.library import LibraryExpander
+from runtime.prompts.english.library_data import load_styles
+from runtime.prompts.gpt.cache import AnswerCache
+from runtime.prompts.gpt.client import ChatClient, retry_after
+from runtime.prompts.gpt.prompt import load_structured_prompt
+from runtime.prompts.gpt.settings import GptSettings, Secret
+from runtime.takes.clip import Clip
+from runtime.terrain.height_map import Terrain
 from sport import cli
-from sport.runtime.assets import asset_path
-from sport.runtime.controls import Controls
-from sport.runtime.generate import generate_clip, load_parts, parse_prompts
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.model import load_model
-from sport.runtime.prompts.blend import BlendedPrompt, parse_weights, read_words
-from sport.runtime.prompts.english.library import LibraryExpander
-from sport.runtime.prompts.english.library_data import load_styles
-from sport.runtime.prompts.gpt.cache import AnswerCache
-from sport.runtime.prompts.gpt.client import ChatClient, retry_after
-from sport.runtime.prompts.gpt.prompt import load_structured_prompt
-from sport.runtime.prompts.gpt.settings import GptSettings, Secret
-from sport.runtime.takes.clip import Clip
-from sport.runtime.terrain.height_map import Terrain
 
 from .mutate import damaged_json, damaged_text
 from .networks import write_model
@@ -88,14 +88,14 @@ def _blend_seeds(_folder: Path) -> list[bytes]:
 
 
 def _settings_seeds(folder: Path) -> list[bytes]:
-    from sport.viewer.settings import Settings, save_settings
+    from viewer.settings import Settings, save_settings
 
     save_settings(Settings(prompt_history=["a", "b"]), folder)
     return [(folder / "settings.json").read_bytes()]
 
 
 def _read_settings(folder: Path, data: bytes) -> None:
-    from sport.viewer.settings import load_settings, save_settings
+    from viewer.settings import load_settings, save_settings
 
     put(folder, "settings.json", data)
     settings, complaints = load_settings(folder)

@@ -1,1 +1,1 @@
-"""Builds the shipped mannequin from an implicit surface: `python -m sport.training.character.build --out FILE.glb`."""
+"""Builds the shipped mannequin from an implicit surface: `python -m training.character.build --out FILE.glb`."""

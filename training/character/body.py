@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
-from sport.training.character.shapes import (
+from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
+from training.character.shapes import (
     Ellipsoid,
     Loft,
     Mirrored,

@@ -1,6 +1,6 @@
 """Builds the shipped mannequin: implicit surface, mesh, skin weights, colours, GLB.
 
-python -m sport.training.character.build --out assets/character/mannequin.glb
+python -m training.character.build --out assets/character/mannequin.glb
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from sport.runtime.character.character import Character
-from sport.runtime.character.joints import align
-from sport.runtime.character.writer import write_character
-from sport.runtime.errors import run_command
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.training.character import mesh, paint, weights
-from sport.training.character.body import REST_POSITIONS, Body
+from runtime.character.character import Character
+from runtime.character.joints import align
+from runtime.character.writer import write_character
+from runtime.errors import run_command
+from runtime.skeleton import SPORT_SKELETON
+from training.character import mesh, paint, weights
+from training.character.body import REST_POSITIONS, Body
 
 
 def build() -> Character:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.training.character import remesh
-from sport.training.character.body import Body
+from training.character import remesh
+from training.character.body import Body
 
 Array = NDArray[np.floating]
 Triangles = NDArray[np.int64]

@@ -11,8 +11,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.training.character import remesh
-from sport.training.character.body import finger_drop
+from training.character import remesh
+from training.character.body import finger_drop
 
 Array = NDArray[np.floating]
 Indices = NDArray[np.int64]

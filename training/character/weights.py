@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.skeleton import MIRROR_JOINTS, SPORT_SKELETON, J
-from sport.training.character.body import Body
-from sport.training.character.mesh import Triangles, laplacian
+from runtime.skeleton import MIRROR_JOINTS, SPORT_SKELETON, J
+from training.character.body import Body
+from training.character.mesh import Triangles, laplacian
 
 Array = NDArray[np.floating]
 

@@ -7,8 +7,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from sport.runtime.errors import FileError
-from sport.training.data.archives import ARCHIVES, BY_NAME
+from runtime.errors import FileError
+from training.data.archives import ARCHIVES, BY_NAME
 
 SOURCES = tuple(archive.name for archive in ARCHIVES)
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.skeleton import mirror_motion
-from sport.training.data.height_patches import Patches
+from runtime import rotations
+from runtime.skeleton import mirror_motion
+from training.data.height_patches import Patches
 
 Array = NDArray[np.floating]
 

@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.controls import Gait
-from sport.runtime.errors import FileError, SportError
-from sport.runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON
-from sport.runtime.takes.bvh import read_bvh
-from sport.training.data import cutting, height_patches, labels, relief
-from sport.training.data.catalog import ClipSource, Refusal
-from sport.training.data.clip_files import TrainingClip
-from sport.training.data.foot_cleaning import clean_feet
-from sport.training.data.height_patches import Patches
-from sport.training.data.report import ClipSummary, summarise
-from sport.training.data.retarget import FPS, FootCalibration, SourceMotion, load_source, retarget
-from sport.training.data.source_skeletons import SourceSkeleton, of_capture, recognise
+from runtime.controls import Gait
+from runtime.errors import FileError, SportError
+from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON
+from runtime.takes.bvh import read_bvh
+from training.data import cutting, height_patches, labels, relief
+from training.data.catalog import ClipSource, Refusal
+from training.data.clip_files import TrainingClip
+from training.data.foot_cleaning import clean_feet
+from training.data.height_patches import Patches
+from training.data.report import ClipSummary, summarise
+from training.data.retarget import FPS, FootCalibration, SourceMotion, load_source, retarget
+from training.data.source_skeletons import SourceSkeleton, of_capture, recognise
 
 Array = NDArray[np.floating]
 

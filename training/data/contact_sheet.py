@@ -1,6 +1,6 @@
 """Contact sheets: frames of imported clips as bone figures, to see errors that numbers hide.
 
-`python -m sport.training.data.contact_sheet --dataset DIR --out docs/contact_sheets`
+`python -m training.data.contact_sheet --dataset DIR --out SHEETS`
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.errors import run_command
-from sport.runtime.skeleton import PART_JOINTS, SPORT_SKELETON
-from sport.runtime.terrain.height_map import Terrain
+from runtime import rotations
+from runtime.errors import run_command
+from runtime.skeleton import PART_JOINTS, SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 

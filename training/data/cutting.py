@@ -8,9 +8,9 @@ from collections import Counter
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.training.data.labels import smooth
-from sport.training.data.retarget import FPS, speed
+from runtime import rotations
+from training.data.labels import smooth
+from training.data.retarget import FPS, speed
 
 Array = NDArray[np.floating]
 

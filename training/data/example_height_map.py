@@ -1,6 +1,6 @@
 """Writes the shipped example height map, `assets/terrains/bowl.png`.
 
-python -m sport.training.data.example_height_map
+python -m training.data.example_height_map
 """
 
 from __future__ import annotations
@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.assets import PROJECT_ROOT
-from sport.runtime.terrain.files import write_height_png
+from runtime.assets import PROJECT_ROOT
+from runtime.terrain.files import write_height_png
 
 Array = NDArray[np.floating]
 

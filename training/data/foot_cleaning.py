@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.feet.ik import MAX_REACH, solve_legs
-from sport.runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
-from sport.training.data.heel import heel_rise, pitched
+from runtime import rotations
+from runtime.feet.ik import MAX_REACH, solve_legs
+from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
+from training.data.heel import heel_rise, pitched
 
 Array = NDArray[np.floating]
 GroundHeight = Callable[[Array, Array], Array]

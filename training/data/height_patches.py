@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import FileError
-from sport.runtime.terrain.height_map import Terrain
+from runtime.errors import FileError
+from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 

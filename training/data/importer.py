@@ -1,4 +1,4 @@
-"""Import motion archives: `python -m sport.training.data.importer --data DIR --out DIR [--workers 2]`."""
+"""Import motion archives: `python -m training.data.importer --data DIR --out DIR [--workers 2]`."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from sport.runtime import rotations
-from sport.runtime.errors import FileError, SportError, run_command
-from sport.training.data import cutting
-from sport.training.data.catalog import SOURCES, ClipSource, Refusal, list_clips, source_folder
-from sport.training.data.clip_import import ImportJob, import_clip, load
-from sport.training.data.report import ClipSummary, Report
-from sport.training.data.retarget import FootCalibration, calibrate_feet
-from sport.training.data.source_comparison import section
+from runtime import rotations
+from runtime.errors import FileError, SportError, run_command
+from training.data import cutting
+from training.data.catalog import SOURCES, ClipSource, Refusal, list_clips, source_folder
+from training.data.clip_import import ImportJob, import_clip, load
+from training.data.report import ClipSummary, Report
+from training.data.retarget import FootCalibration, calibrate_feet
+from training.data.source_comparison import section
 
 CALIBRATION_CLIPS = 40  # of each source, evenly spread
 MAX_ARCHIVE_BYTES = 4 << 30  # unpacked

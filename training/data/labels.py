@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.controls import Gait
-from sport.runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
-from sport.training.data.retarget import FPS, speed
+from runtime.controls import Gait
+from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
+from training.data.retarget import FPS, speed
 
 Array = NDArray[np.floating]
 

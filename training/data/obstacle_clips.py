@@ -1,6 +1,6 @@
 """Copies of imported clips on obstacles that fit them: hurdles, gaps, platforms, beams.
 
-    python -m sport.training.data.obstacle_clips --clips DIR --out DIR [--report docs/results/obstacles.md]
+    python -m training.data.obstacle_clips --clips DIR --out DIR [--report docs/results/obstacles.md]
 
 A copy is named `<name>_fit_t`, as copies on made ground are, and has the motion of its source frame for frame.
 """
@@ -15,14 +15,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.controls import Gait
-from sport.runtime.errors import FileError, run_command
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.training.data.clip_files import TrainingClip
-from sport.training.data.height_patches import Patches
-from sport.training.data.labels import soften
-from sport.training.data.obstacle_fit import Fitted, fit_obstacles, platform_ground, raised
-from sport.training.data.retarget import FPS
+from runtime.controls import Gait
+from runtime.errors import FileError, run_command
+from runtime.skeleton import SPORT_SKELETON
+from training.data.clip_files import TrainingClip
+from training.data.height_patches import Patches
+from training.data.labels import soften
+from training.data.obstacle_fit import Fitted, fit_obstacles, platform_ground, raised
+from training.data.retarget import FPS
 
 Array = NDArray[np.floating]
 
@@ -141,7 +141,7 @@ def report(rows: Sequence[Row], command: str) -> str:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Command line."""
-    from sport.training.evaluation.report.markers import check_section, write_section
+    from training.evaluation.report.markers import check_section, write_section
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--clips", type=Path, required=True, help="folder that the importer wrote")
@@ -160,7 +160,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             copy.save(args.out)
             copy.mirror().save(args.out)
             rows.append(row)
-    text = report(rows, "python -m sport.training.data.obstacle_clips --clips DIR --out DIR")
+    text = report(rows, "python -m training.data.obstacle_clips --clips DIR --out DIR")
     print(text, end="")
     if args.report is not None:
         write_section(args.report, SECTION, text)

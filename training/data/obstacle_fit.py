@@ -13,11 +13,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
-from sport.runtime.terrain.height_map import Terrain
-from sport.training.data.height_patches import Patches, grid_under
-from sport.training.data.labels import FOOT_JOINTS, smooth
-from sport.training.data.retarget import FPS
+from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
+from runtime.terrain.height_map import Terrain
+from training.data.height_patches import Patches, grid_under
+from training.data.labels import FOOT_JOINTS, smooth
+from training.data.retarget import FPS
 
 Array = NDArray[np.floating]
 Mask = NDArray[np.bool_]

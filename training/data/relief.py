@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
-from sport.training.data.foot_cleaning import bridge, stretches
-from sport.training.data.height_patches import CELL_M, FLAT_MARGIN_M, Patches, grid_under
-from sport.training.data.labels import FOOT_JOINTS
-from sport.training.data.retarget import speed
+from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
+from training.data.foot_cleaning import bridge, stretches
+from training.data.height_patches import CELL_M, FLAT_MARGIN_M, Patches, grid_under
+from training.data.labels import FOOT_JOINTS
+from training.data.retarget import speed
 
 Array = NDArray[np.floating]
 

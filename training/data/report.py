@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from sport.runtime.controls import Gait
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.training.data.catalog import Refusal
-from sport.training.data.clip_files import TrainingClip
-from sport.training.data.labels import FOOT_JOINTS
-from sport.training.data.retarget import FPS
-from sport.training.data.source_skeletons import HEAD_LIFT_DEGREES
+from runtime.controls import Gait
+from runtime.skeleton import SPORT_SKELETON
+from training.data.catalog import Refusal
+from training.data.clip_files import TrainingClip
+from training.data.labels import FOOT_JOINTS
+from training.data.retarget import FPS
+from training.data.source_skeletons import HEAD_LIFT_DEGREES
 
 
 @dataclass(frozen=True)
@@ -114,8 +114,8 @@ class Report:
 
 _PREFACE = """# Training data
 
-Written by `python -m sport.training.data.importer --data DIR --out DIR --report docs/results/data.md`. Contact sheets of every source lie in
-[../contact_sheets](../contact_sheets): left limbs orange, right limbs blue, contacts green, the ground as a grid.
+Written by `python -m training.data.importer --data DIR --out DIR --report docs/results/data.md`. `python -m training.data.contact_sheet`
+draws a contact sheet of every source: left limbs orange, right limbs blue, contacts green, the ground as a grid.
 
 Clips are retargeted by calibrated rest poses, brought to 60 Hz, cut (lead-ins, T-poses, spikes) and their feet locked
 to the ground by two-bone IK. "Skating" is the horizontal travel of joints in contact, cm per frame. Names that end in

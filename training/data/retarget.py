@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.feet.ik import solve_legs
-from sport.runtime.motion.features import FPS
-from sport.runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
-from sport.runtime.takes.bvh import BvhMotion
-from sport.training.data.heel import FOOT_OFFSET, heel_rise, pitched
-from sport.training.data.source_skeletons import SourceJoint, SourceSkeleton
+from runtime import rotations
+from runtime.feet.ik import solve_legs
+from runtime.motion.features import FPS
+from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
+from runtime.takes.bvh import BvhMotion
+from training.data.heel import FOOT_OFFSET, heel_rise, pitched
+from training.data.source_skeletons import SourceJoint, SourceSkeleton
 
 Array = NDArray[np.floating]
 

@@ -9,11 +9,11 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.errors import FileError
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.takes.bvh import BvhMotion
-from sport.training.data.reference_pose import standing_rotations
+from runtime import rotations
+from runtime.errors import FileError
+from runtime.skeleton import SPORT_SKELETON
+from runtime.takes.bvh import BvhMotion
+from training.data.reference_pose import standing_rotations
 
 Array = NDArray[np.floating]
 

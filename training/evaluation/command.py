@@ -11,18 +11,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.assets import model_folder
-from sport.runtime.atomic import check_target, write_atomic
-from sport.runtime.errors import UsageError
-from sport.runtime.motion.motion_encoder import MotionEncoder
-from sport.training.evaluation.metrics.encoder_features import has_encoder
-from sport.training.evaluation.motion.plan import Options, Plan, make_plan
-from sport.training.evaluation.motion.score_capture import score_held_out, score_rollouts
-from sport.training.evaluation.motion.score_model import score_model
-from sport.training.evaluation.motion.subject import Subject
-from sport.training.evaluation.report.bars import check
-from sport.training.evaluation.report.markers import check_section, write_section
-from sport.training.evaluation.report.tables import SECTION, markdown
+from runtime.assets import model_folder
+from runtime.atomic import check_target, write_atomic
+from runtime.errors import UsageError
+from runtime.motion.motion_encoder import MotionEncoder
+from training.evaluation.metrics.encoder_features import has_encoder
+from training.evaluation.motion.plan import Options, Plan, make_plan
+from training.evaluation.motion.score_capture import score_held_out, score_rollouts
+from training.evaluation.motion.score_model import score_model
+from training.evaluation.motion.subject import Subject
+from training.evaluation.report.bars import check
+from training.evaluation.report.markers import check_section, write_section
+from training.evaluation.report.tables import SECTION, markdown
 
 log = logging.getLogger("sport.evaluate")
 
@@ -90,12 +90,12 @@ def main(argv: list[str] | None = None) -> int:
     """Evaluate; the exit code is 0 also where a model misses a bar: the tables say so."""
     words = list(sys.argv[1:] if argv is None else argv)
     if "--text" in words:  # does the motion do what the words say
-        from sport.training.evaluation.text import command as text_main
+        from training.evaluation.text import command as text_main
 
         words.remove("--text")
         return text_main.main(words)
     if "--courses" in words:  # how obstacles are crossed
-        from sport.training.evaluation import courses_command
+        from training.evaluation import courses_command
 
         words.remove("--courses")
         return courses_command.main(words)
@@ -108,7 +108,7 @@ def main(argv: list[str] | None = None) -> int:
     if args.markdown is not None:
         check_section(args.markdown, SECTION)
     if args.figures is not None:
-        from sport.training.evaluation.report.figures import draw_figures
+        from training.evaluation.report.figures import draw_figures
 
         args.figures.mkdir(parents=True, exist_ok=True)
         draw_figures(args.clips, args.model[0], args.figures, args.seed, log.info)

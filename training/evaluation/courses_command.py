@@ -8,16 +8,16 @@ import logging
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.assets import model_folder
-from sport.runtime.atomic import check_target, write_atomic
-from sport.runtime.errors import UsageError
-from sport.training.evaluation.metrics.recognition import StyleClassifier
-from sport.training.evaluation.motion.obstacle_courses import COURSES, CourseRun
-from sport.training.evaluation.motion.plan import Options, make_plan, style_texts
-from sport.training.evaluation.motion.score_obstacles import STYLES, by_name, runner_of, score_obstacles
-from sport.training.evaluation.motion.subject import Subject
-from sport.training.evaluation.report.course_tables import SECTION, markdown
-from sport.training.evaluation.report.markers import check_section, write_section
+from runtime.assets import model_folder
+from runtime.atomic import check_target, write_atomic
+from runtime.errors import UsageError
+from training.evaluation.metrics.recognition import StyleClassifier
+from training.evaluation.motion.obstacle_courses import COURSES, CourseRun
+from training.evaluation.motion.plan import Options, make_plan, style_texts
+from training.evaluation.motion.score_obstacles import STYLES, by_name, runner_of, score_obstacles
+from training.evaluation.motion.subject import Subject
+from training.evaluation.report.course_tables import SECTION, markdown
+from training.evaluation.report.markers import check_section, write_section
 
 log = logging.getLogger("sport.evaluate")
 
@@ -95,7 +95,7 @@ def evaluate(args: argparse.Namespace) -> dict[str, Any]:
 
 def _keep(walks: list[CourseRun], run: CourseRun, args: argparse.Namespace) -> None:
     """Draw a course when the last style has walked over it."""
-    from sport.training.evaluation.report.course_pictures import draw_courses
+    from training.evaluation.report.course_pictures import draw_courses
 
     if "walk" in run.motion.name:
         walks.append(run)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from torch import Tensor
 
-from sport.training.batches import Normalisation
-from sport.training.export.step import FrameGraph
-from sport.training.networks.generator import Generator
+from training.batches import Normalisation
+from training.export.step import FrameGraph
+from training.networks.generator import Generator
 
 
 class MixtureStepGraph(FrameGraph):

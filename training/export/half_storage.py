@@ -2,7 +2,7 @@
 
 onnxruntime computes the casts once, when it loads a graph, so that neither speed nor memory of a frame changes.
 
-    python -m sport.training.export.half_storage FOLDER        rewrites the graphs of a model folder and its hashes
+    python -m training.export.half_storage FOLDER        rewrites the graphs of a model folder and its hashes
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from sport.runtime.atomic import write_atomic
-from sport.runtime.errors import run_command
-from sport.runtime.motion.model_files import read_metadata
+from runtime.atomic import write_atomic
+from runtime.errors import run_command
+from runtime.motion.model_files import read_metadata
 
 SMALLEST = 4096  # elements of a tensor that is worth a cast
 LARGEST = 6.0e4  # a weight beyond the range of half precision keeps its tensor in single precision
@@ -61,7 +61,7 @@ def store_model_in_half(folder: Path) -> int:
 
 def main(argv: list[str] | None = None) -> int:
     """Command line."""
-    parser = argparse.ArgumentParser(prog="sport.training.export.half_storage", description=__doc__)
+    parser = argparse.ArgumentParser(prog="training.export.half_storage", description=__doc__)
     parser.add_argument("folder", type=Path)
     options = parser.parse_args(argv)
     print(f"{options.folder}: {store_model_in_half(options.folder)} weights in half precision")

@@ -12,18 +12,18 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from sport.runtime.motion.features import FPS, LAYOUT_VERSION
-from sport.runtime.motion.model_files import FOLDED
-from sport.runtime.skeleton import SPORT_SKELETON, J
-from sport.training.batches import Normalisation
-from sport.training.export.ablation import MixtureStepGraph
-from sport.training.export.graph import BATCH, export_graph
-from sport.training.export.model_card import model_card
-from sport.training.export.step import StepGraph, export_step
-from sport.training.networks.content import JOINT_FEATURES, SEQUENCE_LENGTH, ContentEncoder
-from sport.training.networks.diffusion import ReverseStep
-from sport.training.networks.generator import Generator
-from sport.training.presets import ModelConfig
+from runtime.motion.features import FPS, LAYOUT_VERSION
+from runtime.motion.model_files import FOLDED
+from runtime.skeleton import SPORT_SKELETON, J
+from training.batches import Normalisation
+from training.export.ablation import MixtureStepGraph
+from training.export.graph import BATCH, export_graph
+from training.export.model_card import model_card
+from training.export.step import StepGraph, export_step
+from training.networks.content import JOINT_FEATURES, SEQUENCE_LENGTH, ContentEncoder
+from training.networks.diffusion import ReverseStep
+from training.networks.generator import Generator
+from training.presets import ModelConfig
 
 
 class PromptGraph(nn.Module):
@@ -72,7 +72,7 @@ class MotionGraph(nn.Module):
 
 class StyleGraph(nn.Module):
     """Z^t `(6, 64)` to the folded modulator weights and the style's natural speeds (walk, jog) in m/s,
-    then what `sport.training.rest_rhythm` fits."""
+    then what `training.rest_rhythm` fits."""
 
     def __init__(self, generator: Generator, speeds: Tensor) -> None:
         super().__init__()

@@ -1,6 +1,6 @@
 """The model card that travels with the exported networks.
 
-    python -m sport.training.export.model_card FOLDER --soak soak.json --text text.json --motion evaluation.json --gait gait.json
+    python -m training.export.model_card FOLDER --soak soak.json --text text.json --motion evaluation.json --gait gait.json
 
 puts measured figures into an exported model's metadata and card.
 """
@@ -12,8 +12,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.atomic import write_atomic
-from sport.runtime.errors import FileError, run_command
+from runtime.atomic import write_atomic
+from runtime.errors import FileError, run_command
 
 
 def model_card(metadata: dict[str, Any], curves: dict[str, str]) -> str:
@@ -95,10 +95,10 @@ def _eight_bits(quantised: dict[str, Any]) -> list[str]:
 
 
 def soak_metrics(soak: dict[str, Any]) -> list[str]:
-    """Lines from the JSON of `sport.training.evaluation.motion.soak`."""
+    """Lines from the JSON of `training.evaluation.motion.soak`."""
     minutes = soak["frames"] / 3600
     lines = [
-        f"- {minutes:.0f} minutes of random play (`sport.training.evaluation.motion.soak`): {soak['not_finite']} values not finite,"
+        f"- {minutes:.0f} minutes of random play (`training.evaluation.motion.soak`): {soak['not_finite']} values not finite,"
         f" {soak['frozen_seconds']} of {soak['moving_seconds']} moving seconds frozen, mean speed error"
         f" {100 * soak['speed_error']:.1f} %"
     ]
@@ -108,22 +108,22 @@ def soak_metrics(soak: dict[str, Any]) -> list[str]:
 
 def text_metrics(text: dict[str, Any]) -> list[str]:
     """Lines from the JSON of `sport evaluate --text`."""
-    from sport.training.evaluation.report.text_tables import bars
+    from training.evaluation.report.text_tables import bars
 
     return [f"- {asked}: {measured}" for asked, measured, _ in bars(text)]
 
 
 def motion_metrics(motion: dict[str, Any]) -> list[str]:
     """Lines from the JSON of `sport evaluate`, of its first model."""
-    from sport.training.evaluation.report.bars import check
+    from training.evaluation.report.bars import check
 
     found = check(motion["models"][0], motion["held_out"])
     return [f"- {bar.name}: {bar.met} of {bar.cases} cases" for bar in found]
 
 
 def gait_metrics(gait: dict[str, Any]) -> list[str]:
-    """Lines from the JSON of `sport.training.evaluation.motion.gait_table`, of its last model."""
-    from sport.training.evaluation.motion.gait_table import ROWS, cell
+    """Lines from the JSON of `training.evaluation.motion.gait_table`, of its last model."""
+    from training.evaluation.motion.gait_table import ROWS, cell
 
     ours = gait["models"][list(gait["models"])[-1]]
     found = [f"{row.title} {cell(row, gait['raw'], ours)}" for row in ROWS]

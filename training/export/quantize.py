@@ -1,7 +1,7 @@
 """An 8-bit twin of the step graph, and how far its output is from the original's on frames of the model's own walks.
 
-python -m sport.training.export.quantize FOLDER                     writes step_int8.onnx and what was measured into metadata.json
-python -m sport.training.export.quantize FOLDER --default fp32      and lets full precision be loaded unless int8 is asked for
+python -m training.export.quantize FOLDER                     writes step_int8.onnx and what was measured into metadata.json
+python -m training.export.quantize FOLDER --default fp32      and lets full precision be loaded unless int8 is asked for
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.atomic import write_atomic
-from sport.runtime.errors import FileError, run_command
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.features import FPS, OUTPUT
-from sport.runtime.motion.model import MotionModel, Style, load_model
-from sport.runtime.motion.model_files import INT8_GRAPH, PRECISIONS, read_metadata
-from sport.runtime.motion.paths import Place, control_script
-from sport.runtime.prompts.prompter import Prompter
-from sport.runtime.terrain.library import load_terrain
+from runtime.atomic import write_atomic
+from runtime.errors import FileError, run_command
+from runtime.motion.controller import Controller
+from runtime.motion.features import FPS, OUTPUT
+from runtime.motion.model import MotionModel, Style, load_model
+from runtime.motion.model_files import INT8_GRAPH, PRECISIONS, read_metadata
+from runtime.motion.paths import Place, control_script
+from runtime.prompts.prompter import Prompter
+from runtime.terrain.library import load_terrain
 
 if TYPE_CHECKING:
     import onnx
@@ -69,7 +69,7 @@ def quantize_step(source: Path, target: Path, kept: Sequence[str] = ()) -> None:
 
     `kept` names weights that stay in full precision beside those in KEPT.
 
-    Weights are signed, which is 1.4 times as fast as unsigned. That needs `sport.runtime.motion.processor.exact_8_bit_products`:
+    Weights are signed, which is 1.4 times as fast as unsigned. That needs `runtime.motion.processor.exact_8_bit_products`:
     elsewhere the runtime does not load the graph, as onnxruntime's own remedy (session.x64quantprecision) fails on
     weights that several products share, as the denoising steps do. FileError when `source` is of an older export.
     """
@@ -237,7 +237,7 @@ def _deviation(path: Path) -> Array:
 def main(argv: list[str] | None = None) -> int:
     """Command line."""
     parser = argparse.ArgumentParser(
-        prog="sport.training.export.quantize", description="Write a model's 8-bit twin."
+        prog="training.export.quantize", description="Write a model's 8-bit twin."
     )
     parser.add_argument("folder", type=Path)
     parser.add_argument("--default", choices=PRECISIONS[1:], default="int8", help="what `auto` loads")

@@ -1,6 +1,6 @@
 """One frame in the form in which it is fast: the prompt folded in, one product per layer, weights laid out for it.
 
-The same values as `sport.training.networks.generator.Generator.sample` (measured at export), written anew because the order
+The same values as `training.networks.generator.Generator.sample` (measured at export), written anew because the order
 of the operations decides the speed: all experts of a layer are one matrix product, E's projection into the denoiser is
 computed once for all steps, step embeddings are constants, and the convolution over the tokens is one wide product.
 """
@@ -13,14 +13,14 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import elu, pad, silu
 
-from sport.runtime.motion.features import INPUT_SIZE, MOTION_INPUT_SIZE
-from sport.runtime.motion.model_files import FOLDED
-from sport.training.batches import Normalisation, normalised
-from sport.training.export.graph import BATCH, export_graph
-from sport.training.networks.decoder import blend_codes
-from sport.training.networks.diffusion import ReverseStep
-from sport.training.networks.generator import Generator
-from sport.training.networks.modulator import instance_norm
+from runtime.motion.features import INPUT_SIZE, MOTION_INPUT_SIZE
+from runtime.motion.model_files import FOLDED
+from training.batches import Normalisation, normalised
+from training.export.graph import BATCH, export_graph
+from training.networks.decoder import blend_codes
+from training.networks.diffusion import ReverseStep
+from training.networks.generator import Generator
+from training.networks.modulator import instance_norm
 
 
 class FrameGraph(nn.Module):

@@ -1,7 +1,7 @@
 """The step graphs of a preset with random weights: how fast a network is does not depend on what it has learned.
 
-python -m sport.training.export.untrained --preset paper FOLDER
-python -m sport.training.export.untrained --model assets/models/compact FOLDER      layers as those of that model
+python -m training.export.untrained --preset paper FOLDER
+python -m training.export.untrained --model assets/models/compact FOLDER      layers as those of that model
 
 Writes plain.onnx (content experts blended in every frame), style.onnx, step.onnx (folded) and step_int8.onnx. There is
 no metadata: it is no model that could be walked with.
@@ -16,18 +16,18 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from sport.runtime.assets import model_folder
-from sport.runtime.errors import run_command
-from sport.runtime.motion.features import INPUT_SIZE
-from sport.runtime.motion.model_files import FOLDED, INT8_GRAPH, read_metadata
-from sport.training.batches import Normalisation
-from sport.training.export.graph import BATCH, export_graph
-from sport.training.export.model import StyleGraph
-from sport.training.export.quantize import quantize_step
-from sport.training.export.step import PlainGraph, StepGraph, export_step
-from sport.training.networks.diffusion import Schedule, reverse_steps
-from sport.training.networks.generator import Generator
-from sport.training.presets import ModelConfig, preset
+from runtime.assets import model_folder
+from runtime.errors import run_command
+from runtime.motion.features import INPUT_SIZE
+from runtime.motion.model_files import FOLDED, INT8_GRAPH, read_metadata
+from training.batches import Normalisation
+from training.export.graph import BATCH, export_graph
+from training.export.model import StyleGraph
+from training.export.quantize import quantize_step
+from training.export.step import PlainGraph, StepGraph, export_step
+from training.networks.diffusion import Schedule, reverse_steps
+from training.networks.generator import Generator
+from training.presets import ModelConfig, preset
 
 
 def export_untrained(config: ModelConfig, folder: Path, seed: int = 0) -> None:
@@ -59,9 +59,7 @@ def export_untrained(config: ModelConfig, folder: Path, seed: int = 0) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Command line."""
-    parser = argparse.ArgumentParser(
-        prog="sport.training.export.untrained", description="Networks to be timed."
-    )
+    parser = argparse.ArgumentParser(prog="training.export.untrained", description="Networks to be timed.")
     parser.add_argument("folder", type=Path)
     parser.add_argument("--preset", default="paper")
     parser.add_argument("--model", type=model_folder, help="folder of a model whose layer sizes are taken")

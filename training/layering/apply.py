@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from sport.training.layering import cycle_edits, pose_edits, root_edits
-from sport.training.layering.catalog import PartEdit
-from sport.training.layering.pose_edits import Motion
+from training.layering import cycle_edits, pose_edits, root_edits
+from training.layering.catalog import PartEdit
+from training.layering.pose_edits import Motion
 
 KINDS = pose_edits.KINDS | root_edits.KINDS | cycle_edits.KINDS
 

@@ -1,6 +1,6 @@
 """`sport train layer`: layered clips from imported ones, each with six descriptions of its own.
 
-    python -m sport.training.layering.build --clips DIR --out DIR
+    python -m training.layering.build --clips DIR --out DIR
 
 Writes `layer_*.npz` beside (or apart from) the imported clips, and `layers.json`: for every layered clip the
 descriptions of its parts, a key that names what each part does, and what the clip was made of.
@@ -17,25 +17,25 @@ from pathlib import Path
 
 import numpy as np
 
-from sport.runtime.assets import asset_path
-from sport.runtime.controls import Gait
-from sport.runtime.errors import run_command
-from sport.runtime.motion import features
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.skeleton import PART_NAMES, SPORT_SKELETON
-from sport.training.arguments import COUNT
-from sport.training.data import relief
-from sport.training.data.clip_files import TrainingClip
-from sport.training.data.height_patches import Patches
-from sport.training.data.labels import FOOT_JOINTS
-from sport.training.layering import recipes
-from sport.training.layering.apply import apply
-from sport.training.layering.catalog import EDITS
-from sport.training.layering.cycle import axes, cycle_frames, cycle_mean
-from sport.training.layering.effects import rhythm_section
-from sport.training.layering.pool import NEUTRAL, Pool, Source
-from sport.training.layering.pose_edits import Motion
-from sport.training.layering.recombine import UPPER_PARTS, cut, recombine
+from runtime.assets import asset_path
+from runtime.controls import Gait
+from runtime.errors import run_command
+from runtime.motion import features
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import PART_NAMES, SPORT_SKELETON
+from training.arguments import COUNT
+from training.data import relief
+from training.data.clip_files import TrainingClip
+from training.data.height_patches import Patches
+from training.data.labels import FOOT_JOINTS
+from training.layering import recipes
+from training.layering.apply import apply
+from training.layering.catalog import EDITS
+from training.layering.cycle import axes, cycle_frames, cycle_mean
+from training.layering.effects import rhythm_section
+from training.layering.pool import NEUTRAL, Pool, Source
+from training.layering.pose_edits import Motion
+from training.layering.recombine import UPPER_PARTS, cut, recombine
 
 log = logging.getLogger("sport.train")
 
@@ -274,7 +274,7 @@ def report(entries: dict[str, dict], captured: int, rhythm: str = "") -> str:
     lines = [
         "# Layered styles",
         "",
-        "Written by `python -m sport.training.layering.build --clips DIR --report docs/results/layering.md`. Layered clips are made of imported"
+        "Written by `python -m training.layering.build --clips DIR --report docs/results/layering.md`. Layered clips are made of imported"
         " ones: parts of another style at matching step phase (*recombined*), and edits with exact descriptions"
         " (*parametric*), the feet kept by inverse kinematics. Every clip has six descriptions of its own. The edits"
         " are defined in `training/layering/catalog*.py`; those marked there as held out never enter training.",

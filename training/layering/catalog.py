@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sport.training.layering.catalog_arms import ARM, ARM_SWING
-from sport.training.layering.catalog_body import HEAD, LEG, LEGS, TORSO
-from sport.training.layering.catalog_rhythm import ARM_SWINGS, STANCE, STEPS, TORSO_RHYTHM
+from training.layering.catalog_arms import ARM, ARM_SWING
+from training.layering.catalog_body import HEAD, LEG, LEGS, TORSO
+from training.layering.catalog_rhythm import ARM_SWINGS, STANCE, STEPS, TORSO_RHYTHM
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class PartEdit:
 
     Two edits of one clip never describe the same part.
 
-    `measure` (part, field of its measures in `sport.training.text.measure`) is the quantity that shows the edit.
+    `measure` (part, field of its measures in `training.text.measure`) is the quantity that shows the edit.
     """
 
     name: str

@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.motion import features
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.training.layering.pose_edits import Motion
-from sport.training.layering.steps import left_landings
+from runtime import rotations
+from runtime.motion import features
+from runtime.skeleton import SPORT_SKELETON
+from training.layering.pose_edits import Motion
+from training.layering.steps import left_landings
 
 Array = NDArray[np.floating]
 USUAL_CYCLE = 66  # frames, where there are too few landings to tell

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.training.frames import smooth
-from sport.training.layering.catalog import PartEdit
-from sport.training.layering.cycle import (
+from runtime import rotations
+from runtime.skeleton import SPORT_SKELETON
+from training.frames import smooth
+from training.layering.catalog import PartEdit
+from training.layering.cycle import (
     Axes,
     away_from_mean,
     axes,
@@ -20,9 +20,9 @@ from sport.training.layering.cycle import (
     cycle_mean,
     right_landings,
 )
-from sport.training.layering.pose_edits import SPINE_ONLY, Motion, lean_shares, turn_joints, turns
-from sport.training.layering.root_edits import down, feet_of, with_feet
-from sport.training.layering.steps import height_in_swing, left_landings, swings
+from training.layering.pose_edits import SPINE_ONLY, Motion, lean_shares, turn_joints, turns
+from training.layering.root_edits import down, feet_of, with_feet
+from training.layering.steps import height_in_swing, left_landings, swings
 
 Array = NDArray[np.floating]
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sport.training.layering.catalog import EDITS, HELD_OUT, PartEdit
+from training.layering.catalog import EDITS, HELD_OUT, PartEdit
 
 INTRODUCTION = """## Rhythm and weight
 
@@ -35,7 +35,7 @@ label: a pause is still a walk, so that words and not the label make it.
 
 def rhythm_section(clips: Path) -> str:
     """The definitions, and of every edit what it does to its measure on captured neutral walks, medians."""
-    from sport.training.evaluation.text.part_edits import load_reference, targets, value
+    from training.evaluation.text.part_edits import load_reference, targets, value
 
     reference = load_reference(clips)
     rows = []

@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import product
 
-from sport.training.layering.catalog import PartEdit
-from sport.training.layering.more_words import more_words
-from sport.training.layering.recipes import trained_edits
+from training.layering.catalog import PartEdit
+from training.layering.more_words import more_words
+from training.layering.recipes import trained_edits
 
 # What can be added to a posture, and to a movement, without another pose.
 _STILL: dict[str, tuple[str, ...]] = {

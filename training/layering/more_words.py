@@ -6,7 +6,7 @@ None of these is a sentence that the evaluation asks for.
 
 from __future__ import annotations
 
-from sport.training.layering.catalog import HELD_OUT
+from training.layering.catalog import HELD_OUT
 
 # Of one part each. `{s}` is the side.
 HEAD_AND_TORSO: dict[str, tuple[str, ...]] = {

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from sport.runtime.errors import FileError
-from sport.runtime.terrain.height_map import Terrain
-from sport.training.data.height_patches import Patches
-from sport.training.frames import PLAIN
-from sport.training.layering.pose_edits import Motion
+from runtime.errors import FileError
+from runtime.terrain.height_map import Terrain
+from training.data.height_patches import Patches
+from training.frames import PLAIN
+from training.layering.pose_edits import Motion
 
 NEUTRAL = 0.45  # share of clips that are built on neutral motion, where an edit shows most clearly
 PLAIN_SHARE = 0.7  # of the neutral motion is plain: an edit's words stand beside these sentences most often

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.feet import ik
-from sport.runtime.motion import features
-from sport.runtime.motion.features import FPS
-from sport.runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
-from sport.runtime.terrain.height_map import Terrain
-from sport.training.frames import smooth
-from sport.training.layering.catalog import PartEdit
-from sport.training.layering.steps import bumps, held_in_stance, step_phase, swing_share
+from runtime import rotations
+from runtime.feet import ik
+from runtime.motion import features
+from runtime.motion.features import FPS
+from runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
+from runtime.terrain.height_map import Terrain
+from training.frames import smooth
+from training.layering.catalog import PartEdit
+from training.layering.steps import bumps, held_in_stance, step_phase, swing_share
 
 Array = NDArray[np.floating]
 

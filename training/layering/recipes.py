@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sport.training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS, PartEdit
+from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS, PartEdit
 
 # legs first: some of their edits take the torso along
 _CHANCE = {"legs": 0.74, "torso": 0.5, "left_arm": 0.42, "right_arm": 0.42, "head": 0.38}

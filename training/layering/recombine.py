@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.skeleton import PART_JOINTS
-from sport.training.layering.pose_edits import Motion
-from sport.training.layering.steps import left_landings, step_phase
+from runtime import rotations
+from runtime.skeleton import PART_JOINTS
+from training.layering.pose_edits import Motion
+from training.layering.steps import left_landings, step_phase
 
 Array = NDArray[np.floating]
 

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.feet import ik
-from sport.runtime.motion.features import FPS
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.training.frames import smooth
-from sport.training.layering.catalog import PartEdit
-from sport.training.layering.cycle import away_from_mean, axes, cycle_frames, cycle_mean, right_landings
-from sport.training.layering.pose_edits import (
+from runtime import rotations
+from runtime.feet import ik
+from runtime.motion.features import FPS
+from runtime.skeleton import SPORT_SKELETON
+from training.frames import smooth
+from training.layering.catalog import PartEdit
+from training.layering.cycle import away_from_mean, axes, cycle_frames, cycle_mean, right_landings
+from training.layering.pose_edits import (
     CHAIN,
     SIDES,
     Motion,
@@ -28,7 +28,7 @@ from sport.training.layering.pose_edits import (
     turns,
     within_reach,
 )
-from sport.training.layering.steps import held_in_stance, left_landings
+from training.layering.steps import held_in_stance, left_landings
 
 Array = NDArray[np.floating]
 

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.motion.features import FPS
+from runtime.motion.features import FPS
 
 Array = NDArray[np.floating]
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from sport.runtime.skeleton import PART_JOINTS, PART_NAMES, J
-from sport.training.presets import ModelConfig
-from sport.training.text.clip_values import signs_of
+from runtime.skeleton import PART_JOINTS, PART_NAMES, J
+from training.presets import ModelConfig
+from training.text.clip_values import signs_of
 
 SEQUENCE_LENGTH = 40  # T
 PART_SIZE = 64
@@ -107,7 +107,7 @@ class MotionSequenceEncoder(nn.Module):
 class PartTextEncoder(nn.Module):
     """Body-part MLP: six sentences `(B, 6, D)`, embedded, to six VAE tokens; parts never mix.
 
-    One-sided (`sport.runtime.prompts.one_side`), the last number of a sentence is its side: left and right limbs share
+    One-sided (`runtime.prompts.one_side`), the last number of a sentence is its side: left and right limbs share
     their tokens, and of torso and head the second half of the code changes its sign with the side. So the code of
     mirrored words is the mirrored code: the limbs' exchanged, the second half of torso and head negative.
     """
@@ -235,7 +235,7 @@ class StatisticsReader(nn.Module):
 
 
 class MeasuresReader(nn.Module):
-    """What a part does in a walk, standardised (`sport.training.text.clip_values`), read off its code along one direction each.
+    """What a part does in a walk, standardised (`training.text.clip_values`), read off its code along one direction each.
 
     Means and deviations of joints hardly tell hips that swing from hips that are still, and codes that lie as near as
     their sentences cannot be told apart by what follows. Directions have unit length, so that a deviation of a measure

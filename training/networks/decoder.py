@@ -8,8 +8,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import silu
 
-from sport.training.networks.mixture import ExpertLinear
-from sport.training.presets import ModelConfig
+from training.networks.mixture import ExpertLinear
+from training.presets import ModelConfig
 
 
 class MixtureDecoder(nn.Module):

@@ -5,11 +5,11 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from sport.training.networks.decoder import Denoiser, MixtureDecoder, blend_codes
-from sport.training.networks.diffusion import ReverseStep
-from sport.training.networks.modulator import ContentModulator
-from sport.training.networks.motion_encoder import MotionEncoder
-from sport.training.presets import ModelConfig
+from training.networks.decoder import Denoiser, MixtureDecoder, blend_codes
+from training.networks.diffusion import ReverseStep
+from training.networks.modulator import ContentModulator
+from training.networks.motion_encoder import MotionEncoder
+from training.presets import ModelConfig
 
 
 class Generator(nn.Module):

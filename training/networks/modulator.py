@@ -6,8 +6,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import elu
 
-from sport.training.networks.mixture import ExpertLinear, Gating
-from sport.training.presets import ModelConfig
+from training.networks.mixture import ExpertLinear, Gating
+from training.presets import ModelConfig
 
 
 def instance_norm(w: Tensor, epsilon: float = 1e-5) -> Tensor:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from sport.runtime.motion.features import INPUT, MOTION_INPUT_SIZE
-from sport.training.networks.mixture import ExpertLinear, Gating
-from sport.training.presets import ModelConfig
+from runtime.motion.features import INPUT, MOTION_INPUT_SIZE
+from training.networks.mixture import ExpertLinear, Gating
+from training.presets import ModelConfig
 
 
 class MotionEncoder(nn.Module):

@@ -7,9 +7,9 @@ import math
 import torch
 from torch import Tensor, nn
 
-from sport.runtime.motion.features import FPS, C
-from sport.runtime.skeleton import PART_JOINTS, PART_NAMES, SPORT_SKELETON, J
-from sport.training.presets import ModelConfig
+from runtime.motion.features import FPS, C
+from runtime.skeleton import PART_JOINTS, PART_NAMES, SPORT_SKELETON, J
+from training.presets import ModelConfig
 
 WINDOW = 121  # frames, ±1 s
 SPINE_JOINTS = ("Hips", "LowerBack", "Spine", "Spine1")

@@ -10,19 +10,19 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sport.runtime.motion.features import OUTPUT
-from sport.training import losses as terms
-from sport.training.frames import FrameTable
-from sport.training.networks.content import (
+from runtime.motion.features import OUTPUT
+from training import losses as terms
+from training.frames import FrameTable
+from training.networks.content import (
     SEQUENCE_LENGTH,
     ContentEncoder,
     Gaussian,
     MeasuresReader,
     StatisticsReader,
 )
-from sport.training.packed_run import CONTENT_START
-from sport.training.presets import ModelConfig
-from sport.training.session import (
+from training.packed_run import CONTENT_START
+from training.presets import ModelConfig
+from training.session import (
     MovingAverage,
     Session,
     StageState,
@@ -30,15 +30,15 @@ from sport.training.session import (
     save_checkpoint,
     train,
 )
-from sport.training.styles import StyleTable, StyleTexts, pick_paraphrases
-from sport.training.text.clip_values import clip_values
+from training.styles import StyleTable, StyleTexts, pick_paraphrases
+from training.text.clip_values import clip_values
 
 STRIDE = 2  # frames between two samples: 40 samples are 1.3 s, more than one step
 # Eq. 7. The paper's lambda_con is 1e-2 for 100 styles over a long training; the shorter one here needs more of it.
 LAMBDA_CONTRAST, LAMBDA_KL, LAMBDA_EMBEDDING = 0.1, 1e-5, 1e-5
-# Share of the pose statistics, which the paper has not (sport.training.networks.content.StatisticsReader).
+# Share of the pose statistics, which the paper has not (training.networks.content.StatisticsReader).
 LAMBDA_STATISTICS = 0.5
-# Of what clips do, which the paper has not either (sport.training.networks.content.MeasuresReader).
+# Of what clips do, which the paper has not either (training.networks.content.MeasuresReader).
 LAMBDA_MEASURES = 2.0
 MEASURED_CLIPS = 2048  # whose words are held to it in every step
 TEXT_BATCHES = 4  # of windows that words alone are to tell the statistics of, in every step

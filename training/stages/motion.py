@@ -10,17 +10,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sport.runtime.feet.skating import SOLE_POINTS
-from sport.runtime.motion.features import INPUT, OUTPUT
-from sport.training import losses as terms
-from sport.training.batches import Frames, Normalisation, loss_weights, random_rows
-from sport.training.networks.decoder import blend_codes
-from sport.training.networks.diffusion import Schedule, add_noise, analytic_variance, noise_estimate
-from sport.training.networks.generator import Generator
-from sport.training.packed_run import START
-from sport.training.presets import ModelConfig
-from sport.training.rollouts import RolloutLanes
-from sport.training.session import (
+from runtime.feet.skating import SOLE_POINTS
+from runtime.motion.features import INPUT, OUTPUT
+from training import losses as terms
+from training.batches import Frames, Normalisation, loss_weights, random_rows
+from training.networks.decoder import blend_codes
+from training.networks.diffusion import Schedule, add_noise, analytic_variance, noise_estimate
+from training.networks.generator import Generator
+from training.packed_run import START
+from training.presets import ModelConfig
+from training.rollouts import RolloutLanes
+from training.session import (
     Losses,
     MovingAverage,
     Session,
@@ -29,9 +29,9 @@ from sport.training.session import (
     save_checkpoint,
     train,
 )
-from sport.training.shown_pose import shown_losses
-from sport.training.steered_paths import steered
-from sport.training.styles import StyleTable
+from training.shown_pose import shown_losses
+from training.steered_paths import steered
+from training.styles import StyleTable
 
 _FEET = list(SOLE_POINTS)
 
@@ -124,7 +124,7 @@ class MixedBatch:
     z: Tensor
     x: Tensor  # normalised
     target: Tensor  # normalised y
-    supervised: Tensor  # one, or zero where a swapped part moves y: see sport.training.part_swaps
+    supervised: Tensor  # one, or zero where a swapped part moves y: see training.part_swaps
 
 
 def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes, noise: float) -> MixedBatch:
@@ -191,7 +191,7 @@ def run_stage2(
     torch.manual_seed(session.seed + 2)
     module = Generator(config).to(session.device)
     fine_tuned = (session.out / START).exists()
-    if fine_tuned:  # weights of an earlier model, unpacked by sport.training.packed_run
+    if fine_tuned:  # weights of an earlier model, unpacked by training.packed_run
         module.load_state_dict(load_checkpoint(session.out / START)["module"])
         _without_dropout(module)
     parameters = [p for n, p in module.named_parameters() if not n.startswith("denoiser")]

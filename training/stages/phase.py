@@ -11,10 +11,10 @@ import torch
 from torch import Tensor
 from torch.nn.functional import mse_loss
 
-from sport.training.frames import FrameTable
-from sport.training.networks.phase import WINDOW, PeriodicAutoencoder
-from sport.training.presets import ModelConfig
-from sport.training.session import (
+from training.frames import FrameTable
+from training.networks.phase import WINDOW, PeriodicAutoencoder
+from training.presets import ModelConfig
+from training.session import (
     MovingAverage,
     Session,
     StageState,

@@ -1,9 +1,9 @@
 """Stage 1, afterwards: the text network learns that a longer sentence means what its phrases mean.
 
-python -m sport.training.stages.words --clips DIR --run DIR
+python -m training.stages.words --clips DIR --run DIR
 
 The text network alone is trained, on the codes that it gives already: those of all training sentences stay, so the
-motion generator may have been trained before, and those of `sport.training.layering.longer_phrases` follow their phrases.
+motion generator may have been trained before, and those of `training.layering.longer_phrases` follow their phrases.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sport.runtime.prompts.sentence_inputs import part_inputs
-from sport.runtime.prompts.text_encoder import TextEncoderLike
-from sport.runtime.skeleton import PART_NAMES
-from sport.training.arguments import WORD_STEPS
-from sport.training.layering.longer_phrases import LongerSentence, longer_sentences, other_sentences
-from sport.training.networks.content import ContentEncoder, PartTextEncoder
-from sport.training.presets import ModelConfig
-from sport.training.styles import StyleTexts
+from runtime.prompts.sentence_inputs import part_inputs
+from runtime.prompts.text_encoder import TextEncoderLike
+from runtime.skeleton import PART_NAMES
+from training.arguments import WORD_STEPS
+from training.layering.longer_phrases import LongerSentence, longer_sentences, other_sentences
+from training.networks.content import ContentEncoder, PartTextEncoder
+from training.presets import ModelConfig
+from training.styles import StyleTexts
 
 log = logging.getLogger("sport.train")
 

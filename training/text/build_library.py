@@ -1,6 +1,6 @@
 """Precompute the embeddings of the shipped prompt library.
 
-    python -m sport.training.text.build_library [--prompts assets/prompts]
+    python -m training.text.build_library [--prompts assets/prompts]
 
 Run it after every change of library.json, or of a style's first description in styles.json; without it the viewer computes them at its first prompt.
 """
@@ -13,19 +13,19 @@ from pathlib import Path
 
 from tokenizers import Tokenizer
 
-from sport.runtime.assets import asset_path
-from sport.runtime.errors import run_command
-from sport.runtime.prompts.english.language import ENGLISH
-from sport.runtime.prompts.english.library_data import (
+from runtime.assets import asset_path
+from runtime.errors import run_command
+from runtime.prompts.english.language import ENGLISH
+from runtime.prompts.english.library_data import (
     embed_library,
     library_hash,
     load_prompt_library,
     load_styles,
     save_embeddings,
 )
-from sport.runtime.prompts.english.phrases import PhraseIndex
-from sport.runtime.prompts.english.spelling import Spelling
-from sport.runtime.prompts.text_encoder import TextEncoder
+from runtime.prompts.english.phrases import PhraseIndex
+from runtime.prompts.english.spelling import Spelling
+from runtime.prompts.text_encoder import TextEncoder
 
 
 def build_library(directory: Path) -> Path:

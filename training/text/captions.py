@@ -1,7 +1,7 @@
 """Measured captions: descriptions that are true of the training motion, merged into the styles' hand-written ones.
 
-    python -m sport.training.text.captions --clips DIR --out assets/prompts/styles.json --merge
-    python -m sport.training.text.captions --clips DIR --per-clip captions.json
+    python -m training.text.captions --clips DIR --out assets/prompts/styles.json --merge
+    python -m training.text.captions --clips DIR --per-clip captions.json
 
 `--merge` keeps a style's hand-written descriptions and replaces its measured ones, which are the last `measured` of
 its list. `--per-clip` writes {clip name: [descriptions]} for training on words of each clip's own.
@@ -14,10 +14,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.errors import UsageError, run_command
-from sport.training.text.clip_measures import measure_clips, styles_of
-from sport.training.text.measure import BodyMeasures
-from sport.training.text.wording import describe
+from runtime.errors import UsageError, run_command
+from training.text.clip_measures import measure_clips, styles_of
+from training.text.measure import BodyMeasures
+from training.text.wording import describe
 
 PARAPHRASES = 4
 

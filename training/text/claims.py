@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from functools import cache
 
-from sport.training.text.measure import BodyMeasures
+from training.text.measure import BodyMeasures
 
 FAR = 1e9
 # what counts as one step out of a range that the neutral walk is in; degrees, metres, shares

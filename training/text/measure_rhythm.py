@@ -7,9 +7,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.motion.features import FPS
-from sport.runtime.skeleton import SPORT_SKELETON
+from runtime import rotations
+from runtime.motion.features import FPS
+from runtime.skeleton import SPORT_SKELETON
 
 Array = NDArray[np.floating]
 

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from sport.runtime.errors import FileError
+from runtime.errors import FileError
 
 
 @dataclass(frozen=True)

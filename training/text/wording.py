@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from sport.runtime.prompts.parts import MAX_CHARACTERS, PartDescriptions
-from sport.training.text.measure import ArmMeasures, BodyMeasures, HeadMeasures, LegMeasures, TorsoMeasures
+from runtime.prompts.parts import MAX_CHARACTERS, PartDescriptions
+from training.text.measure import ArmMeasures, BodyMeasures, HeadMeasures, LegMeasures, TorsoMeasures
 
 STRAIGHT = 0.3  # m of wandering under which a course is straight
 STANDING = 0.3  # share of moving frames under which a motion is standing

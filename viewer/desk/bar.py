@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from sport.runtime.safe_read import printable
-from sport.viewer.desk.desk import Desk
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import theme, widgets
-from sport.viewer.gui.layout import Rect
-from sport.viewer.gui.theme import ICON
-from sport.viewer.gui.widgets import px
-from sport.viewer.projects.projects import Projects
+from runtime.safe_read import printable
+from viewer.desk.desk import Desk
+from viewer.gl_bindings import imgui
+from viewer.gui import theme, widgets
+from viewer.gui.layout import Rect
+from viewer.gui.theme import ICON
+from viewer.gui.widgets import px
+from viewer.projects.projects import Projects
 
 POPUP = "project menu"
 NAME_WIDTH = 110.0  # pixels at scale 1

@@ -6,20 +6,20 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from sport.runtime.assets import DEFAULT_MODEL, model_folder, model_name
-from sport.viewer.desk.guide import Guide
-from sport.viewer.desk.state import DeskState
-from sport.viewer.exports.exporting import Exporting
-from sport.viewer.gui.dialogs import Dialogs, Kind
-from sport.viewer.input.bindings import Action
-from sport.viewer.jobs import Jobs
-from sport.viewer.messages import Messages
-from sport.viewer.projects.contents import Contents
-from sport.viewer.projects.projects import Projects
-from sport.viewer.prompt.prompting import Prompting
-from sport.viewer.settings import Settings
-from sport.viewer.stage.stage import Stage
-from sport.viewer.takes.takes import Takes
+from runtime.assets import DEFAULT_MODEL, model_folder, model_name
+from viewer.desk.guide import Guide
+from viewer.desk.state import DeskState
+from viewer.exports.exporting import Exporting
+from viewer.gui.dialogs import Dialogs, Kind
+from viewer.input.bindings import Action
+from viewer.jobs import Jobs
+from viewer.messages import Messages
+from viewer.projects.contents import Contents
+from viewer.projects.projects import Projects
+from viewer.prompt.prompting import Prompting
+from viewer.settings import Settings
+from viewer.stage.stage import Stage
+from viewer.takes.takes import Takes
 
 
 @dataclass

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import theme, widgets
-from sport.viewer.gui.layout import Rect
-from sport.viewer.gui.theme import ICON
-from sport.viewer.gui.widgets import px
-from sport.viewer.prompt.state import PromptState
-from sport.viewer.settings import Settings
-from sport.viewer.takes.takes import Takes
+from viewer.gl_bindings import imgui
+from viewer.gui import theme, widgets
+from viewer.gui.layout import Rect
+from viewer.gui.theme import ICON
+from viewer.gui.widgets import px
+from viewer.prompt.state import PromptState
+from viewer.settings import Settings
+from viewer.takes.takes import Takes
 
 ARMS = ("left_arm", "right_arm")
 WALK_SECONDS = 1.0

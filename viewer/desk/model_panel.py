@@ -5,15 +5,15 @@ from __future__ import annotations
 from functools import lru_cache
 from pathlib import Path
 
-from sport.runtime.assets import model_folder, shipped_models
-from sport.runtime.motion.model_files import read_metadata
-from sport.runtime.safe_read import printable
-from sport.viewer.desk.desk import Desk
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import overlay, theme, widgets
-from sport.viewer.gui.dialogs import Kind
-from sport.viewer.gui.theme import ICON
-from sport.viewer.gui.widgets import px
+from runtime.assets import model_folder, shipped_models
+from runtime.motion.model_files import read_metadata
+from runtime.safe_read import printable
+from viewer.desk.desk import Desk
+from viewer.gl_bindings import imgui
+from viewer.gui import overlay, theme, widgets
+from viewer.gui.dialogs import Kind
+from viewer.gui.theme import ICON
+from viewer.gui.widgets import px
 
 FREE, BOUND = "free to publish with credits", "non-commercial"
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sport.runtime.safe_read import printable
-from sport.viewer.desk import model_panel
-from sport.viewer.desk.desk import Desk
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import overlay, setting_widgets, theme, widgets
-from sport.viewer.gui.dialogs import Kind
-from sport.viewer.gui.theme import ICON, Fonts
-from sport.viewer.gui.widgets import px
-from sport.viewer.settings import Settings, spec_of
+from runtime.safe_read import printable
+from viewer.desk import model_panel
+from viewer.desk.desk import Desk
+from viewer.gl_bindings import imgui
+from viewer.gui import overlay, setting_widgets, theme, widgets
+from viewer.gui.dialogs import Kind
+from viewer.gui.theme import ICON, Fonts
+from viewer.gui.widgets import px
+from viewer.settings import Settings, spec_of
 
 WIDTH = 470.0  # pixels at scale 1
 SCALES = (

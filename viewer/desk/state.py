@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from sport.viewer.exports.state import ExportState
-from sport.viewer.projects.state import ProjectsState
+from viewer.exports.state import ExportState
+from viewer.projects.state import ProjectsState
 
 
 @dataclass

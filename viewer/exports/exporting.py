@@ -8,20 +8,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sport.runtime.errors import SportError, UsageError
-from sport.runtime.safe_read import printable
-from sport.runtime.takes.options import ExportOptions
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.exports.state import FORMATS, SIZES, ExportForm, ExportState
-from sport.viewer.gui.dialogs import Dialogs, Kind
-from sport.viewer.jobs import Jobs
-from sport.viewer.messages import Messages
-from sport.viewer.stage.stage import Stage
-from sport.viewer.takes.state import ClipItem
-from sport.viewer.takes.takes import Takes, file_stem, free_path
+from runtime.errors import SportError, UsageError
+from runtime.safe_read import printable
+from runtime.takes.options import ExportOptions
+from runtime.terrain.height_map import Terrain
+from viewer.exports.state import FORMATS, SIZES, ExportForm, ExportState
+from viewer.gui.dialogs import Dialogs, Kind
+from viewer.jobs import Jobs
+from viewer.messages import Messages
+from viewer.stage.stage import Stage
+from viewer.takes.state import ClipItem
+from viewer.takes.takes import Takes, file_stem, free_path
 
 if TYPE_CHECKING:
-    from sport.runtime.takes.clip import Clip
+    from runtime.takes.clip import Clip
 
 SLOT = "export of a take"
 # options by the names of the window
@@ -141,7 +141,7 @@ class Exporting:
 
     def _work(self, item: ClipItem, path: Path, form: ExportForm) -> Callable[[], str]:
         """What the worker does, with everything it needs; UsageError for options that do not go together."""
-        from sport.runtime.takes.export import check_export
+        from runtime.takes.export import check_export
 
         clip, options = item.named_clip, self._options(form)
         beside = path.with_name(f"{path.stem}-ground{form.ground}") if form.ground.startswith(".") else None
@@ -177,7 +177,7 @@ class Exporting:
         return options
 
     def _film_options(self, form: ExportForm) -> Any:
-        from sport.viewer.filming.film import FilmOptions
+        from viewer.filming.film import FilmOptions
 
         width, height = SIZES[form.size]
         options = FilmOptions(
@@ -200,7 +200,7 @@ class Exporting:
     def _motion(
         self, clip: Clip, path: Path, options: ExportOptions, terrain: Terrain, beside: Path | None
     ) -> str:
-        from sport.runtime.takes.export import save_motion
+        from runtime.takes.export import save_motion
 
         return " ".join(w.text for w in save_motion(clip, path, options, terrain, beside))
 
@@ -208,9 +208,9 @@ class Exporting:
         """Make a film on the worker; "" when it was given up."""
         from dataclasses import replace
 
-        from sport.runtime.character.character import load_character
-        from sport.runtime.takes.prepare import on_its_ground, prepare
-        from sport.viewer.filming.film import make_film
+        from runtime.character.character import load_character
+        from runtime.takes.prepare import on_its_ground, prepare
+        from viewer.filming.film import make_film
 
         take = prepare(on_its_ground(clip), replace(export, fps=clip.fps), terrain)
         character = None if export.character is None else load_character(export.character)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from sport.viewer.exports.exporting import Exporting
-from sport.viewer.exports.state import FORMATS, GROUNDS, SIZES, ExportForm
-from sport.viewer.filming.shots import CAMERAS
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import overlay, theme, widgets
-from sport.viewer.gui.theme import ICON, Fonts
-from sport.viewer.gui.widgets import px
+from viewer.exports.exporting import Exporting
+from viewer.exports.state import FORMATS, GROUNDS, SIZES, ExportForm
+from viewer.filming.shots import CAMERAS
+from viewer.gl_bindings import imgui
+from viewer.gui import overlay, theme, widgets
+from viewer.gui.theme import ICON, Fonts
+from viewer.gui.widgets import px
 
 WIDTH = 470.0  # pixels at scale 1
 MOTION_RATES = ((24, "24 fps"), (30, "30 fps"), (60, "60 fps"), (120, "120 fps"))

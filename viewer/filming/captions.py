@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.takes.metadata import PromptEvent, title
+from runtime.takes.metadata import PromptEvent, title
 
 Frame = NDArray[np.uint8]
 

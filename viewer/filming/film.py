@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import UsageError
-from sport.runtime.pose import Pose
-from sport.runtime.takes.clip import Clip
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.filming.captions import Captions, caption
-from sport.viewer.filming.shots import CameraPath, camera_path
-from sport.viewer.filming.writers import FrameWriter, check_writer, open_writer
-from sport.viewer.render.camera import Camera
+from runtime.errors import UsageError
+from runtime.pose import Pose
+from runtime.takes.clip import Clip
+from runtime.terrain.height_map import Terrain
+from viewer.filming.captions import Captions, caption
+from viewer.filming.shots import CameraPath, camera_path
+from viewer.filming.writers import FrameWriter, check_writer, open_writer
+from viewer.render.camera import Camera
 
 Frame = NDArray[np.uint8]
 Draw = Callable[[Camera, Pose], Frame]
@@ -123,7 +123,7 @@ def make_film(
 ) -> FilmResult:
     """Write a film of a clip on its ground; its length follows from the clip, its form from the ending of `path`.
 
-    `character` is a `sport.runtime.character.character.Character` (None: the mannequin). `progress` is called on the calling thread after
+    `character` is a `runtime.character.character.Character` (None: the mannequin). `progress` is called on the calling thread after
     each drawn frame; when `cancel` is set, what was written is taken away. The OpenGL context is made on the calling
     thread, which may be a worker. UsageError, FileError or DisplayError.
     """
@@ -149,8 +149,8 @@ def make_film(
 
 
 def _studio(options: FilmOptions, terrain: Terrain, character: Any) -> AbstractContextManager[Draw]:
-    from sport.viewer.filming.studio import studio
-    from sport.viewer.render.quality import HIGH, SOFTWARE
+    from viewer.filming.studio import studio
+    from viewer.render.quality import HIGH, SOFTWARE
 
     return studio(options.size, terrain, character, SOFTWARE if options.quality == "software" else HIGH)
 

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import UsageError
-from sport.runtime.motion import features
-from sport.runtime.pose import Pose
-from sport.runtime.takes.clip import Clip
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.render.camera import FOV_Y, Camera, FollowCamera
+from runtime.errors import UsageError
+from runtime.motion import features
+from runtime.pose import Pose
+from runtime.takes.clip import Clip
+from runtime.terrain.height_map import Terrain
+from viewer.render.camera import FOV_Y, Camera, FollowCamera
 
 Array = NDArray[np.floating]
 CameraPath = Callable[[Pose], Camera]  # called once for each frame, in their order

@@ -8,16 +8,16 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.assets import asset_path
-from sport.runtime.character.character import Character, load_character
-from sport.runtime.pose import Pose
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.render.camera import Camera
-from sport.viewer.render.offscreen import OffscreenTarget
-from sport.viewer.render.overlays import Overlays
-from sport.viewer.render.quality import HIGH, Quality
-from sport.viewer.render.renderer import Renderer
-from sport.viewer.services import DEFAULT_CHARACTER
+from runtime.assets import asset_path
+from runtime.character.character import Character, load_character
+from runtime.pose import Pose
+from runtime.terrain.height_map import Terrain
+from viewer.render.camera import Camera
+from viewer.render.offscreen import OffscreenTarget
+from viewer.render.overlays import Overlays
+from viewer.render.quality import HIGH, Quality
+from viewer.render.renderer import Renderer
+from viewer.services import DEFAULT_CHARACTER
 
 Image = NDArray[np.uint8]
 

@@ -11,8 +11,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.atomic import atomic_path
-from sport.runtime.errors import FileError, UsageError
+from runtime.atomic import atomic_path
+from runtime.errors import FileError, UsageError
 
 Frame = NDArray[np.uint8]
 

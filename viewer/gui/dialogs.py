@@ -10,11 +10,11 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.safe_read import printable
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import widgets
-from sport.viewer.gui.widgets import px
-from sport.viewer.messages import Messages
+from runtime.safe_read import printable
+from viewer.gl_bindings import imgui
+from viewer.gui import widgets
+from viewer.gui.widgets import px
+from viewer.messages import Messages
 
 LINUX_PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")
 WIDTH = 460.0  # pixels at scale 1

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import theme, widgets
-from sport.viewer.gui.theme import ICON, Fonts
-from sport.viewer.gui.widgets import px
-from sport.viewer.input.bindings import HELP
+from viewer.gl_bindings import imgui
+from viewer.gui import theme, widgets
+from viewer.gui.theme import ICON, Fonts
+from viewer.gui.widgets import px
+from viewer.input.bindings import HELP
 
 COLUMNS = (190.0, 190.0, 170.0)  # what, keyboard and mouse, gamepad; pixels at scale 1
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sport.viewer.gl_bindings import imgui
+from viewer.gl_bindings import imgui
 
 
 def close_innermost() -> bool:

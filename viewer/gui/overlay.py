@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import theme, widgets
-from sport.viewer.gui.theme import ICON, Fonts
-from sport.viewer.gui.widgets import px
+from viewer.gl_bindings import imgui
+from viewer.gui import theme, widgets
+from viewer.gui.theme import ICON, Fonts
+from viewer.gui.widgets import px
 
 LABEL_WIDTH = 150.0  # pixels at scale 1
 

@@ -1,10 +1,10 @@
-"""Widgets of settings: range, text and hint stand with the setting, in `sport.viewer.settings`."""
+"""Widgets of settings: range, text and hint stand with the setting, in `viewer.settings`."""
 
 from __future__ import annotations
 
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import widgets
-from sport.viewer.settings import Settings, spec_of
+from viewer.gl_bindings import imgui
+from viewer.gui import widgets
+from viewer.settings import Settings, spec_of
 
 
 def slider(settings: Settings, name: str) -> None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import theme, widgets
-from sport.viewer.gui.theme import ICON
-from sport.viewer.gui.widgets import px
-from sport.viewer.messages import Level, Message
+from viewer.gl_bindings import imgui
+from viewer.gui import theme, widgets
+from viewer.gui.theme import ICON
+from viewer.gui.widgets import px
+from viewer.messages import Level, Message
 
 _LOOKS = {
     Level.NOTE: (ICON.note, theme.ACCENT),

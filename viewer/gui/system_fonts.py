@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui.theme import FONT_SIZE
+from viewer.gl_bindings import imgui
+from viewer.gui.theme import FONT_SIZE
 
 # By script, the ones to be preferred first, in lower case.
 NAMES: dict[str, tuple[str, ...]] = {

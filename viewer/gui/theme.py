@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.errors import DisplayError
-from sport.viewer.gl_bindings import imgui
+from runtime.errors import DisplayError
+from viewer.gl_bindings import imgui
 
 Color = tuple[float, float, float, float]
 

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import theme
-from sport.viewer.gui.theme import Color
+from viewer.gl_bindings import imgui
+from viewer.gui import theme
+from viewer.gui.theme import Color
 
 TOOLTIP_WIDTH, TOOLTIP_MIN_WIDTH = 380.0, 200.0  # pixels at scale 1
 TOOLTIP_EDGE = 40.0  # a column is at most so far from the edge of the window

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass, field
 from enum import Enum, auto
 
-from sport.runtime.controls import Controls, Gait
-from sport.viewer.input.gamepad import GamepadState, radial_dead_zone
-from sport.viewer.input.keyboard import Keyboard
+from runtime.controls import Controls, Gait
+from viewer.input.gamepad import GamepadState, radial_dead_zone
+from viewer.input.keyboard import Keyboard
 
 ZOOM_RATE = 9.0  # wheel steps per second of a held key
 HOLD_SECONDS = 0.35  # a crouch key that is held longer stands up when it is let go
@@ -58,7 +58,7 @@ class Action(Enum):
     CANCEL = auto()
 
 
-# Views of the character, in the order of `sport.viewer.stage.views.VIEWS`.
+# Views of the character, in the order of `viewer.stage.views.VIEWS`.
 VIEW_ACTIONS = (Action.FRONT, Action.SIDE, Action.THREE_QUARTERS, Action.FEET)
 
 

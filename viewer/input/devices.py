@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from sport.viewer.input.bindings import InputMapper, Intent
-from sport.viewer.input.gamepad import GamepadSource
-from sport.viewer.input.keyboard import Keyboard
-from sport.viewer.input.script import ControlScript
-from sport.viewer.settings import Settings
+from viewer.input.bindings import InputMapper, Intent
+from viewer.input.gamepad import GamepadSource
+from viewer.input.keyboard import Keyboard
+from viewer.input.script import ControlScript
+from viewer.settings import Settings
 
 KEYBOARD = "keyboard"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sport.runtime.errors import UsageError
+from runtime.errors import UsageError
 
 IDLE = "idle"
 MAX_SECONDS = 24 * 3600.0

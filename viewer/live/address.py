@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from ipaddress import ip_address
 
-from sport.runtime.errors import UsageError
+from runtime.errors import UsageError
 
 DEFAULT_HOST, DEFAULT_PORT = "127.0.0.1", 9763
 _FORM = "Write an IP address and a port, such as 127.0.0.1:9763."

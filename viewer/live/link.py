@@ -7,12 +7,12 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from sport.runtime.errors import SportError, UsageError
-from sport.runtime.pose import Pose
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.viewer.live import message
-from sport.viewer.live.address import Address, parse_address
-from sport.viewer.messages import Messages
+from runtime.errors import SportError, UsageError
+from runtime.pose import Pose
+from runtime.skeleton import SPORT_SKELETON
+from viewer.live import message
+from viewer.live.address import Address, parse_address
+from viewer.messages import Messages
 
 ANNOUNCE_S = 1.0  # a receiver that comes later knows the skeleton after so long
 STEP_S = 1.0 / 60.0  # between poses of the simulation

@@ -7,8 +7,8 @@ import zlib
 
 import numpy as np
 
-from sport.runtime.pose import Pose
-from sport.runtime.skeleton import Skeleton
+from runtime.pose import Pose
+from runtime.skeleton import Skeleton
 
 MAGIC = b"SPRT"
 VERSION = 1

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import widgets
-from sport.viewer.live.link import LiveLink
+from viewer.gl_bindings import imgui
+from viewer.gui import widgets
+from viewer.live.link import LiveLink
 
 
 def draw(link: LiveLink) -> None:

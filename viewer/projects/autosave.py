@@ -9,10 +9,10 @@ import uuid
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from sport.runtime.errors import SportError
-from sport.runtime.file_lock import open_locked
-from sport.runtime.projects.archive import ArchiveReader
-from sport.runtime.projects.project import SUFFIX
+from runtime.errors import SportError
+from runtime.file_lock import open_locked
+from runtime.projects.archive import ArchiveReader
+from runtime.projects.project import SUFFIX
 
 INTERVAL_S = 6.0  # after a change; with the writing it stays below ten seconds
 LOCK = ".lock"

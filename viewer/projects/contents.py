@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.assets import model_folder, model_name
-from sport.runtime.projects.character_files import write_character_files
-from sport.runtime.projects.project import ModelName, Project, StoredTake, StoredVersion
-from sport.runtime.takes.metadata import origin_of
-from sport.viewer.prompt.prompting import Prompting
-from sport.viewer.prompt.style_edit import StyleEdit
-from sport.viewer.settings import CAMERAS, Settings, checked
-from sport.viewer.stage.stage import Stage
-from sport.viewer.takes.state import ClipItem, TakeVersion
-from sport.viewer.takes.takes import Takes
+from runtime.assets import model_folder, model_name
+from runtime.projects.character_files import write_character_files
+from runtime.projects.project import ModelName, Project, StoredTake, StoredVersion
+from runtime.takes.metadata import origin_of
+from viewer.prompt.prompting import Prompting
+from viewer.prompt.style_edit import StyleEdit
+from viewer.settings import CAMERAS, Settings, checked
+from viewer.stage.stage import Stage
+from viewer.takes.state import ClipItem, TakeVersion
+from viewer.takes.takes import Takes
 
 KEPT_SETTINGS = (
     "temperature",

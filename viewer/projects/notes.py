@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from sport.runtime.projects.archive import ArchiveReader, ArchiveWriter
-from sport.runtime.projects.project import Notes
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.safe_read import is_text
-from sport.runtime.skeleton import PART_NAMES
-from sport.viewer.prompt.style_edit import Answer, StyleEdit
+from runtime.projects.archive import ArchiveReader, ArchiveWriter
+from runtime.projects.project import Notes
+from runtime.prompts.parts import PartDescriptions
+from runtime.safe_read import is_text
+from runtime.skeleton import PART_NAMES
+from viewer.prompt.style_edit import Answer, StyleEdit
 
 CODE = (6, 64)
 MAX_NEAREST = 20

@@ -8,19 +8,19 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
-from sport.runtime.errors import SportError
-from sport.runtime.projects.character_files import Files, read_character_files
-from sport.runtime.projects.project import SUFFIX, Project, Snapshots, load_project, save_project
-from sport.viewer.gui.dialogs import Dialogs, Kind
-from sport.viewer.jobs import Jobs
-from sport.viewer.messages import Messages
-from sport.viewer.projects import autosave
-from sport.viewer.projects.autosave import AutosaveFile, LeftBehind
-from sport.viewer.projects.contents import Contents
-from sport.viewer.projects.notes import StyleNotes
-from sport.viewer.projects.state import ProjectsState
-from sport.viewer.settings import Settings
-from sport.viewer.takes.state import ClipItem
+from runtime.errors import SportError
+from runtime.projects.character_files import Files, read_character_files
+from runtime.projects.project import SUFFIX, Project, Snapshots, load_project, save_project
+from viewer.gui.dialogs import Dialogs, Kind
+from viewer.jobs import Jobs
+from viewer.messages import Messages
+from viewer.projects import autosave
+from viewer.projects.autosave import AutosaveFile, LeftBehind
+from viewer.projects.contents import Contents
+from viewer.projects.notes import StyleNotes
+from viewer.projects.state import ProjectsState
+from viewer.settings import Settings
+from viewer.takes.state import ClipItem
 
 FILTERS = ("SPORT projects", f"*{SUFFIX}")
 MAX_RECENT = 8

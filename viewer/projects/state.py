@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from sport.viewer.projects.autosave import LeftBehind
+from viewer.projects.autosave import LeftBehind
 
 
 @dataclass

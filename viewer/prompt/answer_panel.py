@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import theme, widgets
-from sport.viewer.gui.theme import ICON
-from sport.viewer.gui.widgets import px
-from sport.viewer.prompt.state import PromptState
-from sport.viewer.prompt.style_edit import Answer
+from viewer.gl_bindings import imgui
+from viewer.gui import theme, widgets
+from viewer.gui.theme import ICON
+from viewer.gui.widgets import px
+from viewer.prompt.state import PromptState
+from viewer.prompt.style_edit import Answer
 
 GOOD_MATCH = 0.6  # cosine similarity from which a library prompt is near
 _ANSWERED = {"library": "Library", "gpt": "GPT", "explicit": "Explicit"}

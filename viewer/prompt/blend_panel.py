@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from sport.runtime.skeleton import PART_NAMES
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import theme, widgets
-from sport.viewer.gui.theme import ICON
-from sport.viewer.gui.widgets import px
-from sport.viewer.prompt import answer_panel, field_panel
-from sport.viewer.prompt.prompting import Prompting
-from sport.viewer.prompt.room import PromptRoom
-from sport.viewer.prompt.style_edit import Answer, Side, StyleEdit
+from runtime.skeleton import PART_NAMES
+from viewer.gl_bindings import imgui
+from viewer.gui import theme, widgets
+from viewer.gui.theme import ICON
+from viewer.gui.widgets import px
+from viewer.prompt import answer_panel, field_panel
+from viewer.prompt.prompting import Prompting
+from viewer.prompt.room import PromptRoom
+from viewer.prompt.style_edit import Answer, Side, StyleEdit
 
 NAME_WIDTH = 70.0  # pixels at scale 1
 HINT = "A second prompt to blend with"

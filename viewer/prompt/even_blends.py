@@ -7,9 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from sport.runtime.motion.style_mix import LINEAR, Shares, mixes
-from sport.viewer.jobs import Jobs
-from sport.viewer.prompt.style_edit import StyleEdit
+from runtime.motion.style_mix import LINEAR, Shares, mixes
+from viewer.jobs import Jobs
+from viewer.prompt.style_edit import StyleEdit
 
 Measure = Callable[[Any, Any], Shares]  # of the codes of two prompts
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from sport.runtime.prompts.gpt.settings import DEFAULT_MODEL, OPENAI_URL, has_credentials
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import setting_widgets, theme, widgets
-from sport.viewer.gui.theme import ICON
-from sport.viewer.gui.widgets import px
-from sport.viewer.prompt.expanders import Expanders
+from runtime.prompts.gpt.settings import DEFAULT_MODEL, OPENAI_URL, has_credentials
+from viewer.gl_bindings import imgui
+from viewer.gui import setting_widgets, theme, widgets
+from viewer.gui.theme import ICON
+from viewer.gui.widgets import px
+from viewer.prompt.expanders import Expanders
 
 POPUP = "who answers"
 WIDTH = 340.0  # pixels at scale 1

@@ -5,14 +5,14 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass, field
 
-from sport.runtime.errors import SportError
-from sport.runtime.prompts.expander import Expander
-from sport.runtime.prompts.gpt.settings import GptSettings, gpt_configured
-from sport.viewer.jobs import Jobs
-from sport.viewer.prompt.prompting import Prompting
-from sport.viewer.prompt.state import ExpanderState
-from sport.viewer.services import LibraryLike, Loaded, Services
-from sport.viewer.settings import Settings
+from runtime.errors import SportError
+from runtime.prompts.expander import Expander
+from runtime.prompts.gpt.settings import GptSettings, gpt_configured
+from viewer.jobs import Jobs
+from viewer.prompt.prompting import Prompting
+from viewer.prompt.state import ExpanderState
+from viewer.services import LibraryLike, Loaded, Services
+from viewer.settings import Settings
 
 
 @dataclass

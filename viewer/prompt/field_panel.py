@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import theme, widgets
-from sport.viewer.gui.theme import ICON
-from sport.viewer.gui.widgets import px
-from sport.viewer.prompt.prompting import Prompting
-from sport.viewer.prompt.room import PromptRoom
-from sport.viewer.prompt.state import FieldState
-from sport.viewer.prompt.style_edit import Side
-from sport.viewer.prompt.suggester import Suggester
-from sport.viewer.prompt.suggestions import Suggestion
+from viewer.gl_bindings import imgui
+from viewer.gui import theme, widgets
+from viewer.gui.theme import ICON
+from viewer.gui.widgets import px
+from viewer.prompt.prompting import Prompting
+from viewer.prompt.room import PromptRoom
+from viewer.prompt.state import FieldState
+from viewer.prompt.style_edit import Side
+from viewer.prompt.suggester import Suggester
+from viewer.prompt.suggestions import Suggestion
 
 _SENTENCE = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.ctrl_enter_for_new_line
 WRAPPED = _SENTENCE | imgui.InputTextFlags_.word_wrap

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from sport.viewer.messages import Level
-from sport.viewer.prompt.style_edit import Answer
+from viewer.messages import Level
+from viewer.prompt.style_edit import Answer
 
 
 def answer_message(answer: Answer, prompt: str, model: str, followed: bool) -> tuple[str, Level]:

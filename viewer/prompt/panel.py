@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import setting_widgets, theme, widgets
-from sport.viewer.gui.theme import ICON
-from sport.viewer.gui.widgets import px
-from sport.viewer.prompt import answer_panel, blend_panel, expander_panel, field_panel, parts_panel
-from sport.viewer.prompt.room import PromptRoom
-from sport.viewer.prompt.style_edit import Side
+from viewer.gl_bindings import imgui
+from viewer.gui import setting_widgets, theme, widgets
+from viewer.gui.theme import ICON
+from viewer.gui.widgets import px
+from viewer.prompt import answer_panel, blend_panel, expander_panel, field_panel, parts_panel
+from viewer.prompt.room import PromptRoom
+from viewer.prompt.style_edit import Side
 
 HINT = "How should the character move?\nFor example: an exhausted soldier"
 NEAREST_ROWS = 3  # in a tall panel, else one

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from sport.runtime.skeleton import PART_NAMES
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import theme, widgets
-from sport.viewer.gui.theme import ICON
-from sport.viewer.gui.widgets import px
-from sport.viewer.prompt.field_panel import WRAPPED, is_active, undo_keys
-from sport.viewer.prompt.prompting import Prompting
-from sport.viewer.prompt.state import PromptState
+from runtime.skeleton import PART_NAMES
+from viewer.gl_bindings import imgui
+from viewer.gui import theme, widgets
+from viewer.gui.theme import ICON
+from viewer.gui.widgets import px
+from viewer.prompt.field_panel import WRAPPED, is_active, undo_keys
+from viewer.prompt.prompting import Prompting
+from viewer.prompt.state import PromptState
 
 LABEL_HEIGHT = 17.0  # pixels at scale 1
 ROW_GAP = 4.0

@@ -9,19 +9,19 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from sport.runtime.errors import PromptError, SportError
-from sport.runtime.prompts.blend import ALL_A
-from sport.runtime.prompts.expander import Expander
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.takes.recorder import LIVE_SECONDS
-from sport.viewer.messages import Messages
-from sport.viewer.prompt.even_blends import EvenBlends
-from sport.viewer.prompt.messages import answer_message
-from sport.viewer.prompt.state import PromptState, Question, Request
-from sport.viewer.prompt.style_edit import Answer, Side, StyleEdit, UndoStack
-from sport.viewer.prompt.suggestions import remember
-from sport.viewer.services import ControllerLike, PromptWorkerLike
-from sport.viewer.settings import Settings
+from runtime.errors import PromptError, SportError
+from runtime.prompts.blend import ALL_A
+from runtime.prompts.expander import Expander
+from runtime.prompts.parts import PartDescriptions
+from runtime.takes.recorder import LIVE_SECONDS
+from viewer.messages import Messages
+from viewer.prompt.even_blends import EvenBlends
+from viewer.prompt.messages import answer_message
+from viewer.prompt.state import PromptState, Question, Request
+from viewer.prompt.style_edit import Answer, Side, StyleEdit, UndoStack
+from viewer.prompt.suggestions import remember
+from viewer.services import ControllerLike, PromptWorkerLike
+from viewer.settings import Settings
 
 CLOSE_SECONDS = 30.0
 FIRST_STYLE_SECONDS = 1.0  # of the blend from neutral to the first prompt, at most

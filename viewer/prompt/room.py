@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from sport.runtime.prompts.gpt.settings import GptSettings
-from sport.viewer.jobs import Jobs
-from sport.viewer.prompt.expanders import Expanders
-from sport.viewer.prompt.prompting import Prompting
-from sport.viewer.prompt.state import PromptState
-from sport.viewer.prompt.suggester import Suggester
-from sport.viewer.services import Loaded, Services
-from sport.viewer.settings import Settings
+from runtime.prompts.gpt.settings import GptSettings
+from viewer.jobs import Jobs
+from viewer.prompt.expanders import Expanders
+from viewer.prompt.prompting import Prompting
+from viewer.prompt.state import PromptState
+from viewer.prompt.suggester import Suggester
+from viewer.services import Loaded, Services
+from viewer.settings import Settings
 
 
 @dataclass

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from sport.runtime.prompts.expander import DEFAULT_PROMPT
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.prompts.shares import HARDLY, phrase_share
-from sport.runtime.skeleton import PART_NAMES
-from sport.viewer.prompt.style_edit import Side, StyleEdit
+from runtime.prompts.expander import DEFAULT_PROMPT
+from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.shares import HARDLY, phrase_share
+from runtime.skeleton import PART_NAMES
+from viewer.prompt.style_edit import Side, StyleEdit
 
 Request = str | PartDescriptions
 

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.motion.style_mix import LINEAR, Shares, StyleMix, even_weights, turned_round
-from sport.runtime.prompts.blend import ALL_A, BlendedPrompt, Weights, Words, mix_of_parts, write_words
-from sport.runtime.prompts.expander import Expansion
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.skeleton import PART_NAMES
+from runtime.motion.style_mix import LINEAR, Shares, StyleMix, even_weights, turned_round
+from runtime.prompts.blend import ALL_A, BlendedPrompt, Weights, Words, mix_of_parts, write_words
+from runtime.prompts.expander import Expansion
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import PART_NAMES
 
 MAX_STEPS = 100  # of undo
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from sport.runtime.errors import SportError
-from sport.viewer.jobs import Jobs
-from sport.viewer.prompt.state import FieldState, PromptState
-from sport.viewer.prompt.suggestions import Suggestion, suggest
-from sport.viewer.settings import Settings
+from runtime.errors import SportError
+from viewer.jobs import Jobs
+from viewer.prompt.state import FieldState, PromptState
+from viewer.prompt.suggestions import Suggestion, suggest
+from viewer.settings import Settings
 
 MIN_CHARACTERS = 3  # typed before the meaning is looked up
 _SLOT = "suggestions"

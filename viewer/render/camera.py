@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.spring import spring
-from sport.runtime.terrain.height_map import Terrain
+from runtime.spring import spring
+from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.atomic import atomic_path, write_new
+from runtime.atomic import atomic_path, write_new
 
 
 def save_png(pixels: NDArray[np.uint8], path: Path, new: bool = False) -> Path:

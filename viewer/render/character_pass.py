@@ -9,11 +9,11 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import FileError
-from sport.runtime.pose import Pose
-from sport.viewer.render.gl import JOINTS_BINDING, bind_blocks, set_uniforms
-from sport.viewer.render.quality import Quality
-from sport.viewer.render.shaders import load_program
+from runtime.errors import FileError
+from runtime.pose import Pose
+from viewer.render.gl import JOINTS_BINDING, bind_blocks, set_uniforms
+from viewer.render.quality import Quality
+from viewer.render.shaders import load_program
 
 Array = NDArray[np.floating]
 
@@ -25,7 +25,7 @@ GHOST_OPACITY = 0.38
 
 
 class SkinnedMesh(Protocol):
-    """What is drawn: `sport.runtime.character.character.Character`, or a stand-in with the same arrays."""
+    """What is drawn: `runtime.character.character.Character`, or a stand-in with the same arrays."""
 
     @property
     def positions(self) -> Array: ...  # (V, 3) rest pose, metres

@@ -9,9 +9,9 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.pose import Pose
-from sport.viewer.render.camera import Camera, look_at
-from sport.viewer.render.gl import FRAME_BINDING
+from runtime.pose import Pose
+from viewer.render.camera import Camera, look_at
+from viewer.render.gl import FRAME_BINDING
 
 Array = NDArray[np.floating]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.pose import Pose
-from sport.runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.render.overlays import PathOverlay, TrajectoryOverlay
+from runtime.pose import Pose
+from runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
+from runtime.terrain.height_map import Terrain
+from viewer.render.overlays import PathOverlay, TrajectoryOverlay
 
 Array = NDArray[np.floating]
 Strokes = NDArray[np.void]

@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import DisplayError
+from runtime.errors import DisplayError
 
 REMEDY = "Install the OpenGL libraries: apt-get install libegl1 libgl1 (or your system's Mesa packages)."
 

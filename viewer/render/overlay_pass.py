@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import moderngl
 
-from sport.viewer.render.gl import bind_blocks
-from sport.viewer.render.marks import STROKE, Strokes
-from sport.viewer.render.shaders import load_program
+from viewer.render.gl import bind_blocks
+from viewer.render.marks import STROKE, Strokes
+from viewer.render.shaders import load_program
 
 
 class OverlayPass:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.pose import Pose
+from runtime.pose import Pose
 
 Array = NDArray[np.floating]
 

@@ -6,12 +6,12 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.pose import Pose
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.render.camera import Camera
-from sport.viewer.render.character_pass import CharacterDraw, CharacterPass, SkinnedMesh
-from sport.viewer.render.frame import SHADOW_MARGIN_M, SHADOW_REACH_M, Frame, FrameUniforms, make_frame
-from sport.viewer.render.marks import (
+from runtime.pose import Pose
+from runtime.terrain.height_map import Terrain
+from viewer.render.camera import Camera
+from viewer.render.character_pass import CharacterDraw, CharacterPass, SkinnedMesh
+from viewer.render.frame import SHADOW_MARGIN_M, SHADOW_REACH_M, Frame, FrameUniforms, make_frame
+from viewer.render.marks import (
     REFERENCE_HEIGHT_PX,
     contact_dots,
     contact_strokes,
@@ -20,12 +20,12 @@ from sport.viewer.render.marks import (
     skeleton_strokes,
     trajectory_strokes,
 )
-from sport.viewer.render.overlay_pass import OverlayPass
-from sport.viewer.render.overlays import Overlays
-from sport.viewer.render.quality import Quality, choose_quality
-from sport.viewer.render.sky_pass import SkyPass
-from sport.viewer.render.targets import SceneTarget, ShadowMap
-from sport.viewer.render.terrain_pass import TerrainPass
+from viewer.render.overlay_pass import OverlayPass
+from viewer.render.overlays import Overlays
+from viewer.render.quality import Quality, choose_quality
+from viewer.render.sky_pass import SkyPass
+from viewer.render.targets import SceneTarget, ShadowMap
+from viewer.render.terrain_pass import TerrainPass
 
 Array = NDArray[np.floating]
 

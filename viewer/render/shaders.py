@@ -13,8 +13,8 @@ from pathlib import Path
 
 import moderngl
 
-from sport.runtime.assets import PROJECT_ROOT
-from sport.runtime.errors import DisplayError, FileError
+from runtime.assets import PROJECT_ROOT
+from runtime.errors import DisplayError, FileError
 
 SHADER_ROOT = PROJECT_ROOT / "shaders"
 REMEDY = "Install the program again; if you edited this shader, correct that line."

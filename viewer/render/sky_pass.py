@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import moderngl
 
-from sport.viewer.render.gl import bind_blocks
-from sport.viewer.render.shaders import load_program
+from viewer.render.gl import bind_blocks
+from viewer.render.shaders import load_program
 
 
 class SkyPass:

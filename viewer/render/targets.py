@@ -6,9 +6,9 @@ import math
 
 import moderngl
 
-from sport.viewer.render.gl import scissored, set_uniforms
-from sport.viewer.render.quality import Quality
-from sport.viewer.render.shaders import load_program
+from viewer.render.gl import scissored, set_uniforms
+from viewer.render.quality import Quality
+from viewer.render.shaders import load_program
 
 
 class ShadowMap:

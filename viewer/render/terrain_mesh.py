@@ -15,7 +15,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.terrain.height_map import Terrain
+from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 Indices = NDArray[np.uint32]

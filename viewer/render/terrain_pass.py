@@ -6,12 +6,12 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.render.frame import SHADOW_REACH_M, Frame
-from sport.viewer.render.gl import bind_blocks, scissored, set_uniforms
-from sport.viewer.render.quality import Quality
-from sport.viewer.render.shaders import load_program
-from sport.viewer.render.terrain_mesh import APRON_M, Levels, TerrainMesh, cut_window
+from runtime.terrain.height_map import Terrain
+from viewer.render.frame import SHADOW_REACH_M, Frame
+from viewer.render.gl import bind_blocks, scissored, set_uniforms
+from viewer.render.quality import Quality
+from viewer.render.shaders import load_program
+from viewer.render.terrain_mesh import APRON_M, Levels, TerrainMesh, cut_window
 
 Array = NDArray[np.floating]
 MAX_FEET = 32  # the array in ground_shadow.frag

@@ -8,17 +8,17 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.pose import Pose
-from sport.runtime.spring import spring
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.render.camera import (
+from runtime.pose import Pose
+from runtime.spring import spring
+from runtime.terrain.height_map import Terrain
+from viewer.gl_bindings import imgui
+from viewer.render.camera import (
     TARGET_HALF_LIFE,
     TARGET_HEIGHT_HALF_LIFE,
     FollowCamera,
     OrbitCamera,
 )
-from sport.viewer.stage.views import OPENING_TURN, View
+from viewer.stage.views import OPENING_TURN, View
 
 CHEST_SHARE = 0.55  # of the way from the ground to the hips' height: keeps the whole body in view
 ORBIT_PIXELS_PER_SECOND = 420.0  # what a full stick is worth in the orbit camera

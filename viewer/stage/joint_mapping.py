@@ -6,13 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from sport.runtime.character.character import joints_of
-from sport.runtime.character.guess import JointGuess
-from sport.runtime.character.joint_map import joint_map_path, save_joint_map, saved_joint_map
-from sport.runtime.character.joints import NEEDED
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.viewer.jobs import Jobs
-from sport.viewer.messages import Messages
+from runtime.character.character import joints_of
+from runtime.character.guess import JointGuess
+from runtime.character.joint_map import joint_map_path, save_joint_map, saved_joint_map
+from runtime.character.joints import NEEDED
+from runtime.skeleton import SPORT_SKELETON
+from viewer.jobs import Jobs
+from viewer.messages import Messages
 
 
 @dataclass(frozen=True)

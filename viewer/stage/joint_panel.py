@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from sport.runtime.character.guess import JointGuess
-from sport.runtime.character.joints import NEEDED
-from sport.runtime.character.tree import JointTree
-from sport.runtime.safe_read import printable
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import overlay, theme, widgets
-from sport.viewer.gui.theme import ICON, Fonts
-from sport.viewer.gui.widgets import px
-from sport.viewer.stage.joint_mapping import JointMapping, JointsState
+from runtime.character.guess import JointGuess
+from runtime.character.joints import NEEDED
+from runtime.character.tree import JointTree
+from runtime.safe_read import printable
+from runtime.skeleton import SPORT_SKELETON
+from viewer.gl_bindings import imgui
+from viewer.gui import overlay, theme, widgets
+from viewer.gui.theme import ICON, Fonts
+from viewer.gui.widgets import px
+from viewer.stage.joint_mapping import JointMapping, JointsState
 
 WIDTH, HEIGHT = 720.0, 560.0  # pixels at scale 1
 AROUND = 224.0  # of the window's height: title, counts, buttons, margins

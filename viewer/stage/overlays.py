@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sport.runtime.pose import Pose
-from sport.viewer.render.overlays import Overlays, PathOverlay, TrajectoryOverlay
-from sport.viewer.services import ControllerLike
-from sport.viewer.settings import Settings
+from runtime.pose import Pose
+from viewer.render.overlays import Overlays, PathOverlay, TrajectoryOverlay
+from viewer.services import ControllerLike
+from viewer.settings import Settings
 
 PAST_SAMPLES = 6  # of the 12 of the trajectory: one second back, then the present and one second ahead
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from sport.runtime.safe_read import printable
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import setting_widgets, theme, widgets
-from sport.viewer.gui.theme import ICON
-from sport.viewer.gui.widgets import px
-from sport.viewer.live import panel as live_panel
-from sport.viewer.settings import CAMERAS, QUALITIES, VIEWS, Settings
-from sport.viewer.stage import path_panel
-from sport.viewer.stage.stage import Stage
+from runtime.safe_read import printable
+from viewer.gl_bindings import imgui
+from viewer.gui import setting_widgets, theme, widgets
+from viewer.gui.theme import ICON
+from viewer.gui.widgets import px
+from viewer.live import panel as live_panel
+from viewer.settings import CAMERAS, QUALITIES, VIEWS, Settings
+from viewer.stage import path_panel
+from viewer.stage.stage import Stage
 
 
 def draw(stage: Stage, open_files: Callable[[list[Path]], None], browse: Callable[[], None]) -> None:

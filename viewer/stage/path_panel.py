@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from sport.runtime.controls import Gait
-from sport.runtime.motion.paths import Place
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import widgets
-from sport.viewer.gui.theme import ICON
-from sport.viewer.gui.widgets import px
-from sport.viewer.stage.path_tool import PathTool
-from sport.viewer.stage.stage import Stage
+from runtime.controls import Gait
+from runtime.motion.paths import Place
+from viewer.gl_bindings import imgui
+from viewer.gui import widgets
+from viewer.gui.theme import ICON
+from viewer.gui.widgets import px
+from viewer.stage.path_tool import PathTool
+from viewer.stage.stage import Stage
 
 GAITS = [(Gait.WALK, "Walk"), (Gait.JOG, "Jog"), (Gait.CROUCH, "Crouch")]
 

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.motion.paths import Place
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.messages import Messages
-from sport.viewer.render.camera import Camera
-from sport.viewer.render.overlays import PathOverlay
+from runtime.controls import Controls, Gait
+from runtime.motion.paths import Place
+from runtime.terrain.height_map import Terrain
+from viewer.gl_bindings import imgui
+from viewer.messages import Messages
+from viewer.render.camera import Camera
+from viewer.render.overlays import PathOverlay
 
 if TYPE_CHECKING:
-    from sport.runtime.motion.point_path import PathWalk, Waypoint
+    from runtime.motion.point_path import PathWalk, Waypoint
 
 GRAB_PX = 16.0  # at scale 1: a click nearer to a point takes it
 REACH_M = 80.0  # clicks on ground farther away are none
@@ -48,7 +48,7 @@ class PathTool:
 
     def add(self, x: float, z: float) -> None:
         """Another last point, with the speed and gait of the one before."""
-        from sport.runtime.motion.point_path import MAX_POINTS, Waypoint
+        from runtime.motion.point_path import MAX_POINTS, Waypoint
 
         if len(self.points) < MAX_POINTS:
             before = self.points[-1] if self.points else Waypoint(x, z)
@@ -112,7 +112,7 @@ class PathTool:
 
     def start(self, place: Place) -> None:
         """Lead the character along the path from where it stands."""
-        from sport.runtime.motion.point_path import PointPath
+        from runtime.motion.point_path import PointPath
 
         if self.points:
             self.walk, self._time_s, self.begun = PointPath(tuple(self.points)).walk_from(place), 0.0, True

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from sport.runtime import rotations
-from sport.runtime.controls import Controls
-from sport.runtime.motion.features import FPS
-from sport.runtime.pose import Pose
-from sport.runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.services import ControllerLike
+from runtime import rotations
+from runtime.controls import Controls
+from runtime.motion.features import FPS
+from runtime.pose import Pose
+from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
+from viewer.services import ControllerLike
 
 STEP_SECONDS = 1.0 / FPS
 # per displayed frame: motion keeps its own time down to 4 frames a second, but where the model itself is slow the

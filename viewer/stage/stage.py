@@ -8,28 +8,28 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.character.guess import JointsUnknown
-from sport.runtime.character.read import SUFFIXES as GLTF_SUFFIXES
-from sport.runtime.controls import Controls
-from sport.runtime.motion.paths import Place
-from sport.runtime.motion.snapshot import Snapshot
-from sport.runtime.pose import Pose
-from sport.runtime.prompts.gpt.settings import GptSettings
-from sport.runtime.takes.drive import DriveRecorder, GroundChange
-from sport.runtime.terrain.files import SUFFIXES as GROUNDS
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.input.bindings import VIEW_ACTIONS, Action
-from sport.viewer.jobs import Jobs
-from sport.viewer.live.link import LiveLink
-from sport.viewer.messages import Messages
-from sport.viewer.services import Loaded, Services
-from sport.viewer.settings import Settings
-from sport.viewer.stage.camera_control import CameraControl
-from sport.viewer.stage.joint_mapping import JointMapping
-from sport.viewer.stage.path_tool import PathTool
-from sport.viewer.stage.simulation import Simulation
-from sport.viewer.stage.state import StageState
-from sport.viewer.stage.views import VIEWS, start_yaw
+from runtime.character.guess import JointsUnknown
+from runtime.character.read import SUFFIXES as GLTF_SUFFIXES
+from runtime.controls import Controls
+from runtime.motion.paths import Place
+from runtime.motion.snapshot import Snapshot
+from runtime.pose import Pose
+from runtime.prompts.gpt.settings import GptSettings
+from runtime.takes.drive import DriveRecorder, GroundChange
+from runtime.terrain.files import SUFFIXES as GROUNDS
+from runtime.terrain.height_map import Terrain
+from viewer.input.bindings import VIEW_ACTIONS, Action
+from viewer.jobs import Jobs
+from viewer.live.link import LiveLink
+from viewer.messages import Messages
+from viewer.services import Loaded, Services
+from viewer.settings import Settings
+from viewer.stage.camera_control import CameraControl
+from viewer.stage.joint_mapping import JointMapping
+from viewer.stage.path_tool import PathTool
+from viewer.stage.simulation import Simulation
+from viewer.stage.state import StageState
+from viewer.stage.views import VIEWS, start_yaw
 
 SIMULATION, WAY = "simulation", "way"  # topics of messages
 SLOW_FPS, SLOW_SECONDS = 20.0, 5.0  # fewer frames a second for so long, and automatic quality goes down
@@ -304,6 +304,6 @@ class Stage:
 
 def has_skin(path: Path) -> bool:
     """Whether a glTF file holds a skin; FileError when it cannot be read."""
-    from sport.runtime.character.read import open_gltf
+    from runtime.character.read import open_gltf
 
     return bool(open_gltf(path).gltf.skins)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.services import ControllerLike
-from sport.viewer.stage.simulation import Simulation
+from runtime.terrain.height_map import Terrain
+from viewer.services import ControllerLike
+from viewer.stage.simulation import Simulation
 
 
 @dataclass

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sport.runtime.terrain.height_map import Terrain
+from runtime.terrain.height_map import Terrain
 
 OPENING_TURN = -0.62  # radians beside the walker's back, on the side that the sun lights
 NEAR_M, FAR_M, STEP_M = 1.0, 15.0, 0.25  # where obstacles are looked for

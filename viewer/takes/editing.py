@@ -9,26 +9,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sport.runtime.controls import Gait
-from sport.runtime.errors import SportError
-from sport.runtime.motion.snapshot import Snapshot, take_snapshot
-from sport.runtime.motion.style_mix import StyleMix
-from sport.runtime.pose import Pose
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.takes.metadata import PromptEvent, title
-from sport.viewer.messages import Messages
-from sport.viewer.prompt.prompting import Prompting
-from sport.viewer.prompt.state import Request
-from sport.viewer.prompt.style_edit import Answer, StyleEdit
-from sport.viewer.stage.stage import Stage
-from sport.viewer.takes.state import ClipItem, TakesState
-from sport.viewer.takes.takes import Takes
-from sport.viewer.takes.tracks import Tracks, tracks_of, words_of
+from runtime.controls import Gait
+from runtime.errors import SportError
+from runtime.motion.snapshot import Snapshot, take_snapshot
+from runtime.motion.style_mix import StyleMix
+from runtime.pose import Pose
+from runtime.prompts.parts import PartDescriptions
+from runtime.takes.metadata import PromptEvent, title
+from viewer.messages import Messages
+from viewer.prompt.prompting import Prompting
+from viewer.prompt.state import Request
+from viewer.prompt.style_edit import Answer, StyleEdit
+from viewer.stage.stage import Stage
+from viewer.takes.state import ClipItem, TakesState
+from viewer.takes.takes import Takes
+from viewer.takes.tracks import Tracks, tracks_of, words_of
 
 if TYPE_CHECKING:
-    from sport.runtime.takes.clip import Clip
-    from sport.runtime.takes.drive import Drive, StyleChange
-    from sport.runtime.takes.drive_edits import Edit, PromptSpan
+    from runtime.takes.clip import Clip
+    from runtime.takes.drive import Drive, StyleChange
+    from runtime.takes.drive_edits import Edit, PromptSpan
 
 SLOT = "driving a take"
 MAX_LABEL = 32  # characters of a prompt in the name of an edit
@@ -93,7 +93,7 @@ class TakeEditing:
         label = f"words of {_short(title(bar.span.event))}"  # type: ignore[attr-defined]
 
         def edit(drive: Drive) -> Edit:
-            from sport.runtime.takes import drive_edits
+            from runtime.takes import drive_edits
 
             style = self._style(bar.span.start, request, known)
             return drive_edits.reworded(drive, drive_edits.prompt_spans(drive)[index], style)
@@ -122,7 +122,7 @@ class TakeEditing:
         frame = playback.frame
 
         def edit(drive: Drive) -> Edit:
-            from sport.runtime.takes import drive_edits
+            from runtime.takes import drive_edits
 
             return drive_edits.with_prompt(drive, self._style(frame, text, None))
 
@@ -130,7 +130,7 @@ class TakeEditing:
 
     def _style(self, frame: int, request: Request, known: Answer | None) -> StyleChange:
         """The style of a request from a frame on; waits for the answer."""
-        from sport.runtime.takes.drive import StyleChange
+        from runtime.takes.drive import StyleChange
 
         answer, seconds = self.prompting.answer(request), self.takes.settings.blend_seconds
         if isinstance(request, PartDescriptions):
@@ -151,7 +151,7 @@ class TakeEditing:
         end = next((b.span.end for b in tracks.gaits if b.span.start <= frame < b.span.end), playback.frames)
 
         def edit(drive: Drive) -> Edit:
-            from sport.runtime.takes import drive_edits
+            from runtime.takes import drive_edits
 
             return drive_edits.with_gait(drive, frame, end - 1, gait)
 
@@ -161,7 +161,7 @@ class TakeEditing:
         """A span of the track "prompts" or "gaits" goes to other frames, at the cost of its neighbours."""
 
         def edit(drive: Drive) -> Edit:
-            from sport.runtime.takes import drive_edits
+            from runtime.takes import drive_edits
 
             change = drive_edits.move_prompt if track == "prompts" else drive_edits.move_gait
             return change(drive, index, start, end)
@@ -179,7 +179,7 @@ class TakeEditing:
         clip, drive, maker = item.clip, item.drive, item.maker
 
         def work() -> Edited:
-            from sport.runtime.takes.drive import played_again
+            from runtime.takes.drive import played_again
 
             made = edit(drive)
             return played_again(clip, made.drive, maker.twin(), made.first)
@@ -228,7 +228,7 @@ class TakeEditing:
         drive, maker, frame = item.drive, item.maker, playback.frame
 
         def work() -> tuple[Snapshot, Pose]:
-            from sport.runtime.takes.drive import redrive
+            from runtime.takes.drive import redrive
 
             assert drive is not None
             assert maker is not None
@@ -251,7 +251,7 @@ class TakeEditing:
 
 
 def _style_at(drive: Drive, frame: int) -> StyleChange | None:
-    from sport.runtime.takes.drive_edits import prompt_spans
+    from runtime.takes.drive_edits import prompt_spans
 
     spans: list[PromptSpan] = [s for s in prompt_spans(drive) if s.start <= frame]
     changes = [c for c in spans[-1].changes if c.frame <= frame] if spans else []

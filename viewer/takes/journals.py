@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sport.runtime.takes.journal import FoundJournal, Header, TakeJournal, find_journals
-from sport.runtime.takes.metadata import Origin
-from sport.viewer.gui.widgets import clock
-from sport.viewer.jobs import Jobs
-from sport.viewer.messages import Messages
-from sport.viewer.takes.state import ClipItem, TakesState
+from runtime.takes.journal import FoundJournal, Header, TakeJournal, find_journals
+from runtime.takes.metadata import Origin
+from viewer.gui.widgets import clock
+from viewer.jobs import Jobs
+from viewer.messages import Messages
+from viewer.takes.state import ClipItem, TakesState
 
 if TYPE_CHECKING:
-    from sport.runtime.takes.clip import Clip
-    from sport.runtime.takes.recorder import ClipRecorder
+    from runtime.takes.clip import Clip
+    from runtime.takes.recorder import ClipRecorder
 
 
 @dataclass

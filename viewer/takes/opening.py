@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sport.runtime.errors import FileError
-from sport.viewer.jobs import Jobs
-from sport.viewer.messages import Messages
-from sport.viewer.stage.state import StageState
+from runtime.errors import FileError
+from viewer.jobs import Jobs
+from viewer.messages import Messages
+from viewer.stage.state import StageState
 
 if TYPE_CHECKING:
-    from sport.runtime.takes.clip import Clip
+    from runtime.takes.clip import Clip
 
 PutGround = Callable[[str, Callable[[], None]], None]  # by name or file; what to do when it is there
 
@@ -30,10 +30,10 @@ class Opened:
 
 def read_clip(path: Path) -> Opened:
     """A BVH of ours with its ground, or one of another skeleton as reference on flat ground; FileError."""
-    from sport.runtime.takes.clip import OtherSkeleton, load_clip_bvh
-    from sport.runtime.takes.ground_of import ground_spec, names_ground
-    from sport.runtime.takes.prepare import on_its_ground
-    from sport.runtime.takes.reference import load_reference_bvh
+    from runtime.takes.clip import OtherSkeleton, load_clip_bvh
+    from runtime.takes.ground_of import ground_spec, names_ground
+    from runtime.takes.prepare import on_its_ground
+    from runtime.takes.reference import load_reference_bvh
 
     try:
         clip = load_clip_bvh(path)

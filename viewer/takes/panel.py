@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from sport.runtime.safe_read import printable
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import setting_widgets, theme, widgets
-from sport.viewer.gui.theme import ICON
-from sport.viewer.gui.widgets import px
-from sport.viewer.takes import recovery_panel
-from sport.viewer.takes.takes import EXPORT_ALL, Takes
+from runtime.safe_read import printable
+from viewer.gl_bindings import imgui
+from viewer.gui import setting_widgets, theme, widgets
+from viewer.gui.theme import ICON
+from viewer.gui.widgets import px
+from viewer.takes import recovery_panel
+from viewer.takes.takes import EXPORT_ALL, Takes
 
 RENAME_HINT = "Double-click renames it"
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sport.runtime.pose import Pose
-from sport.runtime.terrain.height_map import Terrain
+from runtime.pose import Pose
+from runtime.terrain.height_map import Terrain
 
 if TYPE_CHECKING:
-    from sport.runtime.takes.clip import Clip
+    from runtime.takes.clip import Clip
 
 MIN_FRAMES = 2
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import theme, widgets
-from sport.viewer.gui.theme import ICON
-from sport.viewer.gui.widgets import px
-from sport.viewer.takes.journals import Journals, describe
+from viewer.gl_bindings import imgui
+from viewer.gui import theme, widgets
+from viewer.gui.theme import ICON
+from viewer.gui.widgets import px
+from viewer.takes.journals import Journals, describe
 
 MAX_SHOWN = 1  # the list below needs the room
 

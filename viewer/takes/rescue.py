@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sport.runtime.errors import SportError
-from sport.runtime.safe_read import printable
-from sport.viewer.messages import Messages
+from runtime.errors import SportError
+from runtime.safe_read import printable
+from viewer.messages import Messages
 
 if TYPE_CHECKING:
-    from sport.viewer.takes.state import ClipItem
+    from viewer.takes.state import ClipItem
 
 _LOG = logging.getLogger("sport.viewer")
 

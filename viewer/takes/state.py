@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from sport.runtime.takes.clip import Clip
-    from sport.runtime.takes.drive import Drive
-    from sport.runtime.takes.journal import FoundJournal, TakeJournal
-    from sport.viewer.services import ControllerLike
-    from sport.viewer.takes.playback import Playback
-    from sport.viewer.takes.tracks import Tracks
+    from runtime.takes.clip import Clip
+    from runtime.takes.drive import Drive
+    from runtime.takes.journal import FoundJournal, TakeJournal
+    from viewer.services import ControllerLike
+    from viewer.takes.playback import Playback
+    from viewer.takes.tracks import Tracks
 
 
 @dataclass(frozen=True)

@@ -10,27 +10,27 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sport.runtime.controls import Controls
-from sport.runtime.errors import SportError, UsageError
-from sport.runtime.pose import Pose
-from sport.runtime.safe_read import printable
-from sport.runtime.takes.metadata import Origin, gait_of, origin_of
-from sport.viewer.input.bindings import Action
-from sport.viewer.jobs import Jobs
-from sport.viewer.messages import Messages
-from sport.viewer.prompt.style_edit import StyleEdit
-from sport.viewer.settings import Settings
-from sport.viewer.stage.state import StageState
-from sport.viewer.takes.journals import Journals
-from sport.viewer.takes.opening import Opening
-from sport.viewer.takes.playback import Playback
-from sport.viewer.takes.rescue import Rescue
-from sport.viewer.takes.state import ClipItem, Removed, TakesState
+from runtime.controls import Controls
+from runtime.errors import SportError, UsageError
+from runtime.pose import Pose
+from runtime.safe_read import printable
+from runtime.takes.metadata import Origin, gait_of, origin_of
+from viewer.input.bindings import Action
+from viewer.jobs import Jobs
+from viewer.messages import Messages
+from viewer.prompt.style_edit import StyleEdit
+from viewer.settings import Settings
+from viewer.stage.state import StageState
+from viewer.takes.journals import Journals
+from viewer.takes.opening import Opening
+from viewer.takes.playback import Playback
+from viewer.takes.rescue import Rescue
+from viewer.takes.state import ClipItem, Removed, TakesState
 
 if TYPE_CHECKING:
-    from sport.runtime.takes.clip import Clip
-    from sport.runtime.takes.drive import DriveRecorder, StyleChange
-    from sport.runtime.takes.recorder import ClipRecorder
+    from runtime.takes.clip import Clip
+    from runtime.takes.drive import DriveRecorder, StyleChange
+    from runtime.takes.recorder import ClipRecorder
 
 MAX_NAME = 60
 EXPORT_ALL = "export all"
@@ -300,7 +300,7 @@ class Takes:
         except SportError as error:
             self.messages.error(error)
             return
-        from sport.runtime.takes.clip import save_bvh
+        from runtime.takes.clip import save_bvh
 
         write = partial(
             save_bvh, self._trimmed(item), path, settings.export_fps, settings.export_unit, new=new
@@ -326,7 +326,7 @@ class Takes:
         fps, unit = self.settings.export_fps, self.settings.export_unit
 
         def work() -> list[Path]:
-            from sport.runtime.takes.clip import save_bvh
+            from runtime.takes.clip import save_bvh
 
             return [
                 save_bvh(item.named_clip, folder / f"{file_stem(item.name)}.bvh", fps, unit, new=True)
@@ -362,7 +362,7 @@ class Takes:
         return rescue.written
 
     def _save(self, item: ClipItem, folder: Path) -> Path:
-        from sport.runtime.takes.clip import save_bvh
+        from runtime.takes.clip import save_bvh
 
         path = folder / f"{file_stem(item.name)}.bvh"
         fps, unit = self.settings.export_fps, self.settings.export_unit

@@ -6,16 +6,16 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sport.runtime.skeleton import PART_NAMES
-from sport.runtime.takes.drive_edits import Span, fitted
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import theme, widgets
-from sport.viewer.gui.theme import Color
-from sport.viewer.gui.widgets import px
-from sport.viewer.takes.editing import TakeEditing
-from sport.viewer.takes.playback import Playback
-from sport.viewer.takes.state import Drag
-from sport.viewer.takes.tracks import Bar, Tracks
+from runtime.skeleton import PART_NAMES
+from runtime.takes.drive_edits import Span, fitted
+from viewer.gl_bindings import imgui
+from viewer.gui import theme, widgets
+from viewer.gui.theme import Color
+from viewer.gui.widgets import px
+from viewer.takes.editing import TakeEditing
+from viewer.takes.playback import Playback
+from viewer.takes.state import Drag
+from viewer.takes.tracks import Bar, Tracks
 
 NAMES_WIDTH = 62.0  # pixels at scale 1
 NAMES_FROM = 420.0  # in a narrower bar the tracks have no names

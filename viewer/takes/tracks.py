@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.controls import Gait
-from sport.runtime.errors import SportError
-from sport.runtime.prompts.blend import BlendedPrompt, Words, read_words
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.skeleton import PART_NAMES
-from sport.runtime.takes.clip import Clip
-from sport.runtime.takes.drive import Drive, GroundChange, StyleChange
-from sport.runtime.takes.drive_edits import GaitSpan, PromptSpan, Span, gait_spans, prompt_spans
-from sport.runtime.takes.metadata import PromptEvent, title
+from runtime.controls import Gait
+from runtime.errors import SportError
+from runtime.prompts.blend import BlendedPrompt, Words, read_words
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import PART_NAMES
+from runtime.takes.clip import Clip
+from runtime.takes.drive import Drive, GroundChange, StyleChange
+from runtime.takes.drive_edits import GaitSpan, PromptSpan, Span, gait_spans, prompt_spans
+from runtime.takes.metadata import PromptEvent, title
 
 CONTACT = 0.5  # of a heel or toe: it bears the character
 

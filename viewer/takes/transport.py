@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from sport.runtime.controls import Gait
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import theme, widgets
-from sport.viewer.gui.theme import ICON
-from sport.viewer.gui.widgets import px
-from sport.viewer.takes import timeline
-from sport.viewer.takes.editing import TakeEditing
-from sport.viewer.takes.playback import Playback
+from runtime.controls import Gait
+from viewer.gl_bindings import imgui
+from viewer.gui import theme, widgets
+from viewer.gui.theme import ICON
+from viewer.gui.widgets import px
+from viewer.takes import timeline
+from viewer.takes.editing import TakeEditing
+from viewer.takes.playback import Playback
 
 SPEEDS = (0.1, 2.0)
 WIDE = 520.0  # pixels at scale 1: words beside the icons

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from sport.runtime.skeleton import PART_NAMES
-from sport.runtime.takes.metadata import title
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import theme, widgets
-from sport.viewer.gui.theme import ICON
-from sport.viewer.prompt.field_panel import WRAPPED
-from sport.viewer.takes.editing import TakeEditing
-from sport.viewer.takes.tracks import Bar, words_of
+from runtime.skeleton import PART_NAMES
+from runtime.takes.metadata import title
+from viewer.gl_bindings import imgui
+from viewer.gui import theme, widgets
+from viewer.gui.theme import ICON
+from viewer.prompt.field_panel import WRAPPED
+from viewer.takes.editing import TakeEditing
+from viewer.takes.tracks import Bar, words_of
 
 
 def draw(editing: TakeEditing) -> None:

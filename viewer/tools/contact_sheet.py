@@ -1,6 +1,6 @@
 """Contact sheets: one row of frames per clip, drawn by the viewer's own renderer.
 
-python -m sport.viewer.tools.contact_sheet angry.bvh drunk.bvh --terrain flat --out sheet.png
+python -m viewer.tools.contact_sheet angry.bvh drunk.bvh --terrain flat --out sheet.png
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import UsageError, run_command
-from sport.runtime.motion import features
-from sport.runtime.takes.clip import Clip
-from sport.runtime.terrain.height_map import Terrain
+from runtime.errors import UsageError, run_command
+from runtime.motion import features
+from runtime.takes.clip import Clip
+from runtime.terrain.height_map import Terrain
 
 FRONT_TURN = 2.5  # radians from the character's facing: a three-quarter view from the front
 BACK_TURN = 0.75  # from behind, for terrain that would hide the character
@@ -31,8 +31,8 @@ def draw_sheet(
     turn: float = FRONT_TURN,
 ) -> NDArray[np.uint8]:
     """Frames `(H, W, 3)`: row r is clip r at `columns` moments from `start_seconds` on."""
-    from sport.viewer.filming.studio import studio
-    from sport.viewer.render.camera import Camera
+    from viewer.filming.studio import studio
+    from viewer.render.camera import Camera
 
     if not clips:
         raise UsageError("contact sheet: no clips.", "Name at least one BVH file.")
@@ -65,12 +65,12 @@ def label_rows(sheet: NDArray[np.uint8], labels: Sequence[str]) -> NDArray[np.ui
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Draw a sheet of BVH files."""
-    from sport.runtime.takes.clip import load_clip_bvh
-    from sport.runtime.takes.ground_of import ground_of
-    from sport.runtime.takes.prepare import on_its_ground
-    from sport.viewer.render.capture import save_png
+    from runtime.takes.clip import load_clip_bvh
+    from runtime.takes.ground_of import ground_of
+    from runtime.takes.prepare import on_its_ground
+    from viewer.render.capture import save_png
 
-    parser = argparse.ArgumentParser(prog="python -m sport.viewer.tools.contact_sheet", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m viewer.tools.contact_sheet", description=__doc__)
     parser.add_argument("clips", nargs="+", type=Path, metavar="BVH")
     parser.add_argument("--terrain", help="default: the ground that stands beside each clip, in its JSON")
     parser.add_argument("--out", type=Path, required=True)

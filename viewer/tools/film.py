@@ -1,7 +1,7 @@
 """A film of a clip, drawn by the viewer's own renderer, with the prompts of its take written under it.
 
-python -m sport.viewer.tools.film walk.bvh --out walk.webp        # or walk.gif; ground and prompts from walk.bvh.json
-python -m sport.viewer.tools.film raw.bvh ours.bvh --labels captured ours --out beside.webp    # from left to right
+python -m viewer.tools.film walk.bvh --out walk.webp        # or walk.gif; ground and prompts from walk.bvh.json
+python -m viewer.tools.film raw.bvh ours.bvh --labels captured ours --out beside.webp    # from left to right
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.atomic import check_target
-from sport.runtime.errors import FileError, UsageError, run_command
-from sport.runtime.motion import features
-from sport.runtime.takes.clip import Clip
-from sport.runtime.terrain.height_map import Terrain
-from sport.viewer.filming.captions import Captions, caption
+from runtime.atomic import check_target
+from runtime.errors import FileError, UsageError, run_command
+from runtime.motion import features
+from runtime.takes.clip import Clip
+from runtime.terrain.height_map import Terrain
+from viewer.filming.captions import Captions, caption
 
 Image = NDArray[np.uint8]
 
@@ -40,8 +40,8 @@ def draw_frames(
     turn: float = TURN,
 ) -> Iterator[Image]:
     """Frames `(H, W, 3)` of a clip from `start` on; the camera follows, at `turn` radians from the facing."""
-    from sport.viewer.filming.studio import studio
-    from sport.viewer.render.camera import FollowCamera
+    from viewer.filming.studio import studio
+    from viewer.render.camera import FollowCamera
 
     first = clip.sample(start)
     yaw = float(features.facing_yaw(first.positions)) + turn
@@ -108,7 +108,7 @@ def save_film(path: Path, frames: Sequence[Image], fps: float) -> None:
 
 def _options(argv: Sequence[str] | None) -> argparse.Namespace:
     """The command line, checked; UsageError names what cannot be used."""
-    parser = argparse.ArgumentParser(prog="python -m sport.viewer.tools.film", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m viewer.tools.film", description=__doc__)
     parser.add_argument("clips", type=Path, nargs="+", metavar="BVH", help="several are drawn side by side")
     parser.add_argument("--labels", nargs="+", default=(), help="under each clip, in place of its prompts")
     parser.add_argument("--out", type=Path, required=True, help="a .webp or .gif")
@@ -140,9 +140,9 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
 
 def _captioned(path: Path, label: str, args: argparse.Namespace) -> list[Image]:
     """The frames of one clip with its prompts, or its label, written under them."""
-    from sport.runtime.takes.clip import load_clip_bvh
-    from sport.runtime.takes.ground_of import ground_of
-    from sport.runtime.takes.prepare import on_its_ground
+    from runtime.takes.clip import load_clip_bvh
+    from runtime.takes.ground_of import ground_of
+    from runtime.takes.prepare import on_its_ground
 
     clip = load_clip_bvh(path)
     ground, clip = ground_of(clip, path, args.terrain), on_its_ground(clip)

@@ -6,16 +6,16 @@ import math
 
 import numpy as np
 
-from sport.runtime.pose import Pose
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import theme, widgets
-from sport.viewer.gui.layout import Rect
-from sport.viewer.gui.widgets import px
-from sport.viewer.render.camera import Camera
-from sport.viewer.stage.path_tool import on_screen
-from sport.viewer.wall.lineup import LONGEST_ROW
-from sport.viewer.wall.state import WallState
+from runtime.pose import Pose
+from runtime.skeleton import SPORT_SKELETON
+from viewer.gl_bindings import imgui
+from viewer.gui import theme, widgets
+from viewer.gui.layout import Rect
+from viewer.gui.widgets import px
+from viewer.render.camera import Camera
+from viewer.stage.path_tool import on_screen
+from viewer.wall.lineup import LONGEST_ROW
+from viewer.wall.state import WallState
 
 HEAD = SPORT_SKELETON.index("Head")
 OVER_HEAD_M = 0.34

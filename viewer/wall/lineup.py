@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.pose import Pose
-from sport.viewer.render.camera import Camera
+from runtime.pose import Pose
+from viewer.render.camera import Camera
 
 Array = NDArray[np.floating]
 

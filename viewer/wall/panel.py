@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from sport.viewer.gl_bindings import imgui
-from sport.viewer.gui import theme, widgets
-from sport.viewer.gui.theme import ICON
-from sport.viewer.gui.widgets import px
-from sport.viewer.wall.state import FEWEST, MOST, Candidate
-from sport.viewer.wall.wall import Wall
+from viewer.gl_bindings import imgui
+from viewer.gui import theme, widgets
+from viewer.gui.theme import ICON
+from viewer.gui.widgets import px
+from viewer.wall.state import FEWEST, MOST, Candidate
+from viewer.wall.wall import Wall
 
 SEED_WIDTH = 112.0  # pixels at scale 1
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 
-from sport.viewer.prompt.style_edit import Side, StyleEdit
+from viewer.prompt.style_edit import Side, StyleEdit
 
 FEWEST, MOST = 2, 9
 

@@ -12,24 +12,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sport.runtime.controls import Controls
-from sport.runtime.motion.snapshot import take_snapshot
-from sport.runtime.pose import Pose
-from sport.viewer.input.bindings import Action
-from sport.viewer.messages import Messages
-from sport.viewer.prompt.prompting import Prompting
-from sport.viewer.prompt.style_edit import Side, StyleEdit
-from sport.viewer.services import ControllerLike, CrowdLike
-from sport.viewer.settings import Settings
-from sport.viewer.stage.camera_control import CameraControl
-from sport.viewer.stage.simulation import MAX_STEPS, STEP_SECONDS, interpolate
-from sport.viewer.stage.stage import Stage
-from sport.viewer.takes.takes import Takes
-from sport.viewer.wall.lineup import centre_of, distance_to, places
-from sport.viewer.wall.state import FEWEST, MOST, Candidate, WallState
+from runtime.controls import Controls
+from runtime.motion.snapshot import take_snapshot
+from runtime.pose import Pose
+from viewer.input.bindings import Action
+from viewer.messages import Messages
+from viewer.prompt.prompting import Prompting
+from viewer.prompt.style_edit import Side, StyleEdit
+from viewer.services import ControllerLike, CrowdLike
+from viewer.settings import Settings
+from viewer.stage.camera_control import CameraControl
+from viewer.stage.simulation import MAX_STEPS, STEP_SECONDS, interpolate
+from viewer.stage.stage import Stage
+from viewer.takes.takes import Takes
+from viewer.wall.lineup import centre_of, distance_to, places
+from viewer.wall.state import FEWEST, MOST, Candidate, WallState
 
 if TYPE_CHECKING:
-    from sport.runtime.terrain.height_map import Terrain
+    from runtime.terrain.height_map import Terrain
 
 FIRST_COUNT = 3  # characters of a wall that was just opened
 LOWEST_PITCH = 0.3  # rad; from lower, a second row hides behind the first

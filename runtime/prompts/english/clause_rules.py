@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from sport.runtime.assets import asset_path
-from sport.runtime.errors import FileError
+from runtime.assets import asset_path
+from runtime.errors import FileError
 
 Sentences = str | tuple[str, str, str]  # one, or slightly, plainly and far
 Rules = tuple[tuple[re.Pattern[str], Sentences], ...]  # searched in order, the first match counts

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from sport.runtime.prompts.english.clause_rules import Rules, grammar
-from sport.runtime.prompts.english.gestures import take_gestures
-from sport.runtime.prompts.parts import MAX_CHARACTERS
-from sport.runtime.skeleton import PART_NAMES
+from runtime.prompts.english.clause_rules import Rules, grammar
+from runtime.prompts.english.gestures import take_gestures
+from runtime.prompts.parts import MAX_CHARACTERS
+from runtime.skeleton import PART_NAMES
 
 _LIMBS = ("arm", "leg")
 _NAMED = (

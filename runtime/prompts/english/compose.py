@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
-from sport.runtime.prompts.english.phrases import FIGURES, SLIGHTLY, Element
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.skeleton import PART_NAMES
+from runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
+from runtime.prompts.english.phrases import FIGURES, SLIGHTLY, Element
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import PART_NAMES
 
 BROAD = 5  # an entry that defines so many parts is a whole figure or scene
 TEMPERATURE = 0.06  # of the softmax over the similarities of neighbours

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 
-from sport.runtime.prompts.english.clause_rules import grammar
-from sport.runtime.skeleton import PART_NAMES
+from runtime.prompts.english.clause_rules import grammar
+from runtime.skeleton import PART_NAMES
 
 _OTHER = {"left": "right", "right": "left"}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 
-from sport.runtime.prompts.english.words import word_set
+from runtime.prompts.english.words import word_set
 
 # The commonest little words of languages in Latin script that are no English words.
 _FOREIGN = word_set(

@@ -9,11 +9,11 @@ from typing import Literal
 
 import numpy as np
 
-from sport.runtime.assets import asset_path
-from sport.runtime.prompts.english.clauses import parse_clauses
-from sport.runtime.prompts.english.compose import compose_elements, compose_neighbours, sources_note
-from sport.runtime.prompts.english.language import ENGLISH, is_foreign, knows_no_word
-from sport.runtime.prompts.english.library_data import (
+from runtime.assets import asset_path
+from runtime.prompts.english.clauses import parse_clauses
+from runtime.prompts.english.compose import compose_elements, compose_neighbours, sources_note
+from runtime.prompts.english.language import ENGLISH, is_foreign, knows_no_word
+from runtime.prompts.english.library_data import (
     NEUTRAL_STYLE,
     LibraryEmbeddings,
     LibraryEntry,
@@ -25,15 +25,15 @@ from sport.runtime.prompts.english.library_data import (
     load_prompt_library,
     load_styles,
 )
-from sport.runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, read_phrases
-from sport.runtime.prompts.english.sides import on_side, side_asked
-from sport.runtime.prompts.english.spelling import Spelling
-from sport.runtime.prompts.english.words import PERSONS, PLACES, Word, words_of
-from sport.runtime.prompts.expander import Expansion, check_prompt
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.prompts.shares import PhraseShares, shares_of
-from sport.runtime.prompts.text_encoder import TextEncoderLike
-from sport.runtime.skeleton import PART_NAMES
+from runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, read_phrases
+from runtime.prompts.english.sides import on_side, side_asked
+from runtime.prompts.english.spelling import Spelling
+from runtime.prompts.english.words import PERSONS, PLACES, Word, words_of
+from runtime.prompts.expander import Expansion, check_prompt
+from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.shares import PhraseShares, shares_of
+from runtime.prompts.text_encoder import TextEncoderLike
+from runtime.skeleton import PART_NAMES
 
 # Cosine similarities of prompts, set on the first lists of tests/prompt_lists.py.
 NEAR = 0.62  # the best entry is taken whole

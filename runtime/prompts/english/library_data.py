@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import FileError, PromptError
-from sport.runtime.prompts.parts import PartDescriptions, check_text
-from sport.runtime.prompts.text_encoder import TextEncoderLike
-from sport.runtime.skeleton import PART_NAMES
+from runtime.errors import FileError, PromptError
+from runtime.prompts.parts import PartDescriptions, check_text
+from runtime.prompts.text_encoder import TextEncoderLike
+from runtime.skeleton import PART_NAMES
 
 MAX_BYTES = 8_000_000
 NEUTRAL_STYLE = "neutral"
@@ -240,13 +240,13 @@ def load_embeddings(
     except Exception as error:  # zipfile, zlib and numpy each raise their own for a damaged archive
         raise FileError(
             f"{path}: not readable as the library's embeddings ({error}).",
-            "Run `python -m sport.training.text.build_library`, or install the program again.",
+            "Run `python -m training.text.build_library`, or install the program again.",
         ) from error
     count, size = len(found.entry_of), encoder.dimensions
     if found.prompts.shape != (count, size) or found.parts.shape != (entries, len(PART_NAMES), size):
         raise FileError(
             f"{path}: embeddings of shape {found.parts.shape}, expected {(entries, len(PART_NAMES), size)}.",
-            "Run `python -m sport.training.text.build_library`.",
+            "Run `python -m training.text.build_library`.",
         )
     return found
 

@@ -6,8 +6,8 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from sport.runtime.prompts.english.library_data import NEUTRAL_STYLE, LibraryEntry, PromptLibrary
-from sport.runtime.prompts.english.words import (
+from runtime.prompts.english.library_data import NEUTRAL_STYLE, LibraryEntry, PromptLibrary
+from runtime.prompts.english.words import (
     ABSENCES,
     DEGREES,
     LINKS,

@@ -6,9 +6,9 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 
-from sport.runtime.prompts.english.library_data import LibraryEntry
-from sport.runtime.prompts.english.words import PART_WORDS, Word, word_set
-from sport.runtime.skeleton import PART_NAMES
+from runtime.prompts.english.library_data import LibraryEntry
+from runtime.prompts.english.words import PART_WORDS, Word, word_set
+from runtime.skeleton import PART_NAMES
 
 _LIMBS = word_set("arm hand elbow shoulder wrist leg foot feet knee hip ankle side thigh heel toe")
 _OTHER = {"left": "right", "right": "left"}

@@ -10,10 +10,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from sport.runtime.atomic import write_atomic
-from sport.runtime.errors import FileError, PromptError
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.safe_read import parse_json, read_bounded
+from runtime.atomic import write_atomic
+from runtime.errors import FileError, PromptError
+from runtime.prompts.parts import PartDescriptions
+from runtime.safe_read import parse_json, read_bounded
 
 _log = logging.getLogger(__name__)
 MAX_BYTES = 50_000

@@ -7,8 +7,8 @@ import threading
 import time
 from pathlib import Path
 
-from sport.runtime.prompts.gpt.expander import GptExpander
-from sport.runtime.prompts.gpt.settings import GptSettings
+from runtime.prompts.gpt.expander import GptExpander
+from runtime.prompts.gpt.settings import GptSettings
 
 TEST_PROMPT = "an exhausted soldier, left arm hanging"
 

@@ -16,11 +16,11 @@ from email.utils import parsedate_to_datetime
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from sport.runtime.errors import PromptError
-from sport.runtime.prompts.expander import PromptCancelledError
-from sport.runtime.prompts.gpt.bounded_http import AnswerError, Waiting, bounded_client
-from sport.runtime.prompts.gpt.settings import KEY, MODEL, TIMEOUT, URL, GptSettings
-from sport.runtime.safe_read import parse_json
+from runtime.errors import PromptError
+from runtime.prompts.expander import PromptCancelledError
+from runtime.prompts.gpt.bounded_http import AnswerError, Waiting, bounded_client
+from runtime.prompts.gpt.settings import KEY, MODEL, TIMEOUT, URL, GptSettings
+from runtime.safe_read import parse_json
 
 if TYPE_CHECKING:
     from openai import OpenAI

@@ -10,19 +10,19 @@ import time
 from functools import cached_property
 from pathlib import Path
 
-from sport.runtime.errors import PromptError, SportError, UsageError
-from sport.runtime.prompts.expander import Expansion, check_prompt
-from sport.runtime.prompts.gpt.cache import AnswerCache, cache_directory
-from sport.runtime.prompts.gpt.client import INSTALL, ChatClient, EndpointError
-from sport.runtime.prompts.gpt.prompt import (
+from runtime.errors import PromptError, SportError, UsageError
+from runtime.prompts.expander import Expansion, check_prompt
+from runtime.prompts.gpt.cache import AnswerCache, cache_directory
+from runtime.prompts.gpt.client import INSTALL, ChatClient, EndpointError
+from runtime.prompts.gpt.prompt import (
     Message,
     StructuredPrompt,
     answer_schema,
     load_structured_prompt,
     repair_messages,
 )
-from sport.runtime.prompts.gpt.settings import MODEL, GptSettings
-from sport.runtime.prompts.parts import PartDescriptions
+from runtime.prompts.gpt.settings import MODEL, GptSettings
+from runtime.prompts.parts import PartDescriptions
 
 _log = logging.getLogger(__name__)
 _SCHEMA_REFUSED = (400, 404, 415, 422, 501)  # statuses of endpoints that know no response_format

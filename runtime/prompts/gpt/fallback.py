@@ -7,10 +7,10 @@ import logging
 import threading
 from collections.abc import Iterator
 
-from sport.runtime.errors import SportError
-from sport.runtime.prompts.expander import Expander, Expansion, PromptCancelledError, check_prompt
-from sport.runtime.prompts.gpt.expander import GptExpander
-from sport.runtime.prompts.gpt.settings import GptSettings
+from runtime.errors import SportError
+from runtime.prompts.expander import Expander, Expansion, PromptCancelledError, check_prompt
+from runtime.prompts.gpt.expander import GptExpander
+from runtime.prompts.gpt.settings import GptSettings
 
 _log = logging.getLogger(__name__)
 

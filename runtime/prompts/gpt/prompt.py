@@ -14,12 +14,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.assets import asset_path
-from sport.runtime.errors import FileError, PromptError
-from sport.runtime.prompts.english.library_data import load_library, load_styles
-from sport.runtime.prompts.expander import MAX_PROMPT_CHARACTERS
-from sport.runtime.prompts.parts import MAX_CHARACTERS, PartDescriptions, check_text
-from sport.runtime.skeleton import PART_NAMES
+from runtime.assets import asset_path
+from runtime.errors import FileError, PromptError
+from runtime.prompts.english.library_data import load_library, load_styles
+from runtime.prompts.expander import MAX_PROMPT_CHARACTERS
+from runtime.prompts.parts import MAX_CHARACTERS, PartDescriptions, check_text
+from runtime.skeleton import PART_NAMES
 
 Message = dict[str, str]
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.feet import skating as feet
-from sport.runtime.motion.features import FPS
-from sport.runtime.terrain.courses import Obstacle
-from sport.runtime.terrain.height_map import Terrain
-from sport.training.evaluation.metrics.obstacle_depth import depth_inside, limb_depths
+from runtime.feet import skating as feet
+from runtime.motion.features import FPS
+from runtime.terrain.courses import Obstacle
+from runtime.terrain.height_map import Terrain
+from training.evaluation.metrics.obstacle_depth import depth_inside, limb_depths
 
 Array = NDArray[np.floating]
 Mask = NDArray[np.bool_]

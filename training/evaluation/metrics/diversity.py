@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.motion.model import MotionModel
-from sport.training.evaluation.motion.driving import replay
-from sport.training.evaluation.motion.motion import Motion
+from runtime.motion.model import MotionModel
+from training.evaluation.motion.driving import replay
+from training.evaluation.motion.motion import Motion
 
 Array = NDArray[np.floating]
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.motion.motion_encoder import MotionEncoder
-from sport.training.evaluation.motion.motion import RootFeatures, window_index
+from runtime.motion.motion_encoder import MotionEncoder
+from training.evaluation.motion.motion import RootFeatures, window_index
 
 Array = NDArray[np.floating]
 

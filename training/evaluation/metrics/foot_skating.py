@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.controls import Gait
-from sport.runtime.feet import skating as feet
-from sport.runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
-from sport.runtime.terrain.height_map import Terrain
+from runtime.controls import Gait
+from runtime.feet import skating as feet
+from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
+from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 

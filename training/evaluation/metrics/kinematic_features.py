@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.feet import skating as feet
-from sport.runtime.motion.features import FPS
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.training.evaluation.motion.motion import WINDOW_STRIDE, RootFeatures, window_index
+from runtime.feet import skating as feet
+from runtime.motion.features import FPS
+from runtime.skeleton import SPORT_SKELETON
+from training.evaluation.motion.motion import WINDOW_STRIDE, RootFeatures, window_index
 
 Array = NDArray[np.floating]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.motion.features import FPS
+from runtime.motion.features import FPS
 
 Array = NDArray[np.floating]
 

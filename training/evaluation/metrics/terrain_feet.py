@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.feet import skating as feet
-from sport.runtime.terrain.height_map import Terrain
+from runtime.feet import skating as feet
+from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.motion.motion_encoder import MotionEncoder
-from sport.training.evaluation.metrics.encoder_features import SIZE, encoder_features
-from sport.training.evaluation.metrics.kinematic_features import kinematic_features, temporal_features
-from sport.training.evaluation.motion.motion import WINDOW_FRAMES, Motion, window_starts
+from runtime.motion.motion_encoder import MotionEncoder
+from training.evaluation.metrics.encoder_features import SIZE, encoder_features
+from training.evaluation.metrics.kinematic_features import kinematic_features, temporal_features
+from training.evaluation.motion.motion import WINDOW_FRAMES, Motion, window_starts
 
 Array = NDArray[np.floating]
 

@@ -1,7 +1,7 @@
 """A captured walk, and the same style's character led along its path, as two BVH files to be looked at side by side.
 
-python -m sport.training.evaluation.motion.beside_capture --clips DIR --style old --out FOLDER [--model FOLDER]
-python -m sport.viewer.tools.film FOLDER/old_captured.bvh FOLDER/old_ours.bvh --labels captured ours --out old.webp
+python -m training.evaluation.motion.beside_capture --clips DIR --style old --out FOLDER [--model FOLDER]
+python -m viewer.tools.film FOLDER/old_captured.bvh FOLDER/old_ours.bvh --labels captured ours --out old.webp
 """
 
 from __future__ import annotations
@@ -9,16 +9,16 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from sport.runtime.assets import asset_path, model_folder
-from sport.runtime.errors import FileError, run_command
-from sport.runtime.motion.features import FPS
-from sport.runtime.motion.model import load_model
-from sport.runtime.prompts.english.library_data import load_styles
-from sport.runtime.prompts.prompter import Prompter
-from sport.runtime.takes.clip import Clip, save_bvh
-from sport.training.evaluation.motion.driving import follow
-from sport.training.evaluation.motion.motion import Motion
-from sport.training.evaluation.motion.same_path import walks
+from runtime.assets import asset_path, model_folder
+from runtime.errors import FileError, run_command
+from runtime.motion.features import FPS
+from runtime.motion.model import load_model
+from runtime.prompts.english.library_data import load_styles
+from runtime.prompts.prompter import Prompter
+from runtime.takes.clip import Clip, save_bvh
+from training.evaluation.motion.driving import follow
+from training.evaluation.motion.motion import Motion
+from training.evaluation.motion.same_path import walks
 
 EVERY = 10_000  # more than there are styles
 

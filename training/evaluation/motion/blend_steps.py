@@ -1,6 +1,6 @@
 """Is a blend even? Of the change between two styles, how much lies in the largest of six equal steps of the blend.
 
-    python -m sport.training.evaluation.motion.blend_steps [--model FOLDER] [--pairs 24] [--out docs/results/walks.md]
+    python -m training.evaluation.motion.blend_steps [--model FOLDER] [--pairs 24] [--out docs/results/walks.md]
 
 Two prompts are blended by seven weights from 0 to 1, as the slider and `sport generate --blend` do; at each the character walks straight on, and its walk is summed up as the
 mean and the deviation of every joint's place seen from the root. A step is the distance between two neighbours. 1/6 is even.
@@ -15,21 +15,21 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.assets import asset_path, model_folder
-from sport.runtime.controls import Controls
-from sport.runtime.errors import run_command
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.features import FPS
-from sport.runtime.motion.model import MotionModel, load_model
-from sport.runtime.motion.style_mix import StyleMix
-from sport.runtime.prompts.blend import ALL_A, BlendedPrompt
-from sport.runtime.prompts.english.library_data import load_styles
-from sport.runtime.prompts.prompter import Prompter
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.training.evaluation.motion.driving import flat_ground
-from sport.training.evaluation.motion.motion import GESTURES
-from sport.training.evaluation.report.markers import check_section, write_section
-from sport.training.frames import root_motion
+from runtime.assets import asset_path, model_folder
+from runtime.controls import Controls
+from runtime.errors import run_command
+from runtime.motion.controller import Controller
+from runtime.motion.features import FPS
+from runtime.motion.model import MotionModel, load_model
+from runtime.motion.style_mix import StyleMix
+from runtime.prompts.blend import ALL_A, BlendedPrompt
+from runtime.prompts.english.library_data import load_styles
+from runtime.prompts.prompter import Prompter
+from runtime.skeleton import SPORT_SKELETON
+from training.evaluation.motion.driving import flat_ground
+from training.evaluation.motion.motion import GESTURES
+from training.evaluation.report.markers import check_section, write_section
+from training.frames import root_motion
 
 Array = NDArray[np.floating]
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.controls import Gait
-from sport.runtime.errors import FileError
-from sport.runtime.motion.features import FPS
-from sport.training.evaluation.motion.motion import WINDOW_FRAMES, Motion, load_motion, original_clips
+from runtime.controls import Gait
+from runtime.errors import FileError
+from runtime.motion.features import FPS
+from training.evaluation.motion.motion import WINDOW_FRAMES, Motion, load_motion, original_clips
 
 Array = NDArray[np.floating]
 

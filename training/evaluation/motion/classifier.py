@@ -1,6 +1,6 @@
 """Is our motion told from capture? A classifier sees windows of captured clips and of the character on the same paths.
 
-    python -m sport.training.evaluation.motion.classifier --clips DIR --model FOLDER [--model FOLDER2 ...] [--out FILE]
+    python -m training.evaluation.motion.classifier --clips DIR --model FOLDER [--model FOLDER2 ...] [--out FILE]
 
 Every style is led along its own clips (`driving.follow`), as shown, after foot lock. Two kinds of features of windows of 1.3 s:
 *kinematic* (322 numbers: ranges, angles, speeds, frequencies) and *trajectories* (the joints' places seen from the root).
@@ -16,17 +16,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.assets import asset_path, model_folder
-from sport.runtime.errors import run_command
-from sport.runtime.motion.model import load_model
-from sport.runtime.prompts.english.library_data import load_styles
-from sport.runtime.prompts.prompter import Prompter
-from sport.training.evaluation.metrics.kinematic_features import kinematic_features, temporal_features
-from sport.training.evaluation.metrics.told_apart import area_under_curve, halves_told_apart
-from sport.training.evaluation.motion.capture import driving_segments, read_capture
-from sport.training.evaluation.motion.driving import follow
-from sport.training.evaluation.motion.motion import GESTURES, Motion, window_index, window_starts
-from sport.training.evaluation.report.markers import check_section, write_section
+from runtime.assets import asset_path, model_folder
+from runtime.errors import run_command
+from runtime.motion.model import load_model
+from runtime.prompts.english.library_data import load_styles
+from runtime.prompts.prompter import Prompter
+from training.evaluation.metrics.kinematic_features import kinematic_features, temporal_features
+from training.evaluation.metrics.told_apart import area_under_curve, halves_told_apart
+from training.evaluation.motion.capture import driving_segments, read_capture
+from training.evaluation.motion.driving import follow
+from training.evaluation.motion.motion import GESTURES, Motion, window_index, window_starts
+from training.evaluation.report.markers import check_section, write_section
 
 Array = NDArray[np.floating]
 

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.features import FPS
-from sport.runtime.motion.model import MotionModel
-from sport.runtime.motion.paths import LOOK_AHEAD_M
-from sport.runtime.terrain.height_map import Terrain
-from sport.training.evaluation.motion.driving import LEAD_IN_FRAMES, Recorder
-from sport.training.evaluation.motion.motion import Motion
+from runtime.controls import Controls, Gait
+from runtime.motion.controller import Controller
+from runtime.motion.features import FPS
+from runtime.motion.model import MotionModel
+from runtime.motion.paths import LOOK_AHEAD_M
+from runtime.terrain.height_map import Terrain
+from training.evaluation.motion.driving import LEAD_IN_FRAMES, Recorder
+from training.evaluation.motion.motion import Motion
 
 Array = NDArray[np.floating]
 

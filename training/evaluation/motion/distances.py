@@ -1,6 +1,6 @@
 """The distances of several models alone, a tenth of the whole evaluation: is the diffusion worth its steps?
 
-python -m sport.training.evaluation.motion.distances --clips DIR --model A --model B --json FILE --markdown FILE
+python -m training.evaluation.motion.distances --clips DIR --model A --model B --json FILE --markdown FILE
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.assets import model_folder
-from sport.runtime.atomic import write_atomic
-from sport.runtime.errors import run_command
-from sport.runtime.motion.motion_encoder import MotionEncoder
-from sport.training.evaluation.motion.plan import Options, make_plan
-from sport.training.evaluation.motion.score_styles import score_following
-from sport.training.evaluation.motion.subject import Subject
-from sport.training.evaluation.report.markers import check_section, write_section
+from runtime.assets import model_folder
+from runtime.atomic import write_atomic
+from runtime.errors import run_command
+from runtime.motion.motion_encoder import MotionEncoder
+from training.evaluation.motion.plan import Options, make_plan
+from training.evaluation.motion.score_styles import score_following
+from training.evaluation.motion.subject import Subject
+from training.evaluation.report.markers import check_section, write_section
 
 log = logging.getLogger("sport.evaluate")
 

@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.errors import SportError
-from sport.runtime.motion import features
-from sport.runtime.motion.controller import TEMPERATURE, Controller
-from sport.runtime.motion.features import FPS
-from sport.runtime.motion.model import MotionModel
-from sport.runtime.motion.trajectory import LENGTH, PRESENT
-from sport.runtime.pose import Pose
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.terrain.height_map import Terrain
-from sport.training.evaluation.motion.motion import Motion
-from sport.training.frames import PAD, extrapolate, repeat_ends, root_motion, smooth
+from runtime.controls import Controls, Gait
+from runtime.errors import SportError
+from runtime.motion import features
+from runtime.motion.controller import TEMPERATURE, Controller
+from runtime.motion.features import FPS
+from runtime.motion.model import MotionModel
+from runtime.motion.trajectory import LENGTH, PRESENT
+from runtime.pose import Pose
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
+from training.evaluation.motion.motion import Motion
+from training.frames import PAD, extrapolate, repeat_ends, root_motion, smooth
 
 Array = NDArray[np.floating]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import UsageError, run_command
-from sport.runtime.feet import skating as feet
-from sport.runtime.skeleton import TOE_HEIGHT
-from sport.runtime.terrain.height_map import Terrain
+from runtime.errors import UsageError, run_command
+from runtime.feet import skating as feet
+from runtime.skeleton import TOE_HEIGHT
+from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 
@@ -31,14 +31,14 @@ def sole_skating(positions: Array, terrain: Terrain) -> Array:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """`python -m sport.training.evaluation.motion.feet CLIP.bvh --terrain NAME`: skating and toe height of an exported clip."""
+    """`python -m training.evaluation.motion.feet CLIP.bvh --terrain NAME`: skating and toe height of an exported clip."""
     import argparse
     from pathlib import Path
 
-    from sport.runtime.takes.clip import load_clip_bvh
-    from sport.runtime.terrain.library import load_terrain
+    from runtime.takes.clip import load_clip_bvh
+    from runtime.terrain.library import load_terrain
 
-    parser = argparse.ArgumentParser(prog="sport.training.evaluation.motion.feet", description=main.__doc__)
+    parser = argparse.ArgumentParser(prog="training.evaluation.motion.feet", description=main.__doc__)
     parser.add_argument("clip", type=Path)
     parser.add_argument("--terrain", default="flat")
     options = parser.parse_args(argv)

@@ -1,9 +1,9 @@
 """Straight walks of every captured style at full stick beside the raw capture files: is the walk alive?
 
-    python -m sport.training.evaluation.motion.gait_table --data DIR [--model NAME=FOLDER ...] [--out docs/results/walks.md]
+    python -m training.evaluation.motion.gait_table --data DIR [--model NAME=FOLDER ...] [--out docs/results/walks.md]
 
 Each style walks by its prompt as `sport generate --gait walk --path forward` does, is written as BVH and measured by
-`sport.training.evaluation.metrics.gait`, and so are the source files of its forward walks. The table goes between the markers.
+`training.evaluation.metrics.gait`, and so are the source files of its forward walks. The table goes between the markers.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
-from sport.runtime.assets import asset_path
-from sport.runtime.errors import UsageError, run_command
-from sport.training.evaluation.metrics import gait
-from sport.training.evaluation.report.markers import check_section, write_section
+from runtime.assets import asset_path
+from runtime.errors import UsageError, run_command
+from training.evaluation.metrics import gait
+from training.evaluation.report.markers import check_section, write_section
 
 SECONDS = 12.0
 RAW_FILES = 8  # of a style at most, evenly spread
@@ -62,7 +62,7 @@ ROWS = (
 
 def raw_walks(data: Path) -> dict[str, Measures]:
     """Measures of each style's forward walks in the source files, the median over its files."""
-    from sport.training.data.catalog import list_clips
+    from training.data.catalog import list_clips
 
     files: dict[str, list[Path]] = {}
     for clip in list_clips(data)[0]:
@@ -86,14 +86,14 @@ def median_of(measured: Iterable[Measures]) -> Measures:
 
 def our_walks(model: Path | None, styles: Iterable[str], speed: float = 1.0) -> dict[str, Measures]:
     """The same of a model's character, which walks straight ahead by each style's prompt; `speed` of the stick."""
-    from sport.runtime.generate import clip_of, simulate
-    from sport.runtime.motion.controller import Controller
-    from sport.runtime.motion.model import load_model
-    from sport.runtime.motion.paths import control_script
-    from sport.runtime.prompts.english.library_data import load_styles
-    from sport.runtime.prompts.prompter import Prompter
-    from sport.runtime.takes.clip import save_bvh
-    from sport.runtime.terrain.height_map import Terrain
+    from runtime.generate import clip_of, simulate
+    from runtime.motion.controller import Controller
+    from runtime.motion.model import load_model
+    from runtime.motion.paths import control_script
+    from runtime.prompts.english.library_data import load_styles
+    from runtime.prompts.prompter import Prompter
+    from runtime.takes.clip import save_bvh
+    from runtime.terrain.height_map import Terrain
 
     loaded = load_model(model)
     to_style = Prompter(loaded)

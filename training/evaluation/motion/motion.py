@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import FileError
-from sport.runtime.motion import features
-from sport.runtime.motion.features import FPS
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.terrain.height_map import Terrain
-from sport.training.frames import PAD, extrapolate, repeat_ends, root_motion
+from runtime.errors import FileError
+from runtime.motion import features
+from runtime.motion.features import FPS
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
+from training.frames import PAD, extrapolate, repeat_ends, root_motion
 
 Array = NDArray[np.floating]
 
@@ -44,7 +44,7 @@ class Motion:
     hips: Array  # (T, 3) metres
     local: Array  # (T, 31, 4)
     contacts: Array  # (T, 4) 0..1
-    gait: NDArray[np.integer]  # (T,) labels of sport.runtime.controls.Gait: captured, or asked for
+    gait: NDArray[np.integer]  # (T,) labels of runtime.controls.Gait: captured, or asked for
     terrain: Terrain
     held_out: bool = False
     source: str = ""

@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.features import FPS
-from sport.runtime.motion.model import MotionModel
-from sport.runtime.motion.paths import LOOK_AHEAD_M
-from sport.runtime.terrain.courses import BEAM, BEAM_RAMP_M, GAPS, HURDLES, WALLS, Obstacle
-from sport.runtime.terrain.height_map import Terrain
-from sport.runtime.terrain.library import make_terrain
-from sport.training.evaluation.metrics import crossing
-from sport.training.evaluation.metrics.foot_skating import foot_skating
-from sport.training.evaluation.motion.driving import Recorder
-from sport.training.evaluation.motion.motion import Motion
-from sport.training.evaluation.motion.soak import FROZEN_SHARE
+from runtime.controls import Controls, Gait
+from runtime.motion.controller import Controller
+from runtime.motion.features import FPS
+from runtime.motion.model import MotionModel
+from runtime.motion.paths import LOOK_AHEAD_M
+from runtime.terrain.courses import BEAM, BEAM_RAMP_M, GAPS, HURDLES, WALLS, Obstacle
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.library import make_terrain
+from training.evaluation.metrics import crossing
+from training.evaluation.metrics.foot_skating import foot_skating
+from training.evaluation.motion.driving import Recorder
+from training.evaluation.motion.motion import Motion
+from training.evaluation.motion.soak import FROZEN_SHARE
 
 Array = NDArray[np.floating]
 

@@ -11,19 +11,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.assets import asset_path
-from sport.runtime.errors import FileError
-from sport.runtime.motion.motion_encoder import MotionEncoder
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.training.evaluation.metrics.foot_skating import GAITS, Skating, foot_skating
-from sport.training.evaluation.metrics.frechet import Projection
-from sport.training.evaluation.metrics.recognition import (
+from runtime.assets import asset_path
+from runtime.errors import FileError
+from runtime.motion.motion_encoder import MotionEncoder
+from runtime.prompts.parts import PartDescriptions
+from training.evaluation.metrics.foot_skating import GAITS, Skating, foot_skating
+from training.evaluation.metrics.frechet import Projection
+from training.evaluation.metrics.recognition import (
     MIN_HELD_OUT_WINDOWS,
     MIN_TRAINING_WINDOWS,
     StyleClassifier,
 )
-from sport.training.evaluation.metrics.window_sets import WindowSet, joined, window_set
-from sport.training.evaluation.motion.capture import (
+from training.evaluation.metrics.window_sets import WindowSet, joined, window_set
+from training.evaluation.motion.capture import (
     TERRAIN_GROUP,
     Capture,
     Segment,
@@ -31,7 +31,7 @@ from sport.training.evaluation.motion.capture import (
     motions,
     read_capture,
 )
-from sport.training.evaluation.motion.motion import GESTURES, mean_speed
+from training.evaluation.motion.motion import GESTURES, mean_speed
 
 Array = NDArray[np.floating]
 Report = Callable[[str], None]

@@ -1,6 +1,6 @@
 """A minute of play in full precision and with 8-bit weights, from the same seed and controls, and in another seed.
 
-python -m sport.training.evaluation.motion.precision                       the shipped model; its 8-bit twin is made where it has none
+python -m training.evaluation.motion.precision                       the shipped model; its 8-bit twin is made where it has none
 
 Two runs drift apart in the noise of the feet whatever the cause, so a second seed says how far is far.
 """
@@ -17,18 +17,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.assets import PROJECT_ROOT, model_folder
-from sport.runtime.errors import UsageError, run_command
-from sport.runtime.generate import simulate
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.features import FPS
-from sport.runtime.motion.model import load_model
-from sport.runtime.motion.model_files import INT8_GRAPH, read_metadata
-from sport.runtime.motion.paths import control_script
-from sport.runtime.prompts.prompter import Prompter
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.terrain.library import load_terrain
-from sport.training.evaluation.motion import feet
+from runtime.assets import PROJECT_ROOT, model_folder
+from runtime.errors import UsageError, run_command
+from runtime.generate import simulate
+from runtime.motion.controller import Controller
+from runtime.motion.features import FPS
+from runtime.motion.model import load_model
+from runtime.motion.model_files import INT8_GRAPH, read_metadata
+from runtime.motion.paths import control_script
+from runtime.prompts.prompter import Prompter
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.library import load_terrain
+from training.evaluation.motion import feet
 
 Array = NDArray[np.floating]
 
@@ -108,7 +108,7 @@ def _with_twin(model: Path, folder: Path) -> Path:
         return model
     copy = folder / "model"
     shutil.copytree(model, copy)
-    command = [sys.executable, "-m", "sport.training.export.quantize", str(copy)]
+    command = [sys.executable, "-m", "training.export.quantize", str(copy)]
     done = subprocess.run(command, cwd=PROJECT_ROOT, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         last = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
@@ -120,7 +120,7 @@ def _with_twin(model: Path, folder: Path) -> Path:
 def main(argv: list[str] | None = None) -> int:
     """Command line."""
     parser = argparse.ArgumentParser(
-        prog="sport.training.evaluation.motion.precision", description="Play in fp32 and int8."
+        prog="training.evaluation.motion.precision", description="Play in fp32 and int8."
     )
     parser.add_argument(
         "--model", type=model_folder, metavar="DIR", help="exported model (default: the shipped one)"

@@ -1,6 +1,6 @@
 """The same path at the same speed: does the character swing as far as the clip, and are its hands as calm?
 
-    python -m sport.training.evaluation.motion.same_path --clips DIR --model FOLDER [--model FOLDER2 ...]
+    python -m training.evaluation.motion.same_path --clips DIR --model FOLDER [--model FOLDER2 ...]
 
 Styles are led along their own walks (`driving.follow`), before foot lock; amplitudes are deviations over the clip's.
 """
@@ -15,14 +15,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.assets import model_folder
-from sport.runtime.controls import Gait
-from sport.runtime.errors import run_command
-from sport.runtime.motion.features import FPS
-from sport.training.evaluation.motion.driving import follow
-from sport.training.evaluation.motion.motion import Motion, load_motion, original_clips
-from sport.training.evaluation.report.markers import check_section, write_section
-from sport.training.frames import root_motion, smooth
+from runtime.assets import model_folder
+from runtime.controls import Gait
+from runtime.errors import run_command
+from runtime.motion.features import FPS
+from training.evaluation.motion.driving import follow
+from training.evaluation.motion.motion import Motion, load_motion, original_clips
+from training.evaluation.report.markers import check_section, write_section
+from training.frames import root_motion, smooth
 
 Array = NDArray[np.floating]
 
@@ -94,10 +94,10 @@ def amplitudes(positions: Array) -> dict[str, float]:
 
 def compare(model: Path, motions: list[Motion]) -> dict[str, float]:
     """Median over the walks of ours over the clip's, for every amplitude; and the speed."""
-    from sport.runtime.assets import asset_path
-    from sport.runtime.motion.model import load_model
-    from sport.runtime.prompts.english.library_data import load_styles
-    from sport.runtime.prompts.prompter import Prompter
+    from runtime.assets import asset_path
+    from runtime.motion.model import load_model
+    from runtime.prompts.english.library_data import load_styles
+    from runtime.prompts.prompter import Prompter
 
     loaded = load_model(model)
     to_style = Prompter(loaded)

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.training.evaluation.metrics.foot_skating import GAITS, Skating, foot_skating
-from sport.training.evaluation.metrics.frechet import frechet_distance
-from sport.training.evaluation.metrics.recognition import recognition
-from sport.training.evaluation.metrics.terrain_feet import terrain_feet
-from sport.training.evaluation.metrics.window_sets import WindowSet, joined
-from sport.training.evaluation.motion.capture import TERRAIN_GROUP, motions
-from sport.training.evaluation.motion.motion import Motion
-from sport.training.evaluation.motion.plan import OVERALL_COMPONENTS, Plan
+from training.evaluation.metrics.foot_skating import GAITS, Skating, foot_skating
+from training.evaluation.metrics.frechet import frechet_distance
+from training.evaluation.metrics.recognition import recognition
+from training.evaluation.metrics.terrain_feet import terrain_feet
+from training.evaluation.metrics.window_sets import WindowSet, joined
+from training.evaluation.motion.capture import TERRAIN_GROUP, motions
+from training.evaluation.motion.motion import Motion
+from training.evaluation.motion.plan import OVERALL_COMPONENTS, Plan
 
 Array = NDArray[np.floating]
 Report = Callable[[str], None]

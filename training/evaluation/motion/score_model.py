@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.controls import Gait
-from sport.runtime.terrain.library import make_terrain
-from sport.training.evaluation.metrics.diversity import FRAMES, LEAD_IN, diversity
-from sport.training.evaluation.metrics.foot_skating import GAITS
-from sport.training.evaluation.metrics.smoothness import transition_jerk
-from sport.training.evaluation.metrics.terrain_feet import terrain_feet
-from sport.training.evaluation.motion.capture import TERRAIN_GROUP, ClipInfo
-from sport.training.evaluation.motion.courses import run_course
-from sport.training.evaluation.motion.driving import transition
-from sport.training.evaluation.motion.motion import Motion, load_motion
-from sport.training.evaluation.motion.plan import Plan
-from sport.training.evaluation.motion.score_styles import score_courses, score_following
-from sport.training.evaluation.motion.subject import Subject, count_parameters, frame_times
+from runtime.controls import Gait
+from runtime.terrain.library import make_terrain
+from training.evaluation.metrics.diversity import FRAMES, LEAD_IN, diversity
+from training.evaluation.metrics.foot_skating import GAITS
+from training.evaluation.metrics.smoothness import transition_jerk
+from training.evaluation.metrics.terrain_feet import terrain_feet
+from training.evaluation.motion.capture import TERRAIN_GROUP, ClipInfo
+from training.evaluation.motion.courses import run_course
+from training.evaluation.motion.driving import transition
+from training.evaluation.motion.motion import Motion, load_motion
+from training.evaluation.motion.plan import Plan
+from training.evaluation.motion.score_styles import score_courses, score_following
+from training.evaluation.motion.subject import Subject, count_parameters, frame_times
 
 Array = NDArray[np.floating]
 Report = Callable[[str], None]

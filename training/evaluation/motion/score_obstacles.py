@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from sport.runtime.controls import Gait
-from sport.training.evaluation.metrics.recognition import StyleClassifier, merged
-from sport.training.evaluation.metrics.window_sets import window_set
-from sport.training.evaluation.motion.obstacle_courses import (
+from runtime.controls import Gait
+from training.evaluation.metrics.recognition import StyleClassifier, merged
+from training.evaluation.metrics.window_sets import window_set
+from training.evaluation.motion.obstacle_courses import (
     COURSES,
     LEVEL,
     CourseRun,
@@ -18,7 +18,7 @@ from sport.training.evaluation.motion.obstacle_courses import (
     run_obstacles,
     score_run,
 )
-from sport.training.evaluation.motion.subject import Subject
+from training.evaluation.motion.subject import Subject
 
 Report = Callable[[str], None]
 Runner = Callable[[ObstacleCourse, str, Gait], CourseRun]

@@ -9,22 +9,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.terrain.height_map import Terrain
-from sport.training.evaluation.metrics.foot_skating import GAITS, Skating, foot_skating
-from sport.training.evaluation.metrics.frechet import Comparison, compare
-from sport.training.evaluation.metrics.recognition import recognition
-from sport.training.evaluation.metrics.window_sets import WindowSet, joined, window_set
-from sport.training.evaluation.motion.capture import TERRAIN_GROUP, Segment
-from sport.training.evaluation.motion.courses import run_course
-from sport.training.evaluation.motion.driving import flat_ground, follow
-from sport.training.evaluation.motion.motion import Motion, mean_speed
-from sport.training.evaluation.motion.plan import (
+from runtime.terrain.height_map import Terrain
+from training.evaluation.metrics.foot_skating import GAITS, Skating, foot_skating
+from training.evaluation.metrics.frechet import Comparison, compare
+from training.evaluation.metrics.recognition import recognition
+from training.evaluation.metrics.window_sets import WindowSet, joined, window_set
+from training.evaluation.motion.capture import TERRAIN_GROUP, Segment
+from training.evaluation.motion.courses import run_course
+from training.evaluation.motion.driving import flat_ground, follow
+from training.evaluation.motion.motion import Motion, mean_speed
+from training.evaluation.motion.plan import (
     OVERALL_COMPONENTS,
     STYLE_COMPONENTS,
     Plan,
     captured_skating,
 )
-from sport.training.evaluation.motion.subject import Subject
+from training.evaluation.motion.subject import Subject
 
 Array = NDArray[np.floating]
 Report = Callable[[str], None]

@@ -1,4 +1,4 @@
-"""Minutes of random play without a window, with checks: `python -m sport.training.evaluation.motion.soak --minutes 10`.
+"""Minutes of random play without a window, with checks: `python -m training.evaluation.motion.soak --minutes 10`.
 
 Random sticks, gaits, prompts and terrains; the exit code is 1 when a bar is missed. An hour (`--minutes 60`) takes about a
 quarter of one.
@@ -19,21 +19,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.assets import model_folder
-from sport.runtime.atomic import check_target, write_atomic
-from sport.runtime.controls import Controls, Gait
-from sport.runtime.errors import UsageError, run_command
-from sport.runtime.feet.skating import SOLE_POINTS
-from sport.runtime.generate import FPS
-from sport.runtime.motion import features
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.model import load_model
-from sport.runtime.pose import Pose
-from sport.runtime.prompts.prompter import Prompter
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.runtime.terrain.height_map import Terrain
-from sport.runtime.terrain.library import make_terrain
-from sport.training.evaluation.motion.feet import skating, sole_skating, toe_heights
+from runtime.assets import model_folder
+from runtime.atomic import check_target, write_atomic
+from runtime.controls import Controls, Gait
+from runtime.errors import UsageError, run_command
+from runtime.feet.skating import SOLE_POINTS
+from runtime.generate import FPS
+from runtime.motion import features
+from runtime.motion.controller import Controller
+from runtime.motion.model import load_model
+from runtime.pose import Pose
+from runtime.prompts.prompter import Prompter
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.library import make_terrain
+from training.evaluation.motion.feet import skating, sole_skating, toe_heights
 
 Array = NDArray[np.floating]
 
@@ -78,7 +78,7 @@ class Segment:
 
 def main(argv: list[str] | None = None) -> int:
     """Play, print a table, write JSON; 1 when a bar is missed."""
-    parser = argparse.ArgumentParser(prog="sport.training.evaluation.motion.soak", description=__doc__)
+    parser = argparse.ArgumentParser(prog="training.evaluation.motion.soak", description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0, help="of simulated time (default: 10)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--model", type=model_folder, help="folder of an exported model")

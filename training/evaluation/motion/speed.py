@@ -1,6 +1,6 @@
 """How the root keeps to the speed that the stick asks for: setting off, and walking on.
 
-python -m sport.training.evaluation.motion.speed [--seconds 14] [--json FILE]
+python -m training.evaluation.motion.speed [--seconds 14] [--json FILE]
 
 Per walk: seconds until 80 % of the requested speed, and over half seconds (a stride speeds up and slows down) the highest
 speed, the lowest after SETTLED, the mean error from then on, and the deviation, all as shares of the requested speed.
@@ -18,14 +18,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.atomic import check_target, write_atomic
-from sport.runtime.controls import Controls
-from sport.runtime.errors import UsageError, run_command
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.features import FPS
-from sport.runtime.motion.model import load_model
-from sport.runtime.prompts.prompter import Prompter
-from sport.runtime.terrain.library import load_terrain
+from runtime.atomic import check_target, write_atomic
+from runtime.controls import Controls
+from runtime.errors import UsageError, run_command
+from runtime.motion.controller import Controller
+from runtime.motion.features import FPS
+from runtime.motion.model import load_model
+from runtime.prompts.prompter import Prompter
+from runtime.terrain.library import load_terrain
 
 PROMPTS = (
     "walking in a relaxed, everyday way",
@@ -81,7 +81,7 @@ def walk(controller: Controller, stick: float, seconds: float) -> tuple[NDArray[
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line."""
     parser = argparse.ArgumentParser(
-        prog="sport.training.evaluation.motion.speed", description="Asked and walked speeds."
+        prog="training.evaluation.motion.speed", description="Asked and walked speeds."
     )
     parser.add_argument("--seconds", type=float, default=14.0, help="of each walk")
     parser.add_argument("--json", type=Path, metavar="FILE")

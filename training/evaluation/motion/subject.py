@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.controls import Controls
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.model import MotionModel, load_model
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.prompts.prompter import Prompter
-from sport.training.evaluation.motion.driving import flat_ground
+from runtime.controls import Controls
+from runtime.motion.controller import Controller
+from runtime.motion.model import MotionModel, load_model
+from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.prompter import Prompter
+from training.evaluation.motion.driving import flat_ground
 
 Array = NDArray[np.floating]
 
@@ -58,8 +58,8 @@ def count_parameters(metadata: dict[str, Any]) -> int:
 
     The MoE decoder is counted in the diffusion model too, as the paper's totals do.
     """
-    from sport.training.networks.generator import Generator
-    from sport.training.presets import ModelConfig
+    from training.networks.generator import Generator
+    from training.presets import ModelConfig
 
     known = {f.name for f in fields(ModelConfig)}
     values: dict[str, Any] = {

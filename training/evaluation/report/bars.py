@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from math import isnan
 from typing import Any
 
-from sport.training.evaluation.motion.capture import TERRAIN_GROUP
-from sport.training.evaluation.motion.motion import GESTURES
+from training.evaluation.motion.capture import TERRAIN_GROUP
+from training.evaluation.motion.motion import GESTURES
 
 NORMAL_STYLES = ("neutral", "neutral_bn", "neutral_bn2")
 MAX_NORMAL_SKATING_CM = 0.05

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.motion.features import FPS
-from sport.runtime.skeleton import PART_JOINTS, SPORT_SKELETON
-from sport.training.evaluation.motion.obstacle_courses import CourseRun
+from runtime.motion.features import FPS
+from runtime.skeleton import PART_JOINTS, SPORT_SKELETON
+from training.evaluation.motion.obstacle_courses import CourseRun
 
 Array = NDArray[np.floating]
 

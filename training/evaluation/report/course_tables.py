@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from sport.training.evaluation.metrics.crossing import mean_of
-from sport.training.evaluation.motion.obstacle_courses import COURSES
+from training.evaluation.metrics.crossing import mean_of
+from training.evaluation.motion.obstacle_courses import COURSES
 
 SECTION = "obstacle courses"  # of a document, between its markers
 Row = dict[str, Any]

@@ -9,21 +9,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.controls import Controls
-from sport.runtime.motion import features
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.features import FPS, split_output
-from sport.runtime.motion.model import MotionModel
-from sport.runtime.motion.motion_encoder import MotionEncoder
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.training.data.contact_sheet import draw_figure
-from sport.training.evaluation.metrics.encoder_features import has_encoder
-from sport.training.evaluation.metrics.frechet import Projection
-from sport.training.evaluation.metrics.window_sets import window_set
-from sport.training.evaluation.motion.capture import Capture, driving_segments, read_capture
-from sport.training.evaluation.motion.driving import LEAD_IN_FRAMES, flat_ground
-from sport.training.evaluation.motion.plan import style_texts
-from sport.training.evaluation.motion.subject import Subject
+from runtime.controls import Controls
+from runtime.motion import features
+from runtime.motion.controller import Controller
+from runtime.motion.features import FPS, split_output
+from runtime.motion.model import MotionModel
+from runtime.motion.motion_encoder import MotionEncoder
+from runtime.skeleton import SPORT_SKELETON
+from training.data.contact_sheet import draw_figure
+from training.evaluation.metrics.encoder_features import has_encoder
+from training.evaluation.metrics.frechet import Projection
+from training.evaluation.metrics.window_sets import window_set
+from training.evaluation.motion.capture import Capture, driving_segments, read_capture
+from training.evaluation.motion.driving import LEAD_IN_FRAMES, flat_ground
+from training.evaluation.motion.plan import style_texts
+from training.evaluation.motion.subject import Subject
 
 Array = NDArray[np.floating]
 Report = Callable[[str], None]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sport.runtime.atomic import write_atomic
-from sport.runtime.errors import FileError
+from runtime.atomic import write_atomic
+from runtime.errors import FileError
 
 
 def check_section(path: Path, section: str) -> None:

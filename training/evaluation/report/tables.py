@@ -9,9 +9,9 @@ from math import isnan
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.errors import FileError, run_command
-from sport.training.evaluation.report.bars import check
-from sport.training.evaluation.report.markers import write_section
+from runtime.errors import FileError, run_command
+from training.evaluation.report.bars import check
+from training.evaluation.report.markers import write_section
 
 SKATING = ("soles", "toe_soles", "toes")  # the strictest first: the paper's formula is zero by construction
 SECTION = "motion evaluation"  # of a document, between its markers
@@ -201,8 +201,8 @@ def _terrain(model: dict[str, Any], rollouts: dict[str, Any] | None) -> list[str
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """`python -m sport.training.evaluation.report.tables RESULTS.json FILE.md`: the tables of an evaluation that was kept."""
-    parser = argparse.ArgumentParser(prog="sport.training.evaluation.report.tables", description=main.__doc__)
+    """`python -m training.evaluation.report.tables RESULTS.json FILE.md`: the tables of an evaluation that was kept."""
+    parser = argparse.ArgumentParser(prog="training.evaluation.report.tables", description=main.__doc__)
     parser.add_argument("json", type=Path)
     parser.add_argument("markdown", type=Path)
     args = parser.parse_args(argv)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from sport.training.evaluation.text import independence as text_independence
-from sport.training.evaluation.text import part_edits, retrieval
-from sport.training.evaluation.text.timing import LATENCY_BAR_MS
+from training.evaluation.text import independence as text_independence
+from training.evaluation.text import part_edits, retrieval
+from training.evaluation.text.timing import LATENCY_BAR_MS
 
 SECTION = "text evaluation"  # of a document, between its markers
 

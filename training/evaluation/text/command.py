@@ -1,6 +1,6 @@
 """`sport evaluate --text`: does the motion do what the words say (Sec. III-C)?
 
-python -m sport.training.evaluation.text.command --model FOLDER --clips DIR --json FILE --markdown FILE
+python -m training.evaluation.text.command --model FOLDER --clips DIR --json FILE --markdown FILE
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from sport.runtime.assets import asset_path, model_folder
-from sport.runtime.atomic import check_target, write_atomic
-from sport.runtime.errors import UsageError, run_command
-from sport.runtime.motion.model import load_model
-from sport.runtime.prompts.english.library_data import load_styles
-from sport.runtime.prompts.prompter import Prompter
-from sport.runtime.prompts.text_encoder import TextEncoder
-from sport.training.evaluation.report.markers import check_section, write_section
-from sport.training.evaluation.report.text_tables import SECTION, markdown
-from sport.training.evaluation.text import part_edits
-from sport.training.evaluation.text.independence import by_slot, independence, seed_changes
-from sport.training.evaluation.text.part_edits import Case, Reference
-from sport.training.evaluation.text.prompts import FREE_PROMPTS
-from sport.training.evaluation.text.timing import timing
-from sport.training.evaluation.text.walks import SECONDS, Summary, Walk, Walker
+from runtime.assets import asset_path, model_folder
+from runtime.atomic import check_target, write_atomic
+from runtime.errors import UsageError, run_command
+from runtime.motion.model import load_model
+from runtime.prompts.english.library_data import load_styles
+from runtime.prompts.prompter import Prompter
+from runtime.prompts.text_encoder import TextEncoder
+from training.evaluation.report.markers import check_section, write_section
+from training.evaluation.report.text_tables import SECTION, markdown
+from training.evaluation.text import part_edits
+from training.evaluation.text.independence import by_slot, independence, seed_changes
+from training.evaluation.text.part_edits import Case, Reference
+from training.evaluation.text.prompts import FREE_PROMPTS
+from training.evaluation.text.timing import timing
+from training.evaluation.text.walks import SECONDS, Summary, Walk, Walker
 
 log = logging.getLogger("sport.evaluate")
 
@@ -116,8 +116,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
 def _retrieval(args: argparse.Namespace, words: TextEncoder) -> dict[str, Any]:
     """The figures, or why there are none: models of version 0.1 hold no motion encoder."""
-    from sport.training.evaluation.metrics.encoder_features import has_encoder
-    from sport.training.evaluation.text.retrieval import evaluate_retrieval
+    from training.evaluation.metrics.encoder_features import has_encoder
+    from training.evaluation.text.retrieval import evaluate_retrieval
 
     if not has_encoder(args.model):
         return {

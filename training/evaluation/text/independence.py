@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.skeleton import PART_NAMES, SPORT_SKELETON
-from sport.training.evaluation.text.part_edits import Case
-from sport.training.evaluation.text.walks import Summary, rotation_change
+from runtime.skeleton import PART_NAMES, SPORT_SKELETON
+from training.evaluation.text.part_edits import Case
+from training.evaluation.text.walks import Summary, rotation_change
 
 Array = NDArray[np.floating]
 

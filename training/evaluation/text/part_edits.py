@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from sport.runtime.errors import FileError
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.skeleton import PART_NAMES
-from sport.training.evaluation.text.walks import Summary, summarise
-from sport.training.layering.apply import apply
-from sport.training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
-from sport.training.layering.pool import load_source
-from sport.training.layering.pose_edits import Motion
-from sport.training.layering.recombine import cut
+from runtime.errors import FileError
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import PART_NAMES
+from training.evaluation.text.walks import Summary, summarise
+from training.layering.apply import apply
+from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
+from training.layering.pool import load_source
+from training.layering.pose_edits import Motion
+from training.layering.recombine import cut
 
 Target = tuple[str, str]  # part, field of its measures
 

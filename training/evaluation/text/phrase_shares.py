@@ -1,10 +1,10 @@
 """Walk every phrase once and measure what the body does: `assets/prompts/shares.json`.
 
-    python -m sport.training.evaluation.text.phrase_shares --model FOLDER [--out FILE]
+    python -m training.evaluation.text.phrase_shares --model FOLDER [--out FILE]
 
 Every entry of the prompt library and every phrase of the layering catalogue is walked straight ahead on flat ground for some
 seconds. A sentence of the catalogue is compared with what its edit does to the model's own neutral walk, any other
-with the claims of `sport.training.text.claims`.
+with the claims of `training.text.claims`.
 """
 
 from __future__ import annotations
@@ -20,30 +20,30 @@ from typing import Any
 
 import numpy as np
 
-from sport.runtime.assets import asset_path, model_folder
-from sport.runtime.atomic import check_target, write_atomic
-from sport.runtime.errors import UsageError, run_command
-from sport.runtime.generate import simulate
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.features import FPS
-from sport.runtime.motion.model import MotionModel, load_model
-from sport.runtime.motion.paths import control_script
-from sport.runtime.prompts.english.library_data import Style
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.prompts.prompter import Prompter
-from sport.runtime.prompts.shares import FILE, as_left_limb
-from sport.runtime.skeleton import PART_NAMES
-from sport.runtime.terrain.height_map import Terrain
-from sport.training.evaluation.motion.driving import flat_ground
-from sport.training.evaluation.text.command import PLAIN_PROMPT
-from sport.training.evaluation.text.part_edits import targets, value
-from sport.training.evaluation.text.walks import LEAD_SECONDS, Summary, Walk, Walker, summarise
-from sport.training.frames import PLAIN
-from sport.training.layering.apply import apply
-from sport.training.layering.catalog import EDITS
-from sport.training.layering.pose_edits import Motion
-from sport.training.text.claims import clause_share, clauses
-from sport.training.text.measure import BodyMeasures
+from runtime.assets import asset_path, model_folder
+from runtime.atomic import check_target, write_atomic
+from runtime.errors import UsageError, run_command
+from runtime.generate import simulate
+from runtime.motion.controller import Controller
+from runtime.motion.features import FPS
+from runtime.motion.model import MotionModel, load_model
+from runtime.motion.paths import control_script
+from runtime.prompts.english.library_data import Style
+from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.prompter import Prompter
+from runtime.prompts.shares import FILE, as_left_limb
+from runtime.skeleton import PART_NAMES
+from runtime.terrain.height_map import Terrain
+from training.evaluation.motion.driving import flat_ground
+from training.evaluation.text.command import PLAIN_PROMPT
+from training.evaluation.text.part_edits import targets, value
+from training.evaluation.text.walks import LEAD_SECONDS, Summary, Walk, Walker, summarise
+from training.frames import PLAIN
+from training.layering.apply import apply
+from training.layering.catalog import EDITS
+from training.layering.pose_edits import Motion
+from training.text.claims import clause_share, clauses
+from training.text.measure import BodyMeasures
 
 log = logging.getLogger("sport.evaluate")
 
@@ -208,7 +208,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     check_target(args.out)
     if args.every < 1:
         raise UsageError(f"--every {args.every}: expected at least 1.", "Choose another number.")
-    from sport.runtime.prompts.english.library_data import load_library, load_styles
+    from runtime.prompts.english.library_data import load_library, load_styles
 
     model = load_model(args.model)
     prompter = Prompter(model)

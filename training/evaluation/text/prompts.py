@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-# prompt: edits of `sport.training.layering.catalog` whose measures tell whether it was followed
+# prompt: edits of `training.layering.catalog` whose measures tell whether it was followed
 FREE_PROMPTS: dict[str, tuple[str, ...]] = {
     "left arm up in the air": ("left_arm.overhead",),
     "arms akimbo": ("left_arm.on_hip", "right_arm.on_hip"),

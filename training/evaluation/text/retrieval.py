@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.errors import FileError, ModelError
-from sport.runtime.motion.model_files import open_graph, read_graph, read_metadata
-from sport.runtime.motion.motion_encoder import MotionEncoder
-from sport.runtime.prompts.parts import PartDescriptions
-from sport.runtime.prompts.sentence_inputs import sentence_inputs
-from sport.runtime.prompts.text_encoder import TextEncoderLike
-from sport.training.evaluation.metrics.recognition import merged
-from sport.training.evaluation.motion.capture import ROLLOUTS
-from sport.training.evaluation.motion.motion import Motion, load_motion, window_index, window_starts
+from runtime.errors import FileError, ModelError
+from runtime.motion.model_files import open_graph, read_graph, read_metadata
+from runtime.motion.motion_encoder import MotionEncoder
+from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.sentence_inputs import sentence_inputs
+from runtime.prompts.text_encoder import TextEncoderLike
+from training.evaluation.metrics.recognition import merged
+from training.evaluation.motion.capture import ROLLOUTS
+from training.evaluation.motion.motion import Motion, load_motion, window_index, window_starts
 
 Array = NDArray[np.floating]
 

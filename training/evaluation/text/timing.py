@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.controls import Controls
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.features import FPS
-from sport.runtime.motion.model import MotionModel
-from sport.runtime.prompts.prompter import Prompter
-from sport.training.evaluation.metrics.smoothness import transition_jerk
-from sport.training.evaluation.motion.driving import flat_ground, transition
+from runtime.controls import Controls
+from runtime.motion.controller import Controller
+from runtime.motion.features import FPS
+from runtime.motion.model import MotionModel
+from runtime.prompts.prompter import Prompter
+from training.evaluation.metrics.smoothness import transition_jerk
+from training.evaluation.motion.driving import flat_ground, transition
 
 Array = NDArray[np.floating]
 

@@ -1,4 +1,4 @@
-"""Two hundred prompts that nobody tuned the library on: `python -m sport.training.evaluation.text.untuned_prompts`.
+"""Two hundred prompts that nobody tuned the library on: `python -m training.evaluation.text.untuned_prompts`.
 
 Each is expanded by the prompt library and encoded to Z^t; the exit code is 1 when a bar is missed. Times are those of the
 processor, so that another program on the machine does not count; by the clock they are given beside. Whether an answer is
@@ -21,17 +21,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime.assets import asset_path, model_folder
-from sport.runtime.atomic import check_target, write_atomic
-from sport.runtime.errors import FileError, SportError, run_command
-from sport.runtime.motion.model import MotionModel, load_model
-from sport.runtime.prompts.content import PromptEncoder
-from sport.runtime.prompts.prompter import Prompter
-from sport.runtime.skeleton import PART_NAMES
-from sport.training.evaluation.report.markers import check_section, write_section
+from runtime.assets import asset_path, model_folder
+from runtime.atomic import check_target, write_atomic
+from runtime.errors import FileError, SportError, run_command
+from runtime.motion.model import MotionModel, load_model
+from runtime.prompts.content import PromptEncoder
+from runtime.prompts.prompter import Prompter
+from runtime.skeleton import PART_NAMES
+from training.evaluation.report.markers import check_section, write_section
 
 if TYPE_CHECKING:
-    from sport.runtime.prompts.expander import Expander
+    from runtime.prompts.expander import Expander
 
 UNTUNED_PROMPTS = Path(__file__).parent / "data" / "untuned_prompts.txt"
 BLIND_PROMPTS = UNTUNED_PROMPTS.with_name("blind_prompts.txt")  # written blind; never edited
@@ -67,9 +67,7 @@ class Answer:
 
 def main(argv: list[str] | None = None) -> int:
     """Answer every prompt, print a summary, write the files; 1 when a bar is missed."""
-    parser = argparse.ArgumentParser(
-        prog="sport.training.evaluation.text.untuned_prompts", description=__doc__
-    )
+    parser = argparse.ArgumentParser(prog="training.evaluation.text.untuned_prompts", description=__doc__)
     parser.add_argument("--file", type=Path, default=UNTUNED_PROMPTS, help="one prompt a line")
     parser.add_argument("--model", type=model_folder, help="folder of an exported model")
     parser.add_argument("--json", type=Path, help="write figures and all answers to this file")
@@ -118,7 +116,7 @@ class Stopwatch:
 
 def library_size() -> int:
     """How many prompts the shipped library has an answer of its own for."""
-    from sport.runtime.prompts.english.library_data import load_library, load_styles
+    from runtime.prompts.english.library_data import load_library, load_styles
 
     styles = load_styles(asset_path("prompts/styles.json"))
     return len(load_library(asset_path("prompts/library.json"), styles))

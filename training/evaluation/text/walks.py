@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sport.runtime import rotations
-from sport.runtime.generate import simulate
-from sport.runtime.motion.controller import Controller
-from sport.runtime.motion.features import FPS
-from sport.runtime.motion.model import MotionModel, load_model
-from sport.runtime.motion.paths import control_script
-from sport.runtime.skeleton import SPORT_SKELETON
-from sport.training.evaluation.motion.driving import flat_ground
-from sport.training.text.measure import BodyMeasures, measure, smoothed_facing
+from runtime import rotations
+from runtime.generate import simulate
+from runtime.motion.controller import Controller
+from runtime.motion.features import FPS
+from runtime.motion.model import MotionModel, load_model
+from runtime.motion.paths import control_script
+from runtime.skeleton import SPORT_SKELETON
+from training.evaluation.motion.driving import flat_ground
+from training.text.measure import BodyMeasures, measure, smoothed_facing
 
 Array = NDArray[np.floating]
 

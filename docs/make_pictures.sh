@@ -25,11 +25,11 @@ sport generate "${model[@]}" --terrain hills --path circle --seconds 21 --seed 3
 13:a proud queen, hands on her hips; 17:walking in a relaxed, everyday way"
 python -m viewer.tools.film "$clips/film.bvh" --fps 15 --size 640 360 --out "$images/film.webp"
 
-shot viewer.png 1280x720 230 --terrain hills --prompt "an exhausted soldier, left arm hanging" --controls "w 3.3; w+q 0.6"
+shot viewer.png 1280x720 230 --terrain hills --prompt "an exhausted soldier, left arm hanging" --keys "w 3.3; w+q 0.6"
 shot blend.png 1280x720 110 --terrain flat --prompt "a proud queen" --blend "an exhausted soldier" \
-  --blend-weights "left_leg=0.3,right_leg=0.3,torso=1,head=0.5" --controls "w 1.3; w+q 0.6"
-shot help.png 1280x720 3 --controls "f1 0.2" --terrain flat
-small=(640x400 210 --no-panels --controls "w+shift 2; w 0.8; w+q 0.7")
+  --blend-weights "left_leg=0.3,right_leg=0.3,torso=1,head=0.5" --keys "w 1.3; w+q 0.6"
+shot help.png 1280x720 3 --keys "f1 0.2" --terrain flat
+small=(640x400 210 --no-panels --keys "w+shift 2; w 0.8; w+q 0.7")
 shot stairs.png "${small[@]}" --terrain stairs --prompt "a proud, self-important person"
 shot platforms.png "${small[@]}" --terrain platforms --prompt "an energetic, sporty person"
 shot rough.png "${small[@]}" --terrain rough --prompt "someone feeling their way through the dark"

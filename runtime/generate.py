@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from runtime.errors import FileError, PromptError, SportError, UsageError
 from runtime.motion.features import FPS
 from runtime.motion.paths import GAITS, ControlScript, Place, control_script
+from runtime.motion.stick_script import StickScript, parse_stick
 from runtime.pose import Pose
 from runtime.prompts.blend import BlendedPrompt, Words, read_words, write_words
 from runtime.prompts.expander import DEFAULT_PROMPT, check_prompt
@@ -88,9 +89,10 @@ def generate_clip(
     terrain: str | Path | Terrain = "flat",
     path: str = "forward",
     gait: str = "walk",
-    seconds: float = 10.0,
+    seconds: float | None = None,
     seed: int = 0,
     *,
+    controls: str | StickScript | None = None,
     speed: float = 1.0,
     transition_seconds: float = 1.0,
     model: Path | MotionModel | None = None,
@@ -101,15 +103,16 @@ def generate_clip(
     strength: float = 1.0,
     prompter: Prompter | None = None,
 ) -> Clip:
-    """Generate a clip of `seconds` at 60 frames a second; equal arguments give equal bytes.
+    """Generate a clip of `seconds` (10, or the length of `controls`) at 60 frames a second; equal arguments give equal bytes.
 
-    It begins at rest at the origin, in its first style and in the gait.
+    It begins at rest at the origin, in its first style and in the gait. `controls` is the stick as text, see
+    `runtime.motion.stick_script`, in place of path, gait and speed.
     `prompt` is one prompt, six descriptions, a blend of two, or several prompts with times (also those of a take),
     `terrain` a name, file or terrain, `path` and `gait` are those of `runtime.motion.paths`. `model` is a model folder, by default the shipped one, or a loaded model; `expander`, `report` and
     `text_encoder` are those of `Prompter`, or `prompter` is one of that model; `strength` is that of `Controller`. SportError names what cannot be used.
     """
+    script, first_gait, seconds = _script(controls, path, gait, seconds, speed, seed)
     _check(seconds, transition_seconds, strength, seed)
-    script = control_script(path, gait, speed, seed)
     events, asked = _events(prompt)
     controller = _controller(terrain, model, seed, strength)
     meant: dict[str, PartDescriptions] = {}
@@ -118,11 +121,21 @@ def generate_clip(
     else:
         prompter = prompter.listening(report, meant.__setitem__)
     styles = [(event.seconds, prompter(words)) for event, words in zip(events, asked, strict=True)]
-    poses, gaits = _walk(controller, script, styles, GAITS[gait], round(seconds * FPS), transition_seconds)
+    poses, gaits = _walk(controller, script, styles, first_gait, round(seconds * FPS), transition_seconds)
     events = _described(events, asked, meant, transition_seconds)
     spec = str(terrain) if not isinstance(terrain, Terrain) else terrain.name
     origin, durations = origin_of(controller, spec), tuple(gait_seconds(gaits, FPS).items())
     return replace(clip_of(poses, name, events, spec), origin=origin, gaits=gaits, gait_seconds=durations)
+
+
+def _script(
+    controls: str | StickScript | None, path: str, gait: str, seconds: float | None, speed: float, seed: int
+) -> tuple[ControlScript, Gait, float]:
+    """The stick of `generate_clip`, the gait to rest in before it begins, and the clip's seconds."""
+    if controls is None:
+        return control_script(path, gait, speed, seed), GAITS[gait], 10.0 if seconds is None else seconds
+    script = parse_stick(controls) if isinstance(controls, str) else controls
+    return script, script(0.0).gait, script.seconds if seconds is None else seconds
 
 
 def _check(seconds: float, transition_seconds: float, strength: float, seed: int) -> None:

@@ -34,7 +34,7 @@ def turned(app: App) -> float:
 
 
 def test_the_first_view_is_from_beside_and_walking_goes_straight_on(start: Start) -> None:
-    app = start(panels=False, controls="w 3")
+    app = start(panels=False, keys="w 3")
     run(app)
     assert 0.4 < abs(turned(app)) < 0.9
     run(app, 170)
@@ -66,7 +66,7 @@ def test_a_click_far_from_where_the_mouse_was_does_not_turn_the_view(start: Star
 
 @pytest.mark.parametrize("controls", ["w 4", "w+shift 4"])
 def test_the_orbit_camera_goes_with_the_walker(start: Start, controls: str) -> None:
-    app = start(panels=False, camera="orbit", controls=controls)
+    app = start(panels=False, camera="orbit", keys=controls)
     run(app, 2)
     app.stage.camera.drag(60.0, 20.0, True, 720)  # what was shifted stays shifted
     before = shown_at(app, hips(app))

@@ -28,15 +28,25 @@ def test_key_w_moves_the_character_at_once(start: Start) -> None:
 
 
 def test_scripted_controls_walk_then_jog(start: Start) -> None:
-    app = start(controls="w 0.5; w+shift 0.5; idle 1", camera="orbit")
+    app = start(keys="w 0.5; w+shift 0.5; idle 1", camera="orbit")
     run(app, 90)
     assert controller(app).z == pytest.approx(1.4 * 0.5 + 3.0 * 0.5, rel=0.05)
+
+
+def test_the_stick_of_a_script_is_in_the_world_and_then_left_to_the_devices(start: Start) -> None:
+    app = start(controls="stand 0.1; walk@90 0.5; jog 0.5", camera="orbit")
+    run(app, 66)
+    assert controller(app).x == pytest.approx(1.4 * 0.5, rel=0.05)
+    assert controller(app).z == pytest.approx(3.0 * 0.5, rel=0.05)
+    app.window.inject_key("w", True)
+    run(app, 20)
+    assert controller(app).z > 3.0 * 0.5 + 0.1
 
 
 def test_scripted_controls_last_as_long_whatever_the_display_shows(
     start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = start(controls="w 1; idle 9")
+    app = start(keys="w 1; idle 9")
     app.options = dataclasses.replace(app.options, offscreen=False)  # frames as long as the clock says
     lengths = [0.025] * 20 + [0.1] * 5 + [0.025] * 40
     monkeypatch.setattr(app, "_tick", iter(lengths).__next__)

@@ -32,7 +32,7 @@ def test_first_frame_shows_scene_and_panels(start: Start) -> None:
 def test_two_runs_show_the_same_picture(start: Start) -> None:
     pictures = []
     for _ in range(2):
-        app = start(real_renderer=True, width=320, height=240, panels=False, controls="w 1")
+        app = start(real_renderer=True, width=320, height=240, panels=False, keys="w 1")
         run(app, 8)
         pictures.append(app.window.read_pixels()[: 240 - 32])  # without the status line: it shows times
         app.close()

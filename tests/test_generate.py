@@ -40,6 +40,13 @@ def follow(script, seconds, speed=1.4):
     return np.array(path)
 
 
+def test_the_stick_of_a_clip_is_text(walker):
+    clip = generate_clip("calm", controls="walk@90 1; jog 1")
+    assert len(clip.hips_positions) == 120
+    assert clip.hips_positions[-1, 0] > 0.5 * WALK_SPEED
+    assert (set(clip.gaits[:60]), set(clip.gaits[60:])) == ({Gait.WALK}, {Gait.JOG})
+
+
 def test_forward_goes_along_z():
     path = follow(control_script("forward", "walk"), 10)
     assert path[-1, 1] > 12

@@ -24,7 +24,7 @@ from viewer.input.bindings import (
 )
 from viewer.input.gamepad import BUTTONS, GamepadState, GlfwGamepads, radial_dead_zone
 from viewer.input.keyboard import Keyboard
-from viewer.input.script import ControlScript
+from viewer.input.script import KeyScript
 
 KEYS = frozenset({"w", "a", "s", "d", "shift", "r"})
 DT = 1 / 60
@@ -158,7 +158,7 @@ def test_no_key_or_button_does_two_things() -> None:
 
 
 def test_script_holds_chords_for_their_time() -> None:
-    script = ControlScript.parse("w 0.5; W+Shift 1; idle 0.25; r 0.1;", KEYS)
+    script = KeyScript.parse("w 0.5; W+Shift 1; idle 0.25; r 0.1;", KEYS)
     assert script.keys_at(1.8) == {"r"}
     assert script.keys_at(1.85) == frozenset()
     assert script.keys_at(0.0) == {"w"}
@@ -173,7 +173,7 @@ def test_script_holds_chords_for_their_time() -> None:
 )
 def test_a_bad_script_names_its_step(text: str, part: str) -> None:
     with pytest.raises(UsageError, match=f'"{part}"'):
-        ControlScript.parse(text, KEYS)
+        KeyScript.parse(text, KEYS)
 
 
 class StubGlfw:

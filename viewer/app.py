@@ -6,7 +6,9 @@ import dataclasses
 import time
 from pathlib import Path
 
+from runtime.controls import Controls
 from runtime.errors import SportError
+from runtime.motion.stick_script import parse_stick
 from runtime.pose import Pose
 from runtime.prompts.expander import DEFAULT_PROMPT
 from runtime.takes.drive import DriveRecorder
@@ -17,7 +19,7 @@ from viewer.gl_bindings import glfw, imgui
 from viewer.input.bindings import Action, Intent, to_controls
 from viewer.input.devices import Devices
 from viewer.input.gamepad import GamepadSource, GlfwGamepads
-from viewer.input.script import ControlScript
+from viewer.input.script import KeyScript
 from viewer.jobs import Jobs
 from viewer.options import ViewOptions
 from viewer.prompt.even_blends import EvenBlends
@@ -92,7 +94,8 @@ class App:
     ) -> None:
         options.check()
         self.options = options
-        script = ControlScript.parse(options.controls, frozenset(KEY_CODES))
+        keys = KeyScript.parse(options.keys, frozenset(KEY_CODES))
+        self._stick = None if options.controls is None else parse_stick(options.controls)
         self.config = config or config_directory()
         self.state_folder = config or state_directory()
         settings, complaints = load_settings(self.config)
@@ -104,11 +107,11 @@ class App:
         self._was_moving = False
         self._interval_s = 0.0  # since the frame before, by the clock
         self._steps = 0  # of the simulation in this frame
-        self._script_s = 0.0  # how long the script of controls has been played
+        self._script_s = 0.0  # how long the scripts of keys and stick have been played
         self._last_s = time.perf_counter()
         self.window = self._open_window()
         try:
-            self.devices = Devices(gamepads or GlfwGamepads(glfw), script, self.window.inject_key)
+            self.devices = Devices(gamepads or GlfwGamepads(glfw), keys, self.window.inject_key)
             self._assemble(services or Services())
             if isinstance(self.devices.pads, GlfwGamepads):
                 complaints.append(self.devices.pads.add_mappings(self.config / MAPPINGS_NAME))
@@ -253,15 +256,24 @@ class App:
         return STEP_SECONDS if self.options.offscreen else min(self._interval_s, LONGEST_FRAME_S)
 
     def _read_devices(self, dt: float) -> Intent:
-        # offscreen by frames: exact, where a sum would drift
-        time_s = self.frames_shown * STEP_SECONDS if self.options.offscreen else self._script_s
-        self.devices.play_script(time_s)
+        self.devices.play_script(self._scripted_seconds)
         self._script_s += dt
         intent, changed = self.devices.read(dt, self._typing, self.state.settings)
         self.state.shell.device = self.devices.name
         if changed:
             self.state.messages.note(changed)
         return intent
+
+    @property
+    def _scripted_seconds(self) -> float:
+        """Time of the scripts; offscreen by frames: exact, where a sum would drift."""
+        return self.frames_shown * STEP_SECONDS if self.options.offscreen else self._script_s
+
+    def _asked_of(self, intent: Intent) -> Controls:
+        """The devices' controls, or those of the stick's script until it ends."""
+        if self._stick is not None and self._scripted_seconds < self._stick.seconds:
+            return self._stick(self._scripted_seconds)
+        return to_controls(intent, self.stage.camera.current.heading)
 
     def _simulate(self, dt: float, intent: Intent) -> None:
         self._steps = 0
@@ -276,7 +288,7 @@ class App:
             playback.advance(dt)
             self.stage.live.publish([playback.pose()], dt)
             return
-        controls = self.stage.led(to_controls(intent, self.stage.camera.current.heading), dt)
+        controls = self.stage.led(self._asked_of(intent), dt)
         if self.wall.advance(dt, controls):
             self._steps = self.wall.steps
             return

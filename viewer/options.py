@@ -18,8 +18,8 @@ SIDES = (64, 8192)  # pixels
 class ViewOptions:
     """Options of one run of the viewer; None means "as last time" or the built-in default.
 
-    `controls` is a script of keys for tests and film making, e.g. "w 2; w+shift 1.5; idle 1" (see
-    `viewer.input.script`). With `offscreen` no display is needed, every frame is one simulation step of 1/60 s
+    `controls` is the stick as text (see `runtime.motion.stick_script`), `keys` a script of keys for tests and film
+    making, e.g. "w 2; w+shift 1.5; idle 1" (see `viewer.input.script`). With `offscreen` no display is needed, every frame is one simulation step of 1/60 s
     and the run is deterministic; it ends after `frames` frames.
     """
 
@@ -43,7 +43,8 @@ class ViewOptions:
     seed: int = specified(0, 0, flag="--seed")
     quality: str | None = specified(None, choices=QUALITIES, flag="--quality")
     camera: str | None = specified(None, choices=CAMERAS | VIEWS, flag="--camera")
-    controls: str = ""
+    controls: str | None = None
+    keys: str = ""
     live_link: str | None = None  # where poses go, see `viewer.live.address`; None: nowhere
 
     def check(self) -> None:

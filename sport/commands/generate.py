@@ -12,6 +12,7 @@ from sport.commands.arguments import Subparsers, add_blend, add_model, blend_wei
 from sport.commands.export_arguments import OUT_HELP, add_export_arguments
 
 if TYPE_CHECKING:
+    from runtime.motion.stick_script import StickScript
     from sport.batch.plan import RowParser
 
 MAX_VARIANTS = 1000
@@ -59,13 +60,18 @@ def _add_style(generate: argparse.ArgumentParser) -> None:
 
 def _add_course(generate: argparse.ArgumentParser) -> None:
     generate.add_argument("--terrain", default="flat", metavar="NAME|FILE", help="default: flat")
+    generate.add_argument("--path", metavar="PATH", help="forward (default), circle, figure8 or random")
+    generate.add_argument("--gait", metavar="GAIT", help="walk (default), jog, crouch or stand")
     generate.add_argument(
-        "--path", default="forward", metavar="PATH", help="forward, circle, figure8 or random"
+        "--speed", type=float, metavar="V", help="share of the full stick, 0 to 1 (default: 1)"
     )
-    generate.add_argument("--gait", default="walk", metavar="GAIT", help="walk, jog, crouch or stand")
-    generate.add_argument("--seconds", type=float, default=10.0, metavar="S", help="default: 10")
     generate.add_argument(
-        "--speed", type=float, default=1.0, metavar="V", help="share of the full stick, 0 to 1"
+        "--controls",
+        metavar="SCRIPT",
+        help='the stick as text, in place of path, gait and speed: "stand 2; walk@90 3; jog@0*0.5 2; jump 1"',
+    )
+    generate.add_argument(
+        "--seconds", type=float, metavar="S", help="default: 10, or the length of --controls"
     )
     generate.add_argument(
         "--transition", type=float, default=1.0, metavar="S", help="seconds between prompts"
@@ -133,8 +139,9 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
     export = export_options(options)
     outputs = _outputs(options)
     prompt = _prompt(options)
+    controls, seconds = _controls(options)
     if any(out.suffix.lower() == ".bvh" for out in outputs):
-        check_bvh_length(options.seconds, export.fps)
+        check_bvh_length(seconds, export.fps)
     check_outputs(outputs, export, options)
     terrain = load_terrain(options.terrain)
     if terrain.note:
@@ -144,11 +151,12 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
         clip = generate_clip(
             prompt,
             options.terrain,
-            options.path,
-            options.gait,
-            options.seconds,
+            options.path or "forward",
+            options.gait or "walk",
+            seconds,
             options.seed + k,
-            speed=options.speed,
+            controls=controls,
+            speed=1.0 if options.speed is None else options.speed,
             transition_seconds=options.transition,
             strength=options.strength,
             model=model,
@@ -176,6 +184,19 @@ def _outputs(options: argparse.Namespace) -> list[Path]:
     if options.variants == 1:
         return [options.out]
     return [numbered(options.out, number) for number in range(1, options.variants + 1)]
+
+
+def _controls(options: argparse.Namespace) -> tuple[StickScript | None, float]:
+    """The stick as text, where it is given, and the seconds of the clip; UsageError."""
+    from runtime.motion.stick_script import parse_stick
+
+    if options.controls is None:
+        return None, 10.0 if options.seconds is None else options.seconds
+    for name in ("path", "gait", "speed"):
+        if getattr(options, name) is not None:
+            raise UsageError(": the script of --controls has it.", "Leave one of the two out.", name)
+    script = parse_stick(options.controls)
+    return script, script.seconds if options.seconds is None else options.seconds
 
 
 def _prompt(options: argparse.Namespace) -> Any:

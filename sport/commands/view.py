@@ -31,7 +31,12 @@ def add(commands: Subparsers) -> None:
     view.add_argument("--camera", choices=("follow", "orbit"))
     view.add_argument("--seed", type=int, default=0, metavar="N")
     view.add_argument(
-        "--controls", default="", metavar="SCRIPT", help='keys to play, e.g. "w 2; w+shift 1.5"'
+        "--controls",
+        metavar="SCRIPT",
+        help='the stick as text: "stand 2; walk 3; walk@90 3; jog@0*0.5 2; jump 1"',
+    )
+    view.add_argument(
+        "--keys", default="", metavar="SCRIPT", help='keys to press, e.g. "w 2; w+shift 1.5; f1 0.2"'
     )
     view.add_argument(
         "--live-link",
@@ -76,6 +81,7 @@ def run(options: argparse.Namespace) -> int:
         quality=options.quality,
         camera=options.camera,
         controls=options.controls,
+        keys=options.keys,
         live_link=options.live_link,
     )
     view_options.check()

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from viewer.input.bindings import InputMapper, Intent
 from viewer.input.gamepad import GamepadSource
 from viewer.input.keyboard import Keyboard
-from viewer.input.script import ControlScript
+from viewer.input.script import KeyScript
 from viewer.settings import Settings
 
 KEYBOARD = "keyboard"
@@ -19,7 +19,7 @@ class Devices:
     """What drives the character; `name` is the gamepad in use, or the keyboard."""
 
     pads: GamepadSource
-    script: ControlScript
+    script: KeyScript
     press: Callable[[str, bool], None]  # does as if a key went down or up
     keyboard: Keyboard = field(default_factory=Keyboard)
     mapper: InputMapper = field(default_factory=InputMapper)

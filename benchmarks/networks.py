@@ -32,7 +32,7 @@ from runtime.assets import PROJECT_ROOT, model_folder
 from runtime.atomic import check_target, write_atomic
 from runtime.errors import UsageError, run_command
 from runtime.motion.model_files import FOLDED, INT8_GRAPH, open_graph, read_graph, read_metadata
-from training.evaluation.report.markers import check_section, write_section
+from training.markdown import check_section, write_section
 
 Array = NDArray[np.float32]
 Feed = dict[str, Array]

@@ -11,7 +11,7 @@ trap 'rm -rf "$work"' EXIT
 mkdir -p docs/images/beside
 styles=(neutral_bn proud old active masculine2 drunk)
 for style in "${styles[@]}"; do
-  python -m training.evaluation.motion.beside_capture --clips "$clips" --style "$style" --out "$work" "${model[@]}"
+  python -m training.evaluation same-path --clips "$clips" --styles "$style" --bvh "$work" "${model[@]}"
   python -m viewer.tools.film "$work/${style}_captured.bvh" "$work/${style}_ours.bvh" --labels captured ours \
     --fps 15 --size 560 315 --out "docs/images/beside/$style.webp"
 done

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from sport import Controller, Controls, Gait, MotionModel, Prompter, Terrain, load_model
-from training.evaluation.metrics.foot_skating import foot_skating
+from training.evaluation.metrics.features import kinematic_features
+from training.evaluation.metrics.feet import foot_skating
 from training.evaluation.metrics.frechet import Projection, frechet_distance
-from training.evaluation.metrics.kinematic_features import kinematic_features
-from training.evaluation.motion.motion import Motion, mean_speed, window_starts
+from training.evaluation.metrics.motion import Motion, mean_speed, window_starts
 
 PROMPTS = ("a proud queen", "a frail old man", "a child pretending to be an aeroplane")
 SEEDS, SECONDS, LEAD_IN_S, HOP = (0, 1), 3, 1, 5

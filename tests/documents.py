@@ -25,6 +25,7 @@ DOCUMENTS = [
     *sorted((ROOT / "examples").glob("*.md")),
     ROOT / "assets" / "NOTICE.md",
 ]
+WITH_SUBCOMMANDS = ("training.evaluation", "training.baselines")
 SETTING = re.compile(r"[A-Z_]+=\S*")  # a variable in front of a command
 
 
@@ -90,6 +91,8 @@ def check_help(
         pytest.skip(f"{error.name} is not installed")
     own = {"--text", "--courses"}  # of `sport evaluate`: each has a help of its own
     subcommand = options[:1] if options[0] in own else []
+    if module in WITH_SUBCOMMANDS:
+        subcommand = arguments[:1]
     monkeypatch.setattr(sys, "argv", [module, *subcommand, "--help"])
     with pytest.raises(SystemExit):
         main()

@@ -16,8 +16,7 @@ from runtime.crossing.keyed_pose import Track, slerp
 from runtime.feet.ik import solve_legs
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.courses import Obstacle
-from training.evaluation.metrics.crossing import hands_on_edge, on_top_after
-from training.evaluation.metrics.obstacle_depth import CAPSULES, capsule_points
+from training.evaluation.metrics.crossing import CAPSULES, capsule_points, hands_on_edge, on_top_after
 
 Array = NDArray[np.floating]
 

@@ -15,10 +15,9 @@ from runtime.terrain.courses import BEAM, BEAM_RAMP_M, GAPS, HURDLES, WALLS, Obs
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
 from training.evaluation.metrics import crossing
-from training.evaluation.metrics.obstacle_depth import capsule_points, depth_inside, limb_depths
-from training.evaluation.motion.obstacle_courses import COURSES, run_obstacles
-from training.evaluation.motion.score_obstacles import score_obstacles
-from training.evaluation.report.course_tables import markdown
+from training.evaluation.metrics.crossing import capsule_points, depth_inside, limb_depths
+from training.evaluation.motion.obstacles import COURSES, run_obstacles, score_obstacles
+from training.evaluation.report.courses import markdown
 
 BLOCK = Obstacle(2.0, 4.0, 1.0, 3.0)
 
@@ -135,10 +134,10 @@ def test_a_figure_that_glides_is_frozen():
     z = np.arange(181) / 60.0
     root = np.stack([0 * z, z], -1)
     glides = positions + np.stack([0 * z, 0 * z, z], -1)[:, None]
-    assert crossing.frozen_seconds(glides, root, np.full(181, 1.0), 0.25) == 3
+    assert crossing.frozen_seconds(glides, root, np.full(181, 1.0)) == 3
     hips, local, _ = walk(181)
     walks = SPORT_SKELETON.forward_kinematics(hips, local)[0]
-    assert crossing.frozen_seconds(walks, hips[:, [0, 2]], np.full(181, 1.1), 0.25) == 0
+    assert crossing.frozen_seconds(walks, hips[:, [0, 2]], np.full(181, 1.1)) == 0
 
 
 @pytest.mark.parametrize("course", COURSES, ids=lambda c: c.name)
@@ -184,7 +183,7 @@ def test_a_walker_gets_over_a_low_wall_and_its_row_is_whole(results):
 
 def test_a_run_is_drawn(results, tmp_path):
     pytest.importorskip("matplotlib")
-    from training.evaluation.report.course_pictures import draw_courses
+    from training.evaluation.report.courses import draw_courses
 
     picture = tmp_path / "wall.png"
     draw_courses(results[1][:1], picture)

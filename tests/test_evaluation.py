@@ -15,16 +15,19 @@ from runtime.motion.features import OUTPUT
 from runtime.terrain.height_map import Terrain
 from training.data.clip_files import TrainingClip
 from training.data.height_patches import Patches
-from training.evaluation.command import build_parser, main
-from training.evaluation.motion.capture import TERRAIN_GROUP, driving_segments, read_capture
-from training.evaluation.motion.courses import run_course
-from training.evaluation.motion.driving import follow, replay, requests_of, transition
-from training.evaluation.motion.motion import load_motion
-from training.evaluation.motion.plan import Options, make_plan, style_texts
-from training.evaluation.motion.score_capture import score_held_out, score_rollouts
-from training.evaluation.motion.score_model import score_model
-from training.evaluation.report.bars import check
-from training.evaluation.report.tables import markdown
+from training.evaluation.command import MOTION, main
+from training.evaluation.metrics.motion import load_motion
+from training.evaluation.motion.capture import (
+    TERRAIN_GROUP,
+    Options,
+    driving_segments,
+    make_plan,
+    read_capture,
+)
+from training.evaluation.motion.driving import follow, replay, requests_of, run_course, transition
+from training.evaluation.motion.scores import score_held_out, score_model, score_rollouts
+from training.evaluation.motion.subject import style_texts
+from training.evaluation.report.tables import check, markdown
 from training.frames import clip_frames
 
 Z = np.zeros((6, 64), np.float32)
@@ -222,4 +225,10 @@ def test_options_that_cannot_be_met_are_named(tmp_path):
         main(["--clips", str(tmp_path), "--model", "m", "--seconds", "1"])
     with pytest.raises(FileError, match="no clips"):
         main(["--clips", str(tmp_path), "--model", "m", "--quick"])
-    assert build_parser().parse_args(["--clips", "c", "--model", "a", "--model", "b"]).model[1].name == "b"
+    assert (
+        MOTION.parser("sport evaluate")
+        .parse_args(["--clips", "c", "--model", "a", "--model", "b"])
+        .model[1]
+        .name
+        == "b"
+    )

@@ -8,16 +8,19 @@ from runtime import rotations
 from runtime.feet import skating as feet
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, J
 from runtime.terrain.height_map import Terrain
-from training.evaluation.metrics.diversity import pair_distance
-from training.evaluation.metrics.foot_skating import Skating, foot_skating
+from training.evaluation.metrics.classifiers import balanced, recognition
+from training.evaluation.metrics.features import (
+    WindowSet,
+    halves,
+    joined,
+    kinematic_features,
+    temporal_features,
+)
+from training.evaluation.metrics.feet import Skating, foot_skating, terrain_feet
 from training.evaluation.metrics.frechet import Projection, compare, frechet_distance
-from training.evaluation.metrics.kinematic_features import kinematic_features, temporal_features
-from training.evaluation.metrics.recognition import balanced, recognition
-from training.evaluation.metrics.smoothness import jerk, transition_jerk
-from training.evaluation.metrics.terrain_feet import terrain_feet
-from training.evaluation.metrics.window_sets import WindowSet, halves, joined
-from training.evaluation.motion.courses import path_error, ring
-from training.evaluation.motion.motion import RootFeatures, window_index, window_starts
+from training.evaluation.metrics.motion import RootFeatures, window_index, window_starts
+from training.evaluation.metrics.variation import jerk, pair_distance, transition_jerk
+from training.evaluation.motion.driving import path_error, ring
 
 FLAT = Terrain.flat(size_m=100.0)
 
@@ -254,7 +257,7 @@ def test_temporal_features_find_the_harmonic():
 
 
 def test_walker_stands_while_its_feet_are_planted():
-    from training.evaluation.motion.motion import Motion
+    from training.evaluation.metrics.motion import Motion
 
     hips, local, contacts = walk(200)
     motion = Motion("w", "neutral", hips, local, contacts, np.ones(200, int), FLAT)
@@ -279,7 +282,7 @@ def test_balanced_rows_have_at_most_so_many_of_a_label():
 
 def test_classifier_tells_styles_apart():
     pytest.importorskip("sklearn")
-    from training.evaluation.metrics.recognition import StyleClassifier
+    from training.evaluation.metrics.classifiers import StyleClassifier
 
     rng = np.random.default_rng(0)
     features = rng.normal(size=(300, 8))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,12 +20,13 @@ from runtime.prompts.prompter import Prompter
 from runtime.skeleton import PART_NAMES, SPORT_SKELETON
 from training.data.clip_files import TrainingClip
 from training.data.height_patches import Patches
+from training.evaluation.experiment import Setting, run
 from training.evaluation.report.text_tables import bars, markdown
 from training.evaluation.text import (
     command as text_main,
 )
 from training.evaluation.text import (
-    part_edits,
+    edits,
 )
 from training.evaluation.text import (
     timing as text_timing,
@@ -33,18 +34,30 @@ from training.evaluation.text import (
 from training.evaluation.text import (
     walks as text_walks,
 )
-from training.evaluation.text.independence import (
+from training.evaluation.text.command import TEXT
+from training.evaluation.text.edits import (
+    FREE_PROMPTS,
+    Case,
     by_slot,
+    catalogue_cases,
     independence,
     own_and_others,
     part_changes,
+    score,
     seed_changes,
 )
-from training.evaluation.text.part_edits import Case, catalogue_cases, load_reference, score, targets
-from training.evaluation.text.prompts import FREE_PROMPTS
-from training.evaluation.text.walks import Walk, Walker, mean_rotation, rotation_change, summarise
+from training.evaluation.text.walks import Walk, Walker
 from training.layering.apply import apply
 from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
+from training.layering.measured_edits import (
+    Reference,
+    Summary,
+    load_reference,
+    mean_rotation,
+    rotation_change,
+    summarise,
+    targets,
+)
 from training.layering.pose_edits import Motion
 
 NEUTRAL = PartDescriptions(**{part: f"{part} as always" for part in PART_NAMES})
@@ -78,7 +91,7 @@ def clips(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def reference(clips: Path) -> part_edits.Reference:
+def reference(clips: Path) -> Reference:
     return load_reference(clips)
 
 
@@ -108,7 +121,7 @@ def test_free_prompts_are_no_sentences_of_the_catalogue() -> None:
     assert all(name in EDITS for edits in FREE_PROMPTS.values() for name in edits)
 
 
-def test_the_reference_takes_neutral_walks_that_are_long_enough(reference: part_edits.Reference) -> None:
+def test_the_reference_takes_neutral_walks_that_are_long_enough(reference: Reference) -> None:
     assert [name for name, _, _ in reference.walks] == ["cmu_01", "cmu_02", "cmu_05"]
 
 
@@ -119,7 +132,7 @@ def test_a_folder_without_neutral_walks_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["left_arm.overhead", "head.down_far", "torso.lean_back_far", "legs.crouch"])
-def test_described_amounts_are_those_of_the_edit(reference: part_edits.Reference, name: str) -> None:
+def test_described_amounts_are_those_of_the_edit(reference: Reference, name: str) -> None:
     described = reference.described(reference.edited((name,)), (name,))
     assert list(described) == targets((name,))
     (part, field), amount = next(iter(described.items()))
@@ -127,12 +140,12 @@ def test_described_amounts_are_those_of_the_edit(reference: part_edits.Reference
     assert amount / least > 1.0
 
 
-def test_a_measure_that_walks_disagree_about_describes_nothing(reference: part_edits.Reference) -> None:
+def test_a_measure_that_walks_disagree_about_describes_nothing(reference: Reference) -> None:
     (before, after), *_ = reference.edited(("head.up",))
     assert reference.described([(before, after), (after, before)], ("head.up",)) == {}
 
 
-def edited(motion: Motion, *names: str, share: float = 1.0) -> text_walks.Summary:
+def edited(motion: Motion, *names: str, share: float = 1.0) -> Summary:
     """A motion with edits, or in between."""
     changed = motion
     for name in names:
@@ -147,7 +160,7 @@ def edited(motion: Motion, *names: str, share: float = 1.0) -> text_walks.Summar
      ("torso.sway", 0.0, False, False)],
 )  # fmt: skip
 def test_scores_follow_direction_and_amount(
-    reference: part_edits.Reference, made: str, share: float, right_way: bool, enough: bool
+    reference: Reference, made: str, share: float, right_way: bool, enough: bool
 ) -> None:
     name = "head.down_far"
     _, motion, plain = reference.walks[0]
@@ -160,7 +173,7 @@ def test_scores_follow_direction_and_amount(
     json.dumps(row)
 
 
-def test_a_pair_needs_both_of_its_parts(reference: part_edits.Reference) -> None:
+def test_a_pair_needs_both_of_its_parts(reference: Reference) -> None:
     pair = HELD_OUT_PAIRS["both arms stretched out in front"]
     _, motion, plain = reference.walks[0]
     described = reference.described(reference.edited(pair), pair)
@@ -169,7 +182,7 @@ def test_a_pair_needs_both_of_its_parts(reference: part_edits.Reference) -> None
     assert not score(case, [edited(motion, pair[0])], {0: plain}, described)["right_way"]
 
 
-def test_the_median_of_the_walks_counts(reference: part_edits.Reference) -> None:
+def test_the_median_of_the_walks_counts(reference: Reference) -> None:
     name = "left_arm.overhead"
     _, motion, plain = reference.walks[0]
     described = reference.described(reference.edited((name,)), (name,))
@@ -178,7 +191,7 @@ def test_the_median_of_the_walks_counts(reference: part_edits.Reference) -> None
     row = score(case, [done, plain, done], {0: plain}, described)
     assert row["enough"]
     assert row["runs_enough"] == pytest.approx(2 / 3)
-    assert part_edits.shares([row, {**row, "right_way": False}])["right_way"] == 0.5
+    assert edits.shares([row, {**row, "right_way": False}])["right_way"] == 0.5
 
 
 # --- part independence ------------------------------------------------------------------------------------------------
@@ -206,14 +219,14 @@ def test_a_walk_out_of_step_or_turned_differs_little_from_itself() -> None:
     assert np.degrees(rotation_change(early, other)).max() < 0.1
 
 
-def test_a_nodding_head_changes_though_its_mean_does_not(reference: part_edits.Reference) -> None:
+def test_a_nodding_head_changes_though_its_mean_does_not(reference: Reference) -> None:
     _, motion, plain = reference.walks[0]
     changes = part_changes(plain, edited(motion, "head.nodding"))
     assert changes["head"] > 2.0
     assert own_and_others(changes, ["head"])[1] < 0.01
 
 
-def test_an_edit_of_one_part_leaves_the_others_alone(reference: part_edits.Reference) -> None:
+def test_an_edit_of_one_part_leaves_the_others_alone(reference: Reference) -> None:
     _, motion, plain = reference.walks[0]
     case = Case("left_arm.side", "trained", ("left_arm.side",), (NEUTRAL,), (0,))
     both = edited(motion, "left_arm.side", "right_arm.side")
@@ -304,21 +317,23 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(text_main, "FREE_PROMPTS", {"cocked, tilted left": ("head.tilted_left",)})
     monkeypatch.setattr(text_main, "SECONDS", 0.5)
     kept = ("head.tilted_left", "head.turned_right", "hands on hips", "torso.twist", "torso.bob_little")
-    every = part_edits.catalogue_cases
+    every = edits.catalogue_cases
     monkeypatch.setattr(
-        part_edits, "catalogue_cases", lambda *a, **k: [c for c in every(*a, **k) if c.name in kept]
+        edits, "catalogue_cases", lambda *a, **k: [c for c in every(*a, **k) if c.name in kept]
     )
 
 
-def arguments(clips: Path, *more: str) -> argparse.Namespace:
-    parser = argparse.ArgumentParser()
-    text_main.add_arguments(parser)
-    return parser.parse_args(["--clips", str(clips), "--model", "no_such_model", "--workers", "1", *more])
+def arguments(clips: Path, *more: str) -> list[str]:
+    return ["--clips", str(clips), "--model", "no_such_model", "--workers", "1", *more]
+
+
+def measured(arguments: list[str]) -> dict[str, Any]:
+    return TEXT.figures(Setting(TEXT.parser("text").parse_args(arguments)))
 
 
 def test_from_clips_to_tables(small: None, clips: Path) -> None:
     asked = arguments(clips, "--only", "edits", "--only", "retrieval")
-    results = text_main.run(asked)
+    results = measured(asked)
     rows = {r["name"]: r for r in results["edits"]["rows"]}
     # the synthetic model tilts the head for "tilted", whatever else is said, and does nothing for other words
     assert abs(rows["head.tilted_left"]["worst_share"]) > 0.5
@@ -329,7 +344,7 @@ def test_from_clips_to_tables(small: None, clips: Path) -> None:
     assert results["independence"]["by_slot"]["all"]["edits"] == 3
     assert "Held-out edits of rhythm and weight" in markdown(results)
     assert "missing" in results["retrieval"]
-    assert json.dumps(results) == json.dumps(text_main.run(asked))
+    assert json.dumps(results) == json.dumps(measured(asked))
     outcome = {name: met for name, _, met in bars(results)}
     assert list(outcome.values()).count(None) == 2
     assert "**no**" in markdown(results)
@@ -339,12 +354,12 @@ def test_from_clips_to_tables(small: None, clips: Path) -> None:
 
 def test_a_number_of_workers_that_makes_no_sense_is_named(small: None, clips: Path) -> None:
     with pytest.raises(UsageError, match="--workers 0"):
-        text_main.run(arguments(clips, "--workers", "0"))
+        run(TEXT, arguments(clips, "--workers", "0"), "text")
 
 
 def test_joints_of_the_parts_are_apart() -> None:
     from runtime.skeleton import PART_JOINTS
-    from training.evaluation.text.independence import JOINTS
+    from training.evaluation.text.edits import JOINTS
 
     for part, joints in JOINTS.items():
         assert set(joints) <= set(PART_JOINTS[part])

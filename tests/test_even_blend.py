@@ -16,7 +16,7 @@ from runtime.motion.model import load_model
 from runtime.motion.style_mix import LINEAR, StyleMix, even_weights, mixes, turned_round
 from runtime.prompts.blend import BlendedPrompt
 from runtime.prompts.prompter import Prompter
-from training.evaluation.motion.blend_steps import STEPS, largest_step
+from training.evaluation.on_straight_walks import STEPS, largest_step
 from viewer.prompt.style_edit import Side
 
 ONE = st.floats(0.0, 1.0)

@@ -11,7 +11,7 @@ from walker import walk
 from runtime.assets import PROJECT_ROOT
 from runtime.errors import UsageError
 from runtime.takes.clip import Clip, save_bvh
-from training.evaluation.motion import feet
+from training.evaluation.metrics import feet
 
 
 def sliding(frames):
@@ -50,7 +50,7 @@ def test_one_frame_has_no_skating(tmp_path):
 
 def test_a_missing_file_is_one_sentence_and_exit_code_2(tmp_path):
     done = subprocess.run(
-        [sys.executable, "-m", "training.evaluation.motion.feet", str(tmp_path / "none.bvh")],
+        [sys.executable, "-m", "training.evaluation.metrics.feet", str(tmp_path / "none.bvh")],
         cwd=PROJECT_ROOT,
         capture_output=True,
         text=True,

@@ -7,11 +7,12 @@ from walker import CYCLE_FRAMES, walk
 from runtime import rotations
 from runtime.feet.foot_lock import FootLock
 from runtime.feet.settings import FootLockSettings
-from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS, joint_heights
+from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS, joint_heights, skating
+from runtime.feet.skating import joint_heights as toe_heights
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, J
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
-from training.evaluation.motion.feet import skating, sole_skating, toe_heights
+from training.evaluation.metrics.feet import sole_skating
 
 DT = 1 / 60
 TOES, ANKLES, KNEES = [5, 10], [4, 9], [3, 8]

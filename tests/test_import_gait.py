@@ -11,12 +11,12 @@ from test_data_import import index, march
 from runtime import rotations
 from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, Skeleton
 from runtime.takes.bvh import format_bvh, parse_bvh
+from training.data import gait
 from training.data.foot_cleaning import clean_feet
 from training.data.heel import FOOT_OFFSET, heel_rise, pitched
 from training.data.reference_pose import standing_rotations
 from training.data.retarget import calibrate_feet, load_source, retarget
 from training.data.source_skeletons import SourceJoint, SourceSkeleton, recognise
-from training.evaluation.metrics import gait
 
 LEG = 0.8351
 

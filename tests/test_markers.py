@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from runtime.errors import FileError
-from training.evaluation.report.markers import check_section, write_section
+from training.markdown import check_section, write_section
 
 PAGE = "# Reading\n\n<!-- speed: begin -->\nold\n<!-- speed: end -->\n\nAfterwards.\n"
 

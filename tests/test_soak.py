@@ -10,6 +10,7 @@ from runtime.controls import Controls, Gait
 from runtime.errors import UsageError
 from runtime.motion.controller import Controller
 from runtime.terrain.height_map import Terrain
+from training.evaluation.experiment import run
 from training.evaluation.motion import soak
 
 
@@ -68,7 +69,7 @@ def test_frozen_seconds_and_growing_memory_miss_their_bars(segments):
 
 def test_minutes_out_of_range_are_named():
     with pytest.raises(UsageError, match="--minutes 0"):
-        soak.main(["--minutes", "0"])
+        run(soak.SOAK, ["--minutes", "0"], "soak")
 
 
 def test_resident_memory_is_that_of_this_process():

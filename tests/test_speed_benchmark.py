@@ -1,4 +1,4 @@
-"""`python -m training.evaluation.motion.speed`: its figures, on speeds that are known and on the shipped model."""
+"""`python -m training.evaluation speed`: its figures, on speeds that are known and on the shipped model."""
 
 import json
 from pathlib import Path
@@ -8,7 +8,8 @@ import pytest
 
 from runtime.errors import UsageError
 from runtime.motion.features import FPS
-from training.evaluation.motion import speed
+from training.evaluation import on_straight_walks as speed
+from training.evaluation.experiment import run
 
 
 def test_a_steady_walk_has_neither_error_nor_deviation():
@@ -34,7 +35,7 @@ def test_the_command_writes_its_figures(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(speed, "PROMPTS", speed.PROMPTS[:1])
     monkeypatch.setattr(speed, "TERRAINS", ("flat",))
     monkeypatch.setattr(speed, "STICKS", (1.0,))
-    assert speed.main(["--seconds", "7", "--json", str(tmp_path / "speed.json")]) == 0
+    assert run(speed.SPEED, ["--seconds", "7", "--json", str(tmp_path / "speed.json")], "speed") == 0
     (walk,) = json.loads((tmp_path / "speed.json").read_text(encoding="utf-8"))
     assert walk["error"] < 0.15
     assert walk["highest"] < 1.6
@@ -43,4 +44,4 @@ def test_the_command_writes_its_figures(tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_too_short_a_walk_is_refused():
     with pytest.raises(UsageError, match="seconds"):
-        speed.main(["--seconds", "2"])
+        run(speed.SPEED, ["--seconds", "2"], "speed")

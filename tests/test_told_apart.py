@@ -8,9 +8,9 @@ pytest.importorskip("sklearn")
 from runtime import rotations
 from runtime.skeleton import SPORT_SKELETON, J
 from runtime.terrain.height_map import Terrain
-from training.evaluation.metrics.told_apart import area_under_curve, halves_told_apart
-from training.evaluation.motion.classifier import FEATURES, told_from, windows_of
-from training.evaluation.motion.motion import Motion
+from training.evaluation.metrics.classifiers import area_under_curve, halves_told_apart
+from training.evaluation.metrics.motion import Motion
+from training.evaluation.on_captured_paths import FEATURES, WHOLE, told_from, windows_of
 
 TAKES, FRAMES = 6, 160
 FLAT = Terrain.flat(size_m=20.0)
@@ -30,18 +30,23 @@ def takes(swing: float, seed: int) -> list[Motion]:
 
 
 def test_an_arm_that_swings_less_is_told_from_the_capture_and_halves_of_it_are_not(monkeypatch):
-    monkeypatch.setattr("training.evaluation.motion.classifier.HOP", 4)
+    monkeypatch.setattr("training.evaluation.on_captured_paths.HOP", 4)
     theirs = windows_of(takes(0.8, 0))
     told = told_from(windows_of(takes(0.3, 1)), theirs)
     assert told["kinematic"] > 0.9
     assert told["trajectories"] > 0.7  # single places tell of it only where the arm is far out
-    assert all(halves_told_apart(theirs.of(name), theirs.takes) < 0.75 for name in FEATURES)
+    assert told["arms"] > 0.9
+    assert (
+        max(told[name] for name in ("feet", "thighs", "knees", "head", "pelvis")) < 0.6
+    )  # the arm alone differs
+    assert set(told) == set(FEATURES)
+    assert all(halves_told_apart(theirs.features[name], theirs.takes) < 0.75 for name in WHOLE)
 
 
 @pytest.fixture(autouse=True)
 def _few_trees(monkeypatch):
-    for name, value in {"ROUNDS": 10, "FOLDS": 3, "DRAWS": 2}.items():
-        monkeypatch.setattr(f"training.evaluation.metrics.told_apart.{name}", value)
+    for name, value in {"ROUNDS": 10, "TREES": 20, "FOLDS": 3, "DRAWS": 2}.items():
+        monkeypatch.setattr(f"training.evaluation.metrics.classifiers.{name}", value)
 
 
 def test_a_window_of_a_take_that_was_seen_is_not_what_counts():

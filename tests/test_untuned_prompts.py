@@ -1,4 +1,4 @@
-"""`python -m training.evaluation.text.untuned_prompts`: its figures, its table, and that it says so when an answer is missing."""
+"""`python -m training.evaluation prompts`: its figures, its table, and that it says so when an answer is missing."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from runtime.motion.model import load_model
 from runtime.prompts.expander import Expansion
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
+from training.evaluation.experiment import run
 from training.evaluation.text import untuned_prompts as prompts
 
 PROMPTS = "an old man\n\nRight arm raised, head down!\n???\n"
@@ -63,7 +64,11 @@ def test_the_command_answers_every_prompt(
         "before\n<!-- untuned prompts: begin -->\nold\n<!-- untuned prompts: end -->\nafter\n",
         encoding="utf-8",
     )
-    code = prompts.main(["--file", str(three), "--json", str(figures), "--markdown", str(document)])
+    code = run(
+        prompts.PROMPTS,
+        ["--file", str(three), "--json", str(figures), "--markdown", str(document)],
+        "prompts",
+    )
     report = json.loads(figures.read_text(encoding="utf-8"))
     assert report["prompts"] == 3
     assert report["problems"] == {}

@@ -4,7 +4,7 @@
 
 `--run` is the folder of a finished run: its phases and content encoder serve the variants that do not change them.
 Every variant lands in OUT/<name>/model, and OUT/full/model-mixture is the one without diffusion;
-`training.evaluation.motion.distances --model` scores them beside each other.
+`training.evaluation distances --model` scores them beside each other.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # helpers of the tests
 
-from training.evaluation.report.markers import check_section, write_section
+from training.markdown import check_section, write_section
 
 from . import files, models, projects, words
 from .run import HUNG_SECONDS, Tally, damaged, run

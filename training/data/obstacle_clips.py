@@ -141,7 +141,7 @@ def report(rows: Sequence[Row], command: str) -> str:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Command line."""
-    from training.evaluation.report.markers import check_section, write_section
+    from training.markdown import check_section, write_section
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--clips", type=Path, required=True, help="folder that the importer wrote")

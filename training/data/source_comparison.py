@@ -10,9 +10,9 @@ import numpy as np
 
 from runtime.errors import FileError
 from runtime.takes.clip import Clip, save_bvh
+from training.data import gait
 from training.data.catalog import list_clips
 from training.data.clip_import import FIRST_FRAMES
-from training.evaluation.metrics import gait
 
 FILES = 4  # of each source and style at most, evenly spread
 BEGIN, END = "<!-- raw:begin -->", "<!-- raw:end -->"
@@ -85,7 +85,7 @@ def section(data: Path, clips: Path) -> str:
 
 _TITLE = """## Raw beside imported
 
-Medians over forward walks on a floor, measured by `training.evaluation.metrics.gait` on the source files and on the imported clips
+Medians over forward walks on a floor, measured by `training.data.gait` on the source files and on the imported clips
 written as BVH (raw > imported; degrees, or as named, on a leg of 0.82 m). Angles of knees, trunk and elbows are the
 source's. Arms keep their angles, so hands swing as far as our shorter arms let them. Feet stand still and have our
 length: a heel over standing toes rises until the knee has the source's angle.

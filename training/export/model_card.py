@@ -95,10 +95,10 @@ def _eight_bits(quantised: dict[str, Any]) -> list[str]:
 
 
 def soak_metrics(soak: dict[str, Any]) -> list[str]:
-    """Lines from the JSON of `training.evaluation.motion.soak`."""
+    """Lines from the JSON of `training.evaluation soak`."""
     minutes = soak["frames"] / 3600
     lines = [
-        f"- {minutes:.0f} minutes of random play (`training.evaluation.motion.soak`): {soak['not_finite']} values not finite,"
+        f"- {minutes:.0f} minutes of random play (`training.evaluation soak`): {soak['not_finite']} values not finite,"
         f" {soak['frozen_seconds']} of {soak['moving_seconds']} moving seconds frozen, mean speed error"
         f" {100 * soak['speed_error']:.1f} %"
     ]
@@ -115,15 +115,15 @@ def text_metrics(text: dict[str, Any]) -> list[str]:
 
 def motion_metrics(motion: dict[str, Any]) -> list[str]:
     """Lines from the JSON of `sport evaluate`, of its first model."""
-    from training.evaluation.report.bars import check
+    from training.evaluation.report.tables import check
 
     found = check(motion["models"][0], motion["held_out"])
     return [f"- {bar.name}: {bar.met} of {bar.cases} cases" for bar in found]
 
 
 def gait_metrics(gait: dict[str, Any]) -> list[str]:
-    """Lines from the JSON of `training.evaluation.motion.gait_table`, of its last model."""
-    from training.evaluation.motion.gait_table import ROWS, cell
+    """Lines from the JSON of `training.evaluation gait`, of its last model."""
+    from training.evaluation.on_straight_walks import ROWS, cell
 
     ours = gait["models"][list(gait["models"])[-1]]
     found = [f"{row.title} {cell(row, gait['raw'], ours)}" for row in ROWS]

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from training.layering.catalog import EDITS, HELD_OUT, PartEdit
+from training.layering.measured_edits import load_reference, targets, value
 
 INTRODUCTION = """## Rhythm and weight
 
@@ -35,8 +36,6 @@ label: a pause is still a walk, so that words and not the label make it.
 
 def rhythm_section(clips: Path) -> str:
     """The definitions, and of every edit what it does to its measure on captured neutral walks, medians."""
-    from training.evaluation.text.part_edits import load_reference, targets, value
-
     reference = load_reference(clips)
     rows = []
     for name, edit in EDITS.items():
@@ -69,4 +68,4 @@ def _held_out(edit: PartEdit) -> str:
 
 
 def _numbers(edit: PartEdit) -> str:
-    return ", ".join(f"{key} {number:g}" for key, number in edit.parameters.items())  # type: ignore[str-format]
+    return ", ".join(f"{key} {number:g}" for key, number in edit.parameters.items())

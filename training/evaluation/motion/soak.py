@@ -1,17 +1,11 @@
-"""Minutes of random play without a window, with checks: `python -m training.evaluation.motion.soak --minutes 10`.
-
-Random sticks, gaits, prompts and terrains; the exit code is 1 when a bar is missed. An hour (`--minutes 60`) takes about a
-quarter of one.
-"""
+"""Minutes of random play without a window, with checks: `python -m training.evaluation soak --minutes 10`."""
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
-import sys
 import time
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,11 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.assets import model_folder
-from runtime.atomic import check_target, write_atomic
 from runtime.controls import Controls, Gait
-from runtime.errors import UsageError, run_command
-from runtime.feet.skating import SOLE_POINTS
+from runtime.errors import UsageError
+from runtime.feet.skating import SOLE_POINTS, joint_heights, skating
 from runtime.generate import FPS
 from runtime.motion import features
 from runtime.motion.controller import Controller
@@ -33,7 +25,10 @@ from runtime.prompts.prompter import Prompter
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
-from training.evaluation.motion.feet import skating, sole_skating, toe_heights
+from training.evaluation.experiment import Arguments, Experiment, Setting
+from training.evaluation.metrics.crossing import FROZEN_SHARE
+from training.evaluation.metrics.feet import sole_skating
+from training.markdown import number, percent, table
 
 Array = NDArray[np.floating]
 
@@ -55,9 +50,6 @@ MAX_BONE_CHANGE_M = 1e-3
 SPEED_TOLERANCE = 0.15
 MAX_SKATING_CM = 0.05  # per frame, walking on flat ground
 MAX_PENETRATION_CM = 2.0  # 99th percentile, hills and stairs
-# A figure that glides in one pose, or stands where it should walk: its feet hardly move relative to the root. In a walk
-# they do so with about the speed of the root.
-FROZEN_SHARE = 0.25  # of the requested speed, mean over a second
 MAX_GROWTH_MB = (
     60.0  # of memory after the first segment; a tenth of it is what the figures themselves take in an hour
 )
@@ -76,28 +68,15 @@ class Segment:
     messages: list[str] = field(default_factory=list)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Play, print a table, write JSON; 1 when a bar is missed."""
-    parser = argparse.ArgumentParser(prog="training.evaluation.motion.soak", description=__doc__)
-    parser.add_argument("--minutes", type=float, default=10.0, help="of simulated time (default: 10)")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--model", type=model_folder, help="folder of an exported model")
-    parser.add_argument("--json", type=Path, help="write the figures to this file")
-    options = parser.parse_args(argv)
-    if options.json is not None:
-        check_target(options.json)
+def figures(setting: Setting) -> dict[str, Any]:
+    """Play; the figures and the bars that were missed."""
     begin = time.perf_counter()
-    if not 0.1 <= options.minutes <= 1440.0:
-        raise UsageError(f"--minutes {options.minutes}: expected 0.1 to 1440.", "Try 10.")
-    report = soak(options.minutes * 60.0, options.seed, options.model)
-    report["wall_seconds"] = time.perf_counter() - begin
-    print_report(report)
-    if options.json is not None:
-        write_atomic(options.json, json.dumps(report, indent=1) + "\n")
-    return 1 if report["missed"] else 0
+    args = setting.args
+    report = soak(args.minutes * 60.0, args.seed, setting.folders[0], setting.report)
+    return {**report, "wall_seconds": time.perf_counter() - begin}
 
 
-def soak(seconds: float, seed: int, model: Path | None) -> dict[str, Any]:
+def soak(seconds: float, seed: int, model: Path, report: Callable[[str], None]) -> dict[str, Any]:
     """Simulate `seconds` in segments on terrains in random order; the figures and the bars that were missed."""
     network = load_model(model)
     to_style = Prompter(network)
@@ -109,15 +88,15 @@ def soak(seconds: float, seed: int, model: Path | None) -> dict[str, Any]:
     waiting: list[str] = []
     memory: list[float] = []
     count = max(1, round(seconds / SEGMENT_SECONDS))
-    for number in range(count):
+    for index in range(count):
         waiting = waiting or [str(name) for name in rng.permutation(TERRAINS)]
         ground = grounds[waiting.pop()]
         controller.set_terrain(ground)
         controller.reset(0.0, 0.0, float(rng.uniform(-np.pi, np.pi)))
         measured.append(measure(play_segment(controller, styles, rng)))
         memory.append(resident_mb())
-        if (number + 1) % PROGRESS_SEGMENTS == 0 and number + 1 < count:
-            print(f"{(number + 1) * SEGMENT_SECONDS / 60.0:.0f} minutes", file=sys.stderr, flush=True)
+        if (index + 1) % PROGRESS_SEGMENTS == 0 and index + 1 < count:
+            report(f"{(index + 1) * SEGMENT_SECONDS / 60.0:.0f} minutes")
     return summarise(measured, memory)
 
 
@@ -176,7 +155,7 @@ def measure(segment: Segment) -> dict[str, Any]:
         "foot_movement": foot_movement(segment),
         "skating": skating(positions, segment.terrain)[walking],
         "sole_skating": sole_skating(positions, segment.terrain)[walking],
-        "toes": toe_heights(positions, segment.terrain).ravel(),
+        "toes": joint_heights(positions, segment.terrain).ravel(),
     }
 
 
@@ -230,9 +209,6 @@ def summarise(measured: list[dict[str, Any]], memory: list[float]) -> dict[str, 
 
     `memory` is that of the process after every segment, MB.
     """
-    seconds = [item for m in measured for item in m["foot_movement"]]
-    movement = np.array([share for _, share in seconds])
-    frozen = Counter(gait for gait, share in seconds if share < FROZEN_SHARE)
     hips = np.concatenate([m["hips"] for m in measured])
     report: dict[str, Any] = {
         "frames": sum(m["frames"] for m in measured),
@@ -240,31 +216,50 @@ def summarise(measured: list[dict[str, Any]], memory: list[float]) -> dict[str, 
         "messages": [text for m in measured for text in m["messages"]],
         "hips_m": [float(hips.min()), float(hips.max())],
         "bone_change_m": max(m["bone_change"] for m in measured),
+        **_frozen([item for m in measured for item in m["foot_movement"]]),
+        "memory_growth_mb": memory[-1] - memory[0] if np.isfinite(memory).all() else None,
+        "terrains": {
+            name: _feet([m for m in measured if m["terrain"] == name])
+            for name in TERRAINS
+            if any(m["terrain"] == name for m in measured)
+        },
+        **_speeds([s for m in measured for s in m["speeds"]]),
+    }
+    report["missed"] = _missed(report)
+    return report
+
+
+def _frozen(seconds: list[tuple[str, float]]) -> dict[str, Any]:
+    """Of whole seconds of steady moving (gait, movement of the feet): how many are frozen."""
+    movement = [share for _, share in seconds]
+    frozen = Counter(gait for gait, share in seconds if share < FROZEN_SHARE)
+    return {
         "moving_seconds": len(movement),
         "frozen_seconds": frozen.total(),
         "frozen_gaits": dict(frozen),
-        "least_foot_movement": float(movement.min()) if len(movement) else None,
-        "memory_growth_mb": memory[-1] - memory[0] if np.isfinite(memory).all() else None,
-        "terrains": {},
-        "gaits": {},
+        "least_foot_movement": float(min(movement)) if movement else None,
     }
-    for name in TERRAINS:
-        on = [m for m in measured if m["terrain"] == name]
-        if on:
-            report["terrains"][name] = _feet(on)
-    speeds = [s for m in measured for s in m["speeds"]]
-    for gait in sorted({s[0] for s in speeds}):
-        asked, real = np.array([s[1:] for s in speeds if s[0] == gait]).T
-        report["gaits"][gait] = {
-            "stretches": len(asked), "asked": float(asked.mean()), "real": float(real.mean()),
-            "worst_ratio": float(max(real / asked, key=lambda r: abs(r - 1.0))),
-        }  # fmt: skip
-    if speeds:
-        asked, real = np.array([s[1:] for s in speeds]).T
-        report["speed_ratio"] = float(real.sum() / asked.sum())
-        report["speed_error"] = float(np.mean(np.abs(real - asked) / asked))
-    report["missed"] = _missed(report)
-    return report
+
+
+def _speeds(stretches: list[tuple[str, float, float]]) -> dict[str, Any]:
+    """Of steady stretches (gait, requested m/s, real m/s): means by gait, and the error over all."""
+    gaits = {}
+    for gait in sorted({s[0] for s in stretches}):
+        requested, real = np.array([s[1:] for s in stretches if s[0] == gait]).T
+        gaits[gait] = {
+            "stretches": len(requested),
+            "asked": float(requested.mean()),
+            "real": float(real.mean()),
+            "worst_ratio": float(max(real / requested, key=lambda r: abs(r - 1.0))),
+        }
+    if not stretches:
+        return {"gaits": gaits}
+    requested, real = np.array([s[1:] for s in stretches]).T
+    return {
+        "gaits": gaits,
+        "speed_ratio": float(real.sum() / requested.sum()),
+        "speed_error": float(np.mean(np.abs(real - requested) / requested)),
+    }
 
 
 def _feet(measured: list[dict[str, Any]]) -> dict[str, float]:
@@ -295,37 +290,61 @@ def _missed(report: dict[str, Any]) -> list[str]:
     return [name for name, met in bars.items() if not met]
 
 
-def print_report(report: dict[str, Any]) -> None:
+def markdown(report: dict[str, Any]) -> str:
     """The figures as tables."""
-    minutes = report["frames"] / FPS / 60.0
-    print(f"{minutes:.1f} minutes, {report['frames']} frames in {report['wall_seconds']:.0f} s")
-    print(f"not finite {report['not_finite']}, messages {len(report['messages'])} {report['messages'][:2]}")
-    print(f"hips over ground {report['hips_m'][0]:.2f} to {report['hips_m'][1]:.2f} m")
-    least = report["least_foot_movement"]
-    print(
-        f"frozen {report['frozen_seconds']} of {report['moving_seconds']} moving seconds {report['frozen_gaits']}, least movement of the feet"
-        f" {'-' if least is None else f'{least:.2f}'} of the requested speed"
-    )
-    growth = report["memory_growth_mb"]
-    print(f"memory grew by {'-' if growth is None else f'{growth:.0f}'} MB")
-    print(f"bone length change at most {report['bone_change_m'] * 1000:.4f} mm")
-    print(
-        f"{'terrain':10} {'skating':>8} {'at sole':>8} {'sunk p99':>9} {'sunk max':>9}   (walking; cm per frame, cm)"
-    )
-    for name, t in report["terrains"].items():
-        print(
-            f"{name:10} {t['skating_cm']:8.4f} {t['sole_skating_cm']:8.4f} {t['penetration_p99_cm']:9.2f}"
-            f" {t['penetration_max_cm']:9.2f}"
-        )
-    print(f"{'gait':10} {'stretches':>9} {'asked':>6} {'real':>6} {'worst ratio':>12}   (m/s)")
-    for name, g in report["gaits"].items():
-        print(f"{name:10} {g['stretches']:9d} {g['asked']:6.2f} {g['real']:6.2f} {g['worst_ratio']:12.2f}")
-    if "speed_ratio" in report:
-        print(
-            f"real / requested speed {report['speed_ratio']:.3f}, mean error {report['speed_error'] * 100:.1f} %"
-        )
-    print("missed: " + ", ".join(report["missed"]) if report["missed"] else "all bars met")
+    growth, least = report["memory_growth_mb"], report["least_foot_movement"]
+    rows = [
+        ["minutes, frames", f"{report['frames'] / FPS / 60.0:.1f}, {report['frames']}"],
+        ["frames with values that are not finite", str(report["not_finite"])],
+        ["messages", f"{len(report['messages'])} {'; '.join(report['messages'][:2])}".strip()],
+        ["hips over the ground", f"{report['hips_m'][0]:.2f} to {report['hips_m'][1]:.2f} m"],
+        [
+            f"moving seconds that count as frozen (under {FROZEN_SHARE} of the requested speed)",
+            f"{report['frozen_seconds']} of {report['moving_seconds']}",
+        ],
+        ["least movement of the feet, of the requested speed", number(least, 2)],
+        ["growth of memory", f"{number(growth, 0)} MB"],
+        ["largest change of a bone's length", f"{report['bone_change_m'] * 1000:.4f} mm"],
+        ["real over requested speed", number(report.get("speed_ratio"), 3)],
+        ["mean speed error of steady stretches", percent(report.get("speed_error"))],
+        ["missed", ", ".join(report["missed"]) or "nothing"],
+    ]
+    terrains = [
+        [
+            name,
+            f"{t['skating_cm']:.4f}",
+            f"{t['sole_skating_cm']:.4f}",
+            f"{t['penetration_p99_cm']:.2f}",
+            f"{t['penetration_max_cm']:.2f}",
+        ]
+        for name, t in report["terrains"].items()
+    ]
+    gaits = [
+        [n, f"{g['stretches']}", *(f"{g[k]:.2f}" for k in ("asked", "real", "worst_ratio"))]
+        for n, g in report["gaits"].items()
+    ]
+    lines = table(["measure", "value"], rows)
+    head = ["walking; cm a frame, cm", "skating", "at the sole", "toes sunk p99", "at most"]
+    lines += table(head, terrains)
+    lines += table(["m/s", "stretches", "requested", "real", "worst ratio"], gaits)
+    return "\n".join(lines)
 
 
-if __name__ == "__main__":
-    sys.exit(run_command("soak", main))
+def _minutes(args: Arguments) -> None:
+    if not 0.1 <= args.minutes <= 1440.0:
+        raise UsageError(f"--minutes {args.minutes}: expected 0.1 to 1440.", "Try 10.")
+
+
+SOAK = Experiment(
+    "Minutes of random play without a window, with checks: sticks, gaits, prompts and terrains at random; the exit code is 1 "
+    "when a bar is missed. An hour takes about a quarter of one.",
+    figures,
+    markdown,
+    "soak",
+    options=(
+        ("--minutes", {"type": float, "default": 10.0, "help": "of simulated time (default: 10)"}),
+        ("--seed", {"type": int, "default": 0}),
+    ),
+    check=_minutes,
+    missed=lambda report: bool(report["missed"]),
+)

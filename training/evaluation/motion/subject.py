@@ -1,17 +1,23 @@
-"""A model under evaluation: its networks, its styles, its size and its speed."""
+"""A model under evaluation: what makes its frames, its styles, its size and its speed."""
 
 from __future__ import annotations
 
+import json
 import statistics
 import time
+from collections.abc import Iterable
 from dataclasses import fields
+from functools import cached_property
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.assets import asset_path
 from runtime.controls import Controls
+from runtime.errors import FileError
 from runtime.motion.controller import Controller
 from runtime.motion.model import MotionModel, load_model
 from runtime.prompts.parts import PartDescriptions
@@ -30,8 +36,12 @@ class Subject:
         self.folder = folder
         self.model: MotionModel = load_model(folder)
         self.texts = texts
-        self._prompter = Prompter(self.model)
         self._styles: dict[tuple[str, int], Array] = {}
+
+    @cached_property
+    def prompter(self) -> Prompter:
+        """From words to Z^t."""
+        return Prompter(self.model)
 
     @property
     def name(self) -> str:
@@ -49,7 +59,7 @@ class Subject:
         """Z^t `(6, 64)` of one of a style's descriptions; any number counts round."""
         key = (style, number % len(self.texts[style]))
         if key not in self._styles:
-            self._styles[key] = self._prompter(self.texts[style][key[1]])
+            self._styles[key] = self.prompter(self.texts[style][key[1]])
         return self._styles[key]
 
 
@@ -94,3 +104,20 @@ def _median_ms(work: Any, count: int) -> float:
         if k >= WARM_UP:
             times.append(time.process_time() - begin)
     return 1e3 * statistics.median(times)
+
+
+def style_texts(styles: Iterable[str] | None = None) -> dict[str, list[PartDescriptions]]:
+    """Six-part descriptions of styles (default: all), hand-written and measured ones in turn; FileError names a style without."""
+    path = asset_path("prompts/styles.json")
+    library = json.loads(path.read_text(encoding="utf-8"))
+    chosen = set(library) if styles is None else set(styles)
+    missing = chosen - set(library)
+    if missing:
+        raise FileError(f"{path}: no descriptions for '{sorted(missing)[0]}'.", "Add an entry for it.")
+    result = {}
+    for style in sorted(chosen):
+        all_parts = [PartDescriptions.from_mapping(d) for d in library[style]["descriptions"]]
+        written = len(all_parts) - int(library[style].get("measured", 0))
+        pairs = zip_longest(all_parts[:written], all_parts[written:])
+        result[style] = [parts for pair in pairs for parts in pair if parts is not None]
+    return result

@@ -17,12 +17,10 @@ from runtime.motion.model import MotionModel
 from runtime.motion.motion_encoder import MotionEncoder
 from runtime.skeleton import SPORT_SKELETON
 from training.data.contact_sheet import draw_figure
-from training.evaluation.metrics.encoder_features import has_encoder
+from training.evaluation.metrics.features import has_encoder, window_set
 from training.evaluation.metrics.frechet import Projection
-from training.evaluation.metrics.window_sets import window_set
-from training.evaluation.motion.capture import Capture, driving_segments, read_capture
+from training.evaluation.motion.capture import Capture, driving_segments, read_capture, style_texts
 from training.evaluation.motion.driving import LEAD_IN_FRAMES, flat_ground
-from training.evaluation.motion.plan import style_texts
 from training.evaluation.motion.subject import Subject
 
 Array = NDArray[np.floating]

@@ -1,17 +1,15 @@
-"""Tables of an evaluation as Markdown."""
+"""Tables of an evaluation as Markdown, and what is required of a model, as sentences with pass or fail."""
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import isnan
-from pathlib import Path
 from typing import Any
 
-from runtime.errors import FileError, run_command
-from training.evaluation.report.bars import check
-from training.evaluation.report.markers import write_section
+from training.evaluation.metrics.motion import GESTURES
+from training.evaluation.motion.capture import TERRAIN_GROUP
+from training.markdown import number, table
 
 SKATING = ("soles", "toe_soles", "toes")  # the strictest first: the paper's formula is zero by construction
 SECTION = "motion evaluation"  # of a document, between its markers
@@ -28,19 +26,6 @@ def markdown(results: dict[str, Any]) -> str:
         lines += [f"### {model['name']}", "", *_bars(model, results["held_out"])]
         lines += [*_styles(model, results), *_skating(model), *_terrain(model, results["rollouts"])]
     return "\n".join(lines) + "\n"
-
-
-def _number(value: float | None, digits: int) -> str:
-    return "–" if value is None or isnan(value) else f"{value:.{digits}f}"
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    return [
-        "| " + " | ".join(head) + " |",
-        "|" + " --- |" * len(head),
-        *("| " + " | ".join(row) + " |" for row in rows),
-        "",
-    ]
 
 
 def _table_one(results: dict[str, Any]) -> list[str]:
@@ -60,14 +45,14 @@ def _table_one(results: dict[str, Any]) -> list[str]:
     if results["rollouts"]:
         rows.append(_rollouts_row(results["rollouts"], sets))
     rows += [_model_row(model, sets) for model in results["models"]]
-    return _table(["", *head], rows)
+    return table(["", *head], rows)
 
 
 def _held_out_row(row: dict[str, Any], sets: Sequence[str]) -> list[str]:
     found = row["recognition"]
     return [
         row["name"],
-        *(f"{_number(row['fmd'][n]['distance'], 1)}, {row['fmd'][n]['windows']} windows" for n in sets),
+        *(f"{number(row['fmd'][n]['distance'], 1)}, {row['fmd'][n]['windows']} windows" for n in sets),
         "–",
         _pair(mean_skating(row["skating"])),
         *("–", "–", "–"),
@@ -105,8 +90,8 @@ def _model_row(model: dict[str, Any], sets: Sequence[str]) -> list[str]:
         f"{times['network_ms']:.2f} / {times['frame_ms']:.2f}",
         f"{model['parameters'] / 1e6:.2f} M",
         f"{_mean(found['score']):.2f} / {_mean(found['merged_score']):.2f}, {len(found['score'])} styles",
-        _number(transitions.get("ratio"), 2),
-        _number(_mean(errors), 2),
+        number(transitions.get("ratio"), 2),
+        number(_mean(errors), 2),
     ]
 
 
@@ -120,7 +105,7 @@ def mean_skating(gaits: dict[str, dict[str, float]]) -> list[float]:
 
 
 def _pair(values: Sequence[float]) -> str:
-    return " / ".join(_number(v, 3) for v in values)
+    return " / ".join(number(v, 3) for v in values)
 
 
 def _mean(values: Sequence[float] | dict[str, float]) -> float:
@@ -133,7 +118,7 @@ def _bars(model: dict[str, Any], held_out: dict[str, Any]) -> list[str]:
     for bar in check(model, held_out):
         missed = ", ".join(bar.missed[:4]) + (" …" if len(bar.missed) > 4 else "")
         rows.append([bar.name, "pass" if bar.passed else "**miss**", f"{bar.met} of {bar.cases}", missed])
-    return _table(["asked", "", "met by", "worst"], rows)
+    return table(["asked", "", "met by", "worst"], rows)
 
 
 def _styles(model: dict[str, Any], results: dict[str, Any]) -> list[str]:
@@ -157,13 +142,13 @@ def _styles(model: dict[str, Any], results: dict[str, Any]) -> list[str]:
             ]
         )
     head = ["style", *(f"FMD {n}" for n in sets), "windows", "recognised: own / held out"]
-    return _table([*head, "speed", "path error (m)"], rows)
+    return table([*head, "speed", "path error (m)"], rows)
 
 
 def _distance(found: dict[str, Any]) -> str:
     """The distance, and in brackets what it is of that between two halves: of whole takes, and of takes cut in two."""
-    ratios = f"{_number(found['takes']['ratio'], 1)} x, {_number(found['ratio'], 1)} x"
-    return f"{_number(found['takes']['distance'], 1)} ({ratios})"
+    ratios = f"{number(found['takes']['ratio'], 1)} x, {number(found['ratio'], 1)} x"
+    return f"{number(found['takes']['distance'], 1)} ({ratios})"
 
 
 def _taken(style: str, score: float, taken_for: str) -> str:
@@ -187,7 +172,7 @@ def _skating(model: dict[str, Any]) -> list[str]:
         "rough, before",
         "after",
     ]
-    return _table([*head, "m/s: real / asked"], rows)
+    return table([*head, "m/s: real / asked"], rows)
 
 
 def _terrain(model: dict[str, Any], rollouts: dict[str, Any] | None) -> list[str]:
@@ -195,26 +180,116 @@ def _terrain(model: dict[str, Any], rollouts: dict[str, Any] | None) -> list[str
     found = dict(model["terrain"])
     for gait, row in (rollouts or {}).get("terrain", {}).items():
         found[f"{gait}, terrain rollouts (PFNN)"] = row | {"path_error_m": None}
-    rows = [[name, *(_number(row[k], 2) for k in keys)] for name, row in found.items()]
+    rows = [[name, *(number(row[k], 2) for k in keys)] for name, row in found.items()]
     head = ["ground", "joints sunk p99 (cm)", "soles sunk p95", "p99", "lowest point over ground p50", "p95"]
-    return _table([*head, "path error (m)"], rows)
+    return table([*head, "path error (m)"], rows)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """`python -m training.evaluation.report.tables RESULTS.json FILE.md`: the tables of an evaluation that was kept."""
-    parser = argparse.ArgumentParser(prog="training.evaluation.report.tables", description=main.__doc__)
-    parser.add_argument("json", type=Path)
-    parser.add_argument("markdown", type=Path)
-    args = parser.parse_args(argv)
-    try:
-        results = json.loads(args.json.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise FileError(
-            f"{args.json}: not a readable JSON file.", "Run `sport evaluate --json FILE` first."
-        ) from error
-    write_section(args.markdown, SECTION, markdown(results))
-    return 0
+NORMAL_STYLES = ("neutral", "neutral_bn", "neutral_bn2")
+MAX_NORMAL_SKATING_CM = 0.05
+ROUGH_SHARE = 1.5
+HALVES_SHARE = 2.0
+RECOGNITION_SHARE = 0.8
+MEASURES = {
+    "soles": "under toes and heels",
+    "toe_soles": "under the toes",
+    "toes": "the paper's formula",
+}
 
 
-if __name__ == "__main__":
-    raise SystemExit(run_command("evaluation report", main))
+@dataclass(frozen=True)
+class Bar:
+    """One demand: how many of how many cases meet it, and which miss it by how much."""
+
+    name: str
+    met: int
+    cases: int
+    missed: tuple[str, ...]  # worst first
+
+    @property
+    def passed(self) -> bool:
+        return self.cases > 0 and self.met == self.cases
+
+
+def check(model: dict[str, Any], held_out: dict[str, Any]) -> list[Bar]:
+    """All bars of one model's scores."""
+    bars = _distance_bars(model["following"])
+    for measure, words in MEASURES.items():
+        flat, normal, rough = _skating_cases(model["courses"], measure)
+        bars += [
+            _bar(
+                f"skating on flat ground after lock, {words}: at most the capture's in the same style", flat
+            ),
+            _bar(f"skating of a normal walk and jog, {words}: at most {MAX_NORMAL_SKATING_CM} cm", normal),
+            _bar(f"skating on rough ground, {words}: at most {ROUGH_SHARE} times that on flat", rough),
+        ]
+    score, target = model["following"]["recognition"]["score"], held_out["recognition"]["score"]
+    shared = {
+        style: (own, RECOGNITION_SHARE * target[style]) for style, own in score.items() if target.get(style)
+    }
+    bars.append(_at_least("style recognition: at least 80 % of the held-out capture's score", shared))
+    if shared:
+        mean = tuple(sum(v) / len(shared) for v in zip(*shared.values(), strict=True))
+        bars.append(_at_least("style recognition, mean over styles: the same", {"mean": (mean[0], mean[1])}))
+    same = model["diversity"]["temperature_0"]["pose"]
+    bars.append(_bar("temperature 0 is deterministic", [("diversity", same, 0.0)]))
+    return bars
+
+
+def _distance_bars(following: dict[str, Any]) -> list[Bar]:
+    """The distances of all walking and running styles together, then one by one."""
+    bars = []
+    for name, overall in following["fmd"].items():
+        moving = {k: v["fmd"][name] for k, v in following["styles"].items() if _walks(k)}
+        for words, of in (
+            ("the same takes, cut in two", lambda found: found),
+            ("whole takes", lambda found: found["takes"]),
+        ):
+            bar = f"{name} distance: at most twice that of two halves of the capture, {words}"
+            bars.append(_bar(f"{bar}: all styles together", [_case("all", of(overall))]))
+            cases = [_case(style, of(found)) for style, found in moving.items()]
+            bars.append(_bar(f"{bar}: one by one", [c for c in cases if not isnan(c[1])]))
+    return bars
+
+
+def _walks(group: str) -> bool:
+    return group != TERRAIN_GROUP and not group.startswith(GESTURES)
+
+
+def _case(name: str, found: dict[str, Any]) -> tuple[str, float, float]:
+    return name, found["distance"], HALVES_SHARE * found["reference"]
+
+
+def _skating_cases(courses: dict[str, Any], measure: str) -> tuple[list, list, list]:
+    """Cases (name, value, limit) of the three skating bars."""
+    flat, normal, rough = [], [], []
+    for style, gaits in courses.items():
+        for gait, found in gaits.items():
+            name, value = f"{style} {gait}", found["flat"]["after"][measure]
+            limit = found["captured"][measure]
+            if not isnan(limit):
+                flat.append((name + ("" if found["captured"]["held_out"] else "*"), value, limit))
+            if style in NORMAL_STYLES:
+                normal.append((name, value, MAX_NORMAL_SKATING_CM))
+            rough.append((name, found["rough"]["after"][measure], ROUGH_SHARE * value))
+    return flat, normal, rough
+
+
+def _bar(name: str, cases: list[tuple[str, float, float]]) -> Bar:
+    """Of cases (name, value, limit); those with value > limit miss it."""
+    missed = sorted((c for c in cases if not c[1] <= c[2]), key=lambda c: c[2] - c[1])
+    return Bar(
+        name,
+        len(cases) - len(missed),
+        len(cases),
+        tuple(f"{label} {value:.3g} > {limit:.3g}" for label, value, limit in missed),
+    )
+
+
+def _at_least(name: str, cases: dict[str, tuple[float, float]]) -> Bar:
+    """Of cases (value, limit); those with value < limit miss it."""
+    missed = sorted(
+        (k for k, (value, limit) in cases.items() if value < limit), key=lambda k: cases[k][0] - cases[k][1]
+    )
+    texts = tuple(f"{k} {cases[k][0]:.2f} < {cases[k][1]:.2f}" for k in missed)
+    return Bar(name, len(cases) - len(missed), len(cases), texts)

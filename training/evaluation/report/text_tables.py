@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from typing import Any
 
-from training.evaluation.text import independence as text_independence
-from training.evaluation.text import part_edits, retrieval
+from training.evaluation.text import edits, retrieval
 from training.evaluation.text.timing import LATENCY_BAR_MS
+from training.markdown import table
 
 SECTION = "text evaluation"  # of a document, between its markers
 
@@ -32,15 +31,15 @@ def bars(results: dict[str, Any]) -> list[tuple[str, str, bool | None]]:
     if "edits" in results:
         zero = results["edits"]["summary"]["zero-shot"]
         for key, asked, bar in (
-            ("right_way", "change the described way", part_edits.RIGHT_BAR),
-            ("enough", "reach at least half the described change", part_edits.ENOUGH_BAR),
+            ("right_way", "change the described way", edits.RIGHT_BAR),
+            ("enough", "reach at least half the described change", edits.ENOUGH_BAR),
         ):
             name = f"zero-shot part edits that {asked}: at least {100 * bar:.0f} %"
             found.append((name, f"{100 * zero[key]:.0f} % of {zero['cases']}", zero[key] >= bar))
-        found += _rhythm_bars(results["edits"]["summary"].get(part_edits.HELD_OUT_RHYTHM))
+        found += _rhythm_bars(results["edits"]["summary"].get(edits.HELD_OUT_RHYTHM))
         ratio = results["independence"]["by_slot"]["all"]["ratio"]
-        name = f"other parts change by at most {100 * text_independence.BAR:.0f} % of the described part's change"
-        found.append((name, f"{100 * ratio:.0f} %", ratio <= text_independence.BAR))
+        name = f"other parts change by at most {100 * edits.BAR:.0f} % of the described part's change"
+        found.append((name, f"{100 * ratio:.0f} %", ratio <= edits.BAR))
     if "timing" in results:
         latency = results["timing"]["latency"]["warm_median_ms"]
         found.append(
@@ -58,7 +57,7 @@ def bars(results: dict[str, Any]) -> list[tuple[str, str, bool | None]]:
 def _rhythm_bars(scores: dict[str, float] | None) -> list[tuple[str, str, bool | None]]:
     if scores is None:
         return []
-    right, enough = part_edits.RHYTHM_RIGHT_BAR, part_edits.RHYTHM_ENOUGH_BAR
+    right, enough = edits.RHYTHM_RIGHT_BAR, edits.RHYTHM_ENOUGH_BAR
     return [
         (
             f"held-out edits of rhythm and weight that {asked}: at least {100 * bar:.0f} %",
@@ -86,7 +85,7 @@ def _retrieval_bars(scores: dict[str, Any]) -> list[tuple[str, str, bool | None]
 
 def _bars(results: dict[str, Any]) -> list[str]:
     words = {True: "yes", False: "**no**", None: "–"}
-    return _table(["Asked", "Measured", "Met"], [[n, m, words[ok]] for n, m, ok in bars(results)])
+    return table(["Asked", "Measured", "Met"], [[n, m, words[ok]] for n, m, ok in bars(results)])
 
 
 def _retrieval(scores: dict[str, Any]) -> list[str]:
@@ -105,7 +104,7 @@ def _retrieval(scores: dict[str, Any]) -> list[str]:
             for compared, label in (("whole", "Eq. 2"), ("parts", "mean of parts")):
                 rows.append(_recall_row(f"{name}, {side}", label, scores[side][compared][key]))
     head = ["", "compared by", "queries", "gallery", "R@1", "R@3", "median rank", "R@1, mean over styles"]
-    lines += [*_table(head, rows), "Chance stands in brackets.", ""]
+    lines += [*table(head, rows), "Chance stands in brackets.", ""]
     own = scores["original"]["by_style"]
     rows = [
         [
@@ -126,7 +125,7 @@ def _retrieval(scores: dict[str, Any]) -> list[str]:
         "nearest clip is of",
         "nearest text is of",
     ]
-    return lines + _table(head, rows)
+    return lines + table(head, rows)
 
 
 def _recall_row(name: str, compared: str, found: dict[str, float]) -> list[str]:
@@ -161,20 +160,20 @@ def _edits(found: dict[str, Any]) -> list[str]:
         for kind, s in found["summary"].items()
     ]
     head = ["", "cases", "right way", "at least half", "median share", "of single walks", "at least half"]
-    lines += _table(head, rows)
+    lines += table(head, rows)
     for kind, title in (
         ("held out", "Held-out edits"),
         ("pair", "Held-out pairs"),
-        (part_edits.HELD_OUT_RHYTHM, "Held-out edits of rhythm and weight"),
+        (edits.HELD_OUT_RHYTHM, "Held-out edits of rhythm and weight"),
         ("free words", "Free words"),
         ("trained", "Trained edits"),
-        (part_edits.TRAINED_RHYTHM, "Trained edits of rhythm and weight"),
+        (edits.TRAINED_RHYTHM, "Trained edits of rhythm and weight"),
     ):
         rows = [_edit_row(r) for r in found["rows"] if r["kind"] == kind]
         if rows:
             last = "words that the library made of it" if kind == "free words" else "walks right / half"
             lines += [f"{title}:", ""]
-            lines += _table([" ", "measure: described → measured", "share", "right way", "half", last], rows)
+            lines += table([" ", "measure: described → measured", "share", "right way", "half", last], rows)
     if found["unmeasured"]:
         names = ", ".join(found["unmeasured"])
         lines += [
@@ -193,7 +192,7 @@ def _edit_row(row: dict[str, Any]) -> list[str]:
     last = f"{100 * row['runs_right_way']:.0f} % / {100 * row['runs_enough']:.0f} %"
     if row["kind"] == "free words":
         last = "; ".join(row["words"].values())
-    noisy = "†" if row["seed_noise"] > part_edits.RIGHT_WAY else ""
+    noisy = "†" if row["seed_noise"] > edits.RIGHT_WAY else ""
     return [
         row["name"],
         "; ".join(changes),
@@ -237,7 +236,7 @@ def _independence(found: dict[str, Any]) -> list[str]:
         "In brackets what the edits themselves do when they are applied to captured walks. "
         f"Two seeds of the neutral prompt differ, in the same measure, by: {seeds}."
     )
-    return ["### Part independence", "", *_table(head, rows), note, ""]
+    return ["### Part independence", "", *table(head, rows), note, ""]
 
 
 def _timing(found: dict[str, Any]) -> list[str]:
@@ -255,20 +254,11 @@ def _timing(found: dict[str, Any]) -> list[str]:
         ],
         ["the slowest of them", "–", f"{latency['warm_worst_processor_ms']:.1f} ms"],
     ]
-    lines = ["### Speed and smoothness", "", *_table(["prompt to Z^t", "time", "processor time"], rows)]
+    lines = ["### Speed and smoothness", "", *table(["prompt to Z^t", "time", "processor time"], rows)]
     rows = [
         [f"{seconds} s", f"{r['first_frame_worst'] + 1:.0f}", f"{r['half_seconds_median']:.2f} s"]
         for seconds, r in found["response"].items()
     ]
-    lines += _table(["blend", "first frame that differs, latest", "half of the change, median"], rows)
+    lines += table(["blend", "first frame that differs, latest", "half of the change, median"], rows)
     rows = [[name, f"{r['ratio']:.2f}", f"{r['peak']:.2f}"] for name, r in found["transitions"].items()]
-    return lines + _table(["change of prompt", "jerk ratio", "highest frame"], rows)
-
-
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    return [
-        "| " + " | ".join(head) + " |",
-        "|" + " --- |" * len(head),
-        *("| " + " | ".join(row) + " |" for row in rows),
-        "",
-    ]
+    return lines + table(["change of prompt", "jerk ratio", "highest frame"], rows)

@@ -1,33 +1,26 @@
-"""`sport evaluate --text`: does the motion do what the words say (Sec. III-C)?
-
-python -m training.evaluation.text.command --model FOLDER --clips DIR --json FILE --markdown FILE
-"""
+"""`sport evaluate --text`: does the motion do what the words say (Sec. III-C)?"""
 
 from __future__ import annotations
 
-import argparse
-import json
 import logging
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from runtime.assets import asset_path, model_folder
-from runtime.atomic import check_target, write_atomic
-from runtime.errors import UsageError, run_command
+from runtime.assets import asset_path
+from runtime.errors import UsageError
 from runtime.motion.model import load_model
 from runtime.prompts.english.library_data import load_styles
 from runtime.prompts.prompter import Prompter
 from runtime.prompts.text_encoder import TextEncoder
-from training.evaluation.report.markers import check_section, write_section
+from training.evaluation.experiment import Arguments, Experiment, Setting
 from training.evaluation.report.text_tables import SECTION, markdown
-from training.evaluation.text import part_edits
-from training.evaluation.text.independence import by_slot, independence, seed_changes
-from training.evaluation.text.part_edits import Case, Reference
-from training.evaluation.text.prompts import FREE_PROMPTS
+from training.evaluation.text import edits
+from training.evaluation.text.edits import FREE_PROMPTS, Case, by_slot, independence, seed_changes
 from training.evaluation.text.timing import timing
-from training.evaluation.text.walks import SECONDS, Summary, Walk, Walker
+from training.evaluation.text.walks import SECONDS, Walk, Walker
+from training.layering.measured_edits import Reference, Summary, load_reference
 
 log = logging.getLogger("sport.evaluate")
 
@@ -44,68 +37,19 @@ CHANGES: tuple[tuple[str, str], ...] = (
 )
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What the text evaluation asks for."""
-    parser.add_argument(
-        "--model",
-        type=model_folder,
-        default=model_folder(),
-        metavar="DIR",
-        help="folder of an exported model",
-    )
-    parser.add_argument("--clips", type=Path, required=True, metavar="DIR", help="folder of imported clips")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures to FILE")
-    parser.add_argument(
-        "--markdown", type=Path, metavar="FILE", help="write the tables between FILE's markers"
-    )
-    parser.add_argument(
-        "--only", choices=PARTS, action="append", help="measure this alone (can be given several times)"
-    )
-    parser.add_argument(
-        "--quick", action="store_true", help="no trained edits, shorter walks: a trial, no figures to quote"
-    )
-    parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
-    parser.add_argument(
-        "--text-encoder",
-        type=Path,
-        metavar="DIR",
-        help="folder of the text encoder that the model was trained with",
-    )
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Evaluate; the exit code is 0 also where the model misses a bar: the tables say so."""
-    parser = argparse.ArgumentParser(prog="sport evaluate --text", description=__doc__)
-    add_arguments(parser)
-    args = parser.parse_args(argv)
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
-    if args.json is not None:
-        check_target(args.json)
-    if args.markdown is not None:
-        check_section(args.markdown, SECTION)
-    results = run(args)
-    print(markdown(results), end="")
-    if args.json is not None:
-        write_atomic(args.json, json.dumps(results, indent=1, ensure_ascii=False) + "\n")
-    if args.markdown is not None:
-        write_section(args.markdown, SECTION, markdown(results))
-    return 0
-
-
-def run(args: argparse.Namespace) -> dict[str, Any]:
+def words_and_motion(setting: Setting) -> dict[str, Any]:
     """All figures as plain data; equal arguments give equal figures, but for the times."""
-    if not 1 <= args.workers <= 64:
-        raise UsageError(f"--workers {args.workers}: expected 1 to 64.", "Choose another number.")
+    args, folder = setting.args, setting.folders[0]
     wanted = set(args.only or PARTS)
-    model = load_model(args.model)
+    model = load_model(folder)
     prompter = Prompter(model, text_encoder=args.text_encoder)
-    results: dict[str, Any] = {"command": _command(args), "model": model.name}
+    results: dict[str, Any] = {"command": _command(args, folder), "model": model.name}
     started = time.perf_counter()
     if "retrieval" in wanted:
-        results["retrieval"] = _retrieval(args, prompter.text_encoder)
+        results["retrieval"] = _retrieval(args, folder, prompter.text_encoder)
         log.info("retrieval: %.0f s", time.perf_counter() - started)
     if "edits" in wanted:
-        results |= _edits(args, prompter)
+        results |= _edits(args, folder, prompter)
         log.info("part edits: %.0f s", time.perf_counter() - started)
     if "timing" in wanted:
         changes = {f"{a} → {b}": (prompter(a), prompter(b)) for a, b in CHANGES}
@@ -114,33 +58,33 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     return results
 
 
-def _retrieval(args: argparse.Namespace, words: TextEncoder) -> dict[str, Any]:
+def _retrieval(args: Arguments, folder: Path, words: TextEncoder) -> dict[str, Any]:
     """The figures, or why there are none: models of version 0.1 hold no motion encoder."""
-    from training.evaluation.metrics.encoder_features import has_encoder
+    from training.evaluation.metrics.features import has_encoder
     from training.evaluation.text.retrieval import evaluate_retrieval
 
-    if not has_encoder(args.model):
+    if not has_encoder(folder):
         return {
             "missing": "The model folder holds no motion.onnx: export it again with `sport train export`."
         }
     styles = load_styles(asset_path("prompts/styles.json"))
     texts = {name: list(style.descriptions) for name, style in styles.items()}
-    return evaluate_retrieval(args.model, args.clips, texts, words)
+    return evaluate_retrieval(folder, args.clips, texts, words)
 
 
-def _edits(args: argparse.Namespace, prompter: Prompter) -> dict[str, Any]:
+def _edits(args: Arguments, folder: Path, prompter: Prompter) -> dict[str, Any]:
     """Part edits and part independence: they look at the same walks."""
-    reference = part_edits.load_reference(args.clips)
+    reference = load_reference(args.clips)
     neutral = prompter.expand(PLAIN_PROMPT).descriptions
     expanded = {prompt: prompter.expand(prompt) for prompt in FREE_PROMPTS}
-    cases = part_edits.catalogue_cases(neutral, trained=not args.quick)
-    cases += [part_edits.free_case(p, FREE_PROMPTS[p], e.descriptions) for p, e in expanded.items()]
-    walker = Walker(args.model, args.workers, 3.0 if args.quick else SECONDS)
-    asked = [Walk.of(prompter(neutral), seed) for seed in range(part_edits.SEEDS)]
+    cases = edits.catalogue_cases(neutral, trained=not args.quick)
+    cases += [edits.free_case(p, FREE_PROMPTS[p], e.descriptions) for p, e in expanded.items()]
+    walker = Walker(folder, args.workers, 3.0 if args.quick else SECONDS)
+    asked = [Walk.of(prompter(neutral), seed) for seed in range(edits.SEEDS)]
     asked += [Walk.of(prompter(d), s) for c in cases for d, s in zip(c.variants, c.seeds, strict=True)]
     log.info("%d walks", len(set(asked)))
     made = iter(walker.make(asked))
-    neutral_walks = {seed: next(made) for seed in range(part_edits.SEEDS)}
+    neutral_walks = {seed: next(made) for seed in range(edits.SEEDS)}
     rows, independent, unmeasured = [], [], []
     for case in cases:
         summaries = [next(made) for _ in case.variants]
@@ -178,8 +122,8 @@ def _case_result(
     described = reference.described(pairs, case.edits)
     row = None
     if described:
-        row = part_edits.score(case, summaries, neutral, described)
-        row["seed_noise"] = part_edits.seed_noise(neutral, described)
+        row = edits.score(case, summaries, neutral, described)
+        row["seed_noise"] = edits.seed_noise(neutral, described)
     single = len(case.edits) == 1 and case.kind != "free words"
     return row, independence(case, summaries, neutral, pairs) if single else None
 
@@ -188,17 +132,47 @@ def _summaries(rows: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
     """By kind, and of held-out edits and pairs together: what the bars are about."""
     groups = {kind: [r for r in rows if r["kind"] == kind] for kind in dict.fromkeys(r["kind"] for r in rows)}
     zero_shot = [r for r in rows if r["kind"] in ("held out", "pair")]
-    return {kind: part_edits.shares(group) for kind, group in {"zero-shot": zero_shot, **groups}.items()}
+    return {kind: edits.shares(group) for kind, group in {"zero-shot": zero_shot, **groups}.items()}
 
 
-def _command(args: argparse.Namespace) -> str:
+def _command(args: Arguments, folder: Path) -> str:
     """The command in a form that names no folder of this machine."""
-    model = args.model if not args.model.is_absolute() else Path(args.model.name)
+    model = folder if not folder.is_absolute() else Path(folder.name)
     words = [f"sport evaluate --text --clips DIR --model {model.as_posix()}"]
     words += [f"--only {name}" for name in args.only or ()]
     words += ["--quick"] if args.quick else []
     return " ".join(words)
 
 
-if __name__ == "__main__":
-    raise SystemExit(run_command("sport evaluate --text", main))
+def _check(args: Arguments) -> None:
+    if not 1 <= args.workers <= 64:
+        raise UsageError(f"--workers {args.workers}: expected 1 to 64.", "Choose another number.")
+
+
+TEXT = Experiment(
+    "Does the motion do what the words say (Sec. III-C)?",
+    words_and_motion,
+    markdown,
+    SECTION,
+    clips=True,
+    options=(
+        (
+            "--only",
+            {"choices": PARTS, "action": "append", "help": "measure this alone; several can be given"},
+        ),
+        (
+            "--quick",
+            {"action": "store_true", "help": "no trained edits, shorter walks: a trial, no figures to quote"},
+        ),
+        ("--workers", {"type": int, "default": 2, "metavar": "N", "help": "processes (default: 2)"}),
+        (
+            "--text-encoder",
+            {
+                "type": Path,
+                "metavar": "DIR",
+                "help": "folder of the text encoder that the model was trained with",
+            },
+        ),
+    ),
+    check=_check,
+)

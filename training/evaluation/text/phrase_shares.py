@@ -36,11 +36,11 @@ from runtime.skeleton import PART_NAMES
 from runtime.terrain.height_map import Terrain
 from training.evaluation.motion.driving import flat_ground
 from training.evaluation.text.command import PLAIN_PROMPT
-from training.evaluation.text.part_edits import targets, value
-from training.evaluation.text.walks import LEAD_SECONDS, Summary, Walk, Walker, summarise
+from training.evaluation.text.walks import LEAD_SECONDS, Walk, Walker
 from training.frames import PLAIN
 from training.layering.apply import apply
 from training.layering.catalog import EDITS
+from training.layering.measured_edits import Summary, summarise, targets, value
 from training.layering.pose_edits import Motion
 from training.text.claims import clause_share, clauses
 from training.text.measure import BodyMeasures
@@ -128,9 +128,8 @@ def edit_share(edit: str, example: tuple[Summary, Summary], plain: Summary, walk
         part = EDITS[edit].slot
         place = [_hand(s, part) for s in (before, after, plain, walked)]
         wanted, way = place[1] - place[0], place[3] - place[2]
-        return float(
-            np.clip(1.0 - np.linalg.norm(wanted - way) / max(np.linalg.norm(wanted), 0.05), 0.0, 1.0)
-        )
+        missed = float(np.linalg.norm(wanted - way)) / max(float(np.linalg.norm(wanted)), 0.05)
+        return float(np.clip(1.0 - missed, 0.0, 1.0))
     shares = []
     for target in targets((edit,)):
         amount = value(after, target) - value(before, target)

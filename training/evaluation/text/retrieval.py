@@ -18,9 +18,9 @@ from runtime.motion.motion_encoder import MotionEncoder
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.sentence_inputs import sentence_inputs
 from runtime.prompts.text_encoder import TextEncoderLike
-from training.evaluation.metrics.recognition import merged
+from training.evaluation.metrics.classifiers import merged
+from training.evaluation.metrics.motion import Motion, load_motion, window_index, window_starts
 from training.evaluation.motion.capture import ROLLOUTS
-from training.evaluation.motion.motion import Motion, load_motion, window_index, window_starts
 
 Array = NDArray[np.floating]
 

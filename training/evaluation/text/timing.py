@@ -15,7 +15,7 @@ from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel
 from runtime.prompts.prompter import Prompter
-from training.evaluation.metrics.smoothness import transition_jerk
+from training.evaluation.metrics.variation import transition_jerk
 from training.evaluation.motion.driving import flat_ground, transition
 
 Array = NDArray[np.floating]

@@ -1,16 +1,8 @@
-"""Two hundred prompts that nobody tuned the library on: `python -m training.evaluation.text.untuned_prompts`.
-
-Each is expanded by the prompt library and encoded to Z^t; the exit code is 1 when a bar is missed. Times are those of the
-processor, so that another program on the machine does not count; by the clock they are given beside. Whether an answer is
-a good one is for people to read: `--json` has all of them, `--markdown` puts a sample into a document.
-"""
+"""Two hundred prompts that nobody tuned the library on: `python -m training.evaluation prompts`."""
 
 from __future__ import annotations
 
-import argparse
-import json
 import re
-import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
@@ -21,14 +13,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.assets import asset_path, model_folder
-from runtime.atomic import check_target, write_atomic
-from runtime.errors import FileError, SportError, run_command
+from runtime.assets import asset_path
+from runtime.errors import FileError, SportError
 from runtime.motion.model import MotionModel, load_model
 from runtime.prompts.content import PromptEncoder
 from runtime.prompts.prompter import Prompter
 from runtime.skeleton import PART_NAMES
-from training.evaluation.report.markers import check_section, write_section
+from training.evaluation.experiment import Experiment, Setting
 
 if TYPE_CHECKING:
     from runtime.prompts.expander import Expander
@@ -65,28 +56,11 @@ class Answer:
         return self.nearest[0][1] if self.nearest else 0.0
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Answer every prompt, print a summary, write the files; 1 when a bar is missed."""
-    parser = argparse.ArgumentParser(prog="training.evaluation.text.untuned_prompts", description=__doc__)
-    parser.add_argument("--file", type=Path, default=UNTUNED_PROMPTS, help="one prompt a line")
-    parser.add_argument("--model", type=model_folder, help="folder of an exported model")
-    parser.add_argument("--json", type=Path, help="write figures and all answers to this file")
-    parser.add_argument("--markdown", type=Path, help="put a sample of the answers into this document")
-    options = parser.parse_args(argv)
-    prompts = read_prompts(options.file)
-    if options.json is not None:
-        check_target(options.json)
-    if options.markdown is not None:
-        check_section(options.markdown, SECTION)
-    answers, first_ms = measure(prompts, load_model(options.model))
+def prompts(setting: Setting) -> dict[str, Any]:
+    """Figures and all answers."""
+    answers, first_ms = measure(read_prompts(setting.args.file), load_model(setting.folders[0]))
     report = {"library_entries": library_size(), **summarise(answers, first_ms)}
-    print_report(report)
-    if options.json is not None:
-        content = {**report, "answers": [asdict(answer) for answer in answers]}
-        write_atomic(options.json, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
-    if options.markdown is not None:
-        write_section(options.markdown, SECTION, markdown(report, answers))
-    return 1 if report["missed"] else 0
+    return {**report, "answers": [asdict(answer) for answer in answers]}
 
 
 def read_prompts(path: Path) -> list[str]:
@@ -202,17 +176,6 @@ def _missed(answers: Sequence[Answer]) -> list[str]:
     return [name for name, met in bars.items() if not met]
 
 
-def print_report(report: dict[str, Any]) -> None:
-    """The figures, one a line."""
-    for line in _figures(report):
-        print(line)
-    for kind, count in report["notes"].items():
-        print(f"  note, {count} times: {kind}")
-    for prompt, problem in report["problems"].items():
-        print(f"  “{prompt}”: {problem}")
-    print("missed: " + "; ".join(report["missed"]) if report["missed"] else "all bars met")
-
-
 def _figures(report: dict[str, Any]) -> list[str]:
     noted = sum(report["notes"].values())
     return [
@@ -229,9 +192,12 @@ def _figures(report: dict[str, Any]) -> list[str]:
     ]
 
 
-def markdown(report: dict[str, Any], answers: Sequence[Answer]) -> str:
-    """Figures and sample for a document."""
+def markdown(report: dict[str, Any]) -> str:
+    """Figures, bars, kinds of notes, prompts without an answer, and a sample."""
+    answers = [Answer(**{**a, "nearest": tuple(map(tuple, a["nearest"]))}) for a in report["answers"]]
     lines = [f"- {line}" for line in _figures(report)]
+    lines += [f"- note, {count} times: {kind}" for kind, count in report["notes"].items()]
+    lines += [f"- “{prompt}”: {problem}" for prompt, problem in report["problems"].items()]
     lines.append("- missed: " + "; ".join(report["missed"]) if report["missed"] else "- all bars met")
     return "\n".join([*lines, "", *table(sample(answers))])
 
@@ -257,5 +223,13 @@ def _row(cells: Sequence[str]) -> str:
     return "| " + " | ".join(re.sub(r"([\\|*_<>`])", r"\\\1", cell) for cell in cells) + " |"
 
 
-if __name__ == "__main__":
-    sys.exit(run_command("prompts", main))
+PROMPTS = Experiment(
+    "Two hundred prompts that nobody tuned the library on, each expanded and encoded to Z^t once; the exit code is 1 when a "
+    "bar is missed. Times are those of the processor; by the clock they are given beside. Whether an answer is a good one "
+    "is for people to read: --json has all of them.",
+    prompts,
+    markdown,
+    SECTION,
+    options=(("--file", {"type": Path, "default": UNTUNED_PROMPTS, "help": "one prompt a line"}),),
+    missed=lambda report: bool(report["missed"]),
+)

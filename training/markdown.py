@@ -1,11 +1,33 @@
-"""Generated sections of a document: what lies between two marker lines is replaced, the rest is left alone."""
+"""Markdown: tables, and generated sections of a document; what lies outside a section's two marker lines is left alone."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from math import isnan
 from pathlib import Path
 
 from runtime.atomic import write_atomic
 from runtime.errors import FileError
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """Lines of a table, an empty one after it."""
+    return [
+        "| " + " | ".join(head) + " |",
+        "|" + " --- |" * len(head),
+        *("| " + " | ".join(row) + " |" for row in rows),
+        "",
+    ]
+
+
+def number(value: float | None, digits: int = 1) -> str:
+    """A figure, or a dash where there is none."""
+    return "–" if value is None or isnan(value) else f"{value:.{digits}f}"
+
+
+def percent(value: float | None) -> str:
+    """A share in percent, or a dash where there is none."""
+    return "–" if value is None or isnan(value) else f"{100.0 * value:.0f} %"
 
 
 def check_section(path: Path, section: str) -> None:

@@ -1,14 +1,26 @@
-"""Features of a window without a network: what a person could measure with a ruler and a clock."""
+"""Features of windows of motion: what could be measured with a ruler and a clock, the motion encoder's, and sets of both."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.feet import skating as feet
 from runtime.motion.features import FPS
+from runtime.motion.motion_encoder import MotionEncoder
 from runtime.skeleton import SPORT_SKELETON
-from training.evaluation.motion.motion import WINDOW_STRIDE, RootFeatures, window_index
+from training.evaluation.metrics.motion import (
+    WINDOW_FRAMES,
+    WINDOW_STRIDE,
+    Motion,
+    RootFeatures,
+    window_index,
+    window_starts,
+)
 
 Array = NDArray[np.floating]
 
@@ -102,3 +114,96 @@ def _standing(root: RootFeatures) -> Array:
     z = moved[..., 2] + along - turn * points[..., 0]
     low = points[..., 1] - np.array(feet.SOLE_HEIGHTS) < feet.SKATING_HEIGHT_M
     return (low & (np.hypot(x, z) < _STILL_SPEED)).astype(np.float32)
+
+
+SIZE = 384  # six parts of 64
+_BATCH = 128
+
+
+def encoder_features(encoder: MotionEncoder, root: RootFeatures, starts: NDArray[np.integer]) -> Array:
+    """Rows `(N, 384)`, the encoder's mean, of the windows of 40 samples that begin at frames `starts`."""
+    both = np.concatenate([root.joints, root.rotations], axis=-1)
+    rows = [np.zeros((0, SIZE), np.float32)]
+    for first in range(0, len(starts), _BATCH):
+        index = window_index(starts[first : first + _BATCH])
+        mean, _ = encoder.encode(both[index], root.velocity[index])
+        rows.append(mean.reshape(len(index), SIZE))
+    return np.concatenate(rows)
+
+
+def has_encoder(folder: Path) -> bool:
+    """Whether a model folder holds the motion encoder."""
+    return (folder / "motion.onnx").is_file()
+
+
+HOP = 10  # frames between the beginnings of two windows
+
+
+@dataclass(frozen=True)
+class WindowSet:
+    """Rows of windows: `unit` `(N,)` tells which half of which motion they lie in (see `frechet.compare`)."""
+
+    kinematic: Array  # (N, 234)
+    temporal: Array  # (N, 88)
+    encoder: Array  # (N, 384), without rows where no encoder was given
+    unit: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.kinematic)
+
+    @property
+    def for_classifier(self) -> Array:
+        """Kinematic and temporal features `(N, 322)`."""
+        return np.concatenate([self.kinematic, self.temporal], axis=1)
+
+    def of(self, name: str) -> Array:
+        """Rows of the feature set "encoder" or "kinematic"."""
+        return self.encoder if name == "encoder" else self.kinematic
+
+    def pick(self, rows: NDArray[np.integer] | NDArray[np.bool_]) -> WindowSet:
+        """Some of the windows."""
+        encoder = self.encoder[rows] if len(self.encoder) else self.encoder
+        return WindowSet(self.kinematic[rows], self.temporal[rows], encoder, self.unit[rows])
+
+
+def window_set(motions: Iterable[Motion], encoder: MotionEncoder | None, hop: int = HOP) -> WindowSet:
+    """Windows `hop` frames apart of every motion."""
+    kinematic, temporal = [np.zeros((0, 234), np.float32)], [np.zeros((0, 88), np.float32)]
+    encoded, units = [np.zeros((0, SIZE), np.float32)], [np.zeros(0, np.int64)]
+    for number, motion in enumerate(motions):
+        starts = window_starts(len(motion), hop)
+        root = motion.root_features()
+        kinematic.append(kinematic_features(root, starts))
+        temporal.append(temporal_features(root, starts))
+        if encoder is not None:
+            encoded.append(encoder_features(encoder, root, starts))
+        units.append(halves(number, len(motion), starts))
+    return WindowSet(
+        np.concatenate(kinematic), np.concatenate(temporal), np.concatenate(encoded), np.concatenate(units)
+    )
+
+
+def halves(number: int, frames: int, starts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Units of the windows of motion `number` (see `frechet.compare`): a half holds whole windows only; a short motion has
+    but one half.
+    """
+    middle = frames // 2
+    if middle < WINDOW_FRAMES:
+        return np.full(len(starts), 2 * number)
+    second, first = starts >= middle, starts + WINDOW_FRAMES <= middle
+    return np.where(second, 2 * number + 1, np.where(first, 2 * number, -1 - number))
+
+
+def joined(sets: Iterable[WindowSet]) -> WindowSet:
+    """All windows of several sets; their takes stay apart, and so do their pairs of takes."""
+    listed = list(sets)
+    pairs = [(int(max(s.unit.max() // 2, -1 - s.unit.min())) // 2 + 1) if len(s) else 0 for s in listed]
+    offset = 2 * np.cumsum([0, *pairs])  # in takes
+    return WindowSet(
+        np.concatenate([s.kinematic for s in listed]),
+        np.concatenate([s.temporal for s in listed]),
+        np.concatenate([s.encoder for s in listed]),
+        np.concatenate(
+            [np.where(s.unit < 0, s.unit - o, s.unit + 2 * o) for s, o in zip(listed, offset, strict=False)]
+        ),
+    )

@@ -1,4 +1,4 @@
-"""Transition smoothness: the jerk of the joints around a change of prompt against that inside the styles."""
+"""How motion changes: jerk around a change of prompt, and the difference between two generations (diversity, Sec. IV-B2)."""
 
 from __future__ import annotations
 
@@ -51,3 +51,23 @@ def transition_jerk(positions: Array, change: int, blend: int = FPS) -> Transiti
     around = max(float(part.mean()) for part in changing)
     highest = max(float(part.max()) for part in within)
     return TransitionJerk(inside, around, max(float(part.max()) for part in changing) / max(highest, 1e-9))
+
+
+CLIPS, FRAMES = 40, 180  # of the paper
+LEAD_IN = 60  # frames at temperature 0, so that both of a pair begin in the same pose
+
+
+@dataclass(frozen=True)
+class Diversity:
+    """Mean of ||p^1 - p^2||_2 over clips and frames, metres."""
+
+    pose: float  # norm over all 31 joints of a pose relative to the root, as the formula reads
+    joint: float  # mean over joints of the distance of one: comparable with a ruler
+    before_lock: float  # `pose`, taken before foot lock
+
+
+def pair_distance(first: Array, second: Array) -> tuple[float, float]:
+    """Mean over frames of the norm of the whole pose difference, and of one joint's, of `(T, 31, 3)` twice."""
+    difference = (first - second).astype(np.float64)
+    whole = np.linalg.norm(difference.reshape(len(difference), -1), axis=-1)
+    return float(whole.mean()), float(np.linalg.norm(difference, axis=-1).mean())

@@ -1,7 +1,8 @@
-"""The six obstacle courses of `sport evaluate --courses`: a straight way along +Z, led at full stick, and its scores."""
+"""Six obstacle courses: a straight way along +Z at full stick, and its scores by style and gait."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -18,10 +19,12 @@ from runtime.terrain.courses import BEAM, BEAM_RAMP_M, GAPS, HURDLES, WALLS, Obs
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
 from training.evaluation.metrics import crossing
-from training.evaluation.metrics.foot_skating import foot_skating
+from training.evaluation.metrics.classifiers import StyleClassifier, merged
+from training.evaluation.metrics.features import window_set
+from training.evaluation.metrics.feet import foot_skating
+from training.evaluation.metrics.motion import Motion
 from training.evaluation.motion.driving import Recorder
-from training.evaluation.motion.motion import Motion
-from training.evaluation.motion.soak import FROZEN_SHARE
+from training.evaluation.motion.subject import Subject
 
 Array = NDArray[np.floating]
 
@@ -113,7 +116,7 @@ def score_run(run: CourseRun) -> dict[str, Any]:
         "seconds_each": float(np.mean(times)) if times else None,
         "slowest_m_s": min((p[1] for p in over), default=None),
         "asked_m_s": float(run.requested_speed.max()),
-        "frozen_s": crossing.frozen_seconds(motion.positions, run.root, run.requested_speed, FROZEN_SHARE),
+        "frozen_s": crossing.frozen_seconds(motion.positions, run.root, run.requested_speed),
         "skating": foot_skating(motion.positions, ground, np.ones(len(motion), bool)).soles,
         "blocked": list(run.blocked),
         "keyed_s": run.keyed,
@@ -144,3 +147,64 @@ def _own_measures(course: ObstacleCourse, positions: Array, contacts: Array) -> 
         tops = [crossing.on_top_after(positions, w) for w in course.obstacles]
         return {"hands_s": hands, "on_top_s": tops}
     return {}
+
+
+Report = Callable[[str], None]
+Runner = Callable[[ObstacleCourse, str, Gait], CourseRun]
+
+STYLES = ("neutral", "old", "exhausted", "angry", "drunk", "happy")
+GAITS = (Gait.WALK, Gait.JOG)
+
+
+def runner_of(subject: Subject, seed: int) -> Runner:
+    """Leads a model's character over a course in the first description of a style."""
+    return lambda course, style, gait: run_obstacles(
+        subject.model, course, style, subject.style(style, 0), gait, seed
+    )
+
+
+def score_obstacles(
+    run: Runner,
+    styles: Sequence[str],
+    courses: Iterable[ObstacleCourse],
+    classifier: StyleClassifier | None,
+    report: Report,
+    keep: Callable[[CourseRun], None] | None = None,
+    gaits: Sequence[Gait] = GAITS,
+) -> dict[str, Any]:
+    """A row for each course, style and gait, and the share of windows taken for their style there and on level ground.
+
+    `keep` is given every run, to draw it.
+    """
+    rows: list[dict[str, Any]] = []
+    for course in (*courses, LEVEL):
+        for style in styles:
+            for gait in gaits:
+                if course is LEVEL and classifier is None:
+                    continue
+                report(f"{course.name}: {style}, {gait.name.lower()}")
+                done = run(course, style, gait)
+                row: dict[str, Any] = {"course": course.name, "style": style, "gait": gait.name.lower()}
+                row["recognised"] = _recognised(done, classifier)
+                if course is not LEVEL:
+                    row |= score_run(done)
+                    if keep is not None:
+                        keep(done)
+                rows.append(row)
+    level = [r for r in rows if r["course"] == LEVEL.name]
+    return {"rows": [r for r in rows if r["course"] != LEVEL.name], "level": level}
+
+
+def _recognised(run: CourseRun, classifier: StyleClassifier | None) -> float | None:
+    """Share of the windows that are taken for the style, look-alikes counted as one; None where it cannot be decided."""
+    style = run.motion.style
+    if classifier is None or style not in classifier.labels:
+        return None
+    windows = window_set([run.motion], None)
+    answers = classifier.predict(windows.for_classifier)
+    return float(np.mean([merged(a) == merged(style) for a in answers])) if answers else None
+
+
+def by_name(names: Sequence[str]) -> tuple[ObstacleCourse, ...]:
+    """The courses of these names, in their order; all without names."""
+    return tuple(c for c in COURSES if not names or c.name in names)

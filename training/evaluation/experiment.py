@@ -1,0 +1,174 @@
+"""One runner for every experiment: what is generated and measured, from which inputs, in which table.
+
+An `Experiment` is a record. `run` gives it the arguments that all share, checks the files before anything is measured,
+prints the table, and writes figures and table: `python -m training.evaluation NAME --help`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from runtime.assets import model_folder
+from runtime.atomic import check_target, write_atomic
+from runtime.errors import FileError, UsageError, run_command
+from training.evaluation.motion.subject import Subject, style_texts
+from training.markdown import check_section, write_section
+
+log = logging.getLogger("sport.evaluate")
+
+Figures = Any  # plain data, as JSON holds it
+Arguments = argparse.Namespace
+
+# where the record of each name stands; modules are imported when their experiment is run
+EXPERIMENTS = {
+    "motion": "training.evaluation.command:MOTION",
+    "courses": "training.evaluation.command:COURSES",
+    "text": "training.evaluation.text.command:TEXT",
+    "distances": "training.evaluation.on_captured_paths:DISTANCES",
+    "told-apart": "training.evaluation.on_captured_paths:TOLD_APART",
+    "same-path": "training.evaluation.on_captured_paths:SAME_PATH",
+    "gait": "training.evaluation.on_straight_walks:GAIT",
+    "blend-steps": "training.evaluation.on_straight_walks:BLEND_STEPS",
+    "speed": "training.evaluation.on_straight_walks:SPEED",
+    "precision": "training.evaluation.on_straight_walks:PRECISION",
+    "prompts": "training.evaluation.text.untuned_prompts:PROMPTS",
+    "soak": "training.evaluation.motion.soak:SOAK",
+}
+
+
+@dataclass(frozen=True)
+class Setting:
+    """The arguments of one run, and what is loaded by them."""
+
+    args: Arguments
+
+    @property
+    def clips(self) -> Path:
+        """The folder of imported clips."""
+        return Path(self.args.clips)
+
+    @cached_property
+    def folders(self) -> list[Path]:
+        """Model folders, the shipped one where none is given."""
+        given = self.args.model or model_folder()
+        return list(given) if isinstance(given, list) else [given]
+
+    @cached_property
+    def subjects(self) -> list[Subject]:
+        """The models with the descriptions of every style."""
+        return [Subject(folder, style_texts()) for folder in self.folders]
+
+    @property
+    def subject(self) -> Subject:
+        """The one model."""
+        return self.subjects[0]
+
+    def report(self, line: str) -> None:
+        """Tell of progress."""
+        log.info(line)
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What is generated and measured, from which inputs, and which table shows it."""
+
+    question: str
+    figures: Callable[[Setting], Figures]
+    table: Callable[[Figures], str]
+    section: str = ""  # of a document, between whose markers the table goes
+    clips: bool | None = False  # whether a folder of imported clips is needed; None: it can be given
+    models: int = 1  # how many can be given: 0, 1 or 2 for any number
+    options: tuple[tuple[str, dict[str, Any]], ...] = ()  # its own, as `add_argument` takes them
+    check: Callable[[Arguments], None] = lambda args: None  # UsageError before anything is measured
+    missed: Callable[[Figures], bool] = lambda figures: False  # exit code 1
+
+    def parser(self, program: str) -> argparse.ArgumentParser:
+        """The arguments that all experiments share, and its own."""
+        parser = argparse.ArgumentParser(prog=program, description=self.question)
+        if self.clips is not False:
+            parser.add_argument("--clips", type=Path, metavar="DIR", help="folder of imported clips")
+        if self.models:
+            many: dict[str, Any] = {"action": "append"} if self.models > 1 else {}
+            words = "several can be given" if many else "default: the shipped one"
+            parser.add_argument(
+                "--model",
+                type=model_folder,
+                metavar="DIR",
+                help=f"folder of an exported model; {words}",
+                **many,
+            )
+        for name, settings in self.options:
+            parser.add_argument(name, **settings)
+        parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures to FILE")
+        parser.add_argument(
+            "--known", type=Path, metavar="FILE", help="make the table of the figures that --json kept"
+        )
+        if self.section:
+            parser.add_argument(
+                "--markdown", type=Path, metavar="FILE", help="write the table between FILE's markers"
+            )
+            parser.add_argument(
+                "--section", default=self.section, help=f"name in FILE's markers (default: {self.section})"
+            )
+        return parser
+
+
+def run(experiment: Experiment, argv: Sequence[str], program: str) -> int:
+    """Measure, print the table, write the files; 1 where a required bar is missed and the experiment counts that."""
+    args = experiment.parser(program).parse_args(argv)
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    document = args.markdown if experiment.section else None
+    if args.json is not None:
+        check_target(args.json)
+    if document is not None:
+        check_section(document, args.section)
+    if experiment.clips and args.known is None and args.clips is None:
+        raise UsageError("--clips: no folder of imported clips is given.", "Add --clips DIR.")
+    experiment.check(args)
+    figures = experiment.figures(Setting(args)) if args.known is None else _read(args.known)
+    text = experiment.table(figures)
+    print(text.rstrip("\n"))
+    if args.json is not None:
+        write_atomic(args.json, json.dumps(figures, indent=1, ensure_ascii=False) + "\n")
+    if document is not None:
+        write_section(document, args.section, text)
+    return int(experiment.missed(figures))
+
+
+def _read(path: Path) -> Figures:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise FileError(
+            f"{path}: not a readable JSON file.", "Keep the figures with --json FILE first."
+        ) from error
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """`python -m training.evaluation NAME`."""
+    import sys
+
+    words = list(sys.argv[1:] if argv is None else argv)
+    if not words or words[0] not in EXPERIMENTS:
+        if words and words[0] in ("-h", "--help"):
+            print("python -m training.evaluation NAME --help\n\n" + "\n".join(f"  {n}" for n in EXPERIMENTS))
+            return 0
+        raise UsageError(
+            f"experiment {words[0] if words else ''!r}: unknown.", f"Choose one of {', '.join(EXPERIMENTS)}."
+        )
+    module, record = EXPERIMENTS[words[0]].split(":")
+    found: Experiment = getattr(import_module(module), record)
+    return run(found, words[1:], f"python -m training.evaluation {words[0]}")
+
+
+def command(argv: Sequence[str] | None = None) -> int:
+    """`main` with errors as one sentence."""
+    return run_command("evaluation", lambda: main(argv))

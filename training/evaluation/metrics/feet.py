@@ -1,0 +1,135 @@
+"""Feet: the paper's skating (Sec. IV-B2) at toe joints and at soles, and how deep they sink or how high they float."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.controls import Gait
+from runtime.errors import UsageError, run_command
+from runtime.feet import skating as feet
+from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
+from runtime.terrain.height_map import Terrain
+
+Array = NDArray[np.floating]
+
+GAITS = {"walk": Gait.WALK, "jog": Gait.JOG}
+
+
+@dataclass(frozen=True)
+class Skating:
+    """Sums over frames, so that motions of any length can be added up."""
+
+    frames: int = 0
+    toes_sum: float = 0.0
+    toe_soles_sum: float = 0.0
+    heel_soles_sum: float = 0.0
+
+    def __add__(self, other: Skating) -> Skating:
+        return Skating(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
+
+    @property
+    def toes(self) -> float:
+        """s_f of Sec. IV-B at the toe joints, mean over feet and frames, cm per frame; NaN without frames."""
+        return self.toes_sum / self.frames if self.frames else float("nan")
+
+    @property
+    def toe_soles(self) -> float:
+        """The same at the soles under the toes: toe joints less their resting height."""
+        return self.toe_soles_sum / self.frames if self.frames else float("nan")
+
+    @property
+    def soles(self) -> float:
+        """The same, mean of the soles under toes and heels (ankle joints less their resting height)."""
+        both = self.toe_soles_sum + self.heel_soles_sum
+        return 0.5 * both / self.frames if self.frames else float("nan")
+
+    def as_dict(self) -> dict[str, float]:
+        """For results."""
+        return {"toes": self.toes, "toe_soles": self.toe_soles, "soles": self.soles, "frames": self.frames}
+
+
+def foot_skating(positions: Array, terrain: Terrain, chosen: NDArray[np.bool_]) -> Skating:
+    """Skating of the frames `chosen` `(T,)` of world joints `(T, 31, 3)`; the first frame has no speed and never counts."""
+    chosen = np.asarray(chosen, bool)[1:]
+    toes = feet.skating(positions, terrain)
+    toe_soles = feet.skating(positions, terrain, feet.TOES, TOE_HEIGHT)
+    heel_soles = feet.skating(positions, terrain, feet.HEELS, ANKLE_HEIGHT)
+    sums = (float(values[chosen].mean(1).sum()) for values in (toes, toe_soles, heel_soles))
+    return Skating(int(chosen.sum()), *sums)
+
+
+@dataclass(frozen=True)
+class TerrainFeet:
+    """Percentiles in cm over all frames."""
+
+    sunk_joint_p99: float  # toe and ankle joints under the ground
+    sunk_sole_p95: float  # points of the sole (joints less their resting height) under the ground
+    sunk_sole_p99: float
+    float_p50: float  # the lowest of the four points of the soles over the ground
+    float_p95: float
+
+
+def terrain_feet(positions: Array, terrain: Terrain) -> TerrainFeet:
+    """Sinking and floating of world joints `(T, 31, 3)`.
+
+    The resting heights hold for a foot that stands flat on level ground; on a slope or over an edge a point of the sole
+    may read a few centimetres off although the foot stands well, so compare with captured motion only.
+    In walking at least one foot stands, so the lowest of the four points should lie on the ground; jogging flies.
+    """
+    heights = 100.0 * feet.joint_heights(positions, terrain, feet.SOLE_POINTS)
+    soles = heights - 100.0 * np.array(feet.SOLE_HEIGHTS)
+    lowest = soles.min(1)
+    return TerrainFeet(
+        sunk_joint_p99=_sunk(heights, 99),
+        sunk_sole_p95=_sunk(soles, 95),
+        sunk_sole_p99=_sunk(soles, 99),
+        float_p50=max(0.0, float(np.percentile(lowest, 50))),
+        float_p95=max(0.0, float(np.percentile(lowest, 95))),
+    )
+
+
+def _sunk(heights: Array, percentile: float) -> float:
+    return max(0.0, float(np.percentile(-heights, percentile)))
+
+
+FPS = 60.0  # of the frames that skating is given for
+
+
+def sole_skating(positions: Array, terrain: Terrain) -> Array:
+    """Skating as seen at the sole: a toe joint at its resting height counts in full."""
+    return feet.skating(positions, terrain, resting_m=TOE_HEIGHT)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """`python -m training.evaluation.metrics.feet CLIP.bvh --terrain NAME`: skating and toe height of an exported clip."""
+    import argparse
+    from pathlib import Path
+
+    from runtime.takes.clip import load_clip_bvh
+    from runtime.terrain.library import load_terrain
+
+    parser = argparse.ArgumentParser(prog="training.evaluation.metrics.feet", description=main.__doc__)
+    parser.add_argument("clip", type=Path)
+    parser.add_argument("--terrain", default="flat")
+    options = parser.parse_args(argv)
+    clip = load_clip_bvh(options.clip)
+    if len(clip) < 2:
+        raise UsageError(f"{options.clip}: one frame; skating needs two.", "Take a longer clip.")
+    positions, _ = clip.world()
+    terrain = load_terrain(options.terrain)
+    heights = 100.0 * feet.joint_heights(positions, terrain)
+    # a frame of a file with half the rate is twice as long, and so is the way that a foot slides in it
+    share = clip.fps / FPS
+    toe, sole = (share * float(of(positions, terrain).mean()) for of in (feet.skating, sole_skating))
+    print(f"skating {toe:.4f} cm per frame (at the sole {sole:.4f})")
+    if clip.fps != FPS:
+        print(f"the clip has {clip.fps:g} frames a second; skating is given for frames of 1/{FPS:.0f} s")
+    print(f"lowest 1 % of toe heights {np.percentile(heights, 1):.2f} cm over the ground")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_command("feet", main))

@@ -1,0 +1,274 @@
+"""Part edits by words: does the motion change in the described way, by how much of it, and do other parts change with it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import PART_NAMES, SPORT_SKELETON
+from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
+from training.layering.measured_edits import Summary, Target, rotation_change, value
+
+Array = NDArray[np.floating]
+
+
+RIGHT_WAY, ENOUGH = 0.1, 0.5  # shares of the described change; under a tenth is no change
+RIGHT_BAR, ENOUGH_BAR = 0.8, 0.5  # shares of the held-out edits and pairs
+RHYTHM_RIGHT_BAR, RHYTHM_ENOUGH_BAR = 0.9, 0.7  # of those of rhythm and weight
+HELD_OUT_RHYTHM, TRAINED_RHYTHM = "held-out rhythm", "trained rhythm"
+SEEDS = 3
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is asked for: `variants` are descriptions that all ask for `edits`."""
+
+    name: str
+    kind: str  # "held out", "pair", "trained", "held-out rhythm", "trained rhythm" or "free words"
+    edits: tuple[str, ...]
+    variants: tuple[PartDescriptions, ...]
+    seeds: tuple[int, ...]  # of each variant's walk
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The parts that the edits describe."""
+        described = {part for name in self.edits for part in EDITS[name].phrases}
+        return tuple(p for p in PART_NAMES if p in described)
+
+
+# --- what is asked for ------------------------------------------------------------------------------------------------
+
+
+def catalogue_cases(neutral: PartDescriptions, trained: bool = True) -> list[Case]:
+    """Held-out edits and pairs with every phrase, at least three walks each; trained edits with their first phrase."""
+    cases = [_case(name, _kind(name), (name,), neutral, SEEDS) for name in EDITS if name in HELD_OUT]
+    cases += [_case(name, "pair", pair, neutral, SEEDS) for name, pair in HELD_OUT_PAIRS.items()]
+    if trained:
+        cases += [_case(name, _kind(name), (name,), neutral, 1) for name in EDITS if name not in HELD_OUT]
+    return cases
+
+
+def _kind(name: str) -> str:
+    rhythm = EDITS[name].rhythm
+    if name in HELD_OUT:
+        return HELD_OUT_RHYTHM if rhythm else "held out"
+    return TRAINED_RHYTHM if rhythm else "trained"
+
+
+def _case(name: str, kind: str, edits: tuple[str, ...], neutral: PartDescriptions, least: int) -> Case:
+    """Variant k takes the k-th phrase of every part; phrases count round where an edit has fewer."""
+    phrases = {part: texts for e in edits for part, texts in EDITS[e].phrases.items()}
+    count = 1 if kind in ("trained", TRAINED_RHYTHM) else max(least, *(len(t) for t in phrases.values()))
+    variants = []
+    for k in range(count):
+        words = neutral
+        for part, texts in phrases.items():
+            words = words.replace(part, texts[k % len(texts)])
+        variants.append(words)
+    return Case(name, kind, edits, tuple(variants), tuple(k % SEEDS for k in range(count)))
+
+
+def free_case(prompt: str, edits: tuple[str, ...], expanded: PartDescriptions, walks: int = 2) -> Case:
+    """A free prompt as it was expanded, with `walks` seeds."""
+    return Case(prompt, "free words", edits, (expanded,) * walks, tuple(range(walks)))
+
+
+# --- what came of it --------------------------------------------------------------------------------------------------
+
+
+def score(
+    case: Case, summaries: Sequence[Summary], neutral: dict[int, Summary], described: dict[Target, float]
+) -> dict[str, Any]:
+    """A case's result: of each measure the median share of the described change, and whether all of them suffice.
+
+    `summaries` are the walks of the variants, `neutral` the neutral walks by seed.
+    """
+    shares: dict[str, list[float]] = {}
+    changes: dict[str, float] = {}
+    for target, amount in described.items():
+        found = [
+            value(s, target) - value(neutral[seed], target)
+            for s, seed in zip(summaries, case.seeds, strict=True)
+        ]
+        label = ".".join(target)
+        changes[label] = float(np.median(found))
+        shares[label] = [f / amount for f in found]
+    median = {k: float(np.median(v)) for k, v in shares.items()}
+    worst = min(median.values())
+    runs = np.min(list(shares.values()), axis=0)
+    return {
+        "name": case.name,
+        "kind": case.kind,
+        "edits": list(case.edits),
+        "described": {".".join(t): v for t, v in described.items()},
+        "change": changes,
+        "share": median,
+        "worst_share": worst,
+        "right_way": bool(worst >= RIGHT_WAY),
+        "enough": bool(worst >= ENOUGH),
+        "runs": len(summaries),
+        "runs_right_way": float((runs >= RIGHT_WAY).mean()),
+        "runs_enough": float((runs >= ENOUGH).mean()),
+        "words": {part: getattr(case.variants[0], part) for part in case.parts},
+    }
+
+
+def seed_noise(neutral: dict[int, Summary], described: dict[Target, float]) -> float:
+    """How much neutral walks of different seeds differ, at most, as a share of the described change."""
+    noise = []
+    for target, amount in described.items():
+        values = [value(s, target) for s in neutral.values()]
+        noise.append((max(values) - min(values)) / abs(amount))
+    return float(np.max(noise))
+
+
+def shares(results: Sequence[dict[str, Any]]) -> dict[str, float]:
+    """Of several cases: how many go the right way and far enough, and their median share of the described change."""
+    return {
+        "cases": len(results),
+        "right_way": float(np.mean([r["right_way"] for r in results])),
+        "enough": float(np.mean([r["enough"] for r in results])),
+        "median_share": float(np.median([r["worst_share"] for r in results])),
+        "runs_right_way": float(np.mean([r["runs_right_way"] for r in results])),
+        "runs_enough": float(np.mean([r["runs_enough"] for r in results])),
+    }
+
+
+BAR = 0.25  # of the part's own change
+
+_AT = SPORT_SKELETON.index
+# joints that turn; fingers, and hip joints and neck bases without freedom of their own, would only dilute the means
+JOINTS: dict[str, tuple[int, ...]] = {
+    "left_arm": tuple(map(_AT, ("LeftShoulder", "LeftArm", "LeftForeArm", "LeftHand"))),
+    "right_arm": tuple(map(_AT, ("RightShoulder", "RightArm", "RightForeArm", "RightHand"))),
+    "left_leg": tuple(map(_AT, ("LeftUpLeg", "LeftLeg", "LeftFoot"))),
+    "right_leg": tuple(map(_AT, ("RightUpLeg", "RightLeg", "RightFoot"))),
+    "torso": tuple(map(_AT, ("Hips", "LowerBack", "Spine", "Spine1"))),
+    "head": tuple(map(_AT, ("Neck", "Neck1", "Head"))),
+}
+
+
+RHYTHM = "rhythm"  # slot of edits of rhythm and weight
+
+
+def part_changes(before: Summary, after: Summary) -> dict[str, float]:
+    """Degrees by which the joints of each part move differently, their mean."""
+    change = np.degrees(rotation_change(before, after))
+    return {part: float(change[list(joints)].mean()) for part, joints in JOINTS.items()}
+
+
+def own_and_others(changes: dict[str, float], parts: Sequence[str]) -> tuple[float, float, float]:
+    """Mean over the joints of the described parts, over all other joints, and of the other part that changes most.
+
+    Degrees. One other part of five can follow whole, and the mean over all joints of the others would hide it.
+    """
+
+    def mean(names: list[str]) -> float:
+        sizes = [len(JOINTS[n]) for n in names]
+        return float(np.average([changes[n] for n in names], weights=sizes))
+
+    others = [p for p in PART_NAMES if p not in parts]
+    return mean(list(parts)), mean(others), max(changes[p] for p in others)
+
+
+def independence(
+    case: Case,
+    summaries: Sequence[Summary],
+    neutral: dict[int, Summary],
+    reference: Sequence[tuple[Summary, Summary]],
+) -> dict[str, Any]:
+    """A case's changes against the neutral walk of the same seed, and what the edit itself does on captured walks."""
+    walks = [part_changes(neutral[seed], s) for s, seed in zip(summaries, case.seeds, strict=True)]
+    edits = [part_changes(before, after) for before, after in reference]
+    seed_own, seed_others, _ = own_and_others(seed_changes(neutral), case.parts)
+    own, others, most = np.mean([own_and_others(w, case.parts) for w in walks], axis=0)
+    edit_own, edit_others, edit_most = np.mean([own_and_others(e, case.parts) for e in edits], axis=0)
+    return {
+        "name": case.name,
+        "kind": case.kind,
+        "slot": RHYTHM if "rhythm" in case.kind else case.edits[0].split(".")[0],
+        "own": float(own),
+        "others": float(others),
+        "most": float(most),
+        "edit_own": float(edit_own),
+        "edit_others": float(edit_others),
+        "edit_most": float(edit_most),
+        "seed_own": seed_own,
+        "seed_others": seed_others,
+        "parts": {p: float(np.mean([w[p] for w in walks])) for p in PART_NAMES},
+    }
+
+
+def by_slot(rows: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
+    """Of each slot and of "all": mean changes, their ratio, the edits' own ratio, and how many edits keep the bar.
+
+    Rhythm has a row of its own, which "all" does not count: another step changes what every part does in it.
+    """
+    slots = [*dict.fromkeys(r["slot"] for r in rows), "all"]
+    found = {s: [r for r in rows if r["slot"] == s or (s == "all" and r["slot"] != RHYTHM)] for s in slots}
+    return {slot: _summary(own) for slot, own in found.items() if own}
+
+
+def _summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
+    mean = {k: float(np.mean([r[k] for r in rows])) for k in rows[0] if isinstance(rows[0][k], float)}
+    own, edit_own = mean["own"] or float("nan"), mean["edit_own"] or float("nan")
+    return {
+        "edits": len(rows),
+        **mean,
+        "ratio": mean["others"] / own,
+        "most_ratio": mean["most"] / own,
+        "edit_ratio": mean["edit_others"] / edit_own,
+        "edit_most_ratio": mean["edit_most"] / edit_own,
+        "within": float(np.mean([r["own"] > 0.0 and r["others"] <= BAR * r["own"] for r in rows])),
+    }
+
+
+def seed_changes(neutral: dict[int, Summary]) -> dict[str, float]:
+    """Degrees of each part between neutral walks of two seeds, mean over the pairs: what comes without any word."""
+    pairs = list(combinations(neutral.values(), 2))
+    found = [part_changes(a, b) for a, b in pairs]
+    return {part: float(np.mean([f[part] for f in found])) if found else 0.0 for part in PART_NAMES}
+
+
+# prompt: edits of `training.layering.catalog` whose measures tell whether it was followed
+FREE_PROMPTS: dict[str, tuple[str, ...]] = {
+    "left arm up in the air": ("left_arm.overhead",),
+    "arms akimbo": ("left_arm.on_hip", "right_arm.on_hip"),
+    "bent backwards a lot": ("torso.lean_back_far",),
+    "gazing up at the stars": ("head.up_far",),
+    "chin tucked to the chest": ("head.down_far",),
+    "a man saying hello with his right hand": ("right_arm.waving",),
+    "both arms spread wide like an eagle": ("left_arm.side", "right_arm.side"),
+    "hands deep in the trouser pockets": ("left_arm.in_pocket", "right_arm.in_pocket"),
+    "sneaking with very bent knees": ("legs.crouch_deep",),
+    "walking on the balls of the feet, heels up": ("legs.tiptoe",),
+    "dragging the right foot behind": ("right_leg.dragging",),
+    "marching with the knees pulled up high": ("left_leg.high_knee", "right_leg.high_knee"),
+    "a cowboy, legs far apart": ("legs.very_wide",),
+    "right arm out to the side, level with the shoulder": ("right_arm.side",),
+    "left palm resting on the tummy": ("left_arm.on_belly",),
+    "head cocked to the left": ("head.tilted_left",),
+    "slouching with rounded shoulders": ("torso.slump",),
+    "peering over to the right": ("head.turned_right",),
+    "nose in the air": ("head.up",),
+    "sleepwalking with both arms out ahead": ("left_arm.forward", "right_arm.forward"),
+    "a model on the runway": ("legs.crossing",),
+    "tiny rapid steps": ("legs.hurried",),
+    "a huge giant": ("legs.giant",),
+    "stamping his feet": ("legs.stomping_hard",),
+    "light on her feet": ("legs.soft",),
+    "hobbling on the left leg": ("left_leg.limping",),
+    "limping badly on her right leg": ("right_leg.limping_far",),
+    "waddling like a penguin": ("torso.rock_far",),
+    "reeling home": ("legs.staggering",),
+    "wiggling her hips": ("torso.hips_sway_far",),
+    "swinging her hips": ("torso.hips_swing_far",),
+    "a swaggering bully": ("torso.shoulders_roll_far",),
+    "stopping after every step": ("legs.pausing",),
+}

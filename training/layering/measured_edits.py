@@ -1,0 +1,150 @@
+"""What edits of body parts do to captured neutral walks, in the measures that show them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import rotations
+from runtime.errors import FileError
+from runtime.skeleton import SPORT_SKELETON
+from training.layering.apply import apply
+from training.layering.catalog import EDITS
+from training.layering.pool import load_source
+from training.layering.pose_edits import Motion
+from training.layering.recombine import cut
+from training.text.measure import BodyMeasures, measure, smoothed_facing
+
+Array = NDArray[np.floating]
+Target = tuple[str, str]  # part, field of its measures
+REFERENCE_WALKS = 3  # captured neutral walks of each data set
+MIN_FRAMES, MAX_FRAMES = 240, 480
+_WALKING = ("walk", "walk forward")
+# Measures where the catalogue's own goes up on one captured walk and down on another: a fist that punches moves
+# forward and back as far as a swinging arm, but it does so high and in front of the chest.
+_SHOWN_BY = {"punching": ("hand_level", "hand_front")}
+_AGREEMENT = (
+    0.75  # share of the captured walks on which an edit moves its measure the same way; else it shows nothing
+)
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A motion's measures, and of every joint the time-mean of its local rotation and the spread around it.
+
+    The hips' rotation is taken against the smoothed facing direction, so that heading does not count.
+    """
+
+    body: BodyMeasures
+    mean: Array  # (31, 4)
+    spread: Array  # (31,) radians, root mean square
+
+
+def summarise(hips: Array, local: Array, contacts: NDArray[Any]) -> Summary:
+    """Of hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)`."""
+    local = local.astype(np.float64)
+    positions, _ = SPORT_SKELETON.forward_kinematics(hips.astype(np.float64), local)
+    ahead = local.copy()
+    ahead[:, 0] = rotations.multiply(
+        rotations.inverse(rotations.from_yaw(smoothed_facing(positions))), local[:, 0]
+    )
+    mean = mean_rotation(ahead)
+    away = 2.0 * np.arccos(np.clip(np.abs((ahead * mean).sum(-1)), 0.0, 1.0))
+    return Summary(measure(hips, local, contacts.astype(np.float32)), mean, np.sqrt((away**2).mean(0)))
+
+
+def mean_rotation(local: Array) -> Array:
+    """Mean `(J, 4)` of unit quaternions `(T, J, 4)`, whose signs do not matter: the main axis of their spread."""
+    outer = np.einsum("tja,tjb->jab", local, local)
+    return np.linalg.eigh(outer)[1][..., -1]
+
+
+def rotation_change(one: Summary, other: Summary) -> Array:
+    """How differently joints `(31,)` move, radians: the angle between their mean rotations, and the change of spread.
+
+    Both are time averages: a walk that is out of step with another differs in neither.
+    """
+    dot = np.abs((one.mean * other.mean).sum(-1))
+    return np.hypot(2.0 * np.arccos(np.clip(dot, 0.0, 1.0)), other.spread - one.spread)
+
+
+def targets(edits: Iterable[str]) -> list[Target]:
+    """The measures that show the edits; what both legs do is measured on both."""
+    found = []
+    for name in edits:
+        edit = EDITS[name]
+        part, field = edit.measure
+        found += [(part, f) for f in _SHOWN_BY.get(name.split(".")[1], (field,))]
+        if edit.slot == "legs":
+            found.append((part.replace("left", "right"), field))
+    return found
+
+
+def value(summary: Summary, target: Target) -> float:
+    """A measure of a motion."""
+    return float(getattr(getattr(summary.body, target[0]), target[1]))
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Captured neutral walks and the same walks edited: what an edit is worth on real motion."""
+
+    walks: list[tuple[str, Motion, Summary]]
+
+    def edited(self, edits: Sequence[str]) -> list[tuple[Summary, Summary]]:
+        """Each walk before and after the edits, which are varied as in training but always alike."""
+        pairs = []
+        for number, (_, motion, plain) in enumerate(self.walks):
+            random = np.random.default_rng([number, *"+".join(edits).encode()])
+            changed = motion
+            for name in edits:
+                changed = apply(changed, EDITS[name], random)
+            pairs.append((plain, summarise(changed.hips, changed.local, changed.contacts)))
+        return pairs
+
+    def described(
+        self, pairs: Sequence[tuple[Summary, Summary]], edits: Sequence[str]
+    ) -> dict[Target, float]:
+        """Median change of the measures that show the edits; empty when walks disagree on its direction."""
+        found = {}
+        for target in targets(edits):
+            changes = [value(after, target) - value(before, target) for before, after in pairs]
+            found[target] = float(np.median(changes))
+            if np.mean(np.sign(changes) == np.sign(found[target])) < _AGREEMENT:
+                return {}
+        return found
+
+
+def load_reference(clips: Path) -> Reference:
+    """Neutral straight walks of every data set, unmirrored and on their own ground; FileError when there is none."""
+    walks: list[tuple[str, Motion, Summary]] = []
+    taken: dict[str, int] = {}
+    for path in sorted(clips.glob("*.npz")):
+        dataset = path.stem.split("_")[0]
+        if path.stem.startswith("layer_") or path.stem.endswith(("_m", "_t")):
+            continue
+        if taken.get(dataset, 0) >= REFERENCE_WALKS or not _is_neutral_walk(path):
+            continue
+        source = load_source(path)
+        length = len(source.gait)
+        if length < MIN_FRAMES:
+            continue
+        first = max(0, (length - MAX_FRAMES) // 2)
+        motion = cut(source.motion, first, min(first + MAX_FRAMES, length))
+        walks.append((path.stem, motion, summarise(motion.hips, motion.local, motion.contacts)))
+        taken[dataset] = taken.get(dataset, 0) + 1
+    if not walks:
+        raise FileError(
+            f"{clips}: no captured neutral walk.", "Run `sport train import --data DIR --out DIR`."
+        )
+    return Reference(walks)
+
+
+def _is_neutral_walk(path: Path) -> bool:
+    with np.load(path, allow_pickle=False) as clip:
+        return str(clip["style"]).startswith("neutral") and str(clip["content"]) in _WALKING

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,4 +166,9 @@ def load_model(folder: Path | str | None = None, threads: int = 1, precision: st
     `precision` is fp32, int8, or auto: what the folder's metadata name as the better one.
     """
     folder = model_folder(folder)
-    return MotionModel(folder, read_metadata(folder), threads, precision)
+    metadata = read_metadata(folder)
+    if metadata.get("kind") == "motion matching":  # a database with the interface of the networks
+        from runtime.motion.matching import MatchingModel
+
+        return cast(MotionModel, MatchingModel(folder, metadata))
+    return MotionModel(folder, metadata, threads, precision)

@@ -27,6 +27,7 @@ from training.evaluation.motion.driving import flat_ground
 Array = NDArray[np.floating]
 
 TIMED_FRAMES, WARM_UP = 240, 30
+VALUES_OF_A_ROW = 33 + 4 * 31 + 3 + 3 + 4  # of a database for motion matching
 
 
 class Subject:
@@ -66,8 +67,10 @@ class Subject:
 def count_parameters(metadata: dict[str, Any]) -> int:
     """Trained values of encoder, modulator and decoders (Table I); of one decoder for w/o-Diffusion.
 
-    The MoE decoder is counted in the diffusion model too, as the paper's totals do.
+    Of motion matching, which trains nothing, the values of its database. The MoE decoder is counted in the diffusion model too, as the paper's totals do.
     """
+    if "rows" in metadata:  # a database: what it holds for each row
+        return int(metadata["rows"]) * VALUES_OF_A_ROW
     from training.networks.generator import Generator
     from training.presets import ModelConfig
 

@@ -1,0 +1,388 @@
+"""Motion matching in the place of the networks: frames of a database, searched ten times a second, inertialised.
+
+Clavet (2016), as set out by Holden et al. (2020), "Learned Motion Matching", Sec. 3: of every frame a feature vector tells where
+the path goes (positions and directions 20, 40 and 60 frames on), where the feet are and how fast they and the hips move; the
+frame nearest to the requested path and to the shown pose is played on. Poses jump at a change of frame: their difference is
+taken over and decays (Bollo 2018, as a critically damped spring by its half-life).
+
+The interface is that of `MotionModel`, so that controller, foot lock, terrain and viewer are those of the networks. A model
+has no state of its own: which frame is played, and the last changes, travel in the phase vectors that every frame hands to the next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import rotations
+from runtime.errors import ModelError
+from runtime.motion import features
+from runtime.motion.features import FPS, INPUT, OutputParts, build_output
+from runtime.motion.model import Style
+from runtime.skeleton import SPORT_SKELETON, J
+
+Array = NDArray[np.floating]
+Indices = NDArray[np.integer]
+
+KIND = "motion matching"  # of metadata.json
+DATABASE = "database.npz"
+STEP = 2  # frames of 1/60 s from one row to the next
+SEARCH_FRAMES = 6  # ten searches a second
+HALF_LIFE = 0.1  # seconds, of what is left of a change of frame
+CACHED = 256
+CHANGES = 10  # that can be under way at once
+NEAR_ROWS = 10  # a row so near to the shown one is no change
+FORECAST = features.FUTURE_OFFSETS  # frames
+
+_FEET = (SPORT_SKELETON.index("LeftFoot"), SPORT_SKELETON.index("RightFoot"))
+# columns of a feature vector and their weights, those of Holden's reference implementation; the gait label is ours, as a pad has buttons
+GROUPS: dict[str, tuple[slice, float]] = {
+    "positions": (slice(0, 6), 1.0),
+    "directions": (slice(6, 12), 1.5),
+    "feet": (slice(12, 18), 0.75),
+    "foot velocities": (slice(18, 24), 1.0),
+    "hip velocity": (slice(24, 27), 1.0),
+    "gait": (slice(27, 33), 1.0),
+}
+SIZE = 33
+PATH = np.r_[0:12, 27:33]  # columns that the stick requests
+POSE = np.r_[12:27]  # columns of the shown pose
+
+
+def feature_vectors(x: Array, joints: Array, velocities: Array) -> Array:
+    """Features `(..., 33)` of inputs x `(..., 342 or more)` with joints and their velocities `(..., 31, 3)`.
+
+    The window of x ends 50 frames ahead; the place 60 frames ahead goes on as from 40 to 50.
+    """
+    lead = x.shape[:-1]
+    ahead = x[..., INPUT["trajectory_positions"]].reshape(*lead, features.L, 2)
+    facing = x[..., INPUT["trajectory_directions"]].reshape(*lead, features.L, 2)
+    gait = x[..., INPUT["gait"]].reshape(*lead, features.L, features.GAITS)
+    present = features.L // 2
+    at = [present + 2, present + 4, present + 5]  # 20, 40 and 50 frames on
+    places, directions = ahead[..., at, :], facing[..., at, :]
+    places = np.concatenate([places[..., :2, :], 2.0 * places[..., 2:, :] - places[..., 1:2, :]], axis=-2)
+    last = 2.0 * directions[..., 2:, :] - directions[..., 1:2, :]
+    last = last / np.maximum(np.linalg.norm(last, axis=-1, keepdims=True), 1e-9)
+    directions = np.concatenate([directions[..., :2, :], last], axis=-2)
+    parts = [places, directions, joints[..., _FEET, :], velocities[..., _FEET, :], velocities[..., 0, :]]
+    flat = [p.reshape(*lead, -1) for p in (*parts, gait[..., present, :])]
+    return np.concatenate(flat, axis=-1).astype(np.float32)
+
+
+def scales(rows: Array) -> tuple[Array, Array]:
+    """Mean `(33,)`, and weight over deviation `(33,)`: the columns of a group share the mean of their deviations."""
+    mean, deviation = rows.mean(0), rows.std(0)
+    scale = np.zeros(SIZE, np.float32)
+    for columns, weight in GROUPS.values():
+        scale[columns] = weight / max(float(deviation[columns].mean()), 1e-6)
+    return mean.astype(np.float32), scale
+
+
+def decay(offset: Array, velocity: Array, seconds: Array | float, half_life: float = HALF_LIFE) -> Array:
+    """What is left after some time of an offset that changes at `velocity`: a critically damped spring towards zero.
+
+    x(t) = e^(-y t) (x + (v + x y) t) with y = 2 ln 2 / half-life (Holden, "Spring-It-On", decay of a damped spring).
+    """
+    y = 2.0 * np.log(2.0) / half_life
+    return np.exp(-y * seconds) * (offset + (velocity + offset * y) * seconds)
+
+
+@dataclass(frozen=True)
+class Database:
+    """Rows 1/30 s apart of many clips, one after the other."""
+
+    features: Array  # (F, 33), not normalised
+    world: Array  # (F, 31, 4) rotations as the root sees them
+    hips: Array  # (F, 3) metres, over the reference ground
+    root: Array  # (F, 3) m/s, m/s, rad/s
+    contacts: NDArray[np.uint8]  # (F, 4)
+    last: Indices  # (F,) last row of each row's clip
+    style: Indices  # (F,) index into `styles`
+    styles: tuple[str, ...]
+    codes: Array  # (M, 6, 64) Z^t of descriptions
+    code_style: Indices  # (M,)
+    speeds: Array  # (S, 2) walk and jog, m/s
+
+    @staticmethod
+    def load(path: Path) -> Database:
+        """ModelError when the file is none."""
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                found = {name: file[name] for name in file.files}
+            floats = {k: found[k].astype(np.float32) for k in ("features", "hips", "root", "codes", "speeds")}
+            base = Database(
+                **floats,
+                world=found["world"],
+                contacts=np.unpackbits(found["contacts"][:, None], axis=1)[:, :4],
+                last=found["last"].astype(np.int64),
+                style=found["style"].astype(np.int64),
+                styles=tuple(str(s) for s in found["styles"]),
+                code_style=found["code_style"].astype(np.int64),
+            )
+            base.check()
+        except (OSError, KeyError, ValueError, IndexError, BadZipFile) as error:
+            raise ModelError(
+                f"{path}: not a database of motion.", "Build it again with `python -m training.baselines`."
+            ) from error
+        return base
+
+    def save(self, path: Path) -> None:
+        """As half-precision numbers where that is enough: rotations within 0.05 degrees."""
+        small = {k: getattr(self, k).astype(np.float16) for k in ("world", "root", "codes", "features")}
+        np.savez_compressed(
+            path,
+            **small,
+            hips=self.hips.astype(np.float32),
+            contacts=np.packbits(self.contacts.astype(bool), axis=1)[:, 0],
+            last=self.last.astype(np.int32),
+            style=self.style.astype(np.int16),
+            styles=np.array(self.styles),
+            code_style=self.code_style.astype(np.int16),
+            speeds=self.speeds.astype(np.float32),
+        )
+
+    def check(self) -> None:
+        """ValueError for arrays that do not belong together."""
+        rows, names = len(self.features), len(self.styles)
+        shapes = {
+            "features": (rows, SIZE), "world": (rows, J, 4), "hips": (rows, 3), "root": (rows, 3), "contacts": (rows, 4),
+            "last": (rows,), "style": (rows,), "codes": (len(self.codes), 6, 64), "code_style": (len(self.codes),),
+            "speeds": (names, 2),
+        }  # fmt: skip
+        for name, shape in shapes.items():
+            if getattr(self, name).shape != shape:
+                raise ValueError(name)
+        order = np.arange(rows)
+        if (
+            rows < 4
+            or not names
+            or not len(self.codes)
+            or (self.last < order).any()
+            or (self.last >= rows).any()
+        ):
+            raise ValueError("rows")
+        if {*self.style.tolist(), *self.code_style.tolist()} - set(range(names)):
+            raise ValueError("style")
+        if not all(
+            np.isfinite(getattr(self, k)).all() for k in ("features", "hips", "root", "speeds", "world")
+        ):
+            raise ValueError("values")
+
+
+@dataclass(frozen=True)
+class Playing:
+    """What one character plays: a place in the database, frames since the last search, and changes under way.
+
+    Places count frames of 1/60 s; a change is (place left, place entered, frames since).
+    """
+
+    place: int = -1  # none yet
+    since_search: int = 0
+    changes: tuple[tuple[int, int, int], ...] = ()
+
+    def packed(self) -> Array:
+        """Amplitudes of the 35 present and future phase vectors `(7, 5, 2)`."""
+        numbers = [self.place, self.since_search, *(n for change in self.changes for n in change)]
+        amplitude = np.zeros(7 * features.C)
+        amplitude[: len(numbers)] = np.array(numbers) + 1
+        return np.stack([np.zeros_like(amplitude), amplitude], -1).reshape(7, features.C, 2)
+
+    @staticmethod
+    def unpacked(phase: Array) -> Playing:
+        """Of the phase vectors `(13, 5, 2)` of an input; nothing is played where they are zero."""
+        amplitude = np.linalg.norm(phase[features.L // 2 :].reshape(-1, 2), axis=-1)
+        numbers = np.rint(amplitude).astype(int) - 1
+        triples = numbers[2 : 2 + 3 * CHANGES].reshape(-1, 3)
+        changes = tuple((int(a), int(b), int(n)) for a, b, n in triples if min(a, b, n) >= 0)
+        return Playing(int(numbers[0]), max(0, int(numbers[1])), changes)
+
+
+class MatchingModel:
+    """A database that answers as a `MotionModel` does; deterministic, without noise."""
+
+    def __init__(self, folder: Path, metadata: dict[str, Any], database: Database | None = None) -> None:
+        self.folder, self.metadata = folder, metadata
+        self.name = str(metadata["name"])
+        self.precision, self.notice, self.provider = "fp32", "", "database"
+        self.noise_shape = (1, 1, 1)
+        self.style_shape = (6, 64)
+        self.database = base = Database.load(folder / DATABASE) if database is None else database
+        self._mean, self._scale = scales(base.features)
+        self._known = (base.features - self._mean) * self._scale
+        ends = base.last - np.arange(len(base.last)) >= 2  # a row from which at least two more are played
+        self._rows = [np.flatnonzero((base.style == s) & ends) for s in range(len(base.styles))]
+        self._searched = [np.ascontiguousarray(self._known[rows]) for rows in self._rows]
+        self._squares = [np.square(known).sum(1) for known in self._searched]
+        neutral = base.styles.index("neutral") if "neutral" in base.styles else 0
+        self._neutral = neutral
+        self._changes: dict[
+            tuple[int, int], tuple[Array, ...]
+        ] = {}  # those met last; a pure function of the key
+
+    @property
+    def prompt_path(self) -> Path:
+        """The text side, of the model that the database was built beside."""
+        return self.folder / "prompt.onnx"
+
+    @property
+    def neutral(self) -> Array:
+        """Z^t `(6, 64)` of neutral walking."""
+        codes = self.database.codes[self.database.code_style == self._neutral]
+        return codes[0] if len(codes) else self.database.codes[0]
+
+    def fold_style(self, z: Array, strength: float = 1.0) -> Style:
+        """The captured style whose descriptions lie nearest to Z^t `(6, 64)`; a label has no strength."""
+        z = np.ascontiguousarray(z, np.float32)
+        if z.shape != self.style_shape or not np.all(np.isfinite(z)):
+            raise ModelError(
+                f"Z^t: expected finite values of shape {self.style_shape}, got {z.shape}.",
+                "Encode the prompt again.",
+            )
+        away = np.square(self.database.codes - z).sum((1, 2))
+        label = int(self.database.code_style[int(np.argmin(away))])
+        one_hot = np.zeros(len(self.database.styles), np.float32)
+        one_hot[label] = 1.0
+        walk, jog = (float(v) for v in self.database.speeds[label])
+        nothing = np.zeros(1, np.float32)
+        return Style(z, one_hot, nothing, nothing, walk, jog)
+
+    def step(self, x: Array, noise: Array, style: Style | Sequence[Style]) -> tuple[Array, Array]:
+        """y `(B, 473)` of inputs `(B, 472)`, and ones `(B, 1)`; `style` is one for all characters, or one for each."""
+        styles = [style] * len(x) if isinstance(style, Style) else style
+        y = np.concatenate([self._frame(row, one) for row, one in zip(x, styles, strict=True)])
+        return y, np.ones((len(x), 1), np.float32)
+
+    def output_of(self, row: int) -> Array:
+        """y `(473,)` of a row that is played from its beginning."""
+        return self._output(*self._at(STEP * row), Playing(STEP * row))[0]
+
+    # --- one character ------------------------------------------------------------------------------------------------
+
+    def _frame(self, x: Array, style: Style) -> Array:
+        phase = x[INPUT["phase"]].reshape(features.L + 1, features.C, 2)
+        playing = self._advanced(Playing.unpacked(phase), x, int(np.argmax(style.front_bias)))
+        world, hips, root = self._at(playing.place)
+        # the newest turns the rows' pose, the one before it what comes of that: so each began from what was shown
+        for left, entered, frames in reversed(playing.changes):
+            turn, moved, way = self._left_over(left, entered, frames / FPS)
+            world = rotations.multiply(rotations.from_rotation_vector(turn), world)
+            hips, root = hips + moved, root + way
+        return self._output(world, hips, root, playing)
+
+    def _advanced(self, playing: Playing, x: Array, label: int) -> Playing:
+        """The next frame of what is played, or another one where a search finds a nearer."""
+        base = self.database
+        if not 0 <= playing.place < STEP * len(base.last):
+            return Playing(STEP * self._nearest(self._query(x, None), label), 0, ())
+        last = STEP * int(base.last[playing.place // STEP])
+        place, since = min(playing.place + 1, last), playing.since_search + 1
+        changes = tuple((a, b, n + 1) for a, b, n in playing.changes if n < 10 * HALF_LIFE * FPS)
+        if since < SEARCH_FRAMES and place < last:
+            return Playing(place, since, changes)
+        row = place // STEP
+        query = self._query(x, row)
+        found = self._nearest(query, label)
+        if place < last and base.style[row] == label:
+            near = base.last[found] == base.last[row] and abs(found - row) < NEAR_ROWS
+            if near or self._cost(row, query) <= self._cost(found, query):
+                return Playing(place, 0, changes)
+        return Playing(STEP * found, 0, (*changes, (place, STEP * found, 0))[-CHANGES:])
+
+    def _query(self, x: Array, row: int | None) -> Array:
+        """Normalised features `(33,)`: the requested path of x, and the pose of a row (of x where nothing is played)."""
+        joints = x[INPUT["joint_positions"]].reshape(J, 3)
+        velocities = x[INPUT["joint_velocities"]].reshape(J, 3)
+        query = (feature_vectors(x, joints, velocities) - self._mean) * self._scale
+        if row is not None:
+            query[POSE] = self._known[row, POSE]
+        return query
+
+    def _nearest(self, query: Array, label: int) -> int:
+        """The row of a style that is nearest to a query: by brute force over one product of matrices."""
+        label = label if len(self._rows[label]) else self._neutral
+        away = self._squares[label] - 2.0 * (self._searched[label] @ query)
+        return int(self._rows[label][int(np.argmin(away))])
+
+    def _cost(self, row: int, query: Array) -> float:
+        return float(np.square(self._known[row] - query).sum())
+
+    def _at(self, place: int) -> tuple[Array, Array, Array]:
+        """Rotations `(31, 4)`, hips `(3,)` and root velocity `(3,)` of a place, between rows where it lies so."""
+        base = self.database
+        row, share = place // STEP, (place % STEP) / STEP
+        following = min(row + 1, int(base.last[row]))
+        a, b = base.world[row].astype(np.float64), base.world[following].astype(np.float64)
+        b = np.where((a * b).sum(-1, keepdims=True) < 0.0, -b, b)
+        world = (1.0 - share) * a + share * b
+        world /= np.linalg.norm(world, axis=-1, keepdims=True)
+        hips = (1.0 - share) * base.hips[row] + share * base.hips[following]
+        root = (1.0 - share) * base.root[row] + share * base.root[following]
+        return world, hips.astype(np.float64), root.astype(np.float64)
+
+    def _left_over(self, left: int, entered: int, seconds: float) -> tuple[Array, Array, Array]:
+        """Of a change: what is left of its turn `(31, 3)` (rotation vectors), of the hips and of the root's velocity."""
+        key = left, entered
+        if key not in self._changes:
+            if len(self._changes) >= CACHED:
+                self._changes.clear()
+            self._changes[key] = self._change(left, entered)
+        turn, spin, moved, speed, way = self._changes[key]
+        return decay(turn, spin, seconds), decay(moved, speed, seconds), decay(way, np.zeros(3), seconds)
+
+    def _change(self, left: int, entered: int) -> tuple[Array, ...]:
+        """From one place to another: turn, its rate, the hips' difference, its rate, the root velocity's difference."""
+        (q0, h0, r0), (q1, h1, r1) = self._at(left), self._at(entered)
+        before, _, _ = earlier = self._at(max(left - 1, 0))
+        after, _, _ = later = self._at(entered + 1)
+
+        def turn(a: Array, b: Array) -> Array:
+            return rotations.to_rotation_vector(rotations.multiply(a, rotations.inverse(b)))
+
+        spin = FPS * (turn(q0, before) - turn(after, q1))
+        speed = FPS * ((h0 - earlier[1]) - (later[1] - h1))
+        return turn(q0, q1), spin, h0 - h1, speed, r0 - r1
+
+    def _output(self, world: Array, hips: Array, root: Array, playing: Playing) -> Array:
+        place = playing.place
+        contacts = self.database.contacts[place // STEP]
+        positions = _positions(hips, world)
+        path, directions = self._forecast(place)
+        parts = OutputParts(
+            trajectory_positions=path,
+            trajectory_directions=directions,
+            joint_positions=positions,
+            joint_velocities=np.zeros((J, 3)),
+            root=root,
+            contacts=contacts.astype(np.float64),
+            phase=playing.packed(),
+            joint_rotations=rotations.to_6d(world),
+        )
+        return build_output(parts)[None]
+
+    def _forecast(self, place: int) -> tuple[Array, Array]:
+        """Path and directions `(6, 2)` of the clip, seen from the next frame; beyond its end they go on."""
+        base = self.database
+        rows = np.minimum(place // STEP + np.arange(FORECAST[-1] // STEP + 1), int(base.last[place // STEP]))
+        velocity = base.root[rows].astype(np.float64)
+        yaw = np.concatenate([[0.0], np.cumsum(velocity[:-1, 2])]) * STEP / FPS
+        steps = features.to_world(velocity[:, :2], yaw) * STEP / FPS
+        way = np.concatenate([np.zeros((1, 2)), np.cumsum(steps[:-1], axis=0)])
+        at = FORECAST // STEP
+        return way[at], np.stack([np.sin(yaw[at]), np.cos(yaw[at])], -1)
+
+
+def _positions(hips: Array, world: Array) -> Array:
+    """Joints `(31, 3)` as the root sees them."""
+    bones = rotations.rotate(world[list(SPORT_SKELETON.parents[1:])], SPORT_SKELETON.offsets[1:])
+    positions = np.zeros((J, 3))
+    positions[0] = hips
+    for joint in range(1, J):
+        positions[joint] = positions[SPORT_SKELETON.parents[joint]] + bones[joint - 1]
+    return positions

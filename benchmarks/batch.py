@@ -25,11 +25,11 @@ PROMPTS = ("a proud walk", "drunk", "an old man", "march like a soldier")
 
 def make_clips(folder: Path, numbers: list[int], seconds: float) -> None:
     """What a process without a manifest does: load once, then clip after clip."""
+    from runtime.formats.prepare import ExportOptions
+    from runtime.formats.table import save_motion
     from runtime.generate import generate_clip
     from runtime.motion.model import load_model
     from runtime.prompts.prompter import Prompter
-    from runtime.takes.export import save_motion
-    from runtime.takes.options import ExportOptions
 
     model = load_model(None)
     prompter = Prompter(model)

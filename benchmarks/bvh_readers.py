@@ -22,8 +22,8 @@ FRAMES_CHECKED = 60
 
 def make(folder: Path) -> None:
     """Generate a clip and write `clip.bvh` (centimetres) with `clip.npz` (joint positions in metres)."""
+    from runtime.formats.bvh_clip import save_bvh
     from runtime.generate import generate_clip
-    from runtime.takes.clip import save_bvh
 
     folder.mkdir(parents=True, exist_ok=True)
     clip = generate_clip("an angry person stomping", "hills", "figure8", "walk", 8.0, 1)

@@ -10,10 +10,9 @@ from pathlib import Path
 
 from runtime.atomic import write_atomic
 from runtime.errors import run_command
+from runtime.formats.prepare import ExportOptions, prepare
 from runtime.generate import generate_clip
 from runtime.takes.clip import Clip
-from runtime.takes.options import ExportOptions
-from runtime.takes.prepare import prepare
 from runtime.terrain.height_map import Terrain
 from viewer.filming.film import FilmOptions, film_frames, make_film
 from viewer.filming.studio import studio

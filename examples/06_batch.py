@@ -24,8 +24,8 @@ ROWS: list[dict[str, Any]] = [
 
 def make(row: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Generate one row and write it; what the manifest says about it."""
+    from runtime.formats.bvh_clip import save_bvh
     from runtime.generate import generate_clip
-    from runtime.takes.clip import save_bvh
 
     arguments = {key: value for key, value in row.items() if key != "name"}
     try:

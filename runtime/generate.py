@@ -22,8 +22,8 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.prompter import Prompter
 from runtime.safe_read import read_bounded
 from runtime.skeleton import PART_NAMES
-from runtime.takes.clip import Clip, PromptEvent
-from runtime.takes.metadata import gait_of, gait_seconds, origin_of
+from runtime.takes.clip import Clip
+from runtime.takes.metadata import PromptEvent, gait_of, gait_seconds, origin_of
 from runtime.terrain.height_map import Terrain
 
 if TYPE_CHECKING:

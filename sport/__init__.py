@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from runtime.character.joint_map import read_joint_map
     from runtime.controls import Controls, Gait
     from runtime.errors import SportError
+    from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
     from runtime.generate import generate_clip
     from runtime.motion.controller import Controller
     from runtime.motion.model import MotionModel, load_model
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from runtime.prompts.blend import BlendedPrompt, mix_of_parts, parse_weights
     from runtime.prompts.prompter import Prompter
     from runtime.skeleton import SPORT_SKELETON
-    from runtime.takes.clip import Clip, load_clip_bvh, save_bvh
+    from runtime.takes.clip import Clip
     from runtime.takes.recorder import ClipRecorder
     from runtime.terrain.height_map import Terrain
     from runtime.terrain.library import load_terrain
@@ -42,13 +43,13 @@ _MODULES = {
     "asset_path": "runtime.assets",
     "generate_clip": "runtime.generate",
     "load_character": "runtime.character.character",
-    "load_clip_bvh": "runtime.takes.clip",
+    "load_clip_bvh": "runtime.formats.bvh_clip",
     "load_model": "runtime.motion.model",
     "load_terrain": "runtime.terrain.library",
     "mix_of_parts": "runtime.prompts.blend",
     "parse_weights": "runtime.prompts.blend",
     "read_joint_map": "runtime.character.joint_map",
-    "save_bvh": "runtime.takes.clip",
+    "save_bvh": "runtime.formats.bvh_clip",
     "skin_vertices": "runtime.character.character",
 }
 __all__ = [

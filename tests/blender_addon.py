@@ -25,7 +25,7 @@ def load_addon() -> ModuleType:
 
 def blender_command(script: Path, *arguments: object) -> list[str]:
     """The command that runs a script in Blender with arguments."""
-    from runtime.takes.fbx import find_blender
+    from runtime.formats.fbx import find_blender
 
     command = find_blender()
     assert command is not None

@@ -15,9 +15,9 @@ from app_driver import Start, message, run
 from viewer_fakes import fake_services
 
 from runtime.errors import FileError
+from runtime.formats.bvh import read_bvh
+from runtime.formats.bvh_clip import load_clip_bvh
 from runtime.motion.controller import TEMPERATURE
-from runtime.takes.bvh import read_bvh
-from runtime.takes.clip import load_clip_bvh
 from viewer import app as app_module
 from viewer.app import App
 from viewer.input.bindings import Action

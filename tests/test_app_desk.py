@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from app_driver import Start, click, click_on, drawn, place, press, run
 
-from runtime.takes.clip import load_clip_bvh
+from runtime.formats.bvh_clip import load_clip_bvh
 from viewer.app import App
 from viewer.desk.guide import STEPS
 from viewer.filming import film

@@ -13,10 +13,10 @@ from glb_playback import play
 from gltf_characters import user_character
 
 from runtime.character.writer import write_character
+from runtime.formats import fbx
+from runtime.formats.table import FORMATS
 from runtime.skeleton import SPORT_SKELETON
-from runtime.takes import fbx
 from viewer.app import App
-from viewer.exports.state import FORMATS
 from viewer.services import Services
 
 FRAMES = 24
@@ -35,7 +35,7 @@ def export(app: App, folder: Path, suffix: str, **form: object) -> Path:
     click_on(app, "##more formats")
     if app.state.desk.exports.form.suffix != suffix:
         click_on(app, "##export format")
-        click_on(app, FORMATS[suffix])
+        click_on(app, FORMATS[suffix].name)
     for name, value in form.items():
         setattr(app.state.desk.exports.form, name, value)
     run(app, 2)

@@ -14,8 +14,8 @@ import pytest
 from app_driver import Start, click_on, drawn, message, run, run_until
 
 from runtime.errors import FileError
-from runtime.takes import clip as clip_module
-from runtime.takes.clip import load_clip_bvh
+from runtime.formats import bvh_clip
+from runtime.formats.bvh_clip import load_clip_bvh
 from viewer.app import App
 from viewer.settings import Settings, load_settings, save_settings
 from viewer.takes import takes as takes_module
@@ -153,7 +153,7 @@ def test_when_no_place_takes_it_the_journal_stays_and_the_code_says_so(
 
     app = start()
     record(app)
-    monkeypatch.setattr(clip_module, "save_bvh", full)
+    monkeypatch.setattr(bvh_clip, "save_bvh", full)
     app.interrupt()
     assert app.end() == 1
     app.close()
@@ -168,8 +168,8 @@ def test_a_defect_in_saving_one_take_costs_no_other(
             raise ZeroDivisionError
         return original(clip, *rest, **more)
 
-    original = clip_module.save_bvh
-    monkeypatch.setattr(clip_module, "save_bvh", save)
+    original = bvh_clip.save_bvh
+    monkeypatch.setattr(bvh_clip, "save_bvh", save)
     monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path))
     app = start()
     app.state.settings.export_folder = str(tmp_path / "clips")

@@ -44,7 +44,7 @@ ARROWS = {
 ROOMS = {
     "runtime": (
         "errors", "safe_read", "assets", "atomic", "file_lock", "rotations", "skeleton", "spring", "pose", "controls",
-        "character", "terrain", "feet", "crossing", "motion", "prompts", "prompts.english", "prompts.gpt", "prompts.prompter", "takes", "projects",
+        "character", "terrain", "feet", "crossing", "motion", "prompts", "prompts.english", "prompts.gpt", "prompts.prompter", "takes", "formats", "projects",
         "generate",
     ),
     "viewer": (

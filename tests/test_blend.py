@@ -26,7 +26,7 @@ from runtime.prompts.blend import (
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.prompter import Prompter
 from runtime.skeleton import PART_NAMES
-from runtime.takes.clip import PromptEvent
+from runtime.takes.metadata import PromptEvent
 from sport import cli
 
 settings.register_profile("blend", max_examples=40, deadline=None, derandomize=True)

@@ -17,14 +17,13 @@ from walker import walk
 
 from runtime.assets import PROJECT_ROOT
 from runtime.character.character import load_character
+from runtime.formats.fbx import find_blender
+from runtime.formats.prepare import ExportOptions, prepare
+from runtime.formats.table import save_motion
 from runtime.pose import Pose
 from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
-from runtime.takes.export import save_motion
-from runtime.takes.fbx import find_blender
 from runtime.takes.metadata import PromptEvent
-from runtime.takes.options import ExportOptions
-from runtime.takes.prepare import prepare
 from runtime.terrain.library import load_terrain
 from viewer.live.address import Address
 from viewer.live.link import LiveLink

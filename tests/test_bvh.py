@@ -5,8 +5,8 @@ import pytest
 
 from runtime import rotations
 from runtime.errors import FileError
+from runtime.formats.bvh import format_bvh, parse_bvh, read_bvh
 from runtime.skeleton import SPORT_SKELETON, J
-from runtime.takes.bvh import format_bvh, parse_bvh, read_bvh
 
 SMALL = """HIERARCHY
 ROOT hip

@@ -11,8 +11,8 @@ from walker import WalkerModel
 import runtime.generate as generate_module
 import runtime.motion.model
 from runtime.assets import PROJECT_ROOT
-from runtime.takes.bvh import read_bvh
-from runtime.takes.clip import load_clip_bvh
+from runtime.formats.bvh import read_bvh
+from runtime.formats.bvh_clip import load_clip_bvh
 from sport import cli
 
 

@@ -11,12 +11,14 @@ from runtime import rotations
 from runtime.atomic import atomic_path, write_atomic
 from runtime.controls import Controls, Gait
 from runtime.errors import FileError, UsageError
+from runtime.formats import sidecar
+from runtime.formats.bvh import read_bvh
+from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
+from runtime.formats.sidecar import sidecar_path
 from runtime.pose import Pose
 from runtime.skeleton import SPORT_SKELETON, J
-from runtime.takes import metadata as take_metadata
-from runtime.takes.bvh import read_bvh
-from runtime.takes.clip import Clip, PromptEvent, load_clip_bvh, save_bvh
-from runtime.takes.metadata import Origin, gait_of, origin_of, sidecar_path
+from runtime.takes.clip import Clip
+from runtime.takes.metadata import Origin, PromptEvent, gait_of, origin_of
 from runtime.takes.recorder import ClipRecorder
 
 
@@ -310,7 +312,7 @@ def test_prompts_beyond_the_limit_are_left_out_and_the_log_says_so(tmp_path, cap
     path = save_bvh(made_clip(), tmp_path / "take.bvh")
     assert len(load_clip_bvh(path).prompts) == 2
     assert caplog.text == ""
-    monkeypatch.setattr(take_metadata, "MAX_EVENTS", 1)
+    monkeypatch.setattr(sidecar, "MAX_EVENTS", 1)
     assert [event.prompt for event in load_clip_bvh(path).prompts] == ["calm"]
     assert "take.bvh.json: only the first 1 of 2 prompts" in caplog.text
 

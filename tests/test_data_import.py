@@ -10,8 +10,8 @@ import pytest
 
 from runtime import rotations
 from runtime.errors import FileError
+from runtime.formats.bvh import format_bvh, parse_bvh
 from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, Skeleton
-from runtime.takes.bvh import format_bvh, parse_bvh
 from training.data import cutting, labels, relief
 from training.data.archives import FREE, credits_of, licence_of
 from training.data.catalog import ClipSource, list_clips

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from documents import ROOT, text_of
 
-from runtime.takes.clip import load_clip_bvh
+from runtime.formats.bvh_clip import load_clip_bvh
 from runtime.terrain.library import load_terrain
 
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))

@@ -10,7 +10,8 @@ from walker import walk
 
 from runtime.assets import PROJECT_ROOT
 from runtime.errors import UsageError
-from runtime.takes.clip import Clip, save_bvh
+from runtime.formats.bvh_clip import save_bvh
+from runtime.takes.clip import Clip
 from training.evaluation.metrics import feet
 
 

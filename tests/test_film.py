@@ -8,7 +8,8 @@ from PIL import Image
 from walker import walk
 
 from runtime.errors import FileError, UsageError
-from runtime.takes.clip import Clip, save_bvh
+from runtime.formats.bvh_clip import save_bvh
+from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
 from viewer.tools import film
 

@@ -12,7 +12,7 @@ from runtime.generate import DEFAULT_PROMPT, generate_clip, parse_prompts, simul
 from runtime.motion.controller import Controller
 from runtime.motion.paths import GAITS, PATH_NAMES, Place, control_script
 from runtime.prompts.parts import PartDescriptions
-from runtime.takes.clip import PromptEvent
+from runtime.takes.metadata import PromptEvent
 from runtime.terrain.height_map import Terrain
 
 

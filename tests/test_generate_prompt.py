@@ -17,8 +17,8 @@ import runtime.motion.model
 import runtime.prompts.gpt.expander
 import runtime.prompts.prompter
 from runtime.errors import UsageError
+from runtime.formats.bvh import read_bvh
 from runtime.prompts.parts import PartDescriptions
-from runtime.takes.bvh import read_bvh
 from sport import cli
 
 

@@ -17,10 +17,11 @@ from runtime.assets import asset_path
 from runtime.character.character import Character, load_character, skin_vertices
 from runtime.character.hand_contact import clear_hands
 from runtime.character.hand_reach import touching
+from runtime.formats.bvh_clip import load_clip_bvh
+from runtime.formats.prepare import ExportOptions
+from runtime.formats.table import save_motion
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
-from runtime.takes.clip import Clip, load_clip_bvh
-from runtime.takes.export import save_motion
-from runtime.takes.options import ExportOptions
+from runtime.takes.clip import Clip
 
 HAND = SPORT_SKELETON.index("LeftHand")
 FORE = SPORT_SKELETON.index("LeftForeArm")

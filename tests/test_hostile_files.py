@@ -22,12 +22,13 @@ from runtime.character.character import load_character
 from runtime.character.joint_map import read_joint_map
 from runtime.character.writer import write_character
 from runtime.errors import FileError, SportError
+from runtime.formats.bvh import MAX_JOINT_FRAMES, parse_bvh, read_bvh
+from runtime.formats.bvh_clip import save_bvh
 from runtime.generate import load_parts, parse_prompts
 from runtime.motion.model_files import read_metadata
 from runtime.prompts.text_encoder import TextEncoder
 from runtime.skeleton import REST_HIPS_HEIGHT
-from runtime.takes.bvh import MAX_JOINT_FRAMES, parse_bvh, read_bvh
-from runtime.takes.clip import Clip, save_bvh
+from runtime.takes.clip import Clip
 from runtime.terrain.files import read_terrain
 
 MOTION = "MOTION\nFrames: {}\nFrame Time: 0.01\n"

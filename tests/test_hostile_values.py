@@ -11,11 +11,12 @@ import pytest
 
 from runtime.controls import Controls, Gait
 from runtime.errors import FileError, PromptError, TerrainError, UsageError
+from runtime.formats.bvh import parse_bvh, read_bvh
+from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.generate import parse_prompts
 from runtime.motion.controller import Controller
 from runtime.motion.model import load_model
-from runtime.takes.bvh import parse_bvh, read_bvh
-from runtime.takes.clip import Clip, load_clip_bvh, save_bvh
+from runtime.takes.clip import Clip
 from runtime.terrain.files import read_terrain
 from runtime.terrain.height_map import Terrain
 from sport import cli

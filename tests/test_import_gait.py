@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from test_data_import import index, march
 
 from runtime import rotations
+from runtime.formats.bvh import format_bvh, parse_bvh
 from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, Skeleton
-from runtime.takes.bvh import format_bvh, parse_bvh
 from training.data import gait
 from training.data.foot_cleaning import clean_feet
 from training.data.heel import FOOT_OFFSET, heel_rise, pitched

@@ -20,7 +20,7 @@ from documents import (
     text_of,
 )
 
-from runtime.takes.clip import load_clip_bvh
+from runtime.formats.bvh_clip import load_clip_bvh
 
 README = ROOT / "README.md"
 MAX_README_LINES = 120

@@ -12,13 +12,13 @@ from walker import walk
 from runtime import rotations
 from runtime.character.joint_map import save_joint_map
 from runtime.errors import FileError
+from runtime.formats.bvh import format_bvh
+from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
+from runtime.formats.prepare import ExportOptions, prepare
+from runtime.formats.reference import load_reference_bvh
 from runtime.skeleton import SPORT_SKELETON, Skeleton
-from runtime.takes.bvh import format_bvh
-from runtime.takes.clip import Clip, load_clip_bvh, save_bvh
+from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
-from runtime.takes.options import ExportOptions
-from runtime.takes.prepare import prepare
-from runtime.takes.reference import load_reference_bvh
 from runtime.terrain.files import write_height_png
 from runtime.terrain.library import load_terrain
 from sport import cli

@@ -19,9 +19,10 @@ from walker import WalkerModel, walk
 import runtime.generate as generate_module
 import runtime.motion.model
 from runtime.assets import PROJECT_ROOT
-from runtime.takes import fbx
-from runtime.takes.clip import Clip, load_clip_bvh, save_bvh
-from runtime.takes.endings import ENDINGS
+from runtime.formats import fbx
+from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
+from runtime.formats.table import FORMATS
+from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
 from runtime.terrain.library import load_terrain
 from sport import cli
@@ -125,15 +126,15 @@ def test_an_ending_that_nothing_writes_is_refused_with_those_that_are(
     assert cli.main(arguments) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
-    for ending in ENDINGS:
-        assert ending.suffix in error
+    for suffix in FORMATS:
+        assert suffix in error
     assert not out.exists()
 
 
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (["x.mp4", "--in-place"], "--in-place: a film"),
+        (["x.mp4", "--in-place"], "--in-place: nothing that a .mp4 file has"),
         (["x.mp4", "--size", "97x64"], "even numbers"),
         (["x.mp4", "--camera", "moon"], "--camera moon"),
         (["x.glb", "--range", "5"], "--range 5"),
@@ -142,7 +143,7 @@ def test_an_ending_that_nothing_writes_is_refused_with_those_that_are(
         (["x.glb", "--character", "gone.glb"], "gone.glb"),
         (["x.glb", "--terrain", "lava"], "lava"),
         (["x.glb", "--in-place", "--with-ground"], "--in-place"),
-        (["x.bvh", "--with-ground"], "only GLB and FBX"),
+        (["x.bvh", "--with-ground"], "--with-ground: nothing that a .bvh file has; .glb, .fbx have it"),
         (["x.glb", "y.glb", "--ground-out", "g.obj"], "--ground-out"),
         (["up.bvh"], "over itself"),
     ],

@@ -15,12 +15,11 @@ from walker import walk
 from runtime.assets import asset_path
 from runtime.character.character import load_character
 from runtime.errors import FileError, UsageError
-from runtime.takes import fbx
+from runtime.formats import fbx
+from runtime.formats.glb import MANNEQUIN
+from runtime.formats.prepare import ExportOptions, prepare
+from runtime.formats.table import save_motion
 from runtime.takes.clip import Clip
-from runtime.takes.export import save_motion
-from runtime.takes.glb import MANNEQUIN
-from runtime.takes.options import ExportOptions
-from runtime.takes.prepare import prepare
 from runtime.terrain.height_map import Terrain
 
 CLIP = Clip("walk", 60.0, *walk(61))

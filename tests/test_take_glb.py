@@ -20,13 +20,12 @@ from runtime import rotations
 from runtime.assets import asset_path
 from runtime.character.character import load_character, skin_vertices
 from runtime.character.read import open_gltf
+from runtime.formats.glb import MANNEQUIN, save_glb
+from runtime.formats.glb_buffer import GlbBuffer
+from runtime.formats.prepare import ExportOptions, prepare
 from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
-from runtime.takes.glb import MANNEQUIN, save_glb
-from runtime.takes.glb_buffer import GlbBuffer
 from runtime.takes.metadata import PromptEvent
-from runtime.takes.options import ExportOptions
-from runtime.takes.prepare import prepare
 from runtime.terrain.library import load_terrain
 
 CHARACTERS = ("mannequin", *RIGS)

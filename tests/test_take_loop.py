@@ -11,11 +11,11 @@ from walker import CYCLE_FRAMES, walk
 from runtime import rotations
 from runtime.errors import UsageError
 from runtime.feet.ik import LEG_FEET, solve_legs
-from runtime.takes.clip import Clip, load_clip_bvh
-from runtime.takes.export import save_motion
+from runtime.formats.bvh_clip import load_clip_bvh
+from runtime.formats.prepare import ExportOptions, prepare
+from runtime.formats.table import save_motion
+from runtime.takes.clip import Clip
 from runtime.takes.loop import seam_error
-from runtime.takes.options import ExportOptions
-from runtime.takes.prepare import prepare
 from runtime.takes.root import Placement
 from runtime.terrain.height_map import Terrain
 

@@ -11,14 +11,15 @@ from walker import walk
 
 from runtime import rotations
 from runtime.errors import UsageError
+from runtime.formats.bvh import read_bvh
+from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
+from runtime.formats.prepare import ExportOptions, on_its_ground, prepare
+from runtime.formats.sidecar import sidecar_path
+from runtime.formats.table import save_motion
 from runtime.motion import features
 from runtime.skeleton import SPORT_SKELETON
-from runtime.takes.bvh import read_bvh
-from runtime.takes.clip import Clip, load_clip_bvh, save_bvh
-from runtime.takes.export import save_motion
-from runtime.takes.metadata import PromptEvent, sidecar_path, title
-from runtime.takes.options import ExportOptions
-from runtime.takes.prepare import on_its_ground, prepare
+from runtime.takes.clip import Clip
+from runtime.takes.metadata import PromptEvent, title
 from runtime.takes.root import Placement, root_track
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import load_terrain

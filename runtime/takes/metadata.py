@@ -1,16 +1,11 @@
-"""What a take was made with: a JSON file beside its BVH, written with it and read with doubt.
-
-`walk.bvh` has `walk.bvh.json`. It names model, seed, ground and styles; folders, addresses and keys are never in it.
-"""
+"""What a take was made with: model, seed, prompts and gaits, and the same from JSON that nobody vouches for."""
 
 from __future__ import annotations
 
-import hashlib
 import json
-import logging
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.controls import Controls, Gait
-from runtime.errors import FileError, SportError
-from runtime.safe_read import is_text, parse_json, printable, read_bounded
-from runtime.takes.bvh import MAX_FILE_BYTES
+from runtime.errors import SportError
+from runtime.safe_read import is_text, printable
 
-MAX_BYTES = 16 * 1024 * 1024
 MAX_EVENTS = 10_000
 MAX_NUMBER = 1e18
-_FORMAT = "sport-take"
-_LOG = logging.getLogger("sport.clip")
 
 
 @dataclass(frozen=True)
@@ -94,91 +85,6 @@ def gait_seconds(gaits: NDArray[np.integer], fps: float) -> dict[str, float]:
     return {gait.name.lower(): int(n) / fps for gait in Gait if (n := np.count_nonzero(gaits == gait))}
 
 
-def sidecar_path(bvh: Path) -> Path:
-    """Where the metadata of a BVH file stand."""
-    return bvh.with_name(bvh.name + ".json")
-
-
-def format_metadata(
-    bvh_text: str,
-    name: str,
-    seconds: float,
-    terrain: str,
-    prompts: tuple[PromptEvent, ...],
-    origin: Origin,
-    gaits: Mapping[str, float],
-    gait_changes: Sequence[tuple[float, str]] = (),
-    placed: tuple[float, ...] | None = UNMOVED,
-) -> str:
-    """The JSON text for a BVH of this text; a ground from a file goes by the file's name alone.
-
-    `gait_changes` and `placed` are those of `Clip`.
-    """
-    value = {
-        "format": _FORMAT,
-        "bvh_sha256": hashlib.sha256(bvh_text.encode("utf-8")).hexdigest(),
-        "name": printable(name),
-        "seconds": round(seconds, 4),
-        "terrain": printable(Path(terrain).name),
-        "gait_seconds": {gait: round(length, 3) for gait, length in gaits.items()},
-        "gaits": [[round(seconds, 4), gait] for seconds, gait in gait_changes],
-        "placed": None if placed is None else [round(value, 6) for value in placed],
-        **asdict(origin),
-        "prompts": [{**asdict(event), "words": _object(event.words)} for event in prompts],
-    }
-    return json.dumps(value, ensure_ascii=False, indent=1) + "\n"
-
-
-@dataclass(frozen=True)
-class TakeMetadata:
-    """What the file beside a BVH tells; fields that are missing or of another type have their defaults."""
-
-    terrain: str = "flat"
-    prompts: tuple[PromptEvent, ...] = ()
-    origin: Origin = UNKNOWN
-    gait_seconds: tuple[tuple[str, float], ...] = ()
-    gait_changes: tuple[tuple[float, str], ...] = ()
-    placed: tuple[float, ...] | None = UNMOVED
-
-
-def read_metadata(bvh: Path) -> TakeMetadata:
-    """The metadata of a BVH file. Without a file of this form that belongs to that very BVH, nothing is known.
-
-    A take from an older program has none, and a motion can be opened whatever stands beside it: damage is a warning
-    in the log.
-    """
-    path = sidecar_path(bvh)
-    if not path.is_file():
-        return TakeMetadata()
-    try:
-        value = parse_json(read_bounded(path, MAX_BYTES))
-        if not isinstance(value, dict) or value.get("format") != _FORMAT:
-            raise ValueError("not the metadata of a take")
-        if value.get("bvh_sha256") != hashlib.sha256(read_bounded(bvh, MAX_FILE_BYTES)).hexdigest():
-            raise ValueError(f"made for another file than {bvh.name} as it is now")
-    except (ValueError, FileError) as error:
-        _LOG.warning("%s: not used (%s).", path, error)
-        return TakeMetadata()
-    gaits = value.get("gait_seconds")
-    events = value.get("prompts")
-    if isinstance(events, list) and len(events) > MAX_EVENTS:
-        _LOG.warning("%s: only the first %d of %d prompts are used.", path, MAX_EVENTS, len(events))
-    return TakeMetadata(
-        terrain=_text(value, "terrain", "flat"),
-        prompts=tuple(event_from(e) for e in events[:MAX_EVENTS] if isinstance(e, dict))
-        if isinstance(events, list)
-        else (),
-        origin=origin_from(value),
-        gait_seconds=tuple(
-            (gait.name.lower(), _number(gaits, gait.name.lower(), 0.0))
-            for gait in Gait
-            if isinstance(gaits, dict) and gait.name.lower() in gaits
-        ),
-        gait_changes=_gait_changes(value.get("gaits")),
-        placed=_placed(value),
-    )
-
-
 def gait_changes(gaits: NDArray[np.integer] | None, fps: float) -> tuple[tuple[float, str], ...]:
     """When each gait began to be asked for, and its name, from gait numbers `(T,)`; unknown ones are left out."""
     if gaits is None or len(gaits) == 0:
@@ -196,30 +102,6 @@ def gait_numbers(changes: Sequence[tuple[float, str]], frames: int, fps: float) 
     for seconds, name in changes:
         numbers[max(round(seconds * fps), 0) :] = Gait[name.upper()]
     return numbers
-
-
-def _gait_changes(value: Any) -> tuple[tuple[float, str], ...]:
-    names = {gait.name.lower() for gait in Gait}
-    pairs = (
-        [pair for pair in value if isinstance(pair, list) and len(pair) == 2]
-        if isinstance(value, list)
-        else []
-    )
-    return tuple(
-        (float(seconds), name)
-        for seconds, name in pairs[:MAX_EVENTS]
-        if isinstance(seconds, int | float) and abs(seconds) < 1e9 and isinstance(name, str) and name in names
-    )
-
-
-def _placed(value: Mapping[str, Any]) -> tuple[float, ...] | None:
-    found = value.get("placed", list(UNMOVED))
-    if found is None:
-        return None
-    numbers = isinstance(found, list) and all(
-        isinstance(v, int | float) and not isinstance(v, bool) and abs(v) < 1e9 for v in found
-    )
-    return tuple(float(v) for v in found) if numbers and len(found) == len(UNMOVED) else UNMOVED
 
 
 def title(event: PromptEvent) -> str:
@@ -253,18 +135,14 @@ def describe(
     return printable("\n".join(shown))
 
 
-def _object(words: str) -> Any:
-    return json.loads(words) if words else None
-
-
 def event_from(value: dict[str, Any]) -> PromptEvent:
     """An event of JSON that nobody vouches for; fields of another type have their defaults."""
     return PromptEvent(
-        _number(value, "seconds", 0.0),
-        _text(value, "prompt", ""),
-        max(_number(value, "transition_seconds", 0.0), 0.0),
+        number_field(value, "seconds", 0.0),
+        text_field(value, "prompt", ""),
+        max(number_field(value, "transition_seconds", 0.0), 0.0),
         _words(value.get("words")),
-        _text(value, "typed", ""),
+        text_field(value, "typed", ""),
     )
 
 
@@ -282,21 +160,23 @@ def origin_from(value: dict[str, Any]) -> Origin:
     found: dict[str, Any] = {}
     for field in fields(Origin):
         if isinstance(field.default, str):
-            found[field.name] = _text(value, field.name, "")
+            found[field.name] = text_field(value, field.name, "")
         elif isinstance(value.get(field.name), int | float):
-            number = _number(value, field.name, math.nan)
+            number = number_field(value, field.name, math.nan)
             whole = "seed" in field.name
             if math.isfinite(number):
                 found[field.name] = int(value[field.name]) if whole else number
     return Origin(**found)
 
 
-def _text(value: Mapping[str, Any], field: str, default: str) -> str:
+def text_field(value: Mapping[str, Any], field: str, default: str) -> str:
+    """A field that is text, else the default."""
     found = value.get(field, default)
     return found if is_text(found) else default
 
 
-def _number(value: Mapping[str, Any], field: str, default: float) -> float:
+def number_field(value: Mapping[str, Any], field: str, default: float) -> float:
+    """A field that is a finite number within `MAX_NUMBER`, else the default."""
     found = value.get(field, default)
     try:
         number = float(found) if isinstance(found, int | float) and not isinstance(found, bool) else default

@@ -26,9 +26,9 @@ def add(commands: Subparsers) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write every file and say what was written; a motion of another skeleton goes onto ours first."""
-    from runtime.takes.clip import OtherSkeleton, load_clip_bvh
-    from runtime.takes.ground_of import ground_of
-    from runtime.takes.reference import load_reference_bvh
+    from runtime.formats.bvh_clip import OtherSkeleton, load_clip_bvh
+    from runtime.formats.ground import ground_of
+    from runtime.formats.reference import load_reference_bvh
     from sport.commands.export import check_outputs, export_options, note, write_take
 
     export = export_options(options)

@@ -1,4 +1,4 @@
-"""What `sport generate` and `sport convert` do to write a take."""
+"""What `sport generate` and `sport convert` do to write a take: files, and films with their progress."""
 
 from __future__ import annotations
 
@@ -7,17 +7,20 @@ import os
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from runtime.atomic import check_target
 from runtime.errors import UsageError
+from runtime.formats.prepare import ExportOptions, on_its_ground, prepare
+from runtime.formats.table import check_export, format_of, save_ground_beside, save_motion
 from runtime.safe_read import printable
 from runtime.takes.clip import Clip
-from runtime.takes.endings import ending_of
-from runtime.takes.export import check_export, save_motion
-from runtime.takes.options import ExportOptions
 from runtime.terrain.height_map import Terrain
-from sport.commands.export_arguments import MOTION_FPS
-from sport.commands.film import film_options, write_film
+from sport.commands.arguments import size
+from sport.commands.export_arguments import FILM_FPS, MOTION_FPS
+
+if TYPE_CHECKING:
+    from viewer.filming.film import FilmOptions, Progress
 
 
 def export_options(arguments: argparse.Namespace) -> ExportOptions:
@@ -58,24 +61,14 @@ def check_outputs(paths: list[Path], options: ExportOptions, arguments: argparse
     """Everything about the files that can be known before the work; missing folders are made, and said so."""
     ground = arguments.ground_out
     for path in paths:
-        ending = ending_of(path)
         check_export(path, options, ground)
-        if ending.kind == "film":
-            _check_film(options)
+        if format_of(path).film:
             film_options(arguments)
     for path in (*paths, *([ground] if ground is not None else [])):
         new = not os.path.exists(path.parent)  # not Path's: that raises where a name is too long
         check_target(path)
         if new:
             note(f"{path.parent}: this folder is new.")
-
-
-def _check_film(options: ExportOptions) -> None:
-    for name in ("in_place", "ground_root", "at_origin", "rest_frame"):
-        if getattr(options, name):
-            raise UsageError(
-                ": a film has no such thing.", "Leave it out, or write .bvh, .glb or .fbx.", name
-            )
 
 
 def write_take(
@@ -86,16 +79,59 @@ def write_take(
     terrain: Terrain,
 ) -> None:
     """Write a take into one file, and its ground beside it where that is asked; says what was written."""
-    if ending_of(path).kind == "film":
-        print(printable(write_film(clip, terrain, path, replace(options, fps=clip.fps), arguments)))
-        if arguments.ground_out is None:
-            return
-        from runtime.takes.export import save_ground_of
-
-        print(printable(save_ground_of(clip, arguments.ground_out, options, terrain).text))
+    if not format_of(path).film:
+        for written in save_motion(clip, path, options, terrain, arguments.ground_out):
+            print(printable(written.text))
         return
-    for written in save_motion(clip, path, options, terrain, arguments.ground_out):
-        print(printable(written.text))
+    from viewer.filming.film import count_frames, film_of_take
+
+    film = film_options(arguments)
+    take = prepare(on_its_ground(clip), replace(options, fps=clip.fps), terrain)
+    total = count_frames(take.clip, film.fps)
+    note(f"{path}: a film of {total / film.fps:.1f} s, {total} frames")
+    print(printable(film_of_take(take, terrain, path, options, film, _progress(path))))
+    if arguments.ground_out is not None:
+        print(
+            printable(save_ground_beside(prepare(clip, options, terrain), arguments.ground_out, terrain).text)
+        )
+
+
+def film_options(arguments: argparse.Namespace) -> FilmOptions:
+    """How a film looks, from parsed arguments; UsageError names the one that cannot be used."""
+    from viewer.filming.film import FilmOptions
+
+    width, height = size(arguments.size)
+    options = FilmOptions(
+        width=width or FilmOptions.width,
+        height=height or FilmOptions.height,
+        fps=FILM_FPS if arguments.fps is None else arguments.fps,
+        camera=arguments.camera,
+        distance=arguments.distance,
+        captions=not arguments.no_captions,
+        quality=arguments.quality,
+    )
+    options.check()
+    return options
+
+
+def _progress(path: Path) -> Progress:
+    """Progress in one line on a terminal, in ten lines in a log."""
+    terminal = sys.stderr.isatty()
+
+    def show(done: int, total: int) -> None:
+        tenth = done * 10 // total != (done - 1) * 10 // total
+        if terminal:
+            end = "\n" if done == total else ""
+            print(
+                f"\rsport: {printable(path.name)}: {done} of {total} frames",
+                end=end,
+                file=sys.stderr,
+                flush=True,
+            )
+        elif tenth:
+            print(f"sport: {printable(path.name)}: {done} of {total} frames", file=sys.stderr)
+
+    return show
 
 
 def numbered(path: Path, number: int) -> Path:

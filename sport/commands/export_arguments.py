@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from runtime.takes.endings import ENDINGS
+from runtime.formats.table import FORMATS
 
 MOTION_FPS, FILM_FPS = 60.0, 30.0
-OUT_HELP = "file to write; its ending says what: " + ", ".join(e.suffix for e in ENDINGS)
+OUT_HELP = "file to write; its ending says what: " + ", ".join(FORMATS)
 
 
 def add_export_arguments(parser: argparse.ArgumentParser) -> None:

@@ -131,8 +131,8 @@ def row_parser() -> RowParser:
 
 def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None:
     """Write the clip or its variants; `tools` gives a loaded model and its prompter for these options. SportError."""
+    from runtime.formats.bvh_clip import check_bvh_length
     from runtime.generate import generate_clip
-    from runtime.takes.clip import check_bvh_length
     from runtime.terrain.library import load_terrain
     from sport.commands.export import check_outputs, export_options, note, write_take
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from runtime.takes.clip import load_clip_bvh
+from runtime.formats.bvh_clip import load_clip_bvh
 from runtime.takes.journal import find_journals
 
 RECORDER = Path(__file__).with_name("recorder.py")

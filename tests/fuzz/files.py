@@ -15,13 +15,15 @@ from runtime.character.character import load_character
 from runtime.character.joint_map import read_joint_map
 from runtime.character.writer import write_character
 from runtime.errors import SportError
+from runtime.formats.bvh import MAX_VALUE, format_bvh, read_bvh
+from runtime.formats.bvh_clip import OtherSkeleton, load_clip_bvh, save_bvh
+from runtime.formats.reference import load_reference_bvh
+from runtime.formats.sidecar import format_metadata, read_metadata
 from runtime.pose import Pose
 from runtime.prompts.blend import read_words
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
-from runtime.takes.bvh import MAX_VALUE, format_bvh, read_bvh
-from runtime.takes.clip import MAX_DISTANCE_M, Clip, OtherSkeleton, PromptEvent, load_clip_bvh, save_bvh
-from runtime.takes.metadata import Origin, format_metadata, read_metadata, title
-from runtime.takes.reference import load_reference_bvh
+from runtime.takes.clip import MAX_DISTANCE_M, Clip
+from runtime.takes.metadata import Origin, PromptEvent, title
 from runtime.terrain.files import MAX_HEIGHT_M, read_terrain, write_height_png
 
 from .mutate import damaged_bytes, damaged_glb, damaged_json, damaged_png, damaged_text
@@ -92,9 +94,7 @@ def _read_metadata(folder: Path, data: bytes) -> None:
     found = read_metadata(folder / "input.bvh")
     take = load_clip_bvh(folder / "input.bvh")
     take.describe().encode()
-    format_metadata(
-        "", take.name, 1.0, found.terrain, found.prompts, found.origin, dict(found.gait_seconds)
-    ).encode()
+    format_metadata(take, "").encode()
     for event in found.prompts:
         assert np.isfinite([event.seconds, event.transition_seconds]).all()
         title(event).encode()

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from runtime.controls import Gait
 from runtime.errors import FileError, SportError
+from runtime.formats.bvh import read_bvh
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON
-from runtime.takes.bvh import read_bvh
 from training.data import cutting, height_patches, labels, relief
 from training.data.catalog import ClipSource, Refusal
 from training.data.clip_files import TrainingClip

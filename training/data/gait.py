@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.takes.bvh import BvhMotion, read_bvh
+from runtime.formats.bvh import BvhMotion, read_bvh
 
 Array = NDArray[np.floating]
 

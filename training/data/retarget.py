@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.feet.ik import solve_legs
+from runtime.formats.bvh import BvhMotion
 from runtime.motion.features import FPS
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
-from runtime.takes.bvh import BvhMotion
 from training.data.heel import FOOT_OFFSET, heel_rise, pitched
 from training.data.source_skeletons import SourceJoint, SourceSkeleton
 

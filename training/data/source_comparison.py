@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from runtime.errors import FileError
-from runtime.takes.clip import Clip, save_bvh
+from runtime.formats.bvh_clip import save_bvh
+from runtime.takes.clip import Clip
 from training.data import gait
 from training.data.catalog import list_clips
 from training.data.clip_import import FIRST_FRAMES

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.errors import FileError
+from runtime.formats.bvh import BvhMotion
 from runtime.skeleton import SPORT_SKELETON
-from runtime.takes.bvh import BvhMotion
 from training.data.reference_pose import standing_rotations
 
 Array = NDArray[np.floating]

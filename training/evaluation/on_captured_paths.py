@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from runtime.controls import Gait
 from runtime.errors import FileError
+from runtime.formats.bvh_clip import save_bvh
 from runtime.motion.features import FPS
 from runtime.motion.motion_encoder import MotionEncoder
-from runtime.takes.clip import Clip, save_bvh
+from runtime.takes.clip import Clip
 from training.evaluation.experiment import Experiment, Setting
 from training.evaluation.metrics.classifiers import area_under_curve, halves_told_apart
 from training.evaluation.metrics.feature_groups import GROUPS, group_features

@@ -20,6 +20,7 @@ from runtime.assets import PROJECT_ROOT
 from runtime.controls import Controls
 from runtime.errors import UsageError
 from runtime.feet.skating import skating
+from runtime.formats.bvh_clip import save_bvh
 from runtime.generate import clip_of, simulate
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
@@ -30,7 +31,6 @@ from runtime.motion.style_mix import StyleMix
 from runtime.prompts.blend import ALL_A, BlendedPrompt
 from runtime.prompts.prompter import Prompter
 from runtime.skeleton import SPORT_SKELETON
-from runtime.takes.clip import save_bvh
 from runtime.terrain.library import load_terrain
 from training.data import gait
 from training.evaluation.experiment import Arguments, Experiment, Setting

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runtime.errors import SportError, UsageError
+from runtime.formats.prepare import ExportOptions
+from runtime.formats.table import FORMATS
 from runtime.safe_read import printable
-from runtime.takes.options import ExportOptions
 from runtime.terrain.height_map import Terrain
-from viewer.exports.state import FORMATS, SIZES, ExportForm, ExportState
+from viewer.exports.state import SIZES, ExportForm, ExportState
 from viewer.gui.dialogs import Dialogs, Kind
 from viewer.jobs import Jobs
 from viewer.messages import Messages
@@ -96,7 +97,7 @@ class Exporting:
 
         suffix = self.state.form.suffix
         start = Path(self.state.path).expanduser()
-        self.dialogs.ask(Kind.SAVE, "Export the take", start, chosen, (FORMATS[suffix], f"*{suffix}"))
+        self.dialogs.ask(Kind.SAVE, "Export the take", start, chosen, (FORMATS[suffix].name, f"*{suffix}"))
 
     # --- writing
 
@@ -141,37 +142,34 @@ class Exporting:
 
     def _work(self, item: ClipItem, path: Path, form: ExportForm) -> Callable[[], str]:
         """What the worker does, with everything it needs; UsageError for options that do not go together."""
-        from runtime.takes.export import check_export
+        from runtime.formats.table import check_export, save_motion
 
         clip, options = item.named_clip, self._options(form)
         beside = path.with_name(f"{path.stem}-ground{form.ground}") if form.ground.startswith(".") else None
-        if not form.film:
-            check_export(path, options, beside)
+        if form.format.film:
+            film, film_ground = self._film_options(form), self._ground_of(item)
+            return lambda: self._film(clip, film_ground(), path, options, film)
+        check_export(path, options, beside)
         ground = self._ground_of(item)
-        if form.film:
-            film = self._film_options(form)
-            return lambda: self._film(clip, ground(), path, options, film)
-        return lambda: self._motion(clip, path, options, ground(), beside)
+        return lambda: " ".join(w.text for w in save_motion(clip, path, options, ground(), beside))
 
     def _options(self, form: ExportForm) -> ExportOptions:
+        """The options of the form that its format has."""
         playback, start, end = self.takes.state.playback, 0.0, None
         current = self.takes.state.current
         marked = playback is not None and current is not None and playback.clip is current.clip
         if form.trimmed and marked and playback is not None and playback.trimmed:
             start, end = playback.start_s, playback.end_s
-        motion = not form.film
+        chosen: dict[str, Any] = {
+            "fps": float(form.fps),
+            "with_ground": form.ground == "inside",
+            "character": self.stage.character_path if form.own_character else None,
+        }
+        names = ("unit", "in_place", "ground_root", "at_origin", "rest_frame", "loop")
+        chosen |= {name: getattr(form, name) for name in names}
+        has = form.format.options
         options = ExportOptions(
-            fps=float(form.fps),
-            unit=form.unit,
-            in_place=form.in_place and motion,
-            ground_root=form.ground_root and motion,
-            at_origin=form.at_origin and motion,
-            rest_frame=form.rest_frame and motion,
-            loop=form.loop and form.suffix != ".obj",
-            start_s=start,
-            end_s=end,
-            with_ground=form.ground == "inside" and form.suffix in (".glb", ".fbx"),
-            character=self.stage.character_path if form.own_character else None,
+            start_s=start, end_s=end, **{name: value for name, value in chosen.items() if name in has}
         )
         options.check()
         return options
@@ -197,34 +195,18 @@ class Exporting:
         settings, load, spec = self.stage.settings, self.stage.services.load_terrain, item.clip.terrain
         return lambda: load(spec, settings.height_map_cell_m, settings.height_map_height_m)
 
-    def _motion(
-        self, clip: Clip, path: Path, options: ExportOptions, terrain: Terrain, beside: Path | None
-    ) -> str:
-        from runtime.takes.export import save_motion
-
-        return " ".join(w.text for w in save_motion(clip, path, options, terrain, beside))
-
     def _film(self, clip: Clip, terrain: Terrain, path: Path, export: ExportOptions, film: Any) -> str:
         """Make a film on the worker; "" when it was given up."""
         from dataclasses import replace
 
-        from runtime.character.character import load_character
-        from runtime.takes.prepare import on_its_ground, prepare
-        from viewer.filming.film import make_film
-
-        take = prepare(on_its_ground(clip), replace(export, fps=clip.fps), terrain)
-        character = None if export.character is None else load_character(export.character)
+        from runtime.formats.prepare import on_its_ground, prepare
+        from viewer.filming.film import film_of_take
 
         def progress(done: int, total: int) -> None:
             self.state.progress = (done, total)
 
-        done = make_film(
-            take.clip, terrain, path, film, character=character, progress=progress, cancel=self._cancel
-        )
-        if done.cancelled:
-            return ""
-        text = f"{path}: {done.frames} frames at {film.fps:g} fps, {done.seconds:.1f} s"
-        return text if take.loop is None else f"{text}; {take.loop.describe()}"
+        take = prepare(on_its_ground(clip), replace(export, fps=clip.fps), terrain)
+        return film_of_take(take, terrain, path, export, film, progress, self._cancel)
 
     # --- what becomes of it
 
@@ -233,7 +215,7 @@ class Exporting:
             self.state.report, self.state.report_good = "Cancelled: nothing was written.", True
             self.messages.note(f"The export of {item.name} was cancelled.")
             return
-        if self.state.form.suffix in (".bvh", ".glb", ".fbx"):
+        if self.state.form.format.keeps_motion:
             item.saved = path
             item.drop_journal()
         self.takes.settings.export_folder = str(path.parent)

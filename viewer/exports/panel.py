@@ -5,8 +5,9 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
+from runtime.formats.table import FORMATS
 from viewer.exports.exporting import Exporting
-from viewer.exports.state import FORMATS, GROUNDS, SIZES, ExportForm
+from viewer.exports.state import GROUNDS, SIZES, ExportForm
 from viewer.filming.shots import CAMERAS
 from viewer.gl_bindings import imgui
 from viewer.gui import overlay, theme, widgets
@@ -33,10 +34,7 @@ def draw(exporting: Exporting, fonts: Fonts) -> None:
         imgui.begin_disabled(exporting.busy)
         _target(exporting)
         form = state.form
-        if form.film:
-            _film(form)
-        elif form.suffix != ".obj":
-            _motion(form)
+        _film(form) if form.format.film else _motion(form)
         _common(exporting, form, trimmed)
         imgui.end_disabled()
         _end(exporting)
@@ -51,7 +49,9 @@ def _set(form: ExportForm, name: str, value: Any) -> None:
 def _target(exporting: Exporting) -> None:
     state = exporting.state
     overlay.row("Format")
-    chosen = str(overlay.combo("##export format", list(FORMATS.items()), state.form.suffix))
+    chosen = str(
+        overlay.combo("##export format", [(f.suffix, f.name) for f in FORMATS.values()], state.form.suffix)
+    )
     if chosen != state.form.suffix:
         exporting.choose_format(chosen)
     overlay.row("File")
@@ -64,26 +64,36 @@ def _target(exporting: Exporting) -> None:
         exporting.browse()
 
 
+TOGGLES = (
+    ("In place", "in_place", "The way over the ground is taken out; the heading stays"),
+    ("Root on the ground", "ground_root", "A root joint on the ground, above the hips"),
+    ("At the origin", "at_origin", "Begin at the origin on height 0, facing +Z"),
+    ("Rest pose first", "rest_frame", "Frame 0 is the rest pose"),
+)
+
+
 def _motion(form: ExportForm) -> None:
-    overlay.row("Frames a second")
-    form.fps = int(str(overlay.combo("##export rate", MOTION_RATES, form.fps)))
-    if form.suffix == ".bvh":
+    """The options that the format has."""
+    has = form.format.options
+    if "fps" in has:
+        overlay.row("Frames a second")
+        form.fps = int(str(overlay.combo("##export rate", MOTION_RATES, form.fps)))
+    if "unit" in has:
         overlay.row("Unit")
         units = (("cm", "Centimetres"), ("m", "Metres"))
         form.unit = str(overlay.combo("##export unit", units, form.unit))
-    overlay.row("Ground", "As a second node of the file, or as a file beside it, in the same coordinates")
-    inside = form.suffix in (".glb", ".fbx")
-    grounds = [(key, text) for key, text in GROUNDS.items() if inside or key != "inside"]
-    form.ground = form.ground if inside or form.ground != "inside" else ""
-    form.ground = str(overlay.combo("##export ground", grounds, form.ground))
-    entries = (
-        ("In place", "in_place", "The way over the ground is taken out; the heading stays"),
-        ("Root on the ground", "ground_root", "A root joint on the ground, above the hips"),
-        ("At the origin", "at_origin", "Begin at the origin on height 0, facing +Z"),
-        ("Rest pose first", "rest_frame", "Frame 0 is the rest pose"),
-    )
+    if form.format.keeps_motion:
+        overlay.row("Ground", "As a second node of the file, or as a file beside it, in the same coordinates")
+        inside = "with_ground" in has
+        grounds = [(key, text) for key, text in GROUNDS.items() if inside or key != "inside"]
+        form.ground = form.ground if inside or form.ground != "inside" else ""
+        form.ground = str(overlay.combo("##export ground", grounds, form.ground))
     overlay.toggles(
-        [(text, getattr(form, name), hint, partial(_set, form, name)) for text, name, hint in entries]
+        [
+            (text, getattr(form, name), hint, partial(_set, form, name))
+            for text, name, hint in TOGGLES
+            if name in has
+        ]
     )
 
 
@@ -115,14 +125,14 @@ def _film(form: ExportForm) -> None:
 
 def _common(exporting: Exporting, form: ExportForm, trimmed: bool) -> None:
     entries = []
-    if form.suffix != ".obj":
+    if "loop" in form.format.options:
         hint = "Only the best cycle of a steady walk; its seam is reported"
         entries.append(("Loop", form.loop, hint, partial(_set, form, "loop")))
     if trimmed:
         hint = "Only what lies between the trim marks of the timeline"
         entries.append(("Trimmed range", form.trimmed, hint, partial(_set, form, "trimmed")))
     own = exporting.stage.character_path
-    if own is not None and form.suffix not in (".bvh", ".obj"):
+    if own is not None and "character" in form.format.options:
         hint = f"{own.name} in the place of the mannequin"
         entries.append(("My character", form.own_character, hint, partial(_set, form, "own_character")))
     if entries:
@@ -138,7 +148,7 @@ def _end(exporting: Exporting) -> None:
         share, text = (done / total, f"{done} of {total} frames") if total else (0.0, "Exporting…")
         imgui.progress_bar(share, imgui.ImVec2(-px(90), 0), text)
         imgui.same_line(0, px(4))
-        imgui.begin_disabled(not state.form.film)
+        imgui.begin_disabled(not state.form.format.film)
         if widgets.button("Cancel##cancel export", -1, "Give it up; nothing of it stays"):
             exporting.cancel()
         imgui.end_disabled()

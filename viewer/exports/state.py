@@ -4,17 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-FORMATS = {
-    ".bvh": "BVH: motion",
-    ".glb": "GLB: character with motion",
-    ".fbx": "FBX: through Blender",
-    ".mp4": "MP4: film",
-    ".png": "PNG: numbered frames",
-    ".webp": "WebP: animation",
-    ".gif": "GIF: animation",
-    ".obj": "OBJ: the ground alone",
-}
-FILMS = (".mp4", ".png", ".webp", ".gif")
+from runtime.formats.table import FORMATS, Format
+
 SIZES = {"640x360": (640, 360), "1280x720": (1280, 720), "1920x1080": (1920, 1080), "1080x1080": (1080, 1080)}
 GROUNDS = {"": "No ground", "inside": "Ground inside", ".obj": "OBJ beside", ".glb": "GLB beside"}
 
@@ -42,9 +33,9 @@ class ExportForm:
     quality: str = "high"
 
     @property
-    def film(self) -> bool:
-        """Whether a film is made."""
-        return self.suffix in FILMS
+    def format(self) -> Format:
+        """What is written."""
+        return FORMATS[self.suffix]
 
 
 @dataclass

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import UsageError
+from runtime.formats.prepare import ExportOptions, PreparedTake
 from runtime.pose import Pose
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
@@ -146,6 +147,28 @@ def make_film(
     except _Cancelled:
         return FilmResult(path, 0, 0.0, cancelled=True)
     return FilmResult(path, total, total / options.fps)
+
+
+def film_of_take(
+    take: PreparedTake,
+    terrain: Terrain,
+    path: Path,
+    export: ExportOptions,
+    film: FilmOptions,
+    progress: Progress = lambda done, total: None,
+    cancel: threading.Event | None = None,
+) -> str:
+    """Write a film of a prepared take, on its ground, with the character of its options; a sentence about it, "" when cancelled."""
+    from runtime.character.character import load_character
+    from runtime.character.joint_map import read_joint_map
+
+    joint_map = None if export.joint_map is None else read_joint_map(export.joint_map)
+    character = None if export.character is None else load_character(export.character, joint_map)
+    done = make_film(take.clip, terrain, path, film, character=character, progress=progress, cancel=cancel)
+    if done.cancelled:
+        return ""
+    text = f"{path}: {done.frames} frames at {film.fps:g} fps, {done.seconds:.1f} s"
+    return text if take.loop is None else f"{text}; {take.loop.describe()}"
 
 
 def _studio(options: FilmOptions, terrain: Terrain, character: Any) -> AbstractContextManager[Draw]:

@@ -30,10 +30,10 @@ class Opened:
 
 def read_clip(path: Path) -> Opened:
     """A BVH of ours with its ground, or one of another skeleton as reference on flat ground; FileError."""
-    from runtime.takes.clip import OtherSkeleton, load_clip_bvh
-    from runtime.takes.ground_of import ground_spec, names_ground
-    from runtime.takes.prepare import on_its_ground
-    from runtime.takes.reference import load_reference_bvh
+    from runtime.formats.bvh_clip import OtherSkeleton, load_clip_bvh
+    from runtime.formats.ground import ground_spec, names_ground
+    from runtime.formats.prepare import on_its_ground
+    from runtime.formats.reference import load_reference_bvh
 
     try:
         clip = load_clip_bvh(path)

@@ -300,7 +300,7 @@ class Takes:
         except SportError as error:
             self.messages.error(error)
             return
-        from runtime.takes.clip import save_bvh
+        from runtime.formats.bvh_clip import save_bvh
 
         write = partial(
             save_bvh, self._trimmed(item), path, settings.export_fps, settings.export_unit, new=new
@@ -326,7 +326,7 @@ class Takes:
         fps, unit = self.settings.export_fps, self.settings.export_unit
 
         def work() -> list[Path]:
-            from runtime.takes.clip import save_bvh
+            from runtime.formats.bvh_clip import save_bvh
 
             return [
                 save_bvh(item.named_clip, folder / f"{file_stem(item.name)}.bvh", fps, unit, new=True)
@@ -362,7 +362,7 @@ class Takes:
         return rescue.written
 
     def _save(self, item: ClipItem, folder: Path) -> Path:
-        from runtime.takes.clip import save_bvh
+        from runtime.formats.bvh_clip import save_bvh
 
         path = folder / f"{file_stem(item.name)}.bvh"
         fps, unit = self.settings.export_fps, self.settings.export_unit

@@ -65,9 +65,9 @@ def label_rows(sheet: NDArray[np.uint8], labels: Sequence[str]) -> NDArray[np.ui
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Draw a sheet of BVH files."""
-    from runtime.takes.clip import load_clip_bvh
-    from runtime.takes.ground_of import ground_of
-    from runtime.takes.prepare import on_its_ground
+    from runtime.formats.bvh_clip import load_clip_bvh
+    from runtime.formats.ground import ground_of
+    from runtime.formats.prepare import on_its_ground
     from viewer.render.capture import save_png
 
     parser = argparse.ArgumentParser(prog="python -m viewer.tools.contact_sheet", description=__doc__)

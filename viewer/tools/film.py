@@ -140,9 +140,9 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
 
 def _captioned(path: Path, label: str, args: argparse.Namespace) -> list[Image]:
     """The frames of one clip with its prompts, or its label, written under them."""
-    from runtime.takes.clip import load_clip_bvh
-    from runtime.takes.ground_of import ground_of
-    from runtime.takes.prepare import on_its_ground
+    from runtime.formats.bvh_clip import load_clip_bvh
+    from runtime.formats.ground import ground_of
+    from runtime.formats.prepare import on_its_ground
 
     clip = load_clip_bvh(path)
     ground, clip = ground_of(clip, path, args.terrain), on_its_ground(clip)

@@ -108,7 +108,7 @@ def main(argv: list[str] | None = None) -> int:
     import argparse
     from pathlib import Path
 
-    from runtime.takes.clip import load_clip_bvh
+    from runtime.formats.bvh_clip import load_clip_bvh
     from runtime.terrain.library import load_terrain
 
     parser = argparse.ArgumentParser(prog="training.evaluation.metrics.feet", description=main.__doc__)

@@ -1,4 +1,4 @@
-"""The ground of a take as triangles, in the take's coordinates: a node of its GLB, or an OBJ or GLB beside it."""
+"""The ground of a take: the one it was made on, and its triangles as a node of a GLB, or as an OBJ or GLB beside it."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.atomic import write_atomic
-from runtime.errors import UsageError
-from runtime.takes.clip import UNITS_PER_METRE
-from runtime.takes.glb_buffer import ARRAY_BUFFER, ELEMENT_BUFFER, GlbBuffer
-from runtime.takes.prepare import PreparedTake
+from runtime.errors import FileError, UsageError
+from runtime.formats.glb_buffer import ARRAY_BUFFER, ELEMENT_BUFFER, GlbBuffer
+from runtime.formats.prepare import UNITS_PER_METRE, PreparedTake
+from runtime.takes.clip import Clip
+from runtime.takes.metadata import UNKNOWN
 from runtime.terrain.height_map import Terrain
+from runtime.terrain.library import TERRAIN_NAMES, load_terrain
 
 Array = NDArray[np.floating]
 
@@ -21,6 +23,38 @@ MAX_VERTICES = 500_000  # of a larger ground only the part about the take is wri
 MARGIN_M = 10.0  # around the take, in that case
 LEVEL_M = 1e-5  # a ground whose heights differ by less is one quad
 COLOR = (0.42, 0.44, 0.40)  # linear RGB
+
+
+def names_ground(clip: Clip) -> bool:
+    """Whether a clip from a file says where it was made; one without metadata does not."""
+    return clip.terrain != "flat" or bool(clip.prompts) or clip.origin != UNKNOWN
+
+
+def ground_spec(clip: Clip, clip_path: Path | None = None, asked: str | None = None) -> str:
+    """Name or file of the ground under `clip`: `asked`, or the one of its metadata.
+
+    Metadata keep only the name of a ground from a file: it is looked for as it is, and beside the clip. FileError when
+    it is in neither place, with the remedy to name it.
+    """
+    if asked is not None:
+        return asked
+    if clip.placed is None or clip.terrain in TERRAIN_NAMES:
+        return clip.terrain if clip.placed is not None else "flat"
+    places = [Path(clip.terrain)]
+    if clip_path is not None:
+        places.append(clip_path.parent / Path(clip.terrain).name)
+    for place in places:
+        if place.is_file():
+            return str(place)
+    raise FileError(
+        f"{clip_path or clip.name}: made on the ground {Path(clip.terrain).name}, which is not beside it.",
+        "Put that file beside the clip, or choose a ground (--terrain).",
+    )
+
+
+def ground_of(clip: Clip, clip_path: Path | None = None, asked: str | None = None) -> Terrain:
+    """The terrain of `ground_spec`."""
+    return load_terrain(ground_spec(clip, clip_path, asked))
 
 
 def ground_mesh(terrain: Terrain, take: PreparedTake) -> tuple[Array, NDArray[np.uint32]]:

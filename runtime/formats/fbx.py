@@ -12,9 +12,8 @@ from pathlib import Path
 
 from runtime.atomic import atomic_path
 from runtime.errors import FileError, UsageError
-from runtime.takes.glb import save_glb
-from runtime.takes.options import ExportOptions
-from runtime.takes.prepare import PreparedTake
+from runtime.formats.glb import save_glb
+from runtime.formats.prepare import ExportOptions, PreparedTake
 from runtime.terrain.height_map import Terrain
 
 BLENDER_VARIABLE = "SPORT_BLENDER"

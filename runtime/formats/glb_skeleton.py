@@ -15,9 +15,9 @@ from runtime.character.hand_contact import clear_hands
 from runtime.character.mesh import MeshData
 from runtime.character.nodes import ancestors, node_world_matrices
 from runtime.character.read import GltfFile, read_accessor
+from runtime.formats.glb_buffer import GlbBuffer
+from runtime.formats.prepare import PreparedTake
 from runtime.skeleton import SPORT_SKELETON
-from runtime.takes.glb_buffer import GlbBuffer
-from runtime.takes.prepare import PreparedTake
 
 if TYPE_CHECKING:
     from pygltflib import GLTF2, Node

@@ -13,19 +13,11 @@ from runtime.character.character import load_character
 from runtime.character.joint_map import read_joint_map
 from runtime.character.mesh import read_meshes
 from runtime.character.read import open_gltf
-from runtime.takes.glb_buffer import GlbBuffer
-from runtime.takes.glb_skeleton import (
-    Rig,
-    joint_worlds,
-    local_rest,
-    nearest_rotation,
-    open_rig,
-    set_local,
-)
-from runtime.takes.ground import add_ground
-from runtime.takes.markers import take_extras
-from runtime.takes.options import ExportOptions
-from runtime.takes.prepare import PreparedTake
+from runtime.formats.glb_buffer import GlbBuffer
+from runtime.formats.glb_skeleton import Rig, joint_worlds, local_rest, nearest_rotation, open_rig, set_local
+from runtime.formats.ground import add_ground
+from runtime.formats.prepare import ExportOptions, PreparedTake
+from runtime.formats.sidecar import take_extras
 from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]

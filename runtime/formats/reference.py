@@ -14,9 +14,9 @@ from runtime.character.joint_map import joint_map_path, saved_joint_map
 from runtime.character.joints import align, canonical_axes
 from runtime.character.tree import JointTree
 from runtime.errors import FileError
+from runtime.formats.bvh import BvhMotion, read_bvh
 from runtime.safe_read import printable
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON, J
-from runtime.takes.bvh import BvhMotion, read_bvh
 from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, Clip
 
 Array = NDArray[np.floating]

@@ -1,0 +1,1 @@
+"""File formats of a take: what is read and what is written."""

@@ -1,0 +1,179 @@
+"""What a file tells of its take: JSON beside a BVH, `extras` of a GLB, prompts and gaits as markers of the time line.
+
+`walk.bvh` has `walk.bvh.json`. It names model, seed, ground and styles; folders, addresses and keys are never in it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from runtime.atomic import write_atomic
+from runtime.controls import Gait
+from runtime.errors import FileError
+from runtime.formats.bvh import MAX_FILE_BYTES
+from runtime.formats.prepare import PreparedTake
+from runtime.safe_read import parse_json, printable, read_bounded
+from runtime.takes.clip import Clip
+from runtime.takes.metadata import (
+    MAX_EVENTS,
+    UNKNOWN,
+    UNMOVED,
+    Origin,
+    PromptEvent,
+    event_from,
+    gait_changes,
+    number_field,
+    origin_from,
+    text_field,
+    title,
+)
+
+MAX_BYTES = 16 * 1024 * 1024
+MARKERS_VERSION = 1
+_FORMAT = "sport-take"
+_LOG = logging.getLogger("sport.clip")
+
+
+def sidecar_path(bvh: Path) -> Path:
+    """Where the metadata of a BVH file stand."""
+    return bvh.with_name(bvh.name + ".json")
+
+
+def format_metadata(clip: Clip, bvh_text: str) -> str:
+    """The JSON text for a clip whose BVH has this text; a ground from a file goes by the file's name alone."""
+    value = {
+        "format": _FORMAT,
+        "bvh_sha256": hashlib.sha256(bvh_text.encode("utf-8")).hexdigest(),
+        "name": printable(clip.name),
+        "seconds": round(clip.seconds, 4),
+        "terrain": printable(Path(clip.terrain).name),
+        "gait_seconds": {gait: round(length, 3) for gait, length in clip.gait_seconds},
+        "gaits": [[round(seconds, 4), gait] for seconds, gait in gait_changes(clip.gaits, clip.fps)],
+        "placed": None if clip.placed is None else [round(value, 6) for value in clip.placed],
+        **asdict(clip.origin),
+        "prompts": [
+            {**asdict(event), "words": json.loads(event.words) if event.words else None}
+            for event in clip.prompts
+        ],
+    }
+    return json.dumps(value, ensure_ascii=False, indent=1) + "\n"
+
+
+def write_sidecar(clip: Clip, path: Path, text: str) -> None:
+    """Write what is known of the clip beside its BVH of this text; FileError when it cannot be written."""
+    write_atomic(sidecar_path(path), format_metadata(clip, text))
+
+
+@dataclass(frozen=True)
+class TakeMetadata:
+    """What the file beside a BVH tells; fields that are missing or of another type have their defaults."""
+
+    terrain: str = "flat"
+    prompts: tuple[PromptEvent, ...] = ()
+    origin: Origin = UNKNOWN
+    gait_seconds: tuple[tuple[str, float], ...] = ()
+    gait_changes: tuple[tuple[float, str], ...] = ()
+    placed: tuple[float, ...] | None = UNMOVED
+
+
+def read_metadata(bvh: Path) -> TakeMetadata:
+    """The metadata of a BVH file. Without a file of this form that belongs to that very BVH, nothing is known.
+
+    A take from an older program has none, and a motion can be opened whatever stands beside it: damage is a warning
+    in the log.
+    """
+    path = sidecar_path(bvh)
+    if not path.is_file():
+        return TakeMetadata()
+    try:
+        value = parse_json(read_bounded(path, MAX_BYTES))
+        if not isinstance(value, dict) or value.get("format") != _FORMAT:
+            raise ValueError("not the metadata of a take")
+        if value.get("bvh_sha256") != hashlib.sha256(read_bounded(bvh, MAX_FILE_BYTES)).hexdigest():
+            raise ValueError(f"made for another file than {bvh.name} as it is now")
+    except (ValueError, FileError) as error:
+        _LOG.warning("%s: not used (%s).", path, error)
+        return TakeMetadata()
+    gaits = value.get("gait_seconds")
+    events = value.get("prompts")
+    if isinstance(events, list) and len(events) > MAX_EVENTS:
+        _LOG.warning("%s: only the first %d of %d prompts are used.", path, MAX_EVENTS, len(events))
+    return TakeMetadata(
+        terrain=text_field(value, "terrain", "flat"),
+        prompts=tuple(event_from(e) for e in events[:MAX_EVENTS] if isinstance(e, dict))
+        if isinstance(events, list)
+        else (),
+        origin=origin_from(value),
+        gait_seconds=tuple(
+            (gait.name.lower(), number_field(gaits, gait.name.lower(), 0.0))
+            for gait in Gait
+            if isinstance(gaits, dict) and gait.name.lower() in gaits
+        ),
+        gait_changes=_gait_changes(value.get("gaits")),
+        placed=_placed(value),
+    )
+
+
+def _gait_changes(value: Any) -> tuple[tuple[float, str], ...]:
+    names = {gait.name.lower() for gait in Gait}
+    pairs = (
+        [pair for pair in value if isinstance(pair, list) and len(pair) == 2]
+        if isinstance(value, list)
+        else []
+    )
+    return tuple(
+        (float(seconds), name)
+        for seconds, name in pairs[:MAX_EVENTS]
+        if isinstance(seconds, int | float) and abs(seconds) < 1e9 and isinstance(name, str) and name in names
+    )
+
+
+def _placed(value: Mapping[str, Any]) -> tuple[float, ...] | None:
+    found = value.get("placed", list(UNMOVED))
+    if found is None:
+        return None
+    numbers = isinstance(found, list) and all(
+        isinstance(v, int | float) and not isinstance(v, bool) and abs(v) < 1e9 for v in found
+    )
+    return tuple(float(v) for v in found) if numbers and len(found) == len(UNMOVED) else UNMOVED
+
+
+def markers(clip: Clip) -> list[dict[str, Any]]:
+    """Markers `{"kind": "prompt" | "gait", "name", "seconds", "frame"}` in the order of time.
+
+    Gaits are there where the clip knows them frame by frame.
+    """
+    found = [_marker("prompt", title(event), max(event.seconds, 0.0), clip.fps) for event in clip.prompts]
+    found += [
+        _marker("gait", name, seconds, clip.fps) for seconds, name in gait_changes(clip.gaits, clip.fps)
+    ]
+    return sorted(found, key=lambda marker: float(marker["seconds"]))
+
+
+def _marker(kind: str, name: str, seconds: float, fps: float) -> dict[str, Any]:
+    return {"kind": kind, "name": name, "seconds": round(seconds, 4), "frame": round(seconds * fps)}
+
+
+def take_extras(take: PreparedTake) -> dict[str, Any]:
+    """What a GLB keeps in `extras` under "sport": markers, ground, origin, loop, and the rest frame."""
+    clip = take.clip
+    value: dict[str, Any] = {
+        "format": _FORMAT,
+        "version": MARKERS_VERSION,
+        "name": clip.name,
+        "fps": clip.fps,
+        "frames": len(clip),
+        "ground": Path(clip.terrain).name,
+        "rest_frame": take.rest_frame,
+        "markers": markers(clip),
+        "origin": {name: v for name, v in asdict(clip.origin).items() if v not in ("", None)},
+    }
+    if take.loop is not None:
+        value["loop"] = {name: round(v, 4) for name, v in asdict(take.loop).items()}
+    return value

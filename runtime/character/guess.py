@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.character.doubts import doubts, lopsided, on_four_legs
 from runtime.character.joint_map import joint_map_path
-from runtime.character.joints import HANDS, NEEDED, REQUIRED, canonical_axes, match_names
+from runtime.character.joints import NEEDED, REQUIRED, canonical_axes, match_centre, match_names
 from runtime.character.mesh import MeshData
 from runtime.character.structure import guess_by_structure, leg_count
 from runtime.character.tree import JointTree
@@ -21,6 +22,7 @@ from runtime.skeleton import SPORT_SKELETON
 Array = NDArray[Any]
 
 BY_TREE = "tree and rest pose"
+STILL = 0.01  # radians: a joint that turns less in a whole motion does not move
 CROOKED = 0.04  # share of the body's size by which left and right of a rest pose may differ
 
 
@@ -37,7 +39,8 @@ class JointGuess:
     """The joints of a file and what they play.
 
     `found` maps SPORT joints to indices, `origin` says by what (the convention of the names, or `BY_TREE`),
-    `chosen` are those that a joint map names, `missing` those without which nothing can be driven.
+    `chosen` are those that a joint map names, `missing` those without which nothing can be driven. `doubts` says of
+    joints that names or tree told, and that geometry refused, why: they are not in `found`.
     """
 
     names: tuple[str, ...]
@@ -47,6 +50,7 @@ class JointGuess:
     origin: str
     chosen: frozenset[str]
     missing: tuple[str, ...]
+    doubts: dict[str, str]
 
 
 def guess_joints(
@@ -59,22 +63,12 @@ def guess_joints(
     standing = _found(data, names)
     best = (*standing, data)
     bound = bind_pose(data)
-    if bound is not None and _lopsided(standing[0], data) > CROOKED:
+    if bound is not None and _crookedness(standing[0], data) > CROOKED:
         other = _found(bound, names)
-        if _lopsided(other[0], bound) < 0.5 * _lopsided(standing[0], data):
+        if _crookedness(other[0], bound) < 0.5 * _crookedness(standing[0], data):
             best = (*other, bound)
     found, origin, data = best
-    if not _complete(found) and not joint_map and leg_count(_tree(data)) > 2:
-        raise _not_upright(path)
-    found = found | _chosen(path, names, joint_map)
-    found = {joint: index for joint, index in found.items() if index >= 0}
-    if _four_legged(found, data.rest_world[:, :3, 3]):
-        raise _not_upright(path)
-    missing = tuple(name for name in NEEDED if name not in found)
-    guess = JointGuess(
-        names, data.joint_parents, data.rest_world[:, :3, 3], found, origin, frozenset(joint_map), missing
-    )
-    return guess, data
+    return _believed(path, names, _tree(data), found, origin, joint_map), data
 
 
 def require(path: Path, guess: JointGuess) -> None:
@@ -82,7 +76,7 @@ def require(path: Path, guess: JointGuess) -> None:
     if guess.missing:
         raise JointsUnknown(
             f"{path}: no joints found for {', '.join(guess.missing)} (neither by known names nor by tree and rest"
-            " pose).",
+            f" pose{''.join(f'; {reason}' for reason in guess.doubts.values())}).",
             "Choose them in the window Joints, which opens when the file is dropped on the viewer; or write"
             f" {joint_map_path(path).name} beside it, or give such a file as --joint-map:"
             ' {"LeftArm": "name in the file", ...}.',
@@ -97,20 +91,63 @@ def _not_upright(path: Path) -> FileError:
 
 
 def guess_skeleton(
-    path: Path, names: tuple[str, ...], tree: JointTree, points: Array, joint_map: Mapping[str, str]
+    path: Path,
+    names: tuple[str, ...],
+    tree: JointTree,
+    points: Array,
+    joint_map: Mapping[str, str],
+    turning: Array | None = None,
 ) -> JointGuess:
     """What the joints of a skeleton without a mesh play, in a rest pose with `points` `(N, 3)` on its body.
+
+    `turning` `(K,)` is how far each joint turns against its parent in a motion, radians: joints of limbs must turn.
 
     FileError where the map names a joint that is not there, `NotUpright` for a quadruped.
     """
     found, origin = _told(tree, points, names, {})
+    if turning is not None:
+        found = _bending(found, tree, turning)
+    return _believed(path, names, tree, found, origin, joint_map)
+
+
+def _believed(
+    path: Path,
+    names: tuple[str, ...],
+    tree: JointTree,
+    found: Mapping[str, int],
+    origin: str,
+    joint_map: Mapping[str, str],
+) -> JointGuess:
+    """A guess without what geometry refuses, and with what was chosen by hand."""
     if not _complete(found) and not joint_map and leg_count(tree) > 2:
         raise _not_upright(path)
-    found = {joint: k for joint, k in (found | _chosen(path, names, joint_map)).items() if k >= 0}
-    if _four_legged(found, tree.positions):
+    refused = doubts(found, tree)
+    told = {joint: k for joint, k in found.items() if joint not in refused}
+    told = {joint: k for joint, k in (told | _chosen(path, names, joint_map)).items() if k >= 0}
+    if on_four_legs(dict(found) | told, tree):
         raise _not_upright(path)
-    missing = tuple(name for name in NEEDED if name not in found)
-    return JointGuess(names, tree.parents, tree.positions, found, origin, frozenset(joint_map), missing)
+    reasons = {
+        joint: f"{names[found[joint]]!r} is not believed to be {joint}: {reason}"
+        for joint, reason in refused.items()
+        if joint not in told
+    }
+    missing = tuple(name for name in NEEDED if name not in told)
+    return JointGuess(
+        names, tree.parents, tree.positions, told, origin, frozenset(joint_map), missing, reasons
+    )
+
+
+def _bending(found: Mapping[str, int], tree: JointTree, turning: Array) -> dict[str, int]:
+    """The guess with limbs that begin at the joint that turns: a buttock or a shoulder piece above it does not."""
+    moved = dict(found)
+    for side in ("Left", "Right"):
+        for upper, lower in (("UpLeg", "Leg"), ("Arm", "ForeArm")):
+            top, below = moved.get(side + upper, -1), moved.get(side + lower, -1)
+            if top < 0 or below < 0 or top not in tree.ancestors(below) or turning[top] > STILL:
+                continue
+            between = tree.chain(top, below)[1:-1]
+            moved[side + upper] = next((k for k in between if turning[k] > STILL), top)
+    return moved
 
 
 def _found(data: MeshData, names: tuple[str, ...]) -> tuple[dict[str, int], str]:
@@ -122,10 +159,14 @@ def _told(
 ) -> tuple[dict[str, int], str]:
     by_name, convention = match_names(names)
     by_name = {**by_name, **humanoid}
-    if all(name in by_name for name in REQUIRED):
+    named = all(name in by_name for name in REQUIRED)
+    if named and not doubts(by_name, tree):
         return by_name, "VRM" if humanoid else convention
     by_tree = guess_by_structure(tree, points)
-    if _complete(by_tree) or len(by_tree) > len(by_name):
+    if _complete(by_tree) and not (named and doubts(by_tree, tree)):
+        return by_tree, BY_TREE
+    by_name |= match_centre(names, by_name)
+    if not _complete(by_name) and len(by_tree) > len(by_name):
         return by_tree, BY_TREE
     return by_name, convention if by_name else ""
 
@@ -174,37 +215,7 @@ def bind_pose(data: MeshData) -> MeshData | None:
     return replace(data, rest_world=worlds) if np.all(np.isfinite(worlds)) else None
 
 
-def _lopsided(found: Mapping[str, int], data: MeshData) -> float:
-    """How far left and right limbs are from mirror images, as a share of the body's size; 1 where joints lack."""
-    if not _complete(found):
-        return 1.0
-    position = data.rest_world[:, :3, 3] @ canonical_axes(found, data.rest_world[:, :3, 3]).T
-    middle = 0.5 * (position[found["LeftUpLeg"], 0] + position[found["RightUpLeg"], 0])
-    gaps = []
-    for bone in ("Leg", "Foot", "ForeArm", "Hand"):
-        if f"Left{bone}" in found and f"Right{bone}" in found:
-            left, right = position[found[f"Left{bone}"]], position[found[f"Right{bone}"]]
-            mirrored = np.array([2.0 * middle - left[0], left[1], left[2]])
-            gaps.append(float(np.linalg.norm(mirrored - right)))
-    return float(np.mean(gaps)) / max(float(np.ptp(position[:, 1])), 1e-9)
-
-
-def _four_legged(found: Mapping[str, int], position: Array) -> bool:
-    """Whether arms are legs: they point where the legs point, across the trunk, and end as low."""
-    limbs = ("UpLeg", "Foot", "Arm", *(HANDS if "LeftHand" in found else ("ForeArm",)))
-    if any(side + bone not in found for side in ("Left", "Right") for bone in limbs):
-        return False
-
-    def middle(bone: str) -> Array:
-        return np.asarray(
-            0.5 * (position[found["Left" + bone]] + position[found["Right" + bone]]), np.float64
-        )
-
-    down, fore = middle("Foot") - middle("UpLeg"), middle(limbs[-1]) - middle("Arm")
-    trunk = middle("Arm") - middle("UpLeg")
-    length = max(float(np.linalg.norm(down)), 1e-9)
-    along = down / length
-    leaning = float(along @ trunk) / max(float(np.linalg.norm(trunk)), 1e-9)
-    pointing = float(along @ fore) / max(float(np.linalg.norm(fore)), 1e-9)
-    deep = float((middle(limbs[-1]) - middle("UpLeg")) @ along) / length
-    return leaning > -0.6 and pointing > 0.5 and deep > 0.6
+def _crookedness(found: Mapping[str, int], data: MeshData) -> float:
+    """`lopsided` of a mesh's rest pose, 1 where joints lack."""
+    tree = _tree(data)
+    return lopsided(found, tree, canonical_axes(found, tree.positions)) if _complete(found) else 1.0

@@ -61,6 +61,11 @@ _ASF = {
     "{S}Hand": "{i}hand", "{S}HandIndex1": "{i}fingers", "{S}UpLeg": "{i}femur", "{S}Leg": "{i}tibia",
     "{S}Foot": "{i}foot", "{S}ToeBase": "{i}toes",
 }  # fmt: skip
+_DAZ = {
+    "Hips": "hip", "LowerBack": "abdomen", "Spine1": "chest", "Neck1": "neck", "Head": "head",
+    "{S}Shoulder": "{i}collar", "{S}Arm": "{i}shldr", "{S}ForeArm": "{i}forearm", "{S}Hand": "{i}hand",
+    "{S}HandIndex1": "{i}mid1", "{S}UpLeg": "{i}thigh", "{S}Leg": "{i}shin", "{S}Foot": "{i}foot", "{S}ToeBase": "{i}toe",
+}  # fmt: skip
 _SUFFIXED = {  # UpperArm_L, of Unity and of Bandai Namco's motions
     key: value.replace("{s}", "") + ("{i}" if "{s}" in value else "") for key, value in _VRM.items()
 }
@@ -78,7 +83,7 @@ CONVENTIONS: dict[str, dict[str, str]] = {
     "SPORT": _SPORT, "Mixamo": _both_sides(_MIXAMO), "VRM": _both_sides(_VRM), "VRoid": _both_sides(_VROID),
     "Unreal": _both_sides(_UNREAL), "SMPL": _both_sides(_SMPL),
     "SMPL short": _both_sides(_SMPL_SHORT), "Rigify": _both_sides(_RIGIFY), "CMU": _both_sides(_ASF),
-    "Unity": _both_sides(_SUFFIXED),
+    "Unity": _both_sides(_SUFFIXED), "DAZ": _both_sides(_DAZ),
 }  # fmt: skip
 HANDS = ("Hand",)
 NEEDED = ("Hips", "Head", *(s + bone for s in _SIDED for bone in ("UpLeg", "Leg", "Foot", "Arm", "ForeArm")))
@@ -109,6 +114,17 @@ def match_names(names: Sequence[str]) -> tuple[dict[str, int], str]:
             if _score(found) > _score(best[0]):
                 best = (found, convention)
     return best
+
+
+def match_centre(names: Sequence[str], found: Mapping[str, int]) -> dict[str, int]:
+    """Hips and head as another convention calls them, where a file mixes two: "Pelvis" above "LeftUpLeg"."""
+    free = {simple_name(name): k for k, name in enumerate(names) if k not in found.values()}
+    known = {joint: [table[joint] for table in CONVENTIONS.values()] for joint in ("Hips", "Head")}
+    return {
+        joint: next(free[name] for name in calls if name in free)
+        for joint, calls in known.items()
+        if joint not in found and any(name in free for name in calls)
+    }
 
 
 def _without_prefix(names: Sequence[str]) -> list[str]:

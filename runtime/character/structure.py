@@ -17,6 +17,10 @@ NEAR_GROUND = 0.2  # ends of legs
 HIGH = 0.25  # tops of legs
 LEG = 0.2  # from top to end
 ANKLE = 0.15  # the first joint of a leg below this is its ankle
+BUTTOCK = (
+    0.01,
+    0.2,
+)  # of the way from the first joint to the knee: there the thigh begins, beyond are twists
 TOE = 0.03  # from ankle to toe, along the ground
 TOLERANCE = 0.1  # between left and right
 # shares of an arm from its first joint to its tip
@@ -115,10 +119,12 @@ def _leg(tree: JointTree, top: int, taken: set[int]) -> _Leg | None:
 
 def _loose_foot(tree: JointTree, top: int, tip: int, limit: float) -> int:
     """A foot that hangs on the root, as in rigs whose feet are targets, -1 where none stands under the leg."""
-    below, own = tree.positions[tip], set(tree.under(top))
+    below, own, above = tree.positions[tip], set(tree.under(top)), set(tree.ancestors(top))
     for joint in range(len(tree.parents)):
         gap = tree.positions[joint] - below
         if joint in own or tree.children[joint] or tree.positions[joint, 1] >= limit:
+            continue
+        if tree.parents[joint] not in above:  # part of another limb
             continue
         if np.hypot(gap[0], gap[2]) < 0.15 * tree.size and -gap[1] < 0.45 * tree.size:
             return joint
@@ -173,6 +179,11 @@ def _leg_joints(tree: JointTree, leg: _Leg, hips: int) -> dict[str, int]:
     offset = np.linalg.norm((at - tree.positions[hips])[:, [0, 2]], axis=1)
     first = next((i for i in range(ankle - 1) if offset[i] > 0.15 * offset[ankle]), 0)
     knee = max(range(first + 1, ankle), key=lambda i: _shorter(tree, chain[first], chain[i], chain[ankle]))
+    reach = tree.along(chain[first : knee + 1])
+    near = [
+        i for i, share in enumerate(reach / max(float(reach[-1]), 1e-9)) if BUTTOCK[0] < share < BUTTOCK[1]
+    ]
+    first += near[-1] if near else 0  # a short bone before the thigh
     joints = {"UpLeg": chain[first], "Leg": chain[knee], "Foot": chain[ankle]}
     ahead = np.hypot(*(at[ankle + 1 :] - at[ankle])[:, [0, 2]].T)
     toe = np.flatnonzero(ahead > TOE * tree.size)

@@ -83,13 +83,15 @@ def _rest(motion: BvhMotion, positions: Array, world: Array, path: Path) -> _Res
         standing[k] = skeleton.offsets[k] + (standing[parent] if parent >= 0 else 0.0)
     still = rotations.identity((len(skeleton),)).astype(np.float64)
     first = rotations.normalize(world[0].astype(np.float64))
+    local = rotations.normalize(skeleton.local_rotations(world.astype(np.float64)))
+    turning = rotations.angle_between(local[:1], local).max(axis=0)
     problems = []
     for at, turns in ((standing, still), (positions[0].astype(np.float64), first)):
         ends = [at[k] + rotations.rotate(turns[k], end) for k, end in motion.end_offsets.items()]
         points = np.concatenate([at, np.array(ends).reshape(-1, 3)])
         tree = JointTree(skeleton.parents, at)
         try:
-            guess = guess_skeleton(path, skeleton.names, tree, points, joint_map)
+            guess = guess_skeleton(path, skeleton.names, tree, points, joint_map, turning)
         except NotUpright:  # a rest pose of zeros may look so: the first frame tells
             problems.append("it stands on four legs")
             continue

@@ -1,0 +1,157 @@
+"""Whether guessed joints can be those of an upright body: bones as long as a limb's, left on the left, two legs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.character.tree import JointTree
+
+Array = NDArray[Any]
+
+SIDES = ("Left", "Right")
+LIMBS = {  # limb: its joints from the trunk outwards, and the least share of the longer one of its two bones
+    "leg": (("UpLeg", "Leg", "Foot"), 0.35),
+    "arm": (("Arm", "ForeArm", "Hand"), 0.3),
+}
+UNEVEN = 0.3  # by which left and right may differ
+SIDE_SEEN = 0.2  # of the width of the hips: feet that point less far forward tell no side
+# a body on four legs, in shares of the length of its legs
+LEANING = -0.6  # cosine between legs and trunk; an upright trunk goes the other way
+ALIKE = 0.5  # cosine between front and hind legs
+DEEP = 0.5  # how far front legs reach down from the hips
+LOW, APART = 0.75, 0.6  # ends of limbs on the ground, and how far they are from the feet
+
+
+def doubts(found: Mapping[str, int], tree: JointTree) -> dict[str, str]:
+    """SPORT joint -> why the joint that was guessed for it cannot be it; empty where all can be believed.
+
+    Bones of a limb must be of comparable length, left and right alike, joints in the order of the tree, and the left
+    leg on the left as the feet point.
+    """
+    wrong: dict[str, str] = {}
+    for limb, (bones, least) in LIMBS.items():
+        spans = {}
+        for side in SIDES:
+            joints = [found.get(side + bone, -1) for bone in bones]
+            if min(joints[:2]) < 0:
+                continue
+            if joints[1] in tree.ancestors(joints[0]):
+                wrong[side + bones[1]] = f"it lies above the {limb}'s first joint"
+                continue
+            if joints[2] < 0:
+                continue
+            upper, lower = tree.distance(joints[0], joints[1]), tree.distance(joints[1], joints[2])
+            spans[side] = upper + lower
+            if min(upper, lower) < least * max(upper, lower):
+                short = side + (bones[0] if upper < lower else bones[1])
+                share = min(upper, lower) / max(upper, lower, 1e-9)
+                wrong[short] = (
+                    f"its bone has {100 * share:.0f} % of the length of the other one of this {limb}"
+                )
+        if len(spans) == 2 and min(spans.values()) < (1.0 - UNEVEN) * max(spans.values()):
+            shorter = min(spans, key=lambda side: spans[side])
+            wrong[shorter + bones[0]] = f"this {limb} is much shorter than the other one"
+    for bone in _swapped(found, tree):
+        for side in SIDES:
+            wrong[side + bone] = "it is on the other side, as the feet point"
+    return wrong
+
+
+def _swapped(found: Mapping[str, int], tree: JointTree) -> list[str]:
+    """Limbs whose left joint is on the right: of the legs by where the toes point, of the arms by the legs."""
+    legs, toes = ("UpLeg", "Foot"), [side + bone for side in SIDES for bone in ("Foot", "ToeBase")]
+    if any(side + bone not in found for side in SIDES for bone in legs):
+        return []
+    down = _middle(found, tree, "Foot") - _middle(found, tree, "UpLeg")
+    across = tree.positions[found["LeftUpLeg"]] - tree.positions[found["RightUpLeg"]]
+    wrong = []
+    if all(joint in found for joint in toes):
+        ahead = _middle(found, tree, "ToeBase") - _middle(found, tree, "Foot")
+        seen = float(np.cross(ahead, down) @ across)  # down, left and ahead are right-handed
+        width = float(np.linalg.norm(across))
+        if seen < -SIDE_SEEN * width * float(np.linalg.norm(down)) * width:
+            wrong.append("UpLeg")
+    if all(side + "Arm" in found for side in SIDES):
+        arms = tree.positions[found["LeftArm"]] - tree.positions[found["RightArm"]]
+        if arms @ across < 0.0:
+            wrong.append("Arm")
+    return wrong
+
+
+def on_four_legs(found: Mapping[str, int], tree: JointTree) -> bool:
+    """Whether the arms are legs that go down across the trunk, or two other limbs stand far from the feet."""
+    if any(side + bone not in found for side in SIDES for bone in ("UpLeg", "Foot")):
+        return False
+    hips = _middle(found, tree, "UpLeg")
+    down = np.mean([tree.positions[_end(tree, found[side + "Foot"])] for side in SIDES], axis=0) - hips
+    length = max(float(np.linalg.norm(down)), 1e-9)
+    along = down / length
+    if all(side + "Arm" in found for side in SIDES):
+        shoulders = _middle(found, tree, "Arm")
+        ends = [_deepest(tree, found[side + "Arm"], along) for side in SIDES]
+        front = np.mean([tree.positions[end] for end in ends], axis=0)
+        trunk, fore = shoulders - hips, front - shoulders
+        leaning = float(along @ trunk) / max(float(np.linalg.norm(trunk)), 1e-9)
+        pointing = float(along @ fore) / max(float(np.linalg.norm(fore)), 1e-9)
+        if leaning > LEANING and pointing > ALIKE and float((front - hips) @ along) / length > DEEP:
+            return True
+    return _other_feet(found, tree, hips, along, length)
+
+
+def _other_feet(found: Mapping[str, int], tree: JointTree, hips: Array, along: Array, length: float) -> bool:
+    """Whether two ends of limbs that mirror each other stand on the ground before or behind the feet."""
+    own = {joint for side in SIDES for joint in tree.under(found[side + "UpLeg"])}
+    across = tree.positions[found["LeftUpLeg"]] - tree.positions[found["RightUpLeg"]]
+    across = across / max(float(np.linalg.norm(across)), 1e-9)
+    feet = _middle(found, tree, "Foot") - hips
+    ends = [
+        joint
+        for joint in range(len(tree.parents))
+        if joint not in own and not tree.children[joint] and tree.parents[joint] >= 0
+        and float((tree.positions[joint] - hips) @ along) > LOW * length
+    ]  # fmt: skip
+    for i, a in enumerate(ends):
+        for b in ends[:i]:
+            gap = tree.positions[a] - tree.positions[b]
+            wide = float(np.linalg.norm(gap))
+            between = 0.5 * (tree.positions[a] + tree.positions[b]) - hips - feet
+            between = between - (between @ along) * along
+            if (
+                wide > 0.1 * length
+                and abs(gap @ across) > 0.9 * wide
+                and float(np.linalg.norm(between)) > APART * length
+            ):
+                return True
+    return False
+
+
+def lopsided(found: Mapping[str, int], tree: JointTree, axes: Array) -> float:
+    """How far left and right limbs are from mirror images in `axes` `(3, 3)`, as a share of the body's size."""
+    position = tree.positions @ axes.T
+    middle = 0.5 * (position[found["LeftUpLeg"], 0] + position[found["RightUpLeg"], 0])
+    gaps = []
+    for bone in ("Leg", "Foot", "ForeArm", "Hand"):
+        if f"Left{bone}" in found and f"Right{bone}" in found:
+            left, right = position[found[f"Left{bone}"]], position[found[f"Right{bone}"]]
+            mirrored = np.array([2.0 * middle - left[0], left[1], left[2]])
+            gaps.append(float(np.linalg.norm(mirrored - right)))
+    return float(np.mean(gaps)) / max(float(np.ptp(position[:, 1])), 1e-9)
+
+
+def _middle(found: Mapping[str, int], tree: JointTree, bone: str) -> Array:
+    return np.asarray(
+        0.5 * (tree.positions[found["Left" + bone]] + tree.positions[found["Right" + bone]]), np.float64
+    )
+
+
+def _end(tree: JointTree, joint: int) -> int:
+    """The end of the limb that goes on from a joint, the farthest one."""
+    return max(tree.under(joint), key=lambda k: tree.distance(joint, k))
+
+
+def _deepest(tree: JointTree, joint: int, along: Array) -> int:
+    return max(tree.under(joint), key=lambda k: float(tree.positions[k] @ along))

@@ -16,9 +16,9 @@ from runtime.character.doubts import doubts, on_four_legs
 from runtime.character.guess import JointsUnknown, NotUpright, guess_skeleton
 from runtime.character.tree import JointTree
 from runtime.errors import FileError
+from runtime.formats.bvh import format_bvh
+from runtime.formats.reference import load_reference_bvh
 from runtime.skeleton import SPORT_SKELETON, Skeleton
-from runtime.takes.bvh import format_bvh
-from runtime.takes.reference import load_reference_bvh
 
 # a short piece between hips and thigh, as the 43-joint files of CMU have it, by names that no table has
 BUTTOCKS: Points = _both({

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import stat
+import time
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +14,7 @@ from pathlib import Path
 from runtime.errors import FileError
 
 _REMEDY = "Choose a folder that can be written, with space left."
+_OURS = re.compile(r"\..*-sport-[0-9a-f]{12}(\.[^.]*)?")
 MAX_NUMBER = 100_000  # of names tried by `write_new`
 
 
@@ -32,6 +35,19 @@ def atomic_path(target: str | Path) -> Iterator[Path]:
         raise FileError(f"{target}: {error.strerror or error}.", _REMEDY) from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def sweep(folder: Path, older_s: float = 600.0) -> list[Path]:
+    """Remove the temporary files that a killed program left in a folder; those that are still written to are younger."""
+    removed = []
+    with contextlib.suppress(OSError):
+        for path in folder.iterdir():
+            if _OURS.fullmatch(path.name):
+                with contextlib.suppress(OSError):
+                    if time.time() - path.lstat().st_mtime > older_s:
+                        path.unlink()
+                        removed.append(path)
+    return removed
 
 
 def write_new(target: str | Path, content: str | bytes) -> Path:
@@ -90,7 +106,7 @@ def _temporary_beside(target: Path) -> tuple[Path, Path]:
 
 def _temporary(target: Path, final: Path, found: os.stat_result | None = None) -> Path:
     """A new empty file beside `final`, with the mode of the one found there or the umask's; errors name `target`."""
-    temporary = final.with_name(f".{final.stem[:40]}-{uuid.uuid4().hex[:12]}{final.suffix}")
+    temporary = final.with_name(f".{final.stem[:20]}-sport-{uuid.uuid4().hex[:12]}{final.suffix[:12]}")
     flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY
     try:
         final.parent.mkdir(parents=True, exist_ok=True)

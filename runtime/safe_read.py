@@ -37,7 +37,8 @@ def read_bounded(
                 kind = "a folder" if stat.S_ISDIR(status.st_mode) else "not a regular file"
                 raise error(f"{path}: this is {kind}.", missing)
             with open(handle, "rb", closefd=False) as file:
-                data = b"" if status.st_size > limit else file.read(limit + 1)
+                most = min(limit, max(status.st_size, 1 << 20))  # a buffer of the limit would be made first
+                data = b"" if status.st_size > limit else file.read(most + 1)
         finally:
             os.close(handle)
     except OSError as problem:

@@ -1,17 +1,22 @@
-"""The container of a project: a ZIP of one JSON text and the arrays that it names, none of it compressed.
+"""The container of a project: a ZIP of one JSON text and the arrays that it names, each of them compressed by itself.
 
-What is stored as it is cannot unfold to more than the file's size: one limit on that is a limit on everything.
+The members are stored as they are, so that the file's size bounds what is read; what an array unfolds to stands in the
+text. Everything that one file makes in memory is counted against one `Budget` before it is made, by writer and reader.
 """
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
+import math
+import threading
 import zipfile
-from collections.abc import Sequence
+import zlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,17 +25,24 @@ from runtime.atomic import atomic_path
 from runtime.errors import FileError
 from runtime.safe_read import parse_json, read_bounded, reason
 
-MAX_BYTES = 1 << 30
-MAX_TEXT_BYTES = 64 << 20
-MAX_MEMBERS = 100_000
+MAX_BYTES = 1 << 29
+MAX_TEXT_BYTES = 16 << 20
+MAX_TEXT_ITEMS = 400_000  # values of the text: 100 bytes each and more in memory
+MAX_MEMBERS = 60_000
+MAX_DIRECTORY_BYTES = 4 << 20  # of the ZIP
+# a small file makes no more than this, a large one a multiple of its size
+SMALL_BYTES, PER_BYTE, LARGE_BYTES = 128 << 20, 16, 3 << 29
 KINDS = ("<f4", "<f8", "|i1", "|u1")
 DOCUMENT = "project.json"
 REMEDY = "Choose another project, or an autosaved one."
+SMALLER = "Remove takes, or save some of them in a project of their own."
+LEVEL = 6  # of zlib
 _BEGINNING = (1980, 1, 1, 0, 0, 0)  # of time in a ZIP: the same content gives the same bytes
-# what zipfile raises on damage
+# what zipfile raises on damage, and what else a file may cost
 ZIP_ERRORS = (
     zipfile.BadZipFile,
     zipfile.LargeZipFile,
+    zlib.error,
     NotImplementedError,
     RuntimeError,
     EOFError,
@@ -40,81 +52,190 @@ ZIP_ERRORS = (
     KeyError,
     IndexError,
     TypeError,
+    MemoryError,
 )
+Made = TypeVar("Made")
+
+
+@dataclass
+class Budget:
+    """What may still be made of a file, in bytes of memory."""
+
+    left: int
+    of: int = 0
+
+    @staticmethod
+    def for_file(size: int) -> Budget:
+        """The budget of a file of `size` bytes."""
+        most = min(SMALL_BYTES + PER_BYTE * size, LARGE_BYTES)
+        return Budget(most, most)
+
+    def spend(self, count: int) -> None:
+        """Count what is about to be made; ValueError where it is too much."""
+        self.left -= count
+        if self.left < 0:
+            raise ValueError(f"it unfolds to more than {self.of >> 20} MB")
+
+
+@dataclass
+class Packed:
+    """What arrays came to when they were packed last: saving again packs only what is new. Safe between threads."""
+
+    lock: threading.RLock = field(default_factory=threading.RLock)
+    _content: dict[bytes, bytes] = field(default_factory=dict)  # by the hash of what it unfolds to
+    _known: dict[tuple[str, int], tuple[Any, Any]] = field(default_factory=dict)  # by kind and identity
+    _used_content: set[bytes] = field(default_factory=set)
+    _used: set[tuple[str, int]] = field(default_factory=set)
+
+    def once(self, what: str, thing: Any, make: Callable[[], Made]) -> Made:
+        """What `make` gives for a thing that does not change, made once for as long as it is saved."""
+        key = what, id(thing)
+        self._used.add(key)
+        if key not in self._known:
+            self._known[key] = thing, make()  # the thing is kept alive, and its identity with it
+        return self._known[key][1]
+
+    def compress(self, digest: bytes, values: NDArray[Any]) -> bytes:
+        """An array's bytes, compressed."""
+        self._used_content.add(digest)
+        if digest not in self._content:
+            self._content[digest] = zlib.compress(values.data.cast("B") if values.size else b"", LEVEL)
+        return self._content[digest]
+
+    def forget_unused(self) -> None:
+        """Keep only what was used since the last call."""
+        self._content = {key: self._content[key] for key in self._used_content}
+        self._known = {key: self._known[key] for key in self._used if key in self._known}
+        self._used_content, self._used = set(), set()
 
 
 @dataclass
 class ArchiveWriter:
-    """Collects arrays, each once however often it is named, then writes them with the text that names them."""
+    """Collects arrays, each content once, then writes them with the text that names them."""
 
-    _arrays: list[NDArray[Any]] = field(default_factory=list)
-    _known: dict[int, tuple[Any, int]] = field(default_factory=dict)  # by identity; the object is kept alive
+    packed: Packed = field(default_factory=Packed)
+    _table: list[list[Any]] = field(default_factory=list)
+    _members: list[bytes] = field(default_factory=list)
+    _numbers: dict[bytes, int] = field(default_factory=dict)
 
     def array(self, values: Any, kind: str = "<f4") -> int:
         """The number under which an array of one of `KINDS` is stored."""
-        known = self._known.get(id(values))
-        if known is None:
-            self._arrays.append(np.ascontiguousarray(values, np.dtype(kind)))
-            self._known[id(values)] = known = (values, len(self._arrays) - 1)
-        return known[1]
+        digest = self.packed.once(kind, values, lambda: _digest(_as(values, kind)))
+        number = self._numbers.get(digest)
+        if number is None:
+            plain = _as(values, kind)
+            self._members.append(self.packed.compress(digest, plain))
+            self._table.append([plain.dtype.str, list(plain.shape)])
+            self._numbers[digest] = number = len(self._table) - 1
+        return number
 
     def data(self, content: bytes) -> int:
         """The number under which bytes are stored."""
-        known = self._known.get(id(content))
-        if known is None:
-            self._arrays.append(np.frombuffer(content, np.uint8))
-            self._known[id(content)] = known = (content, len(self._arrays) - 1)
-        return known[1]
+        return self.array(content, "|u1")
 
-    def save(self, path: Path, document: dict[str, Any]) -> None:
-        """Write the archive whole or not at all; FileError."""
-        table = [[a.dtype.str, list(a.shape)] for a in self._arrays]
-        text = json.dumps({**document, "arrays": table}, ensure_ascii=True).encode("ascii")
-        with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as file:
-            file.writestr(zipfile.ZipInfo(DOCUMENT, _BEGINNING), text)
-            for number, values in enumerate(self._arrays):
-                file.writestr(zipfile.ZipInfo(f"arrays/{number}", _BEGINNING), values.tobytes())
+    def save(self, path: Path, document: dict[str, Any], check: Callable[[Path], object]) -> None:
+        """Write the archive whole or not at all: it takes the place of `path` once `check` has read it; FileError."""
+        text = json.dumps({**document, "arrays": self._table}, ensure_ascii=True).encode("ascii")
+        with atomic_path(path) as temporary:
+            with zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as file:
+                file.writestr(zipfile.ZipInfo(DOCUMENT, _BEGINNING), text)
+                for number, content in enumerate(self._members):
+                    file.writestr(zipfile.ZipInfo(f"arrays/{number}", _BEGINNING), content)
+            try:
+                check(temporary)
+            except FileError as error:
+                problem = error.problem.removeprefix(f"{temporary}: ").rstrip(".")
+                raise FileError(
+                    f"{path}: not saved, as it could not be opened again ({problem}).", SMALLER
+                ) from error
+
+
+def _as(values: Any, kind: str) -> NDArray[Any]:
+    if isinstance(values, bytes):
+        return np.frombuffer(values, np.uint8)
+    return np.ascontiguousarray(values, np.dtype(kind))
+
+
+def _digest(values: NDArray[Any]) -> bytes:
+    head = f"{values.dtype.str} {values.shape}".encode()
+    return hashlib.blake2b(
+        values.data.cast("B") if values.size else b"", digest_size=16, key=head[:64]
+    ).digest()
 
 
 @dataclass
 class ArchiveReader:
-    """The document of an archive, and its arrays by number."""
+    """The document of an archive, and its arrays by number. An array that is named twice is one array, not to be written to."""
 
     path: Path
     document: dict[str, Any]
+    budget: Budget
     _file: zipfile.ZipFile
     _table: Sequence[Any]
+    _made: dict[Any, Any] = field(default_factory=dict)
 
     @staticmethod
     def open(path: Path) -> ArchiveReader:
         """Read a file; FileError when it is no archive of this form, or too large."""
         data = read_bounded(path, MAX_BYTES, REMEDY)
         try:
+            if data[-22:-18] != b"PK\5\6" or int.from_bytes(data[-10:-6], "little") > MAX_DIRECTORY_BYTES:
+                raise ValueError("not an archive that this program wrote")
             file = zipfile.ZipFile(io.BytesIO(data))
             _check(file)
-            document = parse_json(file.read(DOCUMENT))
+            document = parse_json(file.read(DOCUMENT), MAX_TEXT_ITEMS)
         except ZIP_ERRORS as error:
             raise FileError(f"{path}: not a project ({reason(error)}).", REMEDY) from error
         table = document.get("arrays") if isinstance(document, dict) else None
         if not isinstance(table, list) or len(table) > MAX_MEMBERS:
             raise FileError(f"{path}: not a project (no list of arrays).", REMEDY)
-        return ArchiveReader(path, document, file, table)
+        return ArchiveReader(path, document, Budget.for_file(len(data)), file, table)
+
+    def once(self, what: str, key: Any, make: Callable[[], Made]) -> Made:
+        """What `make` gives for a number of the file, made once however often the file names it."""
+        if (what, key) not in self._made:
+            self._made[what, key] = make()
+        return self._made[what, key]
 
     def array(self, number: Any, kind: str, shape: Sequence[int | None]) -> NDArray[Any]:
-        """Array `number`, a copy; FileError unless it has this kind and shape (None: any length)."""
+        """Array `number`; FileError unless it has this kind and shape (None: any length)."""
         try:
             named, sides = self._entry(number)
             wanted = named == kind and len(sides) == len(shape)
             if not wanted or any(b not in (None, a) for a, b in zip(sides, shape, strict=True)):
                 raise ValueError(f"{named} {sides}, expected {kind} {list(shape)}")
-            data = self._file.read(f"arrays/{number}")
-            return np.frombuffer(data, kind).reshape(sides).copy()
+            return self.once("array", number, lambda: self._unfolded(number, kind, sides))
         except ZIP_ERRORS as error:
             raise FileError(f"{self.path}: array {str(number)[:20]} ({reason(error)}).", REMEDY) from error
 
     def data(self, number: Any) -> bytes:
         """Bytes stored under a number."""
-        return bytes(self.array(number, "|u1", (None,)).tobytes())
+        return self.array(number, "|u1", (None,)).tobytes()
+
+    def size(self, number: Any) -> int:
+        """Bytes that an array says it has; FileError where there is none."""
+        try:
+            kind, sides = self._entry(number)
+        except ZIP_ERRORS as error:
+            raise FileError(f"{self.path}: array {str(number)[:20]} ({reason(error)}).", REMEDY) from error
+        return math.prod(sides) * np.dtype(kind).itemsize
+
+    def _unfolded(self, number: int, kind: str, sides: list[int]) -> NDArray[Any]:
+        size = math.prod(sides) * np.dtype(kind).itemsize
+        self.budget.spend(size)
+        made, at = np.empty(size, np.uint8), 0
+        unfold, rest = zlib.decompressobj(), self._file.read(f"arrays/{number}")
+        while not unfold.eof:
+            part = unfold.decompress(rest, 1 << 20)
+            rest = unfold.unconsumed_tail
+            if at + len(part) > size or not (part or unfold.eof):
+                raise ValueError(f"expected {size} bytes")
+            made[at : at + len(part)] = np.frombuffer(part, np.uint8)
+            at += len(part)
+        if at != size:
+            raise ValueError(f"{at} bytes, expected {size}")
+        made.flags.writeable = False
+        return made.view(kind).reshape(sides)
 
     def _entry(self, number: Any) -> tuple[str, list[int]]:
         if type(number) is not int or not 0 <= number < len(self._table):

@@ -1,38 +1,107 @@
-"""A character's files as they are kept in a project: the glTF, and what it refers to in its own folder."""
+"""A character's files as they are kept in a project: the glTF, and what it refers to in its own folder.
+
+They get names that every system takes (`safe_name`); the glTF then refers to them by those.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import json
 import os
+import re
+import struct
 from pathlib import Path, PurePosixPath
 from typing import Any
-from urllib.parse import unquote
+from urllib.parse import quote, unquote
 
 from runtime.atomic import write_atomic
 from runtime.character.read import MAX_FILE_BYTES, SUFFIXES, open_gltf
 from runtime.errors import FileError
-from runtime.safe_read import is_text, read_bounded
+from runtime.safe_read import is_text, parse_json, read_bounded
 
 MAX_FILES = 1000
-MAX_NAME = 200
+MAX_NAME = 200  # bytes
+MAX_ALL_BYTES = MAX_FILE_BYTES  # of all files
 REMEDY = "Choose another project."
 Files = dict[str, bytes]
+_UNSAFE = re.compile(r"""[\x00-\x1f\x7f\\/:*?"<>|\ud800-\udfff]+""")
 
 
 def read_character_files(path: Path) -> Files:
     """The glTF file first, then buffers and images beside it and settings of the same name; FileError."""
-    files = {path.name: read_bounded(path, MAX_FILE_BYTES)}
+    main, left = _safe_form(path.name), MAX_ALL_BYTES
+    files = {main: read_bounded(path, left)}
+    names: dict[str, str] = {}  # by URI
     gltf = open_gltf(path).gltf
     for entry in (*(gltf.buffers or []), *(gltf.images or [])):
         uri: Any = entry.uri
-        if isinstance(uri, str) and not uri.startswith("data:") and safe_name(unquote(uri)):
+        if isinstance(uri, str) and not uri.startswith("data:") and _in_folder(path, unquote(uri)):
             beside = path.parent / unquote(uri)
-            if beside.is_file():  # an image that is missing costs its texture only
-                files[unquote(uri)] = read_bounded(beside, MAX_FILE_BYTES)
+            if uri not in names and _is_file(beside):  # an image that is missing costs its texture only
+                name = unquote(uri)
+                names[uri] = name if safe_name(name) else f"file {len(names) + 1}{_safe_suffix(name)}"
+                left -= len(files[main])
+                files[names[uri]] = read_bounded(beside, max(left, 0))
+    if any(unquote(uri) != name for uri, name in names.items()):
+        files[main] = _with_uris(files[main], {uri: quote(name) for uri, name in names.items()})
     for beside in sorted(path.parent.glob("*.json")):
-        if beside.name.startswith((f"{path.name}.", f"{path.stem}.")) and beside.name not in files:
-            files[beside.name] = read_bounded(beside, MAX_FILE_BYTES)
+        for begin, safe in ((path.name, main), (path.stem, Path(main).stem)):
+            rest = beside.name.removeprefix(begin)
+            if (
+                rest != beside.name
+                and rest.startswith(".")
+                and safe_name(safe + rest)
+                and safe + rest not in files
+            ):
+                files[safe + rest] = read_bounded(beside, MAX_FILE_BYTES)
+                break
     return files
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _in_folder(path: Path, name: str) -> bool:
+    """Whether a reference stays in the folder of `path`."""
+    try:
+        return (path.parent / name).resolve().is_relative_to(path.parent.resolve())
+    except (OSError, ValueError, RuntimeError):
+        return False
+
+
+def _safe_form(name: str) -> str:
+    """A file's name as every system takes it, with its ending."""
+    stem, suffix = os.path.splitext(name)
+    stem = _UNSAFE.sub("-", stem).encode()[:80].decode(errors="ignore").strip(" .-")
+    return (stem or "character") + suffix
+
+
+def _safe_suffix(name: str) -> str:
+    suffix = PurePosixPath(name).suffix
+    return suffix if re.fullmatch(r"\.[a-zA-Z0-9]{1,8}", suffix) else ""
+
+
+def _with_uris(content: bytes, names: dict[str, str]) -> bytes:
+    """A glTF or GLB whose buffers and images have other URIs."""
+    binary = content[:4] == b"glTF"
+    length = struct.unpack_from("<I", content, 12)[0] if binary else len(content)
+    document = parse_json(content[20 : 20 + length] if binary else content)
+    for entry in (*(document.get("buffers") or []), *(document.get("images") or [])):
+        if entry.get("uri") in names:
+            entry["uri"] = names[entry["uri"]]
+    text = json.dumps(document).encode("ascii")
+    if not binary:
+        return text
+    text += b" " * (-len(text) % 4)
+    rest = content[20 + length :]
+    version = content[4:8]
+    return (
+        b"glTF" + version + struct.pack("<II4s", 20 + len(text) + len(rest), len(text), b"JSON") + text + rest
+    )
 
 
 def write_character_files(files: Files, folder: Path) -> Path:
@@ -49,9 +118,9 @@ def write_character_files(files: Files, folder: Path) -> Path:
 
 
 def check_character_files(files: Files) -> None:
-    """FileError unless the names are those of files in one folder, the first one of a glTF."""
+    """FileError unless the names are those of files in one folder, the first one of a glTF; or there is none at all."""
     names = list(files)
-    if not names or len(names) > MAX_FILES or Path(names[0]).suffix.lower() not in SUFFIXES:
+    if names and (len(names) > MAX_FILES or Path(names[0]).suffix.lower() not in SUFFIXES):
         raise FileError("its character: no glTF file.", REMEDY)
     for name in names:
         if not safe_name(name):
@@ -59,8 +128,15 @@ def check_character_files(files: Files) -> None:
 
 
 def safe_name(name: Any) -> bool:
-    """Whether a relative name stays in its folder on every system."""
-    if not is_text(name) or not 0 < len(name) <= MAX_NAME or any(sign in name for sign in '\0\\:*?"<>|'):
+    """Whether a relative name stays in its folder and can be written on every system."""
+    if not is_text(name) or not 0 < len(name.encode()) <= MAX_NAME or _UNSAFE.search(name.replace("/", "-")):
         return False
     parts = PurePosixPath(name).parts
-    return bool(parts) and not name.startswith("/") and ".." not in parts and os.path.normpath(name) != "."
+    whole = all(part == part.strip() and not part.endswith(".") for part in parts)
+    return (
+        bool(parts)
+        and whole
+        and not name.startswith("/")
+        and ".." not in parts
+        and os.path.normpath(name) != "."
+    )

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -14,14 +15,18 @@ from runtime.errors import FileError
 from runtime.motion.snapshot import Snapshot
 from runtime.motion.style_mix import StyleMix
 from runtime.projects.archive import REMEDY, ArchiveReader, ArchiveWriter
-from runtime.safe_read import is_text, parse_json
+from runtime.projects.motion import packed_table, unpacked_table
+from runtime.safe_read import is_text, parse_json, printable
 from runtime.takes.drive import Change, Drive, DrivenFrame, GroundChange, Keyframe, Restart, StyleChange
 from runtime.takes.metadata import PromptEvent, event_from
+from runtime.terrain.files import MAX_HEIGHT_M
 from runtime.terrain.height_map import Terrain
+from runtime.terrain.mesh import MAX_SIDE
 
 CODE = (6, 64)
-MAX_HEIGHT_M = 10_000.0
-MAX_SIDE = 8192  # samples of a ground
+STICK_BYTES = 7 * 8  # of a frame
+# in memory, about
+FRAME_BYTES, STATE_BYTES, CHANGE_BYTES = 400, 65_536, 4096
 MAX_DISTANCE_M = 100_000.0
 Json = Any
 Note = Callable[[Any], Json]  # packs what a program keeps with a style, or unpacks it
@@ -33,66 +38,49 @@ class DriveWriter:
 
     archive: ArchiveWriter
     note: Note  # JSON of a style's note
-    snapshots: dict[int, tuple[Snapshot, bytes]] = field(
-        default_factory=dict
-    )  # by identity, kept by the caller
     grounds: list[Json] = field(default_factory=list)
-    _ground_ids: dict[int, tuple[Terrain, int]] = field(default_factory=dict)
-    _frame_ids: dict[int, tuple[Any, Json]] = field(default_factory=dict)
+    changes: list[Json] = field(default_factory=list)
+    _numbers: dict[str, int] = field(default_factory=dict)  # of grounds and changes, by their JSON
 
     def ground(self, terrain: Terrain) -> int:
         """The number of a ground in `grounds`."""
-        known = self._ground_ids.get(id(terrain))
-        if known is None:
-            x, z = terrain.origin
-            heights = self.archive.array(terrain.heights)
-            self.grounds.append(
-                {"name": terrain.name, "cell_m": float(terrain.cell_m), "x": float(x), "z": float(z),
-                 "note": terrain.note, "heights": heights}
-            )  # fmt: skip
-            self._ground_ids[id(terrain)] = known = (terrain, len(self.grounds) - 1)
-        return known[1]
+        x, z = terrain.origin
+        heights = self.archive.array(terrain.heights)
+        return self._number(
+            self.grounds,
+            {"name": terrain.name, "cell_m": float(terrain.cell_m), "x": float(x), "z": float(z),
+             "note": terrain.note, "heights": heights},
+        )  # fmt: skip
 
     def drive(self, drive: Drive) -> Json:
         """JSON of a drive."""
+        packed = self.archive.packed
         return {
-            "frames": self._frames(drive.frames),
-            "changes": [self._change(change) for change in drive.changes],
+            "count": len(drive.frames),
+            "frames": self.archive.data(
+                packed.once("stick", drive.frames, lambda: _packed_sticks(drive.frames))
+            ),
+            "changes": [[c.frame, self._number(self.changes, self._change(c))] for c in drive.changes],
             "keyframes": [[key.frame, self._snapshot(key.snapshot)] for key in drive.keyframes],
         }
 
-    def _frames(self, frames: tuple[DrivenFrame, ...]) -> Json:
-        known = self._frame_ids.get(id(frames))
-        if known is None:
-            nowhere = (math.nan, math.nan)
-            rows = [
-                (
-                    *f.controls.move,
-                    *(f.controls.facing or nowhere),
-                    int(f.controls.gait),
-                    f.temperature,
-                    f.strength,
-                )
-                for f in frames
-            ]
-            number = self.archive.array(np.array(rows, np.float64).reshape(-1, 7), "<f8")
-            self._frame_ids[id(frames)] = known = (frames, number)
-        return known[1]
+    def _number(self, table: list[Json], value: Json) -> int:
+        text = json.dumps(value, sort_keys=True)
+        if text not in self._numbers:
+            table.append(value)
+            self._numbers[text] = len(table) - 1
+        return self._numbers[text]
 
     def _snapshot(self, snapshot: Snapshot) -> int:
-        known = self.snapshots.get(id(snapshot))
-        if known is None:
-            self.snapshots[id(snapshot)] = known = (snapshot, snapshot.to_bytes())
-        return self.archive.data(known[1])
+        return self.archive.data(self.archive.packed.once("state", snapshot, snapshot.to_bytes))
 
     def _change(self, change: Change) -> Json:
         if isinstance(change, Restart):
-            return {"restart": [change.frame, change.x, change.z, change.yaw]}
+            return {"restart": [change.x, change.z, change.yaw]}
         if isinstance(change, GroundChange):
-            return {"ground": self.ground(change.terrain), "frame": change.frame, "name": change.name}
+            return {"name": printable(change.name), "ground": self.ground(change.terrain)}
         event = change.event
         return {
-            "frame": change.frame,
             "seconds": change.seconds,
             "style": self.code(change.z),
             "prompt": event.prompt,
@@ -116,10 +104,11 @@ class DriveReader:
     archive: ArchiveReader
     note: Note
     grounds: list[Terrain]
+    changes: Sequence[Json]
 
     def drive(self, value: Json) -> Drive:
         """A drive of JSON."""
-        frames = self._frames(value["frames"])
+        frames = self._frames(value["frames"], value["count"])
         keyframes = tuple(self._keyframe(key) for key in value["keyframes"])
         changes = tuple(self._change(change) for change in value["changes"])
         starts = [key.frame for key in keyframes]
@@ -129,8 +118,16 @@ class DriveReader:
             raise FileError(f"{self.archive.path}: a keyframe after the take's end.", REMEDY)
         return Drive(frames, changes, keyframes)
 
-    def _frames(self, number: Json) -> tuple[DrivenFrame, ...]:
-        rows = self.archive.array(number, "<f8", (None, 7))
+    def _frames(self, number: Json, count: Json) -> tuple[DrivenFrame, ...]:
+        def made() -> tuple[DrivenFrame, ...]:
+            if type(count) is not int or self.archive.size(number) != STICK_BYTES * count:
+                raise ValueError("a stick of another length")
+            self.archive.budget.spend(FRAME_BYTES * count)
+            return self._sticks(unpacked_table(self.archive.data(number), count, np.dtype("<f8")))
+
+        return self.archive.once("stick", number, made)
+
+    def _sticks(self, rows: Any) -> tuple[DrivenFrame, ...]:
         rest = np.delete(rows, (2, 3), axis=1)
         if not np.isfinite(rest).all() or not (np.abs(rest[:, 3:]) <= 10.0).all():
             raise FileError(f"{self.archive.path}: a stick that is not finite.", REMEDY)
@@ -143,15 +140,28 @@ class DriveReader:
 
     def _keyframe(self, value: Json) -> Keyframe:
         frame, number = value
-        data = self.archive.data(number)
-        return Keyframe(_whole(frame), Snapshot.from_bytes(data, f"{self.archive.path}: keyframe {frame}"))
+
+        def made() -> Snapshot:
+            self.archive.budget.spend(STATE_BYTES)
+            return Snapshot.from_bytes(self.archive.data(number), f"{self.archive.path}: keyframe {frame}")
+
+        return Keyframe(_whole(frame), self.archive.once("state", number, made))
 
     def _change(self, value: Json) -> Change:
+        frame, number = value
+        if type(number) is not int or not 0 <= number < len(self.changes):
+            raise ValueError(f"change {str(number)[:20]}")
+        change = self.archive.once("change", number, lambda: self._read_change(self.changes[number]))
+        return replace(change, frame=_whole(frame))
+
+    def _read_change(self, value: Json) -> Change:
+        """A change of JSON, as if at frame 0."""
+        self.archive.budget.spend(CHANGE_BYTES)
         if "restart" in value:
-            frame, x, z, yaw = value["restart"]
-            return Restart(_whole(frame), *(_number(v, MAX_DISTANCE_M) for v in (x, z, yaw)))
+            x, z, yaw = (_number(v, MAX_DISTANCE_M) for v in value["restart"])
+            return Restart(0, x, z, yaw)
         if "ground" in value:
-            return GroundChange(_whole(value["frame"]), _text(value["name"]), self.ground(value["ground"]))
+            return GroundChange(0, _text(value["name"]), self.ground(value["ground"]))
         seconds = _number(value["seconds"], 1e6)
         words = {"prompt": _text(value["prompt"]), "typed": _text(value["typed"])}
         checked = event_from({**words, "transition_seconds": value["transition"]})
@@ -159,7 +169,7 @@ class DriveReader:
             0.0, checked.prompt, checked.transition_seconds, read_words_text(value["words"]), checked.typed
         )
         note = None if value["note"] is None else self.note(value["note"])
-        return StyleChange(_whole(value["frame"]), self.code(value["style"]), seconds, event, note)
+        return StyleChange(0, self.code(value["style"]), seconds, event, note)
 
     def code(self, value: Json) -> Any:
         """A style code, or a mix of codes."""
@@ -188,12 +198,26 @@ def read_ground(value: Json, archive: ArchiveReader) -> Terrain:
     """A ground of JSON; FileError for one that nobody can stand on."""
     heights = archive.array(value["heights"], "<f4", (None, None))
     cell = _number(value["cell_m"], 1000.0)
-    if max(heights.shape) > MAX_SIDE or not (np.abs(heights) <= MAX_HEIGHT_M).all() or cell < 1e-4:
+    if not _is_ground(heights) or cell < 1e-4:
         raise FileError(
             f"{archive.path}: a ground of {heights.shape[0]} x {heights.shape[1]} samples.", REMEDY
         )
     origin = (_number(value["x"], MAX_DISTANCE_M), _number(value["z"], MAX_DISTANCE_M))
     return Terrain(_text(value["name"]), heights, cell, origin, _text(value["note"]))
+
+
+def _is_ground(heights: Any) -> bool:
+    fits = min(heights.shape) >= 2 and max(heights.shape) <= MAX_SIDE
+    return fits and max(-float(heights.min()), float(heights.max())) <= MAX_HEIGHT_M  # nor with NaN
+
+
+def _packed_sticks(frames: tuple[DrivenFrame, ...]) -> bytes:
+    nowhere = (math.nan, math.nan)
+    rows = [
+        (*f.controls.move, *(f.controls.facing or nowhere), int(f.controls.gait), f.temperature, f.strength)
+        for f in frames
+    ]
+    return packed_table(np.array(rows, "<f8").reshape(-1, 7))
 
 
 def read_words_text(value: Json) -> str:

@@ -1,6 +1,7 @@
 """A project as plain data, and its one file: takes with what they were driven by, ground, character, model and style.
 
-Saved and loaded again, every frame, stick and state is the same, bit by bit: a take is driven again as before.
+Saved and loaded again, sticks and states are the same bit by bit, so that a take is driven again as before. Frames are
+kept within the bounds of `runtime.projects.motion`.
 """
 
 from __future__ import annotations
@@ -13,19 +14,21 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import FileError, SportError
-from runtime.projects.archive import REMEDY, ZIP_ERRORS, ArchiveReader, ArchiveWriter
+from runtime.projects.archive import REMEDY, ZIP_ERRORS, ArchiveReader, ArchiveWriter, Packed
 from runtime.projects.character_files import Files, check_character_files
 from runtime.projects.drives import DriveReader, DriveWriter, Json, read_ground, read_words_text
+from runtime.projects.motion import BYTES, CLIP_BYTES, packed_frames, pieces, unpacked_frames
 from runtime.safe_read import is_text, printable, reason
 from runtime.skeleton import J
-from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, Clip
+from runtime.takes.clip import MAX_DISTANCE_M, Clip
 from runtime.takes.drive import Drive
 from runtime.takes.metadata import event_from, gait_seconds, origin_from
 from runtime.terrain.height_map import Terrain
 
 SUFFIX = ".sport"
-FORMAT, VERSION = "sport-project", 1
+FORMAT, VERSION = "sport-project", 2
 MAX_TAKES = 10_000
+MAX_FRAMES = 2_000_000  # of a take: nine hours
 MAX_TEXT = 4096  # characters of a name
 MAX_NORM_ERROR = 0.01  # of a quaternion
 # what JSON of another shape raises where it is unpacked
@@ -103,34 +106,48 @@ class Notes:
         return None
 
 
-Snapshots = dict[int, tuple[Any, bytes]]
-
-
 def save_project(
-    project: Project, path: Path, notes: Notes | None = None, known: Snapshots | None = None
+    project: Project, path: Path, notes: Notes | None = None, packed: Packed | None = None
 ) -> None:
-    """Write a project whole or not at all. `known` keeps what states of controllers came to, for the next time."""
-    notes, archive = notes or Notes(), ArchiveWriter()
-    drives = DriveWriter(archive, lambda note: notes.pack(note, archive), {} if known is None else known)
-    takes = [_take(take, archive, drives) for take in project.takes]
-    document = {
+    """Write a project whole or not at all, and only when it can be read again; FileError.
+
+    `packed` keeps what its parts came to, so that the next time only what is new is packed.
+    """
+    notes, packed = notes or Notes(), packed or Packed()
+    with packed.lock:
+        archive = ArchiveWriter(packed)
+        drives = DriveWriter(archive, lambda note: notes.pack(note, archive))
+        document = _document(project, archive, drives, notes)
+        archive.save(path, document, lambda written: load_project(written, notes))
+        packed.forget_unused()
+
+
+def _document(project: Project, archive: ArchiveWriter, drives: DriveWriter, notes: Notes) -> Json:
+    check_character_files(project.character)
+    number = None if project.terrain is None else drives.ground(project.terrain)
+    model = project.model
+    return {
         "format": FORMAT,
         "version": VERSION,
-        "takes": takes,
+        "takes": [_take(take, archive, drives) for take in project.takes],
         "counter": project.counter,
         "selected": project.selected,
-        "ground": {
-            "name": printable(project.ground),
-            "number": None if project.terrain is None else drives.ground(project.terrain),
-        },
+        "ground": {"name": _label(project.ground), "number": number},
         "character": {name: archive.data(content) for name, content in project.character.items()},
-        "model": vars(project.model),
+        "model": {
+            "folder": _label(model.folder),
+            "name": _label(model.name),
+            "sha256": model.sha256,
+            "seed": model.seed,
+        },
         "style": None if project.style is None else notes.pack(project.style, archive),
         "place": list(project.place),
-        "view": dict(project.view),
+        "view": {
+            key: _label(value) if isinstance(value, str) else value for key, value in project.view.items()
+        },
         "grounds": drives.grounds,
+        "changes": drives.changes,
     }
-    archive.save(path, document)
 
 
 def load_project(path: str | Path, notes: Notes | None = None) -> Project:
@@ -158,12 +175,11 @@ def load_project(path: str | Path, notes: Notes | None = None) -> Project:
 
 def _project(value: Json, archive: ArchiveReader, notes: Notes) -> Project:
     grounds = [read_ground(ground, archive) for ground in value["grounds"]]
-    drives = DriveReader(archive, lambda note: notes.unpack(note, archive), grounds)
+    drives = DriveReader(archive, lambda note: notes.unpack(note, archive), grounds, value["changes"])
     if len(value["takes"]) > MAX_TAKES:
         raise ValueError(f"{len(value['takes'])} takes")
     character = {name: archive.data(number) for name, number in value["character"].items()}
-    if character:
-        check_character_files(character)
+    check_character_files(character)
     ground, model, style = value["ground"], value["model"], value["style"]
     x, z, yaw = (_number(part) for part in value["place"])
     return Project(
@@ -190,7 +206,7 @@ def _take(take: StoredTake, archive: ArchiveWriter, drives: DriveWriter) -> Json
         return [_version(version, archive, drives) for version in versions]
 
     return {
-        "name": printable(take.name),
+        "name": _label(take.name),
         "recorded": take.recorded,
         "shown": packed((take.shown,))[0],
         "older": packed(take.older),
@@ -200,21 +216,22 @@ def _take(take: StoredTake, archive: ArchiveWriter, drives: DriveWriter) -> Json
 
 def _version(version: StoredVersion, archive: ArchiveWriter, drives: DriveWriter) -> Json:
     clip = version.clip
+    check_motion(clip)
+    frames = archive.packed.once("frames", clip, lambda: [_piece(clip, part) for part in pieces(len(clip))])
     return {
-        "name": printable(clip.name),
+        "name": _label(clip.name),
         "fps": clip.fps,
-        "terrain": printable(clip.terrain),
-        "hips": archive.array(clip.hips_positions),
-        "rotations": archive.array(clip.local_rotations),
-        "contacts": archive.array(clip.contacts),
-        "gaits": None if clip.gaits is None else archive.array(clip.gaits, "|i1"),
+        "terrain": _label(clip.terrain),
+        "count": len(clip),
+        "frames": [archive.data(piece) for piece in frames],
+        "gaits": clip.gaits is not None,
         "gait_seconds": [list(pair) for pair in clip.gait_seconds],
         "prompts": [vars(event) for event in clip.prompts],
         "origin": vars(clip.origin),
         "placed": None if clip.placed is None else list(clip.placed),
         "drive": None if version.drive is None else drives.drive(version.drive),
-        "saved": printable(version.saved),
-        "label": printable(version.label),
+        "saved": _label(version.saved),
+        "label": _label(version.label),
     }
 
 
@@ -230,13 +247,9 @@ def _read_take(value: Json, archive: ArchiveReader, drives: DriveReader) -> Stor
 
 
 def _read_version(value: Json, archive: ArchiveReader, drives: DriveReader) -> StoredVersion:
-    hips = archive.array(value["hips"], "<f4", (None, 3))
-    count = len(hips)
-    rotations = archive.array(value["rotations"], "<f4", (count, J, 4))
-    contacts = archive.array(value["contacts"], "<f4", (count, 4))
-    gaits = None if value["gaits"] is None else archive.array(value["gaits"], "|i1", (count,))
-    fps, placed = _number(value["fps"]), value["placed"]
-    _check_motion(archive.path, hips, rotations, contacts, gaits, fps)
+    fps, placed, count = _number(value["fps"]), value["placed"], _count(value["count"])
+    hips, rotations, contacts, known = _frames(value["frames"], count, archive)
+    gaits = known if value["gaits"] is True else None
     prompts = tuple(replace(event_from(e), words=read_words_text(e["words"])) for e in value["prompts"])
     clip = Clip(
         name=_text(value["name"]),
@@ -251,22 +264,49 @@ def _read_version(value: Json, archive: ArchiveReader, drives: DriveReader) -> S
         gaits=gaits,
         placed=None if placed is None else _four(placed),
     )
+    check_motion(clip, archive.path)
     drive = None if value["drive"] is None else drives.drive(value["drive"])
     if drive is not None and len(drive) != count:
         raise FileError(f"{archive.path}: a take of {count} frames that was driven for {len(drive)}.", REMEDY)
     return StoredVersion(clip, drive, _text(value["saved"]), _text(value["label"]))
 
 
-def _check_motion(path: Path, hips: Any, rotations: Any, contacts: Any, gaits: Any, fps: float) -> None:
+def _piece(clip: Clip, part: slice) -> bytes:
+    gaits = None if clip.gaits is None else clip.gaits[part]
+    return packed_frames(clip.hips_positions[part], clip.local_rotations[part], clip.contacts[part], gaits)
+
+
+def _frames(numbers: Json, count: int, archive: ArchiveReader) -> tuple[Any, ...]:
+    """Arrays of a clip, which versions of the same frames share."""
+    parts = list(pieces(count)) if count <= MAX_FRAMES else []
+    if len(numbers) != len(parts) or not all(type(number) is int for number in numbers):
+        raise ValueError(f"{len(numbers)} pieces of {count} frames")
+
+    def made() -> tuple[Any, ...]:
+        archive.budget.spend(CLIP_BYTES * count)
+        hips, rotations = np.empty((count, 3), np.float32), np.empty((count, J, 4), np.float32)
+        contacts, gaits = np.empty((count, 4), np.float32), np.empty(count, np.int8)
+        for number, part in zip(numbers, parts, strict=True):
+            size = part.stop - part.start
+            if archive.size(number) != BYTES * size:
+                raise ValueError("a piece of another length")
+            hips[part], rotations[part], contacts[part], gaits[part] = unpacked_frames(
+                archive.data(number), size
+            )
+        return hips, rotations, contacts, gaits
+
+    return archive.once("frames", (count, *numbers), made)
+
+
+def check_motion(clip: Clip, path: Path | str = "a take") -> None:
     """FileError unless every frame can be shown."""
-    norms = np.linalg.norm(rotations, axis=-1) if len(hips) else np.zeros(0)
+    hips, gaits = clip.hips_positions, clip.gaits
+    norms = np.linalg.norm(clip.local_rotations, axis=-1)
     good = (
-        len(hips) > 0
-        and bool((np.abs(hips) <= MAX_DISTANCE_M).all())
+        bool((np.abs(hips) <= MAX_DISTANCE_M).all())
         and bool((np.abs(norms - 1.0) <= MAX_NORM_ERROR).all())
-        and bool(((contacts >= -0.5) & (contacts <= 1.5)).all())
+        and bool(((clip.contacts >= -0.5) & (clip.contacts <= 1.5)).all())
         and (gaits is None or bool(((gaits >= -1) & (gaits < 10)).all()))
-        and 0.0 < fps <= MAX_FPS
     )
     if not good:
         raise FileError(f"{path}: a take whose frames are no poses.", REMEDY)
@@ -284,6 +324,11 @@ def _four(value: Json) -> tuple[float, ...]:
 
 
 # --- values
+
+
+def _label(text: str) -> str:
+    """Text as `_text` reads it."""
+    return printable(text).replace("\0", "\ufffd")[:MAX_TEXT]
 
 
 def _text(value: Json) -> str:

@@ -9,8 +9,9 @@ from functools import partial
 from pathlib import Path
 
 from runtime.errors import SportError
+from runtime.projects.archive import Packed
 from runtime.projects.character_files import Files, read_character_files
-from runtime.projects.project import SUFFIX, Project, Snapshots, load_project, save_project
+from runtime.projects.project import SUFFIX, Project, load_project, save_project
 from viewer.gui.dialogs import Dialogs, Kind
 from viewer.jobs import Jobs
 from viewer.messages import Messages
@@ -47,7 +48,7 @@ class Projects:
     _begun_s: float = -1e9
     _settling: int = 0
     _adopted: Path | None = None  # a session that was reopened, until this one is on disk
-    _snapshots: Snapshots = field(default_factory=dict)
+    _packed: Packed = field(default_factory=Packed)
     _character: tuple[Path, Files] | None = None
 
     def __post_init__(self) -> None:
@@ -174,12 +175,9 @@ class Projects:
     # --- writing
 
     def _write(self, project: Project, path: Path) -> None:
-        """Write a project with the files of its character; on any thread, one at a time by their slots."""
+        """Write a project with the files of its character; on any thread."""
         project.character = self._character_files()
-        save_project(project, path, StyleNotes(), self._snapshots)
-        versions = [v for take in project.takes for v in (take.shown, *take.older, *take.newer)]
-        used = {id(key.snapshot) for v in versions if v.drive is not None for key in v.drive.keyframes}
-        self._snapshots = {key: known for key, known in self._snapshots.items() if key in used}
+        save_project(project, path, StyleNotes(), self._packed)
 
     def _character_files(self) -> Files:
         path = self.contents.stage.character_path

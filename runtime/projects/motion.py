@@ -1,0 +1,111 @@
+"""The frames of a take as they are kept in a project: quantised, and as differences that compress to a fifth.
+
+Hips are kept to `HIPS_STEP_M` / 2 = 0.031 mm, local rotations to 0.005 degrees, contacts to 1 / 256; gaits are exact. Frames are
+kept in pieces of `PIECE` frames, so that versions of a take share what an edit left as it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.skeleton import J
+
+Array = NDArray[Any]
+
+PIECE = 300  # frames: 5 s
+HIPS_STEP_M = 1.0 / 16384.0
+ROTATION_STEP = 1.0 / (
+    32767.0 * 2.0**0.5
+)  # of a component: the three smaller ones of a quaternion are below 0.7072
+CONTACT_STEP = 1.0 / 128.0
+LOWEST_CONTACT = -0.5
+BYTES = 3 * 4 + J * (1 + 3 * 2) + 4 + 1  # of a packed frame: hips, rotations, contacts, gait
+CLIP_BYTES = 4 * (3 + 4 * J + 4) + 1  # of a frame in memory
+
+
+def pieces(count: int) -> Iterator[slice]:
+    """The pieces of a clip of `count` frames."""
+    for first in range(0, count, PIECE):
+        yield slice(first, min(first + PIECE, count))
+
+
+def packed_frames(hips: Array, rotations: Array, contacts: Array, gaits: Array | None) -> bytes:
+    """The bytes of T frames; hips `(T, 3)`, rotations `(T, 31, 4)`, contacts `(T, 4)`, gaits `(T,)`."""
+    places = np.round(np.asarray(hips, np.float64) / HIPS_STEP_M).astype(np.int32)
+    largest = np.abs(rotations).argmax(axis=-1)
+    negative = np.take_along_axis(rotations, largest[..., None], axis=-1) < 0.0
+    rest = np.take_along_axis(rotations, _others(largest), axis=-1) * np.where(negative, -1.0, 1.0)
+    small = np.clip(np.round(rest / ROTATION_STEP), -32767, 32767).astype(np.int16)
+    signs = (largest | (negative[..., 0] << 2)).astype(np.uint8)
+    touching = np.round((contacts - LOWEST_CONTACT) / CONTACT_STEP).astype(np.uint8)
+    asked = np.zeros(len(hips), np.int8) if gaits is None else gaits.astype(np.int8)
+    columns = (
+        signs,
+        _differences(small.reshape(len(hips), -1)),
+        _differences(places),
+        touching,
+        asked[:, None],
+    )
+    return b"".join(packed_table(column) for column in columns)
+
+
+def unpacked_frames(data: bytes, count: int) -> tuple[Array, Array, Array, Array]:
+    """Hips, rotations, contacts and gaits of `packed_frames`; ValueError for other bytes."""
+    if len(data) != BYTES * count:
+        raise ValueError(f"{len(data)} bytes of {count} frames")
+    sizes = np.cumsum([J, J * 3 * 2, 3 * 4, 4]) * count
+    parts = [bytes(part) for part in np.split(np.frombuffer(data, np.uint8), sizes)]
+    signs = unpacked_table(parts[0], count, np.uint8).reshape(count, J)
+    small = _sums(unpacked_table(parts[1], count, np.int16)).reshape(count, J, 3)
+    places = _sums(unpacked_table(parts[2], count, np.int32))
+    if (signs > 7).any() or (small == -32768).any():
+        raise ValueError("rotations that are none")
+    rest = small * ROTATION_STEP
+    largest = (signs & 3).astype(np.int64)
+    main = np.sqrt(np.maximum(1.0 - np.sum(rest * rest, axis=-1), 0.0))
+    rotations = np.empty((count, J, 4), np.float64)
+    np.put_along_axis(rotations, _others(largest), rest, axis=-1)
+    np.put_along_axis(rotations, largest[..., None], main[..., None], axis=-1)
+    rotations *= np.where(signs & 4, -1.0, 1.0)[..., None]
+    hips = (places * HIPS_STEP_M).astype(np.float32)
+    contacts = (unpacked_table(parts[3], count, np.uint8) * CONTACT_STEP + LOWEST_CONTACT).astype(np.float32)
+    return hips, rotations.astype(np.float32), contacts, unpacked_table(parts[4], count, np.int8)[:, 0]
+
+
+def _others(largest: Array) -> Array:
+    """The three other components `(..., 3)` of a quaternion."""
+    return (largest[..., None] + np.arange(1, 4)) % 4
+
+
+def _differences(values: Array) -> Array:
+    """Second differences along time, small numbers of either sign first; whole numbers that overflow come back again."""
+    for _ in range(2):
+        values = np.diff(values, axis=0, prepend=np.zeros_like(values[:1]))
+    return (values << 1) ^ (values >> (8 * values.itemsize - 1))
+
+
+def _sums(values: Array) -> Array:
+    """What `_differences` were made of."""
+    unsigned = values.view(f"u{values.itemsize}")
+    values = (unsigned >> 1).view(values.dtype) ^ -(values & 1)
+    for _ in range(2):
+        values = np.cumsum(values, axis=0, dtype=values.dtype)
+    return values
+
+
+def packed_table(values: Array) -> bytes:
+    """Columns `(T, columns)` one after the other, and of their numbers the low bytes first: what is alike stands together."""
+    count, width = values.shape
+    apart = np.ascontiguousarray(values.T).view(np.uint8).reshape(width, count, -1)
+    return np.ascontiguousarray(apart.transpose(2, 0, 1)).tobytes()
+
+
+def unpacked_table(data: bytes, count: int, kind: Any) -> Array:
+    """What `packed_table` were made of `(T, columns)`."""
+    size = np.dtype(kind).itemsize
+    planes = np.frombuffer(data, np.uint8).reshape(size, -1, count)
+    return np.ascontiguousarray(planes.transpose(1, 2, 0)).view(kind)[..., 0].T

@@ -25,7 +25,10 @@ class Group:
 
 
 class Grammar:
-    """The rules of a file: `groups` by name, `phrases` (pattern, whose action, what is looked up), `targets` of gestures."""
+    """The rules of a file: `groups` by name, `phrases` (pattern, whose action, what is looked up), `targets` of gestures.
+
+    `relations` are patterns and the clauses that they stand for, with {side}, {other} and the pattern's groups.
+    """
 
     def __init__(self, file: dict[str, Any]) -> None:
         self._sentences: dict[str, str] = file["sentences"]
@@ -39,6 +42,9 @@ class Grammar:
         }
         self.phrases = [(self._compiled(p), target, asked) for p, target, asked in file["phrases"]["rules"]]
         self.targets = self._rules(file["gestures"]["targets"])
+        self.relations = [
+            (self._compiled(pattern), clauses) for pattern, clauses in file["relations"]["rules"]
+        ]
         self._found: dict[str, re.Pattern[str]] = {}
 
     def __getitem__(self, name: str) -> re.Pattern[str]:
@@ -56,8 +62,8 @@ class Grammar:
 
     def _compiled(self, pattern: str) -> re.Pattern[str]:
         text = _joined(pattern)
-        while re.search("%[A-Z_]+%", text):
-            text = re.sub("%([A-Z_]+)%", lambda match: self._patterns[match[1]], text)
+        while re.search("%[A-Z_0-9]+%", text):
+            text = re.sub("%([A-Z_0-9]+)%", lambda match: self._patterns[match[1]], text)
         return re.compile(text, re.IGNORECASE)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from runtime.prompts.english.clause_rules import Rules, grammar
 from runtime.prompts.english.gestures import take_gestures
+from runtime.prompts.english.sides import name_sides
 from runtime.prompts.parts import MAX_CHARACTERS
 from runtime.skeleton import PART_NAMES
 
@@ -24,10 +25,14 @@ _NAMED = (
 
 @dataclass(frozen=True)
 class ParsedPrompt:
-    """`parts`: part name → description that the prompt states; `rest`: the prompt without those clauses."""
+    """`parts`: part name → description that the prompt states; `rest`: the prompt without those clauses.
+
+    `side` is the one that somebody "left-handed" prefers, "" where nothing is said of it.
+    """
 
     parts: dict[str, str]
     rest: str
+    side: str = ""
 
 
 def parse_clauses(prompt: str) -> ParsedPrompt:
@@ -37,13 +42,13 @@ def parse_clauses(prompt: str) -> ParsedPrompt:
     text = text.replace("left and right", "side to side").replace("’", "'")
     text = rules["two_nouns"].sub(r"\g<first> \g<rest>, \g<second> \g<rest>", text)
     text = rules["trunk"].sub("torso", text)
+    text, hand = name_sides(text)
     parts, text = take_gestures(text)
     pieces = rules["separators"].split(text)
     denied: set[str] = set()  # parts of which no more is known than what they do not do
     rest: list[str] = []
-    last = ("arm", "right")  # the limb spoken of, for "the other one"
     for i in range(0, len(pieces), 2):
-        found, remainder = _parse_clause(pieces[i].strip(), last)
+        found, remainder = _parse_clause(pieces[i].strip())
         denies = bool(rules["denies"].search(pieces[i]))
         for part, description in found.items():
             if part not in parts or (part in denied and not denies):
@@ -51,33 +56,26 @@ def parse_clauses(prompt: str) -> ParsedPrompt:
                 (denied.add if denies else denied.discard)(part)
             elif not denies:  # "head down, never looks up": what is denied adds nothing to what is said
                 parts[part] = _joined(parts[part], description)
-            side, _, limb = part.partition("_")
-            last = (limb, side) if limb else last
         if remainder:
             if rest and i > 0:
                 rest.append(pieces[i - 1])
             rest.append(remainder)
-    return ParsedPrompt(parts, _tidy("".join(rest)))
+    return ParsedPrompt(parts, _tidy("".join(rest)), hand)
 
 
-def _parse_clause(clause: str, last: tuple[str, str]) -> tuple[dict[str, str], str]:
-    """Parts that a clause describes, and what of it does not; `last` are limb and side of the clause before."""
+def _parse_clause(clause: str) -> tuple[dict[str, str], str]:
+    """Parts that a clause describes, and what of it does not."""
     rules = grammar()
     parts: dict[str, str] = {}
-    other = rules["other_clause"].match(clause)
-    if other:
-        stated = _described(last[0], (_opposite(last[1]),), other["rest"])
-        if stated:
-            return stated, ""
     noun = rules["noun_clause"].match(clause)
     if noun:
-        stated = _noun_parts(noun, noun["rest"], last, verbatim=True)
+        stated = _noun_parts(noun, noun["rest"], verbatim=True)
         if stated:
             return stated, ""
     verb = rules["verb_clause"].search(clause)
     if verb:
         action = f"{verb['degree'] or ''}{verb['verb']} {verb['rest']}"
-        stated = _noun_parts(verb, action, last, verbatim=False)
+        stated = _noun_parts(verb, action, verbatim=False)
         if stated:
             parts.update(stated)
             clause = _without_denial(clause[: verb.start()].strip())
@@ -90,7 +88,7 @@ def _parse_clause(clause: str, last: tuple[str, str]) -> tuple[dict[str, str], s
     return parts, clause
 
 
-def _noun_parts(match: re.Match[str], action: str, last: tuple[str, str], verbatim: bool) -> dict[str, str]:
+def _noun_parts(match: re.Match[str], action: str, verbatim: bool) -> dict[str, str]:
     """Descriptions of a clause with a part's name; the clause itself where no rule knows its action."""
     rules = grammar()
     noun = match["noun"]
@@ -103,14 +101,12 @@ def _noun_parts(match: re.Match[str], action: str, last: tuple[str, str], verbat
     before = match.string[: match.start(2) if match.re.groups > 1 else 0]
     denial = rules["denies"].search(f"{' '.join(before.split()[-3:])} {match['owners']}")
     words = f"{noun} {action}" if noun in _NAMED else action
-    stated = _described(
-        group, _sides(owners, plural, last), f"{denial.group(0)} {words}" if denial else words
-    )
+    stated = _described(group, _sides(owners, plural), f"{denial.group(0)} {words}" if denial else words)
     if stated or not verbatim or not (owners or plural):
         return stated
     singular = "foot" if noun == "feet" else noun
     template = f"{'{s} ' if group in _LIMBS else ''}{singular} {action}"[: MAX_CHARACTERS - 3]
-    return _sided(group, _sides(owners, plural, last), template)
+    return _sided(group, _sides(owners, plural), template)
 
 
 def _idiom_parts(target: str, words: str, match: re.Match[str]) -> dict[str, str]:
@@ -136,11 +132,9 @@ def _described(group: str, sides: tuple[str, ...], words: str) -> dict[str, str]
     return {} if template is None else _sided(group, sides, template)
 
 
-def _sides(owners: list[str], plural: bool, last: tuple[str, str]) -> tuple[str, ...]:
+def _sides(owners: list[str], plural: bool) -> tuple[str, ...]:
     if "left" in owners or "right" in owners:
         return tuple(side for side in ("left", "right") if side in owners)
-    if "other" in owners:
-        return (_opposite(last[1]),)
     both = plural or {"both", "two", "neither", "either", "no", "any"} & set(owners)
     return ("left", "right") if both else ("right",)
 
@@ -151,10 +145,6 @@ def _sided(group: str, sides: tuple[str, ...], template: str) -> dict[str, str]:
     # str.replace and not format: the user's own words may hold braces
     found = {f"{side}_{group}": template.replace("{s}", side) for side in sides}
     return {part: found[part] for part in PART_NAMES if part in found}
-
-
-def _opposite(side: str) -> str:
-    return "left" if side == "right" else "right"
 
 
 def _joined(old: str | None, new: str) -> str:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 
 from runtime.prompts.english.clause_rules import grammar
+from runtime.prompts.english.sides import OPPOSITE, hand_at
 from runtime.skeleton import PART_NAMES
-
-_OTHER = {"left": "right", "right": "left"}
 
 
 def take_gestures(text: str) -> tuple[dict[str, str], str]:
@@ -26,8 +25,7 @@ def take_gestures(text: str) -> tuple[dict[str, str], str]:
         if target == "head" and match["verb"].startswith("scratch"):
             target = "hair"  # a head is scratched on its top and wiped at its front
         template = str(next(said for names, said in rules.targets if names.fullmatch(target)))
-        across = "folded across" in template  # an arm is reached by the other hand only
-        for side in _sides(match, across):
+        for side in _sides(match):
             parts.setdefault(f"{side}_arm", template.replace("{s}", side))
         return " , "
 
@@ -35,10 +33,9 @@ def take_gestures(text: str) -> tuple[dict[str, str], str]:
     return {part: parts[part] for part in PART_NAMES if part in parts}, rest
 
 
-def _sides(match: re.Match[str], across: bool) -> tuple[str, ...]:
-    if match["side"] in _OTHER:
-        return (match["side"],)
+def _sides(match: re.Match[str]) -> tuple[str, ...]:
     if match["side"] == "both":
-        return tuple(_OTHER)
-    side = match["target_side"]
-    return (_OTHER[side] if side and across else side or "right",)
+        return tuple(OPPOSITE)
+    if match["side"] in OPPOSITE:
+        return (match["side"],)
+    return (hand_at(match["target_side"], match["target"]) if match["target_side"] else "right",)

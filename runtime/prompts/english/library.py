@@ -26,7 +26,7 @@ from runtime.prompts.english.library_data import (
     load_styles,
 )
 from runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, read_phrases
-from runtime.prompts.english.sides import on_side, side_asked
+from runtime.prompts.english.sides import named_side, on_side
 from runtime.prompts.english.spelling import Spelling
 from runtime.prompts.english.words import PERSONS, PLACES, Word, words_of
 from runtime.prompts.expander import Expansion, check_prompt
@@ -115,12 +115,12 @@ class LibraryExpander:
             if parsed.parts:
                 return self._neutral((), parsed.parts, "", explicit=True)
             return self._neutral((), {}, "The prompt names no style: neutral.")
-        return self._expand_rest(parsed.rest, words, parsed.parts)
+        return self._expand_rest(parsed.rest, words, parsed.parts, parsed.side)
 
-    def _expand_rest(self, rest: str, words: list[Word], stated: dict[str, str]) -> Expansion:
+    def _expand_rest(self, rest: str, words: list[Word], stated: dict[str, str], hand: str) -> Expansion:
         """What a prompt asks for beside its clauses: by its phrases, by the nearest entries, or nothing."""
         library = self._library
-        reading, side = read_phrases(words, library.phrases), side_asked(words)
+        reading, side = read_phrases(words, library.phrases), named_side(words) or hand
         elements, note, text = list(reading.elements), "", rest
         if reading.denied:
             note = f"Left out, as it is denied: “{_short(', '.join(reading.denied))}”."

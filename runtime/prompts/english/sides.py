@@ -1,39 +1,209 @@
-"""Left and right of an entry: "a heavy bag on the left shoulder" mirrors one that was written for the right."""
+"""Sides and relations: which limb a prompt speaks of, and the library's entries on that side.
+
+`name_sides` puts every side in so many words before the clauses are read:
+
+    "one hand on the left hip, the other arm hanging"   →  "left hand on the left hip, right arm hanging"
+    "raises the right arm and limps on the opposite leg" →  "... right arm and limps on the left leg"
+    "favouring the right leg"                            →  "limping on the right leg"
+
+Words of such relations that stand for one action (weight, injuries, loads) are rules of assets/prompts/clauses.toml.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
+from runtime.prompts.english.clause_rules import grammar
 from runtime.prompts.english.library_data import LibraryEntry
 from runtime.prompts.english.words import PART_WORDS, Word, word_set
 from runtime.skeleton import PART_NAMES
 
-_LIMBS = word_set("arm hand elbow shoulder wrist leg foot feet knee hip ankle side thigh heel toe")
-_OTHER = {"left": "right", "right": "left"}
+OPPOSITE = {"left": "right", "right": "left"}
+_ARM = "arm|hand|fist|elbow|wrist|palm|forearm|finger"
+_LEG = "leg|foot|feet|knee|thigh|ankle|heel|toe|shin|calf"
+_OF_ARM = re.compile(_ARM)
+_HANDED = re.compile(r"\b(?:(?P<side>left|right)[- ]?hand(?:ed|er)|(?P<southpaw>southpaw|lefty))\b")
+# "a hand ..., the left one"; "the hand of the same side"; "a peg leg on the right": the side comes after its limb
+_SIDE_BEHIND = re.compile(
+    rf"\b(?P<words>(?:(?:one|a|an|the|his|her|their|its) )+(?:(?!left|right)\w+ )?)(?P<limb>(?:{_ARM}|{_LEG}))\b"
+    r"(?P<between>(?:[^,;.:!?]*,)?) "
+    r"(?:(?:the|his|her|their) (?P<one>left|right) one"
+    r"|(?:of|on) (?:the|his|her|their) (?P<relation>same|other|opposite) side"
+    r"|on (?:the|his|her|their) (?P<side>left|right)(?= side\b| *(?:[,;.:!?]|$)| and\b)(?: side)?)"
+)
+_LIMB = re.compile(
+    r"(?P<place>\b(?:on|over|behind|under|at|to|against|across|near|beside|above|around|of|from|"
+    r"hold(?:s|ing)|grip(?:s|ping)|clutch(?:es|ing)) )?"
+    r"(?P<owners>(?:\b(?:the|a|an|his|her|their|its|my|your|one|both|two|each|other|opposite|same|left|right|own) )*)"
+    rf"(?:(?<=\bone )|(?<=\bother )|(?<=\bsame )|(?<=\bopposite )|(?<=\bleft )|(?<=\bright )|(?=(?:{_ARM}|{_LEG})s?\b))"
+    rf"(?P<adjective>(?!(?:{_ARM}|{_LEG})s?\b)(?!on\b|in\b|at\b|to\b|of\b|and\b|is\b|hip|should|side)\w+ )?"
+    rf"\b(?P<limb>(?:{_ARM}|{_LEG}))(?P<plural>s)?\b"
+)
+_BARE = r"\bthe (?:other(?: one)?|(?P<one>left|right) one)(?= (?:\w+ing|\w+ed|%s)\b)"  # "the other hanging"
+_CLAUSE_END = re.compile(r"[,;.:!?]| and | while | with | but ")
+_SAME_SIDE = r"hip|thigh|pocket|waist|side|knee|ear|eye|temple|cheek|breast|chest"
+_OTHER_SIDE = r"shoulder|arm|elbow|wrist|hand|forearm|armpit"
+_PLACE = re.compile(
+    rf"\b(?P<side>left|right) (?:(?P<same>{_SAME_SIDE})|(?P<across>{_OTHER_SIDE}))\b"
+    r"|\b(?:to|towards?|on) (?:the|his|her|their) (?P<direction>left|right)\b"
+)
+# "right hand on the left shoulder, left hand on the right": what the second rests on is the first's
+_ELLIPSIS = re.compile(
+    rf"(?P<first>\b(?:on|at|over) (?:the |his |her |their )?(?:left|right) (?P<noun>{_SAME_SIDE}|{_OTHER_SIDE})\b.*?"
+    r"\b(?:on|at|over) (?:the |his |her |their )?(?:left|right))(?= *(?:[,;.:!?]|$))"
+)
+_SIDED_NOUNS = word_set("arm hand elbow shoulder wrist leg foot feet knee hip ankle side thigh heel toe")
 _IDLE_ARM = re.compile(r"\bhanging\b|\bswinging (?:naturally|gently|little|lightly|evenly)")
 _BUSY_LEG = re.compile(
     r"limping|dragging|trailing|hopping|springing off|off the ground|stiff and straight|low kick|hanging"
 )
 
 
-def side_asked(words: Sequence[Word]) -> str:
+@dataclass
+class _Spoken:
+    """The limb that was spoken of last: "arm" or "leg" with its noun and side."""
+
+    noun: str = "arm"
+    side: str = "right"
+
+    @property
+    def is_arm(self) -> bool:
+        return _OF_ARM.fullmatch(self.noun) is not None
+
+
+def name_sides(prompt: str) -> tuple[str, str]:
+    """A lower-case prompt with the side of each limb before its noun, and the side that it prefers ("left-handed"), or "".
+
+    A single limb of which nothing tells the side stays as it is; it is read as the right one.
+    """
+    handed = _HANDED.search(prompt)
+    hand = (handed["side"] or "left") if handed else ""
+    text = _HANDED.sub("", prompt) if handed else prompt
+    text = re.sub(rf"\b(left|right) (?:arm|leg)'s (?=(?:{_ARM}|{_LEG})s?\b)", r"\1 ", text)
+    text = re.sub(rf"\beach ((?:{_ARM}|{_LEG}))\b", r"both \1s", text).replace("foots", "feet")
+    text = _ELLIPSIS.sub(r"\g<first> \g<noun>", text)
+    text = _SIDE_BEHIND.sub(_put_side_before, text)
+    text = _with_sides(text, hand)
+    for pattern, clauses in grammar().relations:
+        text = pattern.sub(lambda match, said=clauses: _relation(match, said, hand), text)
+    return text, hand
+
+
+def hand_at(side: str, target: str) -> str:
+    """The hand that lies on a target of one side: the same one on a hip, the other one on an arm."""
+    return OPPOSITE[side] if re.fullmatch(_OTHER_SIDE, target) else side
+
+
+def _put_side_before(match: re.Match[str]) -> str:
+    side = match["one"] or match["side"] or match["relation"]
+    words = re.sub(r"\b(?:one|a|an|the)\s+", "", match["words"])
+    return f"{side} {words}{match['limb']}{match['between']}".rstrip(",")
+
+
+def _relation(match: re.Match[str], clauses: str, hand: str) -> str:
+    """The clauses that a relation stands for, with its side, the other side, and what else the pattern names."""
+    values = {name: value or "" for name, value in match.groupdict().items()}
+    side = values.get("side") or hand
+    if not side and "{side}" in clauses:
+        return match.group(0)
+    said = clauses.format(**(values | {"side": side, "other": OPPOSITE.get(side, "")}))
+    return f" , {said} , " if "{side}" in clauses else said
+
+
+def _with_sides(text: str, hand: str) -> str:
+    """The limbs of a prompt with their sides, read from left to right."""
+    bare = re.compile(_BARE % grammar()["following_words"].pattern)
+    spoken, said, at = _Spoken(side=hand or "right"), "", 0
+    single: dict[bool, str] = {}  # side of the limb called "one", by whether it is an arm
+    subject_end = 0  # of the clause whose subject was found
+    for match in sorted((*_LIMB.finditer(text), *bare.finditer(text)), key=lambda m: m.start()):
+        if match.start() < at:
+            continue
+        said += text[at : match.start()]
+        at = match.end()
+        if match.re is bare:
+            spoken.side = match["one"] or OPPOSITE[spoken.side]
+            said += f"{spoken.side} {spoken.noun}"
+            continue
+        noun, owners = match["limb"], match["owners"].split()
+        is_arm = _OF_ARM.fullmatch(noun) is not None
+        side = next((word for word in reversed(owners) if word in OPPOSITE), "")
+        if not side and not match["plural"] and noun != "feet":
+            side = _side_meant(text, match, owners, spoken, single.get(is_arm, ""), hand if is_arm else "")
+        if "one" in owners:
+            single[is_arm] = side or hand or "right"
+        kept = [word for word in owners if word not in ("one", "other", "opposite", "same", *OPPOSITE)]
+        named = side and not match["plural"] and not {"both", "two"} & set(owners)
+        if named and set(owners) & {"one", "other", "opposite", "same"}:
+            kept = [word for word in kept if word not in ("the", "a", "an")]
+        said += "".join(
+            (
+                match["place"] or "",
+                *(f"{w} " for w in kept),
+                f"{side} " if side else "",
+                match["adjective"] or "",
+            )
+        )
+        said += noun + (match["plural"] or "")
+        # "right hand holding the left elbow": the elbow is no subject of its own
+        if side and not (match["place"] and match.start() < subject_end):
+            spoken = _Spoken(noun, side)
+            end = re.compile(r"[,;.:!?]| and | while ").search(text, match.end())
+            subject_end = end.start() if end else len(text)
+    return said + text[at:]
+
+
+def _side_meant(
+    text: str, match: re.Match[str], owners: list[str], spoken: _Spoken, single: str, hand: str
+) -> str:
+    """The side of a single limb without one: by its relation to another, by its place, or "" where nothing tells it."""
+    if {"other", "opposite"} & set(owners):
+        return OPPOSITE[spoken.side]
+    if "same" in owners:
+        return spoken.side
+    end = _CLAUSE_END.search(text, match.end())
+    place = _side_of_place(text[match.end() : end.start() if end else len(text)])
+    if match["place"] and "one" not in owners:
+        return ""
+    if place or "one" not in owners:
+        return place or (hand if owners and owners[-1] in ("a", "his", "her", "their") else "")
+    if single:
+        return OPPOSITE[single]  # "one arm forward and one arm back"
+    other = re.search(r"\bother\b", text[match.end() :])
+    if other:  # "one arm behind the back, the other out to the right"
+        rest = text[match.end() + other.end() :]
+        end = _CLAUSE_END.search(rest)
+        place = _side_of_place(rest[: end.start() if end else len(rest)])
+        return OPPOSITE[place] if place else hand or "right"
+    return hand
+
+
+def _side_of_place(clause: str) -> str:
+    """The side of the hand that is where a clause says: left "on the left hip", right "on the left shoulder"."""
+    place = _PLACE.search(clause)
+    if place is None:
+        return ""
+    return place["direction"] or hand_at(place["side"], place["same"] or place["across"])
+
+
+def named_side(words: Sequence[Word]) -> str:
     """The one side of a body that a prompt names, "" for none and for both.
 
     It is named with a limb ("the left foot", "foot left") or as "on the left", "left side"; a direction is none.
     """
     named: set[str] = set()
     for i, word in enumerate(words):
-        if word.text not in _OTHER:
+        if word.text not in OPPOSITE:
             continue
         after = words[i + 1].stem if i + 1 < len(words) else ""
         before = words[i - 1] if i else None
-        of_limb = after in _LIMBS or (
-            before is not None and before.stem in _LIMBS | {"on"} and after not in PART_WORDS
+        of_limb = after in _SIDED_NOUNS or (
+            before is not None and before.stem in _SIDED_NOUNS | {"on"} and after not in PART_WORDS
         )
         # "a wooden left leg", "the paralysed left": between them an adjective at most
-        if of_limb or (i + 2 < len(words) and words[i + 2].stem in _LIMBS):
+        if of_limb or (i + 2 < len(words) and words[i + 2].stem in _SIDED_NOUNS):
             named.add(word.text)
     return named.pop() if len(named) == 1 else ""
 
@@ -43,12 +213,12 @@ def entry_side(entry: LibraryEntry) -> str:
 
     Its name says it ("limping on the left leg"), else the limb that is not idle.
     """
-    spoken = {side for side in _OTHER if re.search(rf"\b{side}\b", entry.prompt)}
+    spoken = {side for side in OPPOSITE if re.search(rf"\b{side}\b", entry.prompt)}
     if spoken:
         return spoken.pop() if len(spoken) == 1 else ""
     said = entry.descriptions
-    legs = [side for side in _OTHER if _BUSY_LEG.search(getattr(said, f"{side}_leg"))]
-    arms = [side for side in _OTHER if not _IDLE_ARM.search(getattr(said, f"{side}_arm"))]
+    legs = [side for side in OPPOSITE if _BUSY_LEG.search(getattr(said, f"{side}_leg"))]
+    arms = [side for side in OPPOSITE if not _IDLE_ARM.search(getattr(said, f"{side}_arm"))]
     for sides in (legs, arms):
         if len(sides) == 1:
             return sides[0]
@@ -64,5 +234,5 @@ def on_side(entry: LibraryEntry, side: str) -> LibraryEntry:
 
 
 def _mirrored(parts: tuple[str, ...]) -> tuple[str, ...]:
-    swapped = {f"{_OTHER[p.split('_')[0]]}_{p.split('_')[1]}" if "_" in p else p for p in parts}
+    swapped = {f"{OPPOSITE[p.split('_')[0]]}_{p.split('_')[1]}" if "_" in p else p for p in parts}
     return tuple(part for part in PART_NAMES if part in swapped)

@@ -14,14 +14,20 @@ from runtime.prompts.expander import DEFAULT_PROMPT
 from runtime.takes.drive import DriveRecorder
 from runtime.takes.recorder import ClipRecorder
 from runtime.terrain.height_map import Terrain
+from viewer.desk import bar, guide, settings_panel
 from viewer.desk.desk import Desk
+from viewer.desk.undo import Undo
+from viewer.exports import panel as exports_panel
 from viewer.gl_bindings import glfw, imgui
+from viewer.gui.panels import Panel
+from viewer.gui.theme import Fonts, load_fonts
 from viewer.input.bindings import Action, Intent, to_controls
 from viewer.input.devices import Devices
 from viewer.input.gamepad import GamepadSource, GlfwGamepads
 from viewer.input.script import KeyScript
 from viewer.jobs import Jobs
 from viewer.options import ViewOptions
+from viewer.prompt import panel as prompt_panel
 from viewer.prompt.even_blends import EvenBlends
 from viewer.prompt.expanders import Expanders
 from viewer.prompt.prompting import Prompting
@@ -40,13 +46,19 @@ from viewer.settings import (
 )
 from viewer.shell import Shell
 from viewer.signals import Ending
+from viewer.stage import joint_panel
+from viewer.stage import panel as scene_panel
 from viewer.stage.overlays import make_overlays
 from viewer.stage.simulation import STEP_SECONDS, Simulation
 from viewer.stage.stage import Stage
 from viewer.stage.state import StageState
 from viewer.state import AppState
+from viewer.takes import panel as clips_panel
+from viewer.takes import transport, words_panel
 from viewer.takes.editing import TakeEditing
 from viewer.takes.takes import Takes
+from viewer.wall import labels
+from viewer.wall import panel as wall_panel
 from viewer.wall.wall import Wall
 from viewer.window import KEY_CODES, Window, WindowEvents
 
@@ -127,7 +139,7 @@ class App:
     def _open_window(self) -> Window:
         options, settings = self.options, self.state.settings
         default = (1280, 720) if options.offscreen else (settings.width, settings.height)
-        events = WindowEvents(self._on_key, self._on_focus, self.open_files)
+        events = WindowEvents(self._on_key, self._on_mouse_press, self._on_focus, self.open_files)
         scale = options.ui_scale or (0.0 if options.offscreen else settings.ui_scale)
         width, height = options.width or default[0], options.height or default[1]
         return Window(TITLE, width, height, events, options.offscreen, settings.vsync, scale)
@@ -137,33 +149,59 @@ class App:
         state, options, drives = self.state, self.options, DriveRecorder()
         settings, messages, prompt, stage = state.settings, state.messages, state.prompt, state.stage
         self.jobs = jobs = Jobs(messages, blocking=options.offscreen)
-        self.prompting = Prompting(
-            prompt, settings, messages, lambda: stage.controller, even_blends=EvenBlends(jobs)
+        renderer = services.make_renderer(self.window.ctx, options.quality or settings.quality)
+        self.stage = Stage(
+            stage, settings, messages, jobs, services, self.window.ctx, renderer, drives, self._shown_pose
         )
-        self.prompting.blocking = options.offscreen
+        self.takes = Takes(
+            state.takes, settings, messages, stage, jobs, ClipRecorder(), drives, self.state_folder,
+            self.stage.put_ground, is_safe=lambda _: self.desk.projects.kept,
+        )  # fmt: skip
+        self.prompting = Prompting(
+            prompt, settings, messages, lambda: stage.controller, self.takes.mark_style,
+            blocking=options.offscreen, even_blends=EvenBlends(jobs),
+        )  # fmt: skip
         self.expanders = Expanders(prompt.expander, settings, jobs, services, self.prompting)
         self.suggester = Suggester(prompt, settings, jobs)
-        self.prompt = PromptRoom(prompt, settings, self.prompting, self.expanders, self.suggester)
-        renderer = services.make_renderer(self.window.ctx, options.quality or settings.quality)
-        self.stage = Stage(stage, settings, messages, jobs, services, self.window.ctx, renderer, drives)
-        self.takes = Takes(
-            state.takes, settings, messages, stage, jobs, ClipRecorder(), drives, self.state_folder
-        )
-        self.prompting.mark, self.stage.shown = self.takes.mark_style, self._shown_pose
-        self.takes.opening.put_ground = self.stage.put_ground
         self.editing = TakeEditing(self.takes, self.stage, self.prompting)
+        self.wall = Wall(state.wall, settings, messages, self.stage, self.takes, self.prompting)
+        self.prompt = PromptRoom(
+            prompt, settings, self.prompting, self.expanders, self.suggester, self.wall.toggle
+        )
         self.screenshots = Screenshots(settings, messages, jobs, options.frames_directory)
         self.desk = Desk(
             state.desk, settings, messages, jobs, self.takes, self.stage, self.prompting,
             self.load_model, self.window.use_scale, self.state_folder,
         )  # fmt: skip
-        self.wall = Wall(state.wall, settings, messages, self.stage, self.takes, self.prompting)
-        self.prompt.compare = self.wall.toggle
-        panels = self.prompt, self.stage, self.takes, self.editing, self.desk, self.wall
-        self.shell = Shell(state.shell, messages, *panels, self.open_files)
+        fonts = load_fonts()
+        panels = self._panels(fonts)
+        self.shell = Shell(
+            state.shell, settings, messages, jobs, stage, state.takes, panels, lambda: prompt.texts, fonts
+        )
         own = {Action.FULLSCREEN: self.window.toggle_full_screen, Action.SCREENSHOT: self.screenshots.ask}
-        rooms = (self.stage, self.takes, self.wall, self.desk, self.shell)
-        self.actions = {action: do for room in rooms for action, do in room.actions.items()} | own
+        rooms = [*(panel.actions for panel in panels), self.shell.actions, own]
+        self.actions = {action: do for room in rooms for action, do in room.items()}
+
+    def _panels(self, fonts: Fonts) -> list[Panel]:
+        """Every panel, from the left to the right and from the back to the front."""
+        stage, takes, desk, wall, editing = self.stage, self.takes, self.desk, self.wall, self.editing
+        live = lambda: not wall.state.open and editing.state.playback is None  # noqa: E731
+        return [
+            prompt_panel.panel(self.prompt, live),
+            words_panel.panel(editing),
+            wall_panel.panel(wall),
+            scene_panel.panel(stage, self.open_files, lambda: desk.ask_file(self.open_files)),
+            clips_panel.panel(takes, desk.exporting.open),
+            transport.panel(editing),
+            labels.panel(wall),
+            clips_panel.sign(takes),
+            bar.panel(desk, Undo(self.prompting, editing)),
+            guide.panel(desk.guide, covered=lambda: wall.state.open),
+            settings_panel.panel(desk, fonts),
+            exports_panel.panel(desk.exporting, fonts),
+            joint_panel.panel(stage.joints, fonts),
+            desk.dialogs.panel(),
+        ]
 
     def _load(self) -> None:
         """Begin to load what the options and the settings ask for."""
@@ -226,7 +264,7 @@ class App:
             self.jobs.deliver()
             return
         window.begin_frame(dt if self.options.offscreen else None)
-        if self._typing:
+        if self._typing or not self.shell.focus.in_view:
             window.take_input(self.shell.draw_at)
         intent = self._read_devices(dt)
         for action in intent.pressed:  # held actions and gaits are none of this table
@@ -334,7 +372,15 @@ class App:
     # --- events
 
     def _on_key(self, name: str, down: bool) -> None:
-        self.devices.keyboard.key(name, down, self._typing)
+        """Function keys act always, Escape unless a field is typed into, all others while the view has the keys."""
+        typing = self._typing
+        acts = self.shell.focus.in_view or (name == "escape" and not typing)
+        self.devices.keyboard.key(name, down, typing or not acts)
+        if down and not acts and not typing and self.devices.acts_alone(name):
+            self.state.messages.note("A panel has the keys: Esc or a click on the view gives them back.")
+
+    def _on_mouse_press(self, x: float, y: float) -> None:
+        self.shell.focus.press(x, y)
 
     @property
     def _typing(self) -> bool:

@@ -44,6 +44,7 @@ class WindowEvents:
     """Who wants to hear what; set before the window opens."""
 
     key: Callable[[str, bool], None]  # name, down
+    mouse_press: Callable[[float, float], None]  # where, in screen units
     focus: Callable[[bool], None]
     drop: Callable[[list[Path]], None]
 
@@ -64,6 +65,7 @@ class Window:
         self._events = events
         self._offscreen = offscreen
         self.wanted_scale = ui_scale
+        self._mouse = 0.0, 0.0
         self._injected: set[str] = set()  # modifiers held by `inject_key`
         self._windowed: tuple[int, int, int, int] | None = None
         self._texture: Any = None
@@ -267,6 +269,8 @@ class Window:
     def _install_callbacks(self) -> None:
         # before ImGui's, which chain to these; a callback set later would replace ImGui's
         glfw.set_key_callback(self.handle, self._on_key)
+        glfw.set_cursor_pos_callback(self.handle, self._on_mouse_move)
+        glfw.set_mouse_button_callback(self.handle, self._on_mouse_button)
         glfw.set_window_focus_callback(self.handle, self._on_focus)
         glfw.set_drop_callback(self.handle, self._on_drop)  # type: ignore[arg-type]  # its stub is wrong
 
@@ -274,6 +278,13 @@ class Window:
         name = KEY_NAMES.get(code)
         if name is not None and action != glfw.REPEAT:
             self._events.key(name, action == glfw.PRESS)
+
+    def _on_mouse_move(self, _window: Any, x: float, y: float) -> None:
+        self._mouse = x, y
+
+    def _on_mouse_button(self, _window: Any, _button: int, action: int, _mods: int) -> None:
+        if action == glfw.PRESS:
+            self._events.mouse_press(*self._mouse)
 
     def _on_focus(self, _window: Any, focused: int) -> None:
         self._events.focus(bool(focused))
@@ -287,6 +298,7 @@ class Window:
         io.set_ini_filename(None)  # the layout follows the window, nothing to remember
         # otherwise one exception between begin and end makes every later frame fail
         io.config_error_recovery_enable_assert = False
+        io.config_flags |= imgui.ConfigFlags_.nav_enable_keyboard
         io.config_error_recovery_enable_tooltip = False  # it is logged; the user cannot repair it
         self._address = int(glfw_address(self.handle))
         imgui.backends.glfw_init_for_opengl(self._address, True)

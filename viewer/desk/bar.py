@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from runtime.safe_read import printable
 from viewer.desk.desk import Desk
+from viewer.desk.undo import Undo
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.layout import Rect
+from viewer.gui.panels import Panel, Place
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.projects.projects import Projects
@@ -22,6 +24,16 @@ _SAVE, _OPEN, _EXPORT = (_CTRL | int(key) for key in (imgui.Key.s, imgui.Key.o, 
 _SAVE_AS = _SHIFT | _SAVE
 
 
+def panel(desk: Desk, undo: Undo) -> Panel:
+    """The bar, and the keys with Ctrl."""
+
+    def act_on_keys() -> None:
+        keys(desk)
+        undo.keys()
+
+    return Panel("Desk", Place.VIEW, lambda view: draw(desk, view), keys=act_on_keys)
+
+
 def draw(desk: Desk, view: Rect) -> None:
     """The bar at the top left of the view, and what opens from it."""
     if view.width < px(MIN_VIEW):
@@ -33,6 +45,7 @@ def draw(desk: Desk, view: Rect) -> None:
         | imgui.WindowFlags_.no_move
         | imgui.WindowFlags_.no_saved_settings
         | imgui.WindowFlags_.no_bring_to_front_on_focus
+        | imgui.WindowFlags_.no_focus_on_appearing
     )
     imgui.push_style_var(imgui.StyleVar_.window_padding, imgui.ImVec2(px(4), px(4)))
     imgui.begin("Desk", None, flags)

@@ -11,7 +11,6 @@ from viewer.desk.guide import Guide
 from viewer.desk.state import DeskState
 from viewer.exports.exporting import Exporting
 from viewer.gui.dialogs import Dialogs, Kind
-from viewer.input.bindings import Action
 from viewer.jobs import Jobs
 from viewer.messages import Messages
 from viewer.projects.contents import Contents
@@ -65,12 +64,6 @@ class Desk:
             self.state.exports, self.takes, self.stage, self.messages, self.jobs, self.dialogs
         )
         self.guide = Guide(self.settings, self.prompting.state, self.takes)
-        self.takes.is_safe = lambda _: self.projects.kept
-
-    @property
-    def actions(self) -> dict[Action, Callable[[], None]]:
-        """What keys do here."""
-        return {}
 
     @property
     def files(self) -> dict[str, Callable[[Path], None]]:
@@ -124,17 +117,3 @@ class Desk:
         folder = None if model_name(folder) == DEFAULT_MODEL else folder
         self.settings.model_folder = "" if folder is None else model_name(folder) or str(folder)
         self.load_model(folder, 0 if controller is None else controller.seed)
-
-    def cancel(self) -> bool:
-        """Close the innermost window of the desk; whether one was open."""
-        if self.dialogs.question is not None and self.dialogs.question.native is None:
-            self.dialogs.close()
-        elif self.state.settings_open:
-            self.state.settings_open = False
-        elif self.stage.joints.state.open:
-            self.stage.joints.close()
-        elif self.state.exports.open:
-            self.state.exports.open = False
-        else:
-            return False
-        return True

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.layout import Rect
+from viewer.gui.panels import Panel, Place
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.prompt.state import PromptState
@@ -82,6 +84,11 @@ class Guide:
         if self.done == (1 << len(STEPS)) - 1:
             self._left_s -= dt
             self.shown = self._left_s > 0.0
+
+
+def panel(guide: Guide, covered: Callable[[], bool]) -> Panel:
+    """The card; not shown while it would be `covered`, or cover."""
+    return Panel("First minute", Place.VIEW, lambda view: draw(guide, view), shown=lambda: not covered())
 
 
 def draw(guide: Guide, view: Rect) -> None:

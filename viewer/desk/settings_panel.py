@@ -10,6 +10,7 @@ from viewer.desk.desk import Desk
 from viewer.gl_bindings import imgui
 from viewer.gui import overlay, setting_widgets, theme, widgets
 from viewer.gui.dialogs import Kind
+from viewer.gui.panels import Panel, Place
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
 from viewer.settings import Settings, spec_of
@@ -24,6 +25,17 @@ SCALES = (
     (2.0, "200 %"),
     (3.0, "300 %"),
 )
+
+
+def panel(desk: Desk, fonts: Fonts) -> Panel:
+    """The settings window."""
+
+    def close() -> bool:
+        was_open = desk.state.settings_open
+        desk.state.settings_open = False
+        return was_open
+
+    return Panel("Settings", Place.WINDOW, lambda _: draw(desk, fonts), close=close)
 
 
 def draw(desk: Desk, fonts: Fonts) -> None:

@@ -11,6 +11,7 @@ from viewer.exports.state import GROUNDS, SIZES, ExportForm
 from viewer.filming.shots import CAMERAS
 from viewer.gl_bindings import imgui
 from viewer.gui import overlay, theme, widgets
+from viewer.gui.panels import Panel, Place
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
 
@@ -18,6 +19,17 @@ WIDTH = 470.0  # pixels at scale 1
 MOTION_RATES = ((24, "24 fps"), (30, "30 fps"), (60, "60 fps"), (120, "120 fps"))
 FILM_RATES = ((15, "15 fps"), (24, "24 fps"), (25, "25 fps"), (30, "30 fps"), (60, "60 fps"))
 MAX_DISTANCE_M = 20.0
+
+
+def panel(exporting: Exporting, fonts: Fonts) -> Panel:
+    """The export window."""
+
+    def close() -> bool:
+        was_open = exporting.state.open
+        exporting.state.open = False
+        return was_open
+
+    return Panel("Export", Place.WINDOW, lambda _: draw(exporting, fonts), close=close)
 
 
 def draw(exporting: Exporting, fonts: Fonts) -> None:

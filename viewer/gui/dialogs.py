@@ -13,6 +13,7 @@ from typing import Any
 from runtime.safe_read import printable
 from viewer.gl_bindings import imgui
 from viewer.gui import widgets
+from viewer.gui.panels import Panel, Place
 from viewer.gui.widgets import px
 from viewer.messages import Messages
 
@@ -104,6 +105,16 @@ class Dialogs:
     def close(self) -> None:
         """Ask no more."""
         self.question = None
+
+    def panel(self) -> Panel:
+        """The line to type into, as a window of the shell."""
+
+        def cancel() -> bool:
+            typed = self.question is not None and self.question.native is None
+            self.question = None if typed else self.question
+            return typed
+
+        return Panel("Path", Place.WINDOW, lambda _: self.draw(), close=cancel)
 
     def draw(self) -> None:
         """The line to type into, where the system has no dialog."""

@@ -11,7 +11,7 @@ SCENE_MIN_WIDTH = 240.0  # of the free view between the columns
 TIMELINE_HEIGHT = 196.0  # two rows of buttons, the ruler and the tracks
 PART_TRACKS_HEIGHT = 110.0  # more, with a track for each body part
 MAX_TIMELINE_SHARE = 0.45  # of the height above the status line
-SCENE_PANEL_HEIGHT = 330.0  # before its contents were measured
+SCENE_PANEL_HEIGHT = 330.0  # with its sections folded; they scroll where there is no more room
 CLIPS_MIN_HEIGHT, CLIPS_MAX_HEIGHT = 210.0, 460.0
 PROMPT_MAX_HEIGHT = 770.0  # what the six fields fill
 MIN_VIEW_SHARE = 0.2  # of the window's width; in less nothing is centred
@@ -55,7 +55,8 @@ def arrange(
 ) -> Layout:
     """Lay the panels out in a window of `width` x `height` screen units.
 
-    `scene_height` is what the scene panel's contents need; where the clips would keep too little, the two share tabs.
+    `scene_height` is what the scene panel's contents need, 0 before they were measured. It changes how the column is
+    divided, never which panels there are: contents look different in another panel, and would be measured anew.
     """
     m, status_height = MARGIN * scale, STATUS_HEIGHT * scale
     status = Rect(0.0, max(height - status_height, 0.0), width, min(status_height, height))
@@ -74,13 +75,14 @@ def arrange(
     right = width - m - RIGHT_WIDTH * scale
     view = Rect(prompt.x + prompt.width, 0.0, right - prompt.x - prompt.width, full.height)
     bar = _timeline(view, scale, part_tracks) if transport else None
-    scene_height = scene_height or SCENE_PANEL_HEIGHT * scale
-    rest = column_height - m - scene_height
-    if rest < CLIPS_MIN_HEIGHT * scale:
+    most = column_height - m - CLIPS_MIN_HEIGHT * scale
+    if most < SCENE_PANEL_HEIGHT * scale:
         right_tabs = Rect(right, m, RIGHT_WIDTH * scale, column_height)
         return Layout(status, prompt, None, None, None, right_tabs, bar, view)
+    scene_height = min(scene_height or SCENE_PANEL_HEIGHT * scale, most)
     scene = Rect(right, m, RIGHT_WIDTH * scale, scene_height)
-    clips = Rect(right, m + scene_height + m, RIGHT_WIDTH * scale, min(rest, CLIPS_MAX_HEIGHT * scale))
+    rest = column_height - m - scene_height
+    clips = Rect(right, scene.y + scene_height + m, scene.width, min(rest, CLIPS_MAX_HEIGHT * scale))
     return Layout(status, prompt, scene, clips, None, None, bar, view)
 
 

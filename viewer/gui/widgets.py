@@ -9,6 +9,7 @@ from typing import Any
 
 from viewer.gl_bindings import imgui
 from viewer.gui import theme
+from viewer.gui.layout import Rect
 from viewer.gui.theme import Color
 
 TOOLTIP_WIDTH, TOOLTIP_MIN_WIDTH = 380.0, 200.0  # pixels at scale 1
@@ -213,6 +214,16 @@ def elided(text: str, width: float) -> str:
         fits = imgui.calc_text_size(text[:middle].rstrip() + "…").x <= width
         low, high = (middle, high) if fits else (low, middle - 1)
     return text[:low].rstrip() + "…"
+
+
+def sign(view: Rect, text: str, tint: Color) -> None:
+    """Words on a rounded ground at the top of the view."""
+    drawing = imgui.get_foreground_draw_list()
+    size, pad = imgui.calc_text_size(text), px(10)
+    x, y = view.x + (view.width - size.x) / 2, view.y + px(16)
+    low, high = imgui.ImVec2(x - pad, y - pad / 2), imgui.ImVec2(x + size.x + pad, y + size.y + pad / 2)
+    drawing.add_rect_filled(low, high, packed(theme.PANEL), px(14))
+    drawing.add_text(imgui.ImVec2(x, y), packed(tint), text)
 
 
 def full_width() -> None:

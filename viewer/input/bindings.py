@@ -56,6 +56,7 @@ class Action(Enum):
     PROMPT = auto()
     COMPARE = auto()
     CANCEL = auto()
+    NEXT_PANEL = auto()
 
 
 # Views of the character, in the order of `viewer.stage.views.VIEWS`.
@@ -109,6 +110,7 @@ BINDINGS = (
     Binding(Action.PROMPT, ("enter",)),
     Binding(Action.COMPARE, ("v",)),
     Binding(Action.CANCEL, ("escape",)),
+    Binding(Action.NEXT_PANEL, ("f6", "tab")),
 )
 
 # What the help overlay prints: heading, then rows of (what, keyboard and mouse, gamepad).
@@ -140,6 +142,7 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
         ("Trajectory, skeleton, contacts", "F2, F3, F4", ""),
         ("Grid, panels", "F5, F10", "Back (panels)"),
         ("Full screen", "F11", ""),
+        ("Keys to the next panel, back to the view", "F6, Esc", ""),
     )),
     ("Prompt", (
         ("Write a prompt, leave the field", "Enter, Esc", ""),

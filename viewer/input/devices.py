@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from viewer.input.bindings import InputMapper, Intent
+from viewer.input.bindings import BINDINGS, InputMapper, Intent
 from viewer.input.gamepad import GamepadSource
 from viewer.input.keyboard import Keyboard
 from viewer.input.script import KeyScript
@@ -25,6 +25,11 @@ class Devices:
     mapper: InputMapper = field(default_factory=InputMapper)
     name: str = KEYBOARD
     _scripted: frozenset[str] = frozenset()
+
+    @staticmethod
+    def acts_alone(name: str) -> bool:
+        """Whether a letter does something in the view."""
+        return len(name) == 1 and any(name in binding.keys for binding in BINDINGS)
 
     def play_script(self, time_s: float) -> None:
         """Press and release the keys that the script holds at this time."""

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from viewer.gl_bindings import imgui
 from viewer.gui import setting_widgets, theme, widgets
+from viewer.gui.panels import Panel, Place
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.prompt import answer_panel, blend_panel, expander_panel, field_panel, parts_panel
@@ -17,6 +19,18 @@ NEAREST_ROWS = 3  # in a tall panel, else one
 TALL = 620.0  # pixels at scale 1
 MIN_LIST_HEIGHT = 150.0  # pixels at scale 1
 TOOLS_WIDTH = 3 * 26.0 + 2 * 4.0  # pixels at scale 1
+
+
+def panel(room: PromptRoom, shown: Callable[[], bool]) -> Panel:
+    """The panel of the live prompt."""
+    return Panel(
+        "Prompt", Place.LEFT, lambda _: draw(room), ICON.prompt, shown,
+        tools=partial(tools, room), tools_width=TOOLS_WIDTH, begin_typing=partial(_begin_typing, room),
+    )  # fmt: skip
+
+
+def _begin_typing(room: PromptRoom) -> None:
+    room.state.boxes[Side.A].focus_requested = True
 
 
 def tools(room: PromptRoom) -> None:

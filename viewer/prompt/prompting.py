@@ -38,8 +38,7 @@ class Prompting:
     settings: Settings
     messages: Messages
     controller: Callable[[], ControllerLike | None]  # the one in use
-    # hears what comes into force, for the recorder
-    mark: Callable[[StyleEdit, float], None] = lambda *_: None
+    mark: Callable[[StyleEdit, float], None]  # hears what comes into force, for the recorder
     blocking: bool = False  # offscreen: an answer arrives in the same frame
     even_blends: EvenBlends | None = None
     first_error: SportError | None = None

@@ -24,7 +24,7 @@ class PromptRoom:
     prompting: Prompting
     expanders: Expanders
     suggester: Suggester
-    compare: Callable[[], None] = lambda: None  # opens the wall
+    compare: Callable[[], None]  # opens the wall
 
     def load_library(self, jobs: Jobs, services: Services) -> None:
         """Fetch the prompts to choose from and to suggest."""

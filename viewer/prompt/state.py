@@ -68,6 +68,11 @@ class PromptState:
     library: tuple[str, ...] = ()  # prompts to suggest
 
     @property
+    def texts(self) -> list[str]:
+        """All that is typed into the fields."""
+        return [*(box.text for box in self.boxes), *self.parts.values()]
+
+    @property
     def asked(self) -> set[Side]:
         """Sides whose answer is on its way."""
         return {side for side in Side if self.questions[side] is not None}

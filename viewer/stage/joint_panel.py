@@ -9,6 +9,7 @@ from runtime.safe_read import printable
 from runtime.skeleton import SPORT_SKELETON
 from viewer.gl_bindings import imgui
 from viewer.gui import overlay, theme, widgets
+from viewer.gui.panels import Panel, Place
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
 from viewer.stage.joint_mapping import JointMapping, JointsState
@@ -17,6 +18,17 @@ WIDTH, HEIGHT = 720.0, 560.0  # pixels at scale 1
 AROUND = 224.0  # of the window's height: title, counts, buttons, margins
 INDENT = 9.0  # of a child in the trees
 NAME_WIDTH = 150.0  # of our joints
+
+
+def panel(mapping: JointMapping, fonts: Fonts) -> Panel:
+    """The joints window."""
+
+    def close() -> bool:
+        was_open = mapping.state.open
+        mapping.close()
+        return was_open
+
+    return Panel("Joints", Place.WINDOW, lambda _: draw(mapping, fonts), close=close)
 
 
 def draw(mapping: JointMapping, fonts: Fonts) -> None:

@@ -8,12 +8,20 @@ from pathlib import Path
 from runtime.safe_read import printable
 from viewer.gl_bindings import imgui
 from viewer.gui import setting_widgets, theme, widgets
+from viewer.gui.panels import Panel, Place
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.live import panel as live_panel
 from viewer.settings import CAMERAS, QUALITIES, VIEWS, Settings
 from viewer.stage import path_panel
 from viewer.stage.stage import Stage
+
+
+def panel(stage: Stage, open_files: Callable[[list[Path]], None], browse: Callable[[], None]) -> Panel:
+    """The scene panel."""
+    return Panel(
+        "Scene", Place.RIGHT_TOP, lambda _: draw(stage, open_files, browse), ICON.scene, actions=stage.actions
+    )
 
 
 def draw(stage: Stage, open_files: Callable[[list[Path]], None], browse: Callable[[], None]) -> None:

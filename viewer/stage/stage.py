@@ -47,6 +47,7 @@ class Stage:
     ctx: Any  # OpenGL context
     renderer: Any
     drives: DriveRecorder  # hears what changes the controller
+    shown: Callable[[], Pose]  # the pose in view: the live one, or that of a take
     camera: CameraControl = field(default_factory=CameraControl)
     character_path: Path | None = None
     _character: Any = None
@@ -55,13 +56,11 @@ class Stage:
     path: PathTool = field(init=False)
     joints: JointMapping = field(init=False)
     live: LiveLink = field(init=False)
-    shown: Callable[[], Pose] = field(init=False)  # the pose in view: the live one, or that of a take
 
     def __post_init__(self) -> None:
         self.path = PathTool(self.messages)
         self.joints = JointMapping(self.messages, self.jobs, self.load_character)
         self.live = LiveLink(self.messages)
-        self.shown = lambda: self.state.simulation.current
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:

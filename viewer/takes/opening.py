@@ -57,7 +57,7 @@ class Opening:
     stage: StageState
     take: Callable[[Path, Clip], None]
     lay: Callable[[Clip], None]
-    put_ground: PutGround = lambda _, done: done()
+    put_ground: PutGround
 
     def open(self, path: Path, keep_ground: bool = False) -> None:
         """Add a BVH file to the list and play it, on its own ground unless `keep_ground`."""

@@ -8,12 +8,30 @@ from pathlib import Path
 from runtime.safe_read import printable
 from viewer.gl_bindings import imgui
 from viewer.gui import setting_widgets, theme, widgets
+from viewer.gui.layout import Rect
+from viewer.gui.panels import Panel, Place
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.takes import recovery_panel
 from viewer.takes.takes import EXPORT_ALL, Takes
 
 RENAME_HINT = "Double-click renames it"
+
+
+def panel(takes: Takes, export_window: Callable[[], None]) -> Panel:
+    """The clips panel."""
+    return Panel(
+        "Clips", Place.RIGHT_BOTTOM, lambda _: draw(takes, export_window), ICON.clips, actions=takes.actions
+    )
+
+
+def sign(takes: Takes) -> Panel:
+    """What is said over the view while a take is recorded."""
+
+    def draw_sign(view: Rect) -> None:
+        widgets.sign(view, f"{ICON.record} REC {widgets.clock(takes.state.recorded_s)}", theme.RECORD)
+
+    return Panel("Recording", Place.SIGN, draw_sign, shown=lambda: takes.state.recording)
 
 
 def draw(takes: Takes, export_window: Callable[[], None]) -> None:

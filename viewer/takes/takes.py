@@ -22,7 +22,7 @@ from viewer.prompt.style_edit import StyleEdit
 from viewer.settings import Settings
 from viewer.stage.state import StageState
 from viewer.takes.journals import Journals
-from viewer.takes.opening import Opening
+from viewer.takes.opening import Opening, PutGround
 from viewer.takes.playback import Playback
 from viewer.takes.rescue import Rescue
 from viewer.takes.state import ClipItem, Removed, TakesState
@@ -49,7 +49,8 @@ class Takes:
     recorder: ClipRecorder
     drives: DriveRecorder
     folder: Path  # the state folder: journals, and takes that cannot be written elsewhere
-    is_safe: Callable[[ClipItem], bool] = lambda _: False  # it is in a project's file
+    put_ground: PutGround
+    is_safe: Callable[[ClipItem], bool]  # it is in a project's file
     trouble: bool = False  # a take was lost, or is elsewhere than asked
     _writers: dict[Path, ClipItem] = field(default_factory=dict)  # whose clip a file of this session holds
     _proposed: str | None = None  # what was put into the export field, until something else is typed
@@ -57,7 +58,9 @@ class Takes:
 
     def __post_init__(self) -> None:
         self.journals = Journals(self.state, self.messages, self.jobs, self.folder / "journals", self._add)
-        self.opening = Opening(self.messages, self.jobs, self.stage, self._take_opened, self._lay)
+        self.opening = Opening(
+            self.messages, self.jobs, self.stage, self._take_opened, self._lay, self.put_ground
+        )
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:

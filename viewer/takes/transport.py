@@ -5,6 +5,7 @@ from __future__ import annotations
 from runtime.controls import Gait
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
+from viewer.gui.panels import Panel, Place
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.takes import timeline
@@ -16,6 +17,17 @@ WIDE = 520.0  # pixels at scale 1: words beside the icons
 TINY = 400.0  # in less only what has no other way stays
 PROMPT_POPUP, GAIT_POPUP = "new prompt", "new gait"
 GAITS = (Gait.STAND, Gait.WALK, Gait.JOG, Gait.CROUCH, Gait.JUMP)
+
+
+def panel(editing: TakeEditing) -> Panel:
+    """The bar; Escape in the view leaves the take."""
+
+    def close() -> bool:
+        was_open = editing.state.playback is not None
+        editing.takes.close_playback()
+        return was_open
+
+    return Panel("Transport", Place.BELOW, lambda _: draw(editing), close=close)
 
 
 def draw(editing: TakeEditing) -> None:

@@ -6,10 +6,23 @@ from runtime.skeleton import PART_NAMES
 from runtime.takes.metadata import title
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
+from viewer.gui.panels import Panel, Place
 from viewer.gui.theme import ICON
 from viewer.prompt.field_panel import WRAPPED
 from viewer.takes.editing import TakeEditing
 from viewer.takes.tracks import Bar, words_of
+
+
+def panel(editing: TakeEditing) -> Panel:
+    """The panel, in the place of the live prompt while a take plays."""
+    return Panel(
+        "Prompt", Place.LEFT, lambda _: draw(editing), ICON.prompt,
+        shown=lambda: editing.state.playback is not None, begin_typing=lambda: _begin_typing(editing),
+    )  # fmt: skip
+
+
+def _begin_typing(editing: TakeEditing) -> None:
+    editing.state.timeline.focus_requested = True
 
 
 def draw(editing: TakeEditing) -> None:

@@ -11,17 +11,30 @@ from runtime.skeleton import SPORT_SKELETON
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.layout import Rect
+from viewer.gui.panels import Panel, Place
 from viewer.gui.widgets import px
 from viewer.render.camera import Camera
 from viewer.stage.path_tool import on_screen
 from viewer.wall.lineup import LONGEST_ROW
 from viewer.wall.state import WallState
+from viewer.wall.wall import Wall
 
 HEAD = SPORT_SKELETON.index("Head")
 OVER_HEAD_M = 0.34
 HALF_WIDTH_M = 0.4  # of a character, to be clicked
 WIDEST, NARROWEST = 190.0, 60.0  # pixels at scale 1
 PAD, LEAST_NAME = 6.0, 56.0
+
+
+def panel(wall: Wall) -> Panel:
+    """The names; a click on a character keeps it."""
+
+    def draw_names(view: Rect) -> None:
+        clicked = draw(wall.state, wall.poses, wall.stage.camera.current, view)
+        if clicked >= 0:
+            wall.keep(clicked)
+
+    return Panel("Names", Place.SIGN, draw_names, shown=lambda: wall.state.open)
 
 
 def draw(state: WallState, poses: list[Pose], camera: Camera, view: Rect) -> int:

@@ -4,12 +4,31 @@ from __future__ import annotations
 
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
+from viewer.gui.panels import Panel, Place
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.wall.state import FEWEST, MOST, Candidate
 from viewer.wall.wall import Wall
 
 SEED_WIDTH = 112.0  # pixels at scale 1
+
+
+def panel(wall: Wall) -> Panel:
+    """The panel, in the place of the prompt while the wall is open."""
+
+    def close() -> bool:
+        was_open = wall.state.open
+        wall.close()
+        return was_open
+
+    return Panel(
+        "Compare", Place.LEFT, lambda _: draw(wall), ICON.exchange, shown=lambda: wall.state.open,
+        actions=wall.actions, begin_typing=lambda: _begin_typing(wall), close=close,
+    )  # fmt: skip
+
+
+def _begin_typing(wall: Wall) -> None:
+    wall.state.focus_requested = True
 
 
 def draw(wall: Wall) -> None:

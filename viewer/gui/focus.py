@@ -1,0 +1,84 @@
+"""Who has the keys: the view, where single keys drive and act, or a panel or window, where they type and choose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from viewer.gl_bindings import imgui
+
+_IMPLICIT = "Debug##"  # ImGui's own window, which is never shown
+
+
+@dataclass
+class Focus:
+    """The keyboard's place.
+
+    A press of the mouse decides at once, before ImGui has seen it: keys that follow within a slow frame belong to what
+    was pressed. A button that was clicked, a list that was chosen from and a field that was left give the keys back to
+    the view; a panel that was only touched keeps them until the view is clicked or Escape is pressed.
+    """
+
+    in_view: bool = True
+    _used: bool = False  # by the mouse, or a field was left: the keys go back when nothing is open any more
+    _field: bool = False  # a text field had the keys in the frame before
+    _pressed: bool = False  # the mouse was down on an item in the frame before
+
+    def press(self, x: float, y: float) -> None:
+        """The mouse was pressed at a place on the screen."""
+        self.in_view = window_at(x, y) is None
+        self._used = False
+
+    def update(self, panels: Sequence[str]) -> None:
+        """Notice what became of the keys in a frame that was drawn; `panels` are the windows that give them back."""
+        context = imgui.get_current_context()
+        active, window = context.active_id, context.nav_window
+        root = None if window is None else window.root_window
+        if root is not None and root.name.startswith(_IMPLICIT):
+            root = None
+        if active == 0:
+            self._used = self._used or self._field or self._pressed
+        self._field = active != 0 and imgui.internal.get_input_text_state(active) is not None
+        by_mouse = context.active_id_source == imgui.internal.InputSource.mouse
+        background = root is not None and active in (root.move_id, window.move_id)
+        self._pressed = active != 0 and by_mouse and not background and not self._field
+        self.in_view = root is None
+        if self._used and active == 0 and not len(context.open_popup_stack):
+            self._used = False
+            if root is not None and root.name in panels:
+                self.give_to_view()
+
+    def give_to_view(self) -> None:
+        """Take the keys from panels and windows."""
+        imgui.set_window_focus(None)
+        self.in_view = True
+
+    def give_to(self, name: str) -> None:
+        """Let the keyboard choose in a window, from its first item on."""
+        imgui.set_window_focus(name)
+        window = imgui.internal.find_window_by_name(name)
+        if window is not None:
+            imgui.internal.nav_init_window(window, True)
+            imgui.set_nav_cursor_visible(True)
+        self.in_view, self._used = False, False
+
+
+def window_at(x: float, y: float) -> str | None:
+    """The window of the last frame at a place on the screen; None for the view."""
+    for window in reversed(list(imgui.get_current_context().windows)):
+        across = window.pos.x <= x < window.pos.x + window.size.x
+        along = window.pos.y <= y < window.pos.y + window.size.y
+        takes_mouse = not window.flags & imgui.WindowFlags_.no_mouse_inputs
+        shown = window.was_active and not window.hidden and not window.name.startswith(_IMPLICIT)
+        if across and along and shown and takes_mouse:
+            return str(window.name)
+    return None
+
+
+def close_innermost() -> bool:
+    """Close the list or popup that was opened last; whether there was one."""
+    depth = len(imgui.get_current_context().open_popup_stack)
+    if depth == 0:
+        return False
+    imgui.internal.close_popup_to_level(depth - 1, True)
+    return True

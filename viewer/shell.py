@@ -9,7 +9,7 @@ from functools import partial
 from runtime.safe_read import printable
 from viewer.gl_bindings import imgui
 from viewer.gui import help, status, theme, widgets
-from viewer.gui.focus import Focus, close_innermost
+from viewer.gui.focus import Focus, close_innermost, is_drawn
 from viewer.gui.layout import Layout, Rect, arrange, framing
 from viewer.gui.panels import FIXED, Panel, Place, draw_tabs, draw_titled, draw_window
 from viewer.gui.system_fonts import SystemFonts
@@ -92,9 +92,10 @@ class Shell:
         """Give the keys to the next panel; after the last one to the view."""
         window = imgui.get_current_context().nav_window
         now = "" if window is None else window.root_window.name
-        after = self._windows.index(now) + 1 if now in self._windows else 0
-        if after < len(self._windows):
-            self.focus.give_to(self._windows[after])
+        drawn = [name for name in self._windows if is_drawn(name)]
+        after = drawn.index(now) + 1 if now in drawn else 0
+        if after < len(drawn):
+            self.focus.give_to(drawn[after])
         else:
             self.focus.give_to_view()
 
@@ -157,6 +158,7 @@ class Shell:
         if self.state.panels_open:
             below = layout.transport
             height = layout.view.height if below is None else max(below.y - layout.view.y, 0.0)
+            self._windows += [p.name for p in self.panels if p.place is Place.VIEW and p.shown()]
             self._draw_at_place(Place.VIEW, Rect(layout.view.x, layout.view.y, layout.view.width, height))
         self._draw_at_place(Place.WINDOW, layout.view)
         if self.state.crouching and not self.takes.recording:

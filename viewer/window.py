@@ -20,6 +20,7 @@ _OFFSCREEN_HINT = "Without a display, `sport view --offscreen --screenshot out.p
 
 MAX_PASSES = 60  # of the panels in one frame
 PASS_SECONDS = 1e-4
+TEXT_FRAMES = 4  # that characters wait for their field
 
 _PLAIN_KEYS = (
     "SPACE", "ENTER", "ESCAPE", "BACKSPACE", "TAB", "LEFT", "RIGHT", "UP", "DOWN", "HOME", "PAGE_UP", "PAGE_DOWN",
@@ -66,6 +67,7 @@ class Window:
         self._offscreen = offscreen
         self.wanted_scale = ui_scale
         self._mouse = 0.0, 0.0
+        self._early: list[tuple[int, int]] = []  # characters without a field, and for how many frames
         self._injected: set[str] = set()  # modifiers held by `inject_key`
         self._windowed: tuple[int, int, int, int] | None = None
         self._texture: Any = None
@@ -157,6 +159,19 @@ class Window:
         if dt is not None:
             imgui.get_io().delta_time = dt
         imgui.new_frame()
+        self._keep_text_for_field()
+
+    def _keep_text_for_field(self) -> None:
+        """Give characters that came before their field had the keyboard to it: ImGui drops those of that frame."""
+        queue = imgui.get_io().input_queue_characters
+        if imgui.internal.get_input_text_state(imgui.internal.get_active_id()) is None:
+            self._early += [(queue[i], 0) for i in range(queue.size())]
+            self._early = [(code, age + 1) for code, age in self._early if age < TEXT_FRAMES]
+            queue.clear()
+        else:
+            for code, _ in reversed(self._early):
+                queue.push_front(code)
+            self._early = []
 
     def take_input(self, draw: Callable[[float], None]) -> None:
         """Let panels take all events of a slow frame: ImGui hands out key by key. `draw` draws them at a scale, unseen."""

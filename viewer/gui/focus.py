@@ -20,6 +20,7 @@ class Focus:
     """
 
     in_view: bool = True
+    _chosen: bool = False  # the user chose a panel; ImGui chooses one by itself where a window was closed
     _used: bool = False  # by the mouse, or a field was left: the keys go back when nothing is open any more
     _field: bool = False  # a text field had the keys in the frame before
     _pressed: bool = False  # the mouse was down on an item in the frame before
@@ -27,7 +28,7 @@ class Focus:
     def press(self, x: float, y: float) -> None:
         """The mouse was pressed at a place on the screen."""
         self.in_view = window_at(x, y) is None
-        self._used = False
+        self._chosen, self._used = not self.in_view, False
 
     def update(self, panels: Sequence[str]) -> None:
         """Notice what became of the keys in a frame that was drawn; `panels` are the windows that give them back."""
@@ -38,20 +39,22 @@ class Focus:
             root = None
         if active == 0:
             self._used = self._used or self._field or self._pressed
+        self._chosen = self._chosen or self._field
         self._field = active != 0 and imgui.internal.get_input_text_state(active) is not None
         by_mouse = context.active_id_source == imgui.internal.InputSource.mouse
         background = root is not None and active in (root.move_id, window.move_id)
         self._pressed = active != 0 and by_mouse and not background and not self._field
         self.in_view = root is None
-        if self._used and active == 0 and not len(context.open_popup_stack):
-            self._used = False
-            if root is not None and root.name in panels:
+        if active == 0 and not len(context.open_popup_stack):
+            in_panel = root is not None and root.name in panels
+            if in_panel and (self._used or not self._chosen):
                 self.give_to_view()
+            self._used = False
 
     def give_to_view(self) -> None:
         """Take the keys from panels and windows."""
         imgui.set_window_focus(None)
-        self.in_view = True
+        self.in_view, self._chosen = True, False
 
     def give_to(self, name: str) -> None:
         """Let the keyboard choose in a window, from its first item on."""
@@ -60,7 +63,7 @@ class Focus:
         if window is not None:
             imgui.internal.nav_init_window(window, True)
             imgui.set_nav_cursor_visible(True)
-        self.in_view, self._used = False, False
+        self.in_view, self._chosen, self._used = False, True, False
 
 
 def window_at(x: float, y: float) -> str | None:
@@ -73,6 +76,12 @@ def window_at(x: float, y: float) -> str | None:
         if across and along and shown and takes_mouse:
             return str(window.name)
     return None
+
+
+def is_drawn(name: str) -> bool:
+    """Whether a window was drawn in the last frame."""
+    window = imgui.internal.find_window_by_name(name)
+    return window is not None and window.was_active
 
 
 def close_innermost() -> bool:

@@ -86,7 +86,7 @@ class Shell:
         for panel in self.panels:
             if panel.begin_typing is not None and panel.shown():
                 panel.begin_typing()
-                self.focus.in_view = False
+                self.focus.expect_field()
 
     def _next_panel(self) -> None:
         """Give the keys to the next panel; after the last one to the view."""

@@ -35,8 +35,7 @@ class Focus:
         context = imgui.get_current_context()
         active, window = context.active_id, context.nav_window
         root = None if window is None else window.root_window
-        if root is not None and root.name.startswith(_IMPLICIT):
-            root = None
+        name = "" if root is None or root.name.startswith(_IMPLICIT) else root.name
         if active == 0:
             self._used = self._used or self._field or self._pressed
         self._chosen = self._chosen or self._field
@@ -44,12 +43,19 @@ class Focus:
         by_mouse = context.active_id_source == imgui.internal.InputSource.mouse
         background = root is not None and active in (root.move_id, window.move_id)
         self._pressed = active != 0 and by_mouse and not background and not self._field
-        self.in_view = root is None
-        if active == 0 and not len(context.open_popup_stack):
-            in_panel = root is not None and root.name in panels
-            if in_panel and (self._used or not self._chosen):
+        self.in_view = not name
+        moving = (
+            context.nav_move_submitted or context.nav_next_activate_id
+        )  # a field is about to have the keys
+        self._chosen = self._chosen or bool(moving)
+        if active == 0 and not moving and not len(context.open_popup_stack):
+            if name in panels and (self._used or not self._chosen):
                 self.give_to_view()
             self._used = False
+
+    def expect_field(self) -> None:
+        """A field of a panel is about to be typed into."""
+        self.in_view, self._chosen, self._used = False, True, False
 
     def give_to_view(self) -> None:
         """Take the keys from panels and windows."""
@@ -63,7 +69,7 @@ class Focus:
         if window is not None:
             imgui.internal.nav_init_window(window, True)
             imgui.set_nav_cursor_visible(True)
-        self.in_view, self._chosen, self._used = False, True, False
+        self.expect_field()
 
 
 def window_at(x: float, y: float) -> str | None:

@@ -37,17 +37,25 @@ def identity(shape: tuple[int, ...] = ()) -> Array:
 
 def multiply(a: Array, b: Array) -> Array:
     """Hamilton product `a b` of quaternions `(..., 4)`: rotate by b, then by a."""
-    aw, ax, ay, az = _components(np.asarray(a))
-    bw, bx, by, bz = _components(np.asarray(b))
-    return np.stack(
-        [
-            aw * bw - ax * bx - ay * by - az * bz,
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-        ],
-        axis=-1,
-    )
+    a, b = np.asarray(a), np.asarray(b)
+    aw, ax, ay, az = _components(a)
+    bw, bx, by, bz = _components(b)
+    # written into one array: stacking four costs as much as their arithmetic
+    result = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
+    result[..., 0] = aw * bw - ax * bx - ay * by - az * bz
+    result[..., 1] = aw * bx + ax * bw + ay * bz - az * by
+    result[..., 2] = aw * by - ax * bz + ay * bw + az * bx
+    result[..., 3] = aw * bz + ax * by - ay * bx + az * bw
+    return result
+
+
+_LEFT = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
+_LEFT_SIGN = np.array([[1, -1, -1, -1], [1, 1, -1, 1], [1, 1, 1, -1], [1, -1, 1, 1]], np.float32)
+
+
+def left_matrix(q: Array) -> Array:
+    """Matrices `(..., 4, 4)` of the product with quaternions `(..., 4)` on the left: `left_matrix(a) @ b` is `multiply(a, b)`."""
+    return np.asarray(q)[..., _LEFT] * _LEFT_SIGN
 
 
 def inverse(q: Array) -> Array:
@@ -62,14 +70,11 @@ def rotate(q: Array, v: Array) -> Array:
     vx, vy, vz = v[..., 0], v[..., 1], v[..., 2]
     # v + 2 w (u x v) + 2 u x (u x v), written out: np.cross costs more than the arithmetic
     tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
-    return np.stack(
-        [
-            vx + w * tx + y * tz - z * ty,
-            vy + w * ty + z * tx - x * tz,
-            vz + w * tz + x * ty - y * tx,
-        ],
-        axis=-1,
-    )
+    result = np.empty((*np.broadcast_shapes(q.shape[:-1], v.shape[:-1]), 3), np.result_type(q, v))
+    result[..., 0] = vx + w * tx + y * tz - z * ty
+    result[..., 1] = vy + w * ty + z * tx - x * tz
+    result[..., 2] = vz + w * tz + x * ty - y * tx
+    return result
 
 
 def from_axis_angle(axis: Array, angle: Array) -> Array:
@@ -131,25 +136,49 @@ def to_matrix(q: Array) -> Array:
     return np.stack(rows, axis=-2)
 
 
+# four times the outer product q qᵀ `(4, 4)` of a rotation matrix `(3, 3)`, as a linear map of its nine entries
+_OUTER_CONSTANT = np.eye(4).ravel()
+_OUTER = np.zeros((9, 16))
+for _entry, _places in enumerate(
+    (
+        ((0, 1), (5, 1), (10, -1), (15, -1)),  # xx on the diagonal
+        ((3, -1), (12, -1), (6, 1), (9, 1)),  # xy: -wz, +xy
+        ((2, 1), (8, 1), (7, 1), (13, 1)),  # xz: +wy, +xz
+        ((3, 1), (12, 1), (6, 1), (9, 1)),  # yx
+        ((0, 1), (5, -1), (10, 1), (15, -1)),  # yy
+        ((1, -1), (4, -1), (11, 1), (14, 1)),  # yz
+        ((2, -1), (8, -1), (7, 1), (13, 1)),  # zx
+        ((1, 1), (4, 1), (11, 1), (14, 1)),  # zy
+        ((0, 1), (5, -1), (10, -1), (15, 1)),  # zz
+    )
+):
+    for _place, _sign in _places:
+        _OUTER[_entry, _place] = _sign
+
+
 def from_matrix(m: Array) -> Array:
     """Unit quaternions `(..., 4)` with w >= 0 of rotation matrices `(..., 3, 3)`."""
     m = np.asarray(m)
-    xx, yy, zz = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
-    # four times the outer product q qᵀ; its largest row is the best conditioned estimate of q
-    yz, zx, xy = m[..., 2, 1], m[..., 0, 2], m[..., 1, 0]
-    zy, xz, yx = m[..., 1, 2], m[..., 2, 0], m[..., 0, 1]
-    outer = np.stack(
-        [
-            np.stack([1 + xx + yy + zz, yz - zy, zx - xz, xy - yx], -1),
-            np.stack([yz - zy, 1 + xx - yy - zz, xy + yx, zx + xz], -1),
-            np.stack([zx - xz, xy + yx, 1 - xx + yy - zz, yz + zy], -1),
-            np.stack([xy - yx, zx + xz, yz + zy, 1 - xx - yy + zz], -1),
-        ],
-        -2,
-    )
+    outer = (m.reshape(*m.shape[:-2], 9) @ _OUTER + _OUTER_CONSTANT).reshape(*m.shape[:-2], 4, 4)
+    # the largest row is the best conditioned estimate of q
     best = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
-    q = normalize(np.take_along_axis(outer, best[..., None, None], axis=-2)[..., 0, :])
-    return np.where(q[..., :1] < 0, -q, q)
+    q = np.take_along_axis(outer, best[..., None, None], axis=-2)[..., 0, :]
+    q = q / np.sqrt((q * q).sum(-1, keepdims=True))
+    return np.where(q[..., :1] < 0, -q, q).astype(m.dtype, copy=False)
+
+
+def matrix_from_6d(d: Array) -> Array:
+    """Rotation matrices `(..., 3, 3)` of 6D rotations `(..., 6)` by Gram-Schmidt; any two independent vectors are accepted."""
+    d = np.asarray(d)
+    x, y = d[..., :3], d[..., 3:]
+    x = x / np.maximum(np.sqrt((x * x).sum(-1, keepdims=True)), _EPSILON)
+    y = y - (x * y).sum(-1, keepdims=True) * x
+    y = y / np.maximum(np.sqrt((y * y).sum(-1, keepdims=True)), _EPSILON)
+    matrix = np.empty((*d.shape[:-1], 3, 3), d.dtype)
+    matrix[..., 0], matrix[..., 1] = x, y
+    ahead, behind = [1, 2, 0], [2, 0, 1]
+    matrix[..., 2] = x[..., ahead] * y[..., behind] - x[..., behind] * y[..., ahead]
+    return matrix
 
 
 def to_6d(q: Array) -> Array:
@@ -159,11 +188,8 @@ def to_6d(q: Array) -> Array:
 
 
 def from_6d(d: Array) -> Array:
-    """Quaternions `(..., 4)` of 6D rotations `(..., 6)` by Gram-Schmidt; any two independent vectors are accepted."""
-    d = np.asarray(d)
-    x = normalize(d[..., :3])
-    y = normalize(d[..., 3:] - np.sum(x * d[..., 3:], axis=-1, keepdims=True) * x)
-    return from_matrix(np.stack([x, y, np.cross(x, y)], axis=-1))
+    """Quaternions `(..., 4)` of 6D rotations `(..., 6)`: see `matrix_from_6d`."""
+    return from_matrix(matrix_from_6d(d))
 
 
 def between(a: Array, b: Array) -> Array:
@@ -203,6 +229,16 @@ def from_yaw(yaw: Array | float) -> Array:
     half = 0.5 * np.asarray(yaw)
     zero = np.zeros_like(half)
     return np.stack([np.cos(half), zero, np.sin(half), zero], axis=-1)
+
+
+def yaw_matrix(yaw: Array) -> Array:
+    """Rotation matrices `(..., 3, 3)` of a turn by `yaw` `(...)` about +Y."""
+    matrix = np.zeros((*yaw.shape, 3, 3))
+    matrix[..., 0, 0] = matrix[..., 2, 2] = np.cos(yaw)
+    matrix[..., 0, 2] = np.sin(yaw)
+    matrix[..., 2, 0] = -matrix[..., 0, 2]
+    matrix[..., 1, 1] = 1.0
+    return matrix
 
 
 def continuous(q: Array) -> Array:

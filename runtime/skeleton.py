@@ -48,18 +48,36 @@ class Skeleton:
         `root_position` `(..., 3)` in metres, `local` `(..., J, 4)` rotations relative to the parent.
         """
         local = np.asarray(local)
-        positions = np.empty((*local.shape[:-1], 3), local.dtype)
         world = local.copy()
-        for joints, parents in self.levels:
-            if parents is None:
-                positions[..., joints, :] = np.asarray(root_position)[..., None, :]
-                continue
-            turned = world[..., parents, :]
-            world[..., joints, :] = rotations.multiply(turned, local[..., joints, :])
-            positions[..., joints, :] = positions[..., parents, :] + rotations.rotate(
-                turned, self.offsets[joints]
-            )
-        return positions, world
+        for joints, parents in self.levels[1:]:
+            turned = rotations.left_matrix(world[..., parents, :]) @ local[..., joints, :, None]
+            world[..., joints, :] = turned[..., 0]
+        bones = rotations.rotate(world[..., self._parents, :], self.offsets)
+        return self.joint_positions(root_position, bones).astype(local.dtype, copy=False), world
+
+    def joint_positions(self, root_position: Array, bones: Array) -> Array:
+        """World positions `(..., J, 3)`: the root's `(..., 3)` and the bones `(..., J, 3)`, offsets in world space, above each joint."""
+        return np.asarray(root_position)[..., None, :] + self._above @ bones
+
+    def oriented(self, root_position: Array, world: Array) -> Array:
+        """World positions `(..., J, 3)` of world rotation matrices `(..., J, 3, 3)`."""
+        bones = (world[..., self._parents, :, :] @ self.offsets.astype(world.dtype)[:, :, None])[..., 0]
+        return self.joint_positions(root_position, bones)
+
+    @cached_property
+    def _parents(self) -> NDArray[np.int64]:
+        """Parent of each joint; the root stands for its own."""
+        return np.maximum(np.array(self.parents), 0)
+
+    @cached_property
+    def _above(self) -> Array:
+        """`(J, J)`: one where the second joint lies on the way from the root to the first, both but the root included."""
+        above = np.zeros((len(self), len(self)), self.offsets.dtype)
+        for joint, parent in enumerate(self.parents):
+            if parent >= 0:
+                above[joint] = above[parent]
+                above[joint, joint] = 1.0
+        return above
 
     @cached_property
     def levels(self) -> tuple[tuple[NDArray[np.int64], NDArray[np.int64] | None], ...]:
@@ -73,9 +91,8 @@ class Skeleton:
 
     def local_rotations(self, world: Array) -> Array:
         """Rotations relative to the parent `(..., J, 4)` of world rotations `(..., J, 4)`."""
-        parents = np.array(self.parents)
-        local = rotations.multiply(rotations.inverse(world[..., np.maximum(parents, 0), :]), world)
-        root = parents < 0
+        local = rotations.multiply(rotations.inverse(world[..., self._parents, :]), world)
+        root = np.array(self.parents) < 0
         local[..., root, :] = world[..., root, :]
         return local
 

@@ -82,11 +82,13 @@ def test_the_network_sees_no_obstacle_that_is_crossed() -> None:
     points[..., 1] = np.arange(12)[:, None] * 0.25
     heights = np.where(points[..., 1] > 2.0, 0.4, 0.0)
     terrain = ground(Obstacle(2.0, 2.1, 0.4, 4.0))
-    assert not state.look(terrain, np.zeros(2), np.array([0.0, 1.2]), 1.2)
-    assert state.seen(points, heights, 0).max() == 0.0
+    look = state.look(terrain, np.zeros(2), np.array([0.0, 1.2]), 1.2)
+    assert not look.stops
+    assert state.seen(points, heights, 0, look.ahead).max() == 0.0
     slope = points[..., 1] * 0.2
-    assert not state.look(Terrain.flat(), np.zeros(2), np.array([0.0, 1.2]), 1.2)
-    assert state.seen(points, slope, 0) is slope
+    look = state.look(Terrain.flat(), np.zeros(2), np.array([0.0, 1.2]), 1.2)
+    assert look.ahead is None
+    assert state.seen(points, slope, 0, None) is slope
 
 
 @pytest.mark.parametrize(

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from walker import WalkerModel
 
 from runtime.controls import Controls, Gait
 from runtime.errors import UsageError
 from runtime.motion.controller import Controller
 from runtime.motion.model import MotionModel, load_model
-from runtime.motion.snapshot import Snapshot
+from runtime.motion.snapshot import take_snapshot
 from runtime.motion.style_mix import StyleMix
 from runtime.takes import drive_edits
 from runtime.takes.clip import Clip
@@ -29,6 +30,7 @@ from runtime.takes.drive import (
 )
 from runtime.takes.metadata import PromptEvent, gait_of
 from runtime.takes.recorder import ClipRecorder
+from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
 
 Take = tuple[Clip, Drive]
@@ -203,7 +205,7 @@ def test_a_gait_where_the_stick_rests_goes_on_as_it_pointed(take: Take) -> None:
 def test_moved_gaits_still_fill_the_take(index: int, start: int, end: int) -> None:
     asked = [Gait.WALK] * 90 + [Gait.JOG] * 60 + [Gait.WALK] * 50 + [Gait.CROUCH] * 20
     frames = tuple(DrivenFrame(Controls((0.0, 1.0), None, gait), 1.0, 1.0) for gait in asked)
-    drive = Drive(frames, (), (Keyframe(-20, Snapshot(0, 1.0, {})),))
+    drive = Drive(frames, (), (Keyframe(-20, take_snapshot(Controller(WalkerModel(), Terrain.flat()))),))
     spans = drive_edits.gait_spans(drive.gaits())
     edit = drive_edits.move_gait(drive, index % len(spans), start, end)
     moved = drive_edits.gait_spans(edit.drive.gaits())

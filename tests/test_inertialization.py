@@ -19,9 +19,12 @@ def _pose(angle: float, joint: int = ARM) -> np.ndarray:
 
 def _shown(angles, blending, joint: int = ARM) -> np.ndarray:
     """What is shown of a joint's rotations, `blending` being one flag or one for each frame."""
-    arms = Inertialization()
+    arms = Inertialization.at_rest(_pose(angles[0], joint)[None])
     flags = np.broadcast_to(blending, len(angles))
-    return np.array([arms.apply(_pose(a, joint), bool(b))[joint] for a, b in zip(angles, flags, strict=True)])
+    shown = np.array([_pose(a, joint) for a in angles])
+    for frame, flag in enumerate(flags):
+        arms.apply(shown[frame : frame + 1], np.array([flag]))
+    return shown[:, joint]
 
 
 JUMP = np.repeat([0.0, 2.5], [30, 90])  # an arm goes up within a frame
@@ -67,9 +70,13 @@ def test_other_joints_are_left_alone(name):
     np.testing.assert_array_equal(_shown(JUMP, True, joint), [_pose(a, joint)[joint] for a in JUMP])
 
 
-def test_a_reset_forgets():
-    arms = Inertialization()
-    for angle in JUMP[:40]:
-        arms.apply(_pose(angle), True)
-    arms.reset()
-    np.testing.assert_array_equal(arms.apply(_pose(0.0), True), _pose(0.0))
+def test_characters_are_apart():
+    """What one character holds back is nothing to the next."""
+    quiet, jumping = np.array([_pose(0.2)] * len(JUMP)), np.array([_pose(a) for a in JUMP])
+    both = np.stack([quiet, jumping], axis=1)
+    arms = Inertialization.at_rest(both[0])
+    for frame in both:
+        held_back = arms.apply(frame, np.array([False, True]))
+        assert not held_back[0]
+    np.testing.assert_array_equal(both[:, 0], quiet)
+    np.testing.assert_array_equal(both[:, 1, ARM], _shown(JUMP, True))

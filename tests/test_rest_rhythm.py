@@ -14,11 +14,13 @@ WAVING[3] = 2.0, 1.6
 
 def run(clock: RestRhythm, rest: np.ndarray, standing: float, seconds: float) -> np.ndarray:
     """The window of every frame, `(T, 121, C, 2)`, of a network whose forecast stands still."""
-    return np.stack([clock.apply(STILL, rest, standing) for _ in range(round(seconds * FPS))])
+    return np.concatenate(
+        [clock.apply(STILL[None], rest[None], np.array([standing])) for _ in range(round(seconds * FPS))]
+    )
 
 
 def test_a_waving_channel_turns_at_its_rate_and_the_others_stand_still():
-    windows = run(RestRhythm(), WAVING, 1.0, 8.0)
+    windows = run(RestRhythm.silent(), WAVING, 1.0, 8.0)
     assert windows[:, :, [0, 1, 2, 4]] == pytest.approx(
         np.broadcast_to(STILL[:, [0, 1, 2, 4]], windows[:, :, :4].shape)
     )
@@ -31,7 +33,7 @@ def test_a_waving_channel_turns_at_its_rate_and_the_others_stand_still():
 
 
 def test_it_leaves_when_the_body_sets_off_and_does_nothing_for_a_quiet_style():
-    clock = RestRhythm()
+    clock = RestRhythm.silent()
     assert run(clock, np.zeros((C, 2)), 1.0, 1.0) == pytest.approx(
         np.broadcast_to(STILL, (FPS, *STILL.shape))
     )

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
+import io
+import json
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -66,17 +69,6 @@ def test_the_same_in_another_controller_from_bytes(walked: Controller, model: Mo
     assert same(play(other, 110, 170), once)
 
 
-def test_a_file_with_the_former_name_of_an_attribute_is_read(walked: Controller) -> None:
-    state = take_snapshot(walked)
-    trajectory = state.tree["_trajectory"]
-    former = {
-        ("wished_yaw" if name == "requested_yaw" else name): value for name, value in trajectory.items()
-    }
-    assert former.keys() != trajectory.keys()
-    old = dataclasses.replace(state, tree=state.tree | {"_trajectory": former})
-    assert Snapshot.from_bytes(old.to_bytes()).tree["_trajectory"].keys() == trajectory.keys()
-
-
 def test_a_snapshot_holds_what_changes_and_not_what_follows_later(walked: Controller) -> None:
     snapshot = take_snapshot(walked)
     before = snapshot.to_bytes()
@@ -91,10 +83,62 @@ def test_other_bytes_are_refused(damage: bytes) -> None:
         Snapshot.from_bytes(damage, "take.state")
 
 
-def test_a_state_of_another_shape_is_refused_by_name(walked: Controller) -> None:
-    snapshot = take_snapshot(walked)
-    tree = snapshot.tree | {"_body": snapshot.tree["_body"] | {"joints": np.zeros((30, 3))}}
-    with pytest.raises(FileError, match=r"controller\._body\.joints: shape \(30, 3\)"):
-        Snapshot(snapshot.seed, 1.0, tree).restore(walked)
-    with pytest.raises(FileError, match="has no 'wings'"):
-        Snapshot(snapshot.seed, 1.0, snapshot.tree | {"wings": 2}).restore(walked)
+def written(snapshot: Snapshot, change: Callable[[dict[str, Any], dict[str, np.ndarray]], None]) -> bytes:
+    """The bytes of a snapshot whose JSON and arrays were changed."""
+    with np.load(io.BytesIO(snapshot.to_bytes())) as file:
+        arrays = dict(file)
+    tree = json.loads(arrays.pop("head").tobytes())
+    change(tree["state"], arrays)
+    buffer = io.BytesIO()
+    np.savez(buffer, head=np.frombuffer(json.dumps(tree).encode(), np.uint8), **arrays)  # type: ignore[arg-type]
+    return buffer.getvalue()
+
+
+def another_shape(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    arrays[f"a{state['joints']}"] = np.zeros((1, 30, 3))
+
+
+def not_finite(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    arrays[f"a{state['trajectory']['xz']}"][0, 60] = np.nan
+
+
+def far_away(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    arrays[f"a{state['trajectory']['xz']}"][:] = 4e11
+
+
+def another_name(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    state["wings"] = 2
+
+
+def no_such_hold(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    state["feet"][0]["feet"][1]["anchor"] = "elbow"
+
+
+def text_for_a_number(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    state["feet"][0]["hips"]["offset"] = "high"
+
+
+def no_obstacle(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    state["crossings"][0]["kind"] = "climb"
+
+
+def two_characters(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    state["feet"] *= 2
+
+
+@pytest.mark.parametrize(
+    ("damage", "says"),
+    [
+        (another_shape, r"\.joints: shape \(1, 30, 3\), expected \(1, 31, 3\)"),
+        (not_finite, r"\.trajectory\.xz: numbers that no character reaches"),
+        (far_away, r"\.trajectory\.xz: numbers that no character reaches"),
+        (another_name, "not the fields of a CharacterState"),
+        (no_such_hold, r"\.feet\[0\]\.feet\[1\]\.anchor: expected one of '', 'heel', 'toe'"),
+        (text_for_a_number, r"\.feet\[0\]\.hips\.offset: expected a number"),
+        (no_obstacle, "not the state"),
+        (two_characters, "not the state"),
+    ],
+)
+def test_a_damaged_state_is_refused_by_name(walked: Controller, damage: Any, says: str) -> None:
+    with pytest.raises(FileError, match=says):
+        Snapshot.from_bytes(written(take_snapshot(walked), damage), "take.state")

@@ -8,9 +8,12 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from walker import WalkerModel
 
 from runtime.controls import Controls, Gait
 from runtime.errors import SportError
+from runtime.motion.state import CharacterState, standing
+from runtime.motion.style_blend import StyleBlend, StyleCodes
 from runtime.pose import Pose
 from runtime.prompts.expander import Expansion, check_prompt
 from runtime.prompts.parts import PartDescriptions
@@ -19,6 +22,7 @@ from runtime.terrain.height_map import Terrain
 from viewer.services import Loaded, Services
 from viewer.stage.simulation import make_pose, rest_pose
 
+_WALKER = WalkerModel()
 SPEEDS = {Gait.WALK: 1.4, Gait.JOG: 3.0, Gait.CROUCH: 0.8, Gait.JUMP: 1.4}  # m/s
 
 
@@ -73,6 +77,20 @@ class FakeController:
 
     def reset(self, x: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> None:
         self.x, self.z, self.yaw = x, z, yaw
+
+    @property
+    def state(self) -> CharacterState:
+        """What a snapshot keeps: the place, and the steps done so far."""
+        style = StyleBlend.constant(
+            _WALKER.neutral, self.strength, lambda mix: _WALKER.fold_style(mix.codes[0], 1.0)
+        )
+        state = standing(_WALKER, self.terrain, style, self.seed, self.x, self.z, self.yaw)
+        state.frame = np.array([self.steps])
+        return state
+
+    def put(self, state: CharacterState, codes: StyleCodes) -> None:
+        (self.x, self.z), self.yaw = state.trajectory.here[0].tolist(), float(state.poses.yaw[0])
+        self.steps, self.seed, self.strength = int(state.frame[0]), int(state.seed[0]), codes.strength
 
     def twin(self) -> FakeController:
         return FakeController(self.terrain)

@@ -8,8 +8,9 @@ the near edge; x to the left, 0 under the root; y over the ground before it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,7 @@ from runtime.terrain.way_ahead import Kind, Obstacle, obstacle_ahead
 Array = NDArray[np.floating]
 
 DT = 1.0 / 60.0
+KINDS = ("", *(kind.value for kind in Kind), "climb", "descend")
 LOOK_M = 3.0  # ahead for obstacles, beside what is covered while a character stops
 HIGHEST_LEAP_M = 0.75  # of a bar
 HIGHEST_STEP_M = 0.55  # a higher one is climbed
@@ -50,7 +52,8 @@ LAST_STEP = 0.65  # of a step: what is left is leapt over, more is another step
 LATEST_START = 0.55  # of a stride: a leap that begins later is planned as if it began then
 TOO_LATE_M = 0.08  # a foot whose ankle stands nearer to the edge leaps no more
 BEFORE_M = 0.06  # the edge of an obstacle that the network is not to see
-DEEPEST_M = 0.05  # that a sole is lifted out of the ground
+DEEPEST_M = 0.05  # that a sole is lifted out of the ground,
+LEAST_LIFT_M = 1e-6  # and least: a planned foot stands on it but for rounding
 FADE_S = 0.3  # in which the first pose's difference from the crossing's goes
 WALKING, FOLLOWED = 0.4, 0.7  # m/s from which the root's own direction counts, by so much
 SLOWEST = 0.2  # m/s of a walk that leaps
@@ -95,27 +98,40 @@ class Ahead:
         return self.stands and self.obstacle.near < NEAREST_M and float(direction @ self.way) > 0.0
 
 
+class Look(NamedTuple):
+    """What a character sees on its way in one frame."""
+
+    stops: bool  # the root does not follow the stick
+    ahead: Ahead | None  # what the stick leads to
+    reason: str | None  # why the character does not go on, for the status line
+
+
+CLEAR = Look(False, None, None)
+
+
+@dataclass
 class Crossing:
-    """State of one character; numbers and arrays only, so that a snapshot holds them."""
+    """State of one character's crossing, from frame to frame."""
 
-    def __init__(self) -> None:
-        self.reset()
+    kind: str = field(default="", metadata={"choices": KINDS})  # of the crossing under way
+    stopped: bool = False  # before ground that it neither walks on nor crosses
+    pace: float = 1.0  # of the root on its way to a leap
+    numbers: tuple[float, ...] = ()  # that describe the motion
+    time: float = 0.0
+    origin: Array = field(default_factory=lambda: np.zeros(3), metadata={"whole": (3,)})
+    yaw: float = 0.0
+    fresh: bool = False  # its first pose is still to tell the two offsets
+    hips_offset: Array = field(default_factory=lambda: np.zeros(3), metadata={"whole": (3,)})
+    offset: Array = field(
+        default_factory=lambda: np.zeros((31, 3)), metadata={"whole": (31, 3)}
+    )  # rotation vectors
+    last_z: float = 0.0
+    steps: Steps = field(default_factory=Steps)
 
-    def reset(self) -> None:
-        """Cross nothing."""
-        self.kind = ""  # of the crossing under way
-        self.ahead: Ahead | None = None  # what the stick leads to
-        self.reason: str | None = None  # why the character does not go on, for the status line
-        self.pace = 1.0  # of the root on its way to a leap
-        self.facing: float | None = None  # yaw in which it climbs
-        self._numbers: tuple[float, ...] = ()
-        self._time = 0.0
-        self._origin: Array = np.zeros(3)
-        self._yaw = 0.0
-        self._hips_offset: Array = np.zeros(3)
-        self._offset: Array = np.zeros((31, 3))  # rotation vectors
-        self._last_z = 0.0
-        self._steps = Steps()
+    @property
+    def facing(self) -> float | None:
+        """The yaw in which it climbs."""
+        return self.yaw if self.climbing else None
 
     @property
     def climbing(self) -> bool:
@@ -125,74 +141,75 @@ class Crossing:
     @property
     def motion(self) -> Leap | Climb | Descend:
         """What is crossed by; only while there is a `kind`."""
-        return _motion(self.kind, self._numbers)
+        return _motion(self.kind, self.numbers)
 
-    def look(self, terrain: Terrain | None, place: Array, velocity: Array, speed: float) -> bool:
-        """See what lies ahead of a root at `place` (XZ) with this requested velocity; whether it has to stop.
+    def look(self, terrain: Terrain | None, place: Array, velocity: Array, speed: float) -> Look:
+        """What lies ahead of a root at `place` (XZ) with this requested velocity.
 
-        `speed` is the root's, m/s; `terrain` None where it is known to be level.
+        `speed` is the root's, m/s; `terrain` None where it is known to hold nothing.
         """
-        held, self.reason, self.ahead = self.reason is not None, None, None
-        asked = float(np.linalg.norm(velocity))
+        seen = self._look(terrain, place, velocity, speed)
+        self.stopped = seen.reason is not None
+        return seen
+
+    def _look(self, terrain: Terrain | None, place: Array, velocity: Array, speed: float) -> Look:
+        requested = float(np.linalg.norm(velocity))
         if self.climbing:
-            return True
-        if terrain is None or asked <= STAND_SPEED:
-            return False
-        x, z, way = float(place[0]), float(place[1]), self.way(velocity / asked)
-        reach = STOP_M + STOP_SECONDS * speed + HOLD_M * held
+            return Look(True, None, None)
+        if terrain is None or requested <= STAND_SPEED:
+            return CLEAR
+        x, z, way = float(place[0]), float(place[1]), self.way(velocity / requested)
+        reach = STOP_M + STOP_SECONDS * speed + HOLD_M * self.stopped
         distance, rise = step_ahead(terrain, x, z, way, reach)
         if distance <= reach:
-            self.reason = blocked_message(rise)
-            return True
+            return Look(True, None, blocked_message(rise))
         found = obstacle_ahead(terrain, x, z, way, LOOK_M + CLIMB_SECONDS * min(speed, 5.0))
         if found is None:
-            return False
-        self.ahead = Ahead(found, way)
-        if not self.ahead.stands or found.near > CLIMB_M + CLIMB_SECONDS * speed + HOLD_M * held:
-            return False
-        self.reason = self.ahead.blocked
-        return True
+            return CLEAR
+        ahead = Ahead(found, way)
+        if not ahead.stands or found.near > CLIMB_M + CLIMB_SECONDS * speed + HOLD_M * self.stopped:
+            return Look(False, ahead, None)
+        return Look(True, ahead, ahead.blocked)
 
     def way(self, heading: Array) -> Array:
         """Where the root goes (XZ, a unit vector): mostly as it has gone, for feet land there, and towards the stick's `heading`."""
-        speed = float(np.linalg.norm(self._steps.velocity))
+        speed = float(np.linalg.norm(self.steps.velocity))
         if speed < WALKING:
             return heading
-        mixed: Array = (1.0 - FOLLOWED) * heading + FOLLOWED * self._steps.velocity / speed
+        mixed: Array = (1.0 - FOLLOWED) * heading + FOLLOWED * self.steps.velocity / speed
         size = float(np.linalg.norm(mixed))
         return mixed / size if size > 0.5 else heading
 
-    def held_back(self, terrain: Terrain, place: Array, velocity: Array) -> Array:
+    def held_back(self, terrain: Terrain, place: Array, velocity: Array, ahead: Ahead | None) -> Array:
         """The root's velocity (m/s), zero where the next of it would be a step that nobody can take, or into a wall."""
         speed = float(np.linalg.norm(velocity))
         if speed < 1e-6:
             return velocity
-        if self.ahead is not None and self.ahead.too_near(velocity / speed):
+        if ahead is not None and ahead.too_near(velocity / speed):
             return np.zeros(2)
         reach = speed * DT + HALF_BODY_M
         distance, _ = step_ahead(terrain, float(place[0]), float(place[1]), velocity / speed, reach)
         return velocity if distance > reach else np.zeros(2)
 
-    def seen(self, points: Array, heights: Array, present: int) -> Array:
+    def seen(self, points: Array, heights: Array, present: int, ahead: Ahead | None) -> Array:
         """Heights `(12, 3)` that the network sees at `points` `(12, 3, 2)`: as if what is crossed were level ground.
 
         It has learnt slopes and stairs; before a bar or a gap it would crouch or climb as before those.
         """
         if self.kind:
-            done = smooth(self._time / self.motion.seconds)
-            beyond = self._numbers[0] if self.climbing else self._numbers[2]
-            return np.full_like(heights, self._origin[1] + done * beyond)
-        ahead = self.ahead
+            done = smooth(self.time / self.motion.seconds)
+            beyond = self.numbers[0] if self.climbing else self.numbers[2]
+            return np.full_like(heights, self.origin[1] + done * beyond)
         if ahead is None or not (is_leap(ahead.obstacle) or is_climb(ahead.obstacle)):
             return heights
         along = (points - points[present, 1]) @ ahead.way
         return np.where(along > ahead.obstacle.near - BEFORE_M, heights[present, 1], heights)
 
     def watch(
-        self, pose: Pose, held: Sequence[object], ground: float, speed: float, walk_speed: float
+        self, pose: Pose, held: Sequence[object], speed: float, walk_speed: float, ahead: Ahead | None
     ) -> None:
-        """Begin what the obstacle ahead asks for. `held` tells which feet stand, `ground` what they stand on."""
-        steps, ahead = self._steps, self.ahead
+        """Begin what the obstacle ahead asks for. `held` tells which feet stand."""
+        steps, ground = self.steps, float(pose.root_position[1])
         came = steps.watch(pose, held, ahead.way if ahead is not None else None, self.pace)
         if ahead is None or not is_leap(ahead.obstacle):
             self.pace = 1.0
@@ -205,7 +222,7 @@ class Crossing:
 
     def _last_step(self, obstacle: Obstacle, pose: Pose, way: Array, left: float, came: bool) -> bool:
         """Whether the foot that stands `left` m before the edge is the last one there; sets the pace to the next ones."""
-        steps = self._steps
+        steps = self.steps
         if came:
             missing = left - takeoff_m(obstacle.kind, obstacle.top, steps.speed)
             count = int(np.ceil(missing / steps.length - LAST_STEP))
@@ -227,7 +244,7 @@ class Crossing:
         self._start(kind, (obstacle.top, -near, depth, tempo), pose, yaw, near, ground)
 
     def _begin_leap(self, ahead: Ahead, pose: Pose, ground: float) -> None:
-        obstacle, way, steps = ahead.obstacle, ahead.way, self._steps
+        obstacle, way, steps = ahead.obstacle, ahead.way, self.steps
         yaw = float(np.arctan2(way[0], way[1]))
         turn = rotations.from_yaw(-yaw)
         origin = _origin(pose, way, obstacle.near, ground)
@@ -247,55 +264,74 @@ class Crossing:
         self, kind: str, numbers: tuple[float, ...], pose: Pose, yaw: float, near: float, ground: float
     ) -> None:
         way = np.array([np.sin(yaw), np.cos(yaw)])
-        self.kind, self._numbers, self._time, self._yaw = kind, tuple(float(n) for n in numbers), 0.0, yaw
-        self._origin = _origin(pose, way, near, ground)
-        self.facing = yaw if self.climbing else None
-        self._last_z = self.motion.root_z(0.0)
-        self._hips_offset = pose.hips_position.astype(np.float64)  # until the first pose tells the difference
-        self._offset = np.full((31, 3), np.inf)
+        self.kind, self.numbers, self.time, self.yaw = kind, tuple(float(n) for n in numbers), 0.0, yaw
+        self.origin = _origin(pose, way, near, ground)
+        self.last_z = self.motion.root_z(0.0)
+        self.fresh = True
 
     def root_velocity(self) -> Array:
         """The root's velocity (m/s, XZ) to the next frame, whose crossing time this begins."""
-        self._time += DT
-        z = self.motion.root_z(self._time)
-        speed, self._last_z = (z - self._last_z) / DT, z
-        return speed * np.array([np.sin(self._yaw), np.cos(self._yaw)])
+        self.time += DT
+        z = self.motion.root_z(self.time)
+        speed, self.last_z = (z - self.last_z) / DT, z
+        return speed * np.array([np.sin(self.yaw), np.cos(self.yaw)])
 
     def apply(
         self, hips: Array, local: Array, ground: float, last: Pose, terrain: Terrain
     ) -> tuple[Array, Array, Array]:
         """World hips `(3,)`, local rotations and contacts to show for the network's, which stands on `ground`."""
         local = np.array(local, np.float64)
-        turn = rotations.from_yaw(-self._yaw)
-        if not np.isfinite(self._offset).all():
-            self._offset = rotations.to_rotation_vector(
+        turn = rotations.from_yaw(-self.yaw)
+        if self.fresh:
+            self.fresh = False
+            self.offset = rotations.to_rotation_vector(
                 rotations.multiply(last.local_rotations.astype(np.float64), rotations.inverse(local))
             )
             over = last.hips_position.astype(np.float64) - hips
-            self._hips_offset = np.array([0.0, over[1] - (self._origin[1] - ground), 0.0])
-        fade = 1.0 - smooth(self._time / FADE_S)
+            self.hips_offset = np.array([0.0, over[1] - (self.origin[1] - ground), 0.0])
+        fade = 1.0 - smooth(self.time / FADE_S)
         if fade > 0.0:
-            local = rotations.multiply(rotations.from_rotation_vector(fade * self._offset), local)
-            hips = hips + fade * self._hips_offset
-        placed = rotations.rotate(turn, hips - np.array([self._origin[0], ground, self._origin[2]]))
+            local = rotations.multiply(rotations.from_rotation_vector(fade * self.offset), local)
+            hips = hips + fade * self.hips_offset
+        placed = rotations.rotate(turn, hips - np.array([self.origin[0], ground, self.origin[2]]))
         local[0] = rotations.multiply(turn, local[0])
-        shown: CrossingPose = self.motion.pose(self._time, placed, local)
-        back = rotations.from_yaw(self._yaw)
+        shown: CrossingPose = self.motion.pose(self.time, placed, local)
+        back = rotations.from_yaw(self.yaw)
         result = np.array(shown.local)
         result[0] = rotations.multiply(back, result[0])
-        place = rotations.rotate(back, shown.hips) + self._origin
+        place = rotations.rotate(back, shown.hips) + self.origin
         return place, _on_the_ground(place, result, terrain), shown.contacts
 
     def ends(self) -> bool:
         """Whether the frame just shown was the crossing's last; it is over then."""
-        if self._time < self.motion.seconds - 0.5 * DT:
+        if self.time < self.motion.seconds - 0.5 * DT:
             return False
-        motion, steps = self.motion, self._steps
-        self.reset()
+        motion, steps = self.motion, self.steps
+        vars(self).update(vars(Crossing()))
         if isinstance(motion, Leap):
-            self._steps = steps
+            self.steps = steps
             steps.after_leap(motion.stride.stance)
         return True
+
+
+def is_possible(crossing: Crossing) -> bool:
+    """Whether the numbers of a crossing that was read from a file describe one of its kind."""
+    numbers = crossing.numbers
+    if any(abs(number) > 100.0 for number in numbers) or not PACE[0] <= crossing.pace <= PACE[1]:
+        return False
+    if not crossing.kind:
+        return True
+    if crossing.climbing:
+        upwards = 1.0 if crossing.kind == "climb" else -1.0
+        return (
+            len(numbers) == 4
+            and 0.0 < upwards * numbers[0] <= HIGHEST_CLIMB_M
+            and TEMPO[0] <= numbers[3] <= TEMPO[1]
+        )
+    if len(numbers) != 23:
+        return False
+    _, _, _, _, speed, seconds, elapsed, stance, _ = numbers[:9]
+    return speed >= 0.0 and 0.1 <= seconds <= 10.0 and 0.0 <= elapsed < seconds and stance in (0.0, 1.0)
 
 
 def is_leap(obstacle: Obstacle) -> bool:
@@ -328,7 +364,7 @@ def _on_the_ground(hips: Array, local: Array, terrain: Terrain) -> Array:
     soles = positions[list(SOLE_POINTS)].astype(np.float64)
     lack = terrain.height(soles[:, 0], soles[:, 2]) + np.array(SOLE_HEIGHTS) - soles[:, 1]
     lift = np.max(np.where(lack < DEEPEST_M, lack, 0.0).reshape(2, 2), axis=1)
-    if lift.max() <= 0.0:
+    if lift.max() <= LEAST_LIFT_M:
         return local
     ankles = soles[::2] + np.outer(np.maximum(lift, 0.0), [0.0, 1.0, 0.0])
     return solve_legs(hips, local, ankles, world[LEG_FEET].astype(np.float64))

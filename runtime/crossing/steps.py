@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,21 +29,24 @@ SMOOTHING = 0.05  # share of a frame in the mean speed
 SAME = (0.6, 1.6)  # of the stride before: other lengths come of a landing that was missed
 
 
+@dataclass
 class Steps:
     """Landings of the feet, from frame to frame."""
 
-    def __init__(self) -> None:
-        self.stance: int | None = None  # the foot that came down last: 0 left, 1 right
-        self.elapsed = 0.0  # seconds since then
-        self.seconds = WALKED_S  # of a stride
-        self.speed = 0.0  # of the root, m/s, smoothed, at full pace
-        self.velocity: Array = np.zeros(2)  # of the root, m/s, smoothed
-        self._ahead = 0.2  # m of the last landing before the root
-        self._held = (True, True)
-        self._since = (9.0, 9.0)  # seconds since each foot came down
-        self._known = False  # whether `seconds` was measured
-        self._root: Array | None = None
-        self._next = 0.0  # m from the root's place of the next landing
+    stance: int | None = field(
+        default=None, metadata={"most": 1}
+    )  # the foot that came down last: 0 left, 1 right
+    elapsed: float = 0.0  # seconds since then
+    seconds: float = WALKED_S  # of a stride
+    measured: bool = False  # whether `seconds` was
+    speed: float = 0.0  # of the root, m/s, smoothed, at full pace
+    velocity: Array = field(
+        default_factory=lambda: np.zeros(2), metadata={"whole": (2,)}
+    )  # of the root, m/s, smoothed
+    ahead: float = 0.2  # m of the last landing before the root
+    stood: tuple[bool, bool] = (True, True)  # which feet did in the last frame
+    since: tuple[float, float] = (9.0, 9.0)  # seconds since each foot came down
+    root: Array | None = field(default=None, metadata={"whole": (2,)})  # place (XZ) in the last frame
 
     @property
     def length(self) -> float:
@@ -52,15 +56,15 @@ class Steps:
     def watch(self, pose: Pose, held: Sequence[object], way: Array | None, pace: float) -> bool:
         """Whether a foot came down in this frame; `held` tells which feet stand, `way` (XZ) where the root goes."""
         place = pose.root_position[[0, 2]].astype(np.float64)
-        if self._root is not None:
-            self.velocity = self.velocity + ((place - self._root) / DT - self.velocity) * TURNING
-            speed = float(np.linalg.norm(place - self._root)) / DT / pace
+        if self.root is not None:
+            self.velocity = self.velocity + ((place - self.root) / DT - self.velocity) * TURNING
+            speed = float(np.linalg.norm(place - self.root)) / DT / pace
             self.speed += (min(speed, 6.0) - self.speed) * SMOOTHING
-        self._root = place
+        self.root = place
         self.elapsed += DT
-        self._since = (self._since[0] + DT, self._since[1] + DT)
-        fresh = [k for k in (0, 1) if held[k] and not self._held[k] and self._comes_down(k)]
-        self._held = (bool(held[0]), bool(held[1]))
+        self.since = (self.since[0] + DT, self.since[1] + DT)
+        fresh = [k for k in (0, 1) if held[k] and not self.stood[k] and self._comes_down(k)]
+        self.stood = (bool(held[0]), bool(held[1]))
         for foot in fresh:
             ankle = pose.positions[LEG_FEET[foot]]
             ahead = (
@@ -74,21 +78,21 @@ class Steps:
     def _comes_down(self, foot: int) -> bool:
         """Whether a foot that is held anew has come down, and was not let go of for a moment."""
         again = AGAIN * self.seconds if foot == self.stance else SHORTEST_S
-        return self._since[foot] > again
+        return self.since[foot] > again
 
     def _landed(self, foot: int, ahead: float) -> None:
-        stride = self._since[foot]
+        stride = self.since[foot]
         if STRIDE_S[0] < stride < STRIDE_S[1] and (
-            not self._known or SAME[0] < stride / self.seconds < SAME[1]
+            not self.measured or SAME[0] < stride / self.seconds < SAME[1]
         ):
-            self.seconds = stride if not self._known else self.seconds + 0.6 * (stride - self.seconds)
-            self._known = self.speed > SETTING_OFF
-        elif not self._known:
-            step = self._since[1 - foot]
+            self.seconds = stride if not self.measured else self.seconds + 0.6 * (stride - self.seconds)
+            self.measured = self.speed > SETTING_OFF
+        elif not self.measured:
+            step = self.since[1 - foot]
             guess = JOGGED_S if self.speed > JOGS else WALKED_S
             self.seconds = 2.0 * step if STRIDE_S[0] < 2.0 * step < 1.5 * guess else guess
-        self.stance, self.elapsed, self._ahead = foot, 0.0, max(ahead, 0.0)
-        self._since = (0.0, self._since[1]) if foot == 0 else (self._since[0], 0.0)
+        self.stance, self.elapsed, self.ahead = foot, 0.0, max(ahead, 0.0)
+        self.since = (0.0, self.since[1]) if foot == 0 else (self.since[0], 0.0)
 
     def ankle(self, pose: Pose, way: Array) -> float:
         """Metres along `way` from the root to the ankle that stands."""
@@ -97,11 +101,11 @@ class Steps:
 
     def next_ankle(self, pace: float) -> float:
         """Metres from the root of now to where the next ankle will come down."""
-        return self.speed * pace * max(0.5 * self.seconds - self.elapsed, SOON_S) + self._ahead
+        return self.speed * pace * max(0.5 * self.seconds - self.elapsed, SOON_S) + self.ahead
 
     def after_leap(self, stance: int) -> None:
         """The stance foot of a leap comes down now: half a stride after the other one."""
-        self._root = None
-        self._held = (stance != 0, stance != 1)
+        self.root = None
+        self.stood = (stance != 0, stance != 1)
         times = (self.seconds, 0.5 * self.seconds)
-        self._since = (times[stance], times[1 - stance])
+        self.since = (times[stance], times[1 - stance])

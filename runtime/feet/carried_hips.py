@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import sqrt
 
 from runtime.feet.leg_scalar import LegPose, Vector, damp
 from runtime.feet.planted_foot import PlantedFoot, span, straightness
-from runtime.feet.settings import FootLockSettings
+from runtime.feet.settings import SETTINGS, FootLockSettings
 
 
+@dataclass
 class CarriedHips:
     """The height of the hips over the incoming pose's, from frame to frame.
 
@@ -19,15 +21,15 @@ class CarriedHips:
     is too short for its held foot draws them down further.
     """
 
-    def __init__(self, settings: FootLockSettings) -> None:
-        self._settings = settings
-        self.offset = 0.0  # m, upwards
-        self._carried = self._speed = 0.0
-        self._short = self._short_velocity = 0.0  # m that a leg is too short
+    offset: float = 0.0  # m, upwards
+    carried: float = 0.0  # the same before a short leg draws the hips down
+    speed: float = 0.0
+    short: float = 0.0  # m that a leg is too short
+    short_velocity: float = 0.0
 
     def carry(self, legs: Sequence[LegPose], feet: Sequence[PlantedFoot], dt: float) -> None:
         """Set `offset` for this frame, from the incoming legs and the outgoing feet."""
-        s = self._settings
+        s = SETTINGS
         total, carried, least = s.free_weight, 0.0, s.max_rise
         for leg, foot in zip(legs, feet, strict=True):
             spans = span(leg)
@@ -38,13 +40,11 @@ class CarriedHips:
             if foot.anchor:
                 reach = foot.bones.length * straightness(leg, foot.bones)
                 least = min(least, rise_for(leg.hip, foot.ankle, reach))
-        self._carried, self._speed = damp(self._carried, self._speed, carried / total, s.carry_halflife, dt)
-        carried = self._carried
+        self.carried, self.speed = damp(self.carried, self.speed, carried / total, s.carry_halflife, dt)
+        carried = self.carried
         short = max(0.0, carried - max(least, -s.max_drop))
-        self._short, self._short_velocity = damp(
-            self._short, self._short_velocity, short, s.hips_halflife, dt
-        )
-        self.offset = carried - self._short
+        self.short, self.short_velocity = damp(self.short, self.short_velocity, short, s.hips_halflife, dt)
+        self.offset = carried - self.short
 
 
 def rise_for(hip: Vector, ankle: Vector, spans: float) -> float:

@@ -8,17 +8,16 @@ that nothing jumps.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.feet.carried_hips import CarriedHips
-from runtime.feet.leg_scalar import leg_bones, leg_forward, leg_inverse
+from runtime.feet.leg_scalar import leg_forward, leg_inverse
 from runtime.feet.narrow_support import Balance, SidewaysLead, pull_of_beam, side_of_beam
 from runtime.feet.planted_foot import PlantedFoot
-from runtime.feet.settings import FootLockSettings
-from runtime.skeleton import SPORT_SKELETON, Skeleton
+from runtime.feet.settings import SETTINGS
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.point_heights import PointHeights
 
@@ -33,30 +32,23 @@ class FootLockResult:
     local_rotations: Array
 
 
+@dataclass
 class FootLock:
-    """Plants the feet of one character; keeps its state from frame to frame.
+    """Plants the feet of one character: its state, `apply`d once per simulated frame, in order."""
 
-    One instance per character, `apply` once per simulated frame in order, `reset` after a teleport.
-    """
-
-    def __init__(self, skeleton: Skeleton = SPORT_SKELETON, settings: FootLockSettings | None = None) -> None:
-        self._settings = settings or FootLockSettings()
-        self._bones = (leg_bones(0, skeleton), leg_bones(1, skeleton))
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget all holds and offsets."""
-        self._feet = tuple(PlantedFoot(bones, self._settings) for bones in self._bones)
-        self._hips = CarriedHips(self._settings)
-        self._leads = (SidewaysLead(1.0), SidewaysLead(-1.0))
-        self._balance = Balance()
-        self.on_beam = False
-        self.pull: Array = np.zeros(2)  # m/s that keep the root over a beam
+    feet: tuple[PlantedFoot, PlantedFoot] = field(default_factory=lambda: (PlantedFoot(0), PlantedFoot(1)))
+    hips: CarriedHips = field(default_factory=CarriedHips)
+    leads: tuple[SidewaysLead, SidewaysLead] = field(
+        default_factory=lambda: (SidewaysLead(1.0), SidewaysLead(-1.0))
+    )
+    balance: Balance = field(default_factory=Balance)
+    on_beam: bool = False
+    pull: tuple[float, float] = (0.0, 0.0)  # m/s, XZ, that keep the root over a beam
 
     @property
     def held(self) -> tuple[str, str]:
         """What holds the left and the right foot: "", "heel" or "toe"."""
-        return self._feet[0].anchor, self._feet[1].anchor
+        return self.feet[0].anchor, self.feet[1].anchor
 
     def apply(
         self,
@@ -74,25 +66,25 @@ class FootLock:
         x, y, z = (float(v) for v in hips_position)
         local = np.asarray(local_rotations, np.float64).tolist()
         chances = np.asarray(contacts, np.float64).tolist()
-        s = self._settings
+        s = SETTINGS
         ground = PointHeights(terrain, y - s.ground_under_hips, y + s.ground_over_hips)
-        drop = -self._hips.offset
-        left, right = (leg_forward(foot.bones, (x, y, z), local) for foot in self._feet)
+        drop = -self.hips.offset
+        left, right = (leg_forward(foot.bones, (x, y, z), local) for foot in self.feet)
         incoming = (left, right)
         side_way = side_of_beam((x, y, z), incoming, ground)
         self.on_beam, self.pull = side_way is not None, pull_of_beam((x, y, z), side_way, ground)
         legs = [
             lead.apply(leg, other, side_way, bool(foot.anchor), ground, dt)
-            for lead, leg, other, foot in zip(self._leads, incoming, incoming[::-1], self._feet, strict=True)
+            for lead, leg, other, foot in zip(self.leads, incoming, incoming[::-1], self.feet, strict=True)
         ]
-        for side, (foot, leg) in enumerate(zip(self._feet, legs, strict=True)):
+        for side, (foot, leg) in enumerate(zip(self.feet, legs, strict=True)):
             foot.observe(leg, chances[2 * side], chances[2 * side + 1], ground, dt)
-            foot.choose_anchor(leg, drop, self._feet[1 - side].refractory > 0.0)
+            foot.choose_anchor(leg, drop, self.feet[1 - side].refractory > 0.0)
             foot.plant(leg, drop, ground, dt)
-        self._hips.carry(legs, self._feet, dt)
-        drop = -self._hips.offset
-        result = np.array(self._balance.apply(local_rotations, self.on_beam, dt), copy=True)
-        for foot, led, leg in zip(self._feet, legs, incoming, strict=True):
+        self.hips.carry(legs, self.feet, dt)
+        drop = -self.hips.offset
+        result = np.array(self.balance.apply(local_rotations, self.on_beam, dt), copy=True)
+        for foot, led, leg in zip(self.feet, legs, incoming, strict=True):
             first = foot.bones.joints[1]
             target = foot.within_reach(led, drop, ground)
             result[first : first + 3] = leg_inverse(leg, target, foot.rotation, drop)
@@ -104,11 +96,11 @@ class FootLock:
 
         Both are hips `(3,)` and local rotations `(31, 4)`.
         """
-        self.reset()
-        for foot in self._feet:
+        vars(self).update(vars(FootLock()))
+        for foot in self.feet:
             now, leg = (
                 leg_forward(foot.bones, (x, y, z), np.asarray(local, np.float64).tolist())
                 for (x, y, z), local in (shown, incoming)
             )
             foot.adopt(now, leg)
-        self._hips.offset = self._hips._carried = float(shown[0][1] - incoming[0][1])
+        self.hips.offset = self.hips.carried = float(shown[0][1] - incoming[0][1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import exp, sqrt
 
 import numpy as np
@@ -36,6 +37,8 @@ OUT_HALFLIFE_S = 0.25  # in about twice so long
 
 def side_of_beam(hips: Vector, legs: tuple[LegPose, LegPose], ground: PointHeights) -> Vector | None:
     """Unit vector to the left where the character is on ground as narrow as a beam; None elsewhere."""
+    if ground.steepest * BESIDE_M < DROP_M:
+        return None  # no slope of this ground falls so far
     across = subtract(legs[0].hip, legs[1].hip)
     size = sqrt(across[0] * across[0] + across[2] * across[2])
     if size < 1e-3:
@@ -69,22 +72,22 @@ def to_middle(point: Vector, side: Vector, ground: PointHeights) -> float | None
     return way if abs(way) <= FARTHEST_M else None
 
 
-def pull_of_beam(hips: Vector, side: Vector | None, ground: PointHeights) -> Array:
+def pull_of_beam(hips: Vector, side: Vector | None, ground: PointHeights) -> tuple[float, float]:
     """Velocity (m/s, XZ) that keeps the root over the middle of a beam; `side` as `side_of_beam` gave it."""
     way = None if side is None else to_middle(hips, side, ground)
     if side is None or way is None:
-        return np.zeros(2)
+        return 0.0, 0.0
     speed = min(max(PULL_PER_S * way, -FASTEST_PULL), FASTEST_PULL)
-    return speed * np.array([side[0], side[2]])
+    return speed * side[0], speed * side[2]
 
 
+@dataclass
 class SidewaysLead:
     """How far one foot is led sideways, from frame to frame."""
 
-    def __init__(self, sign: float = 1.0) -> None:
-        self._sign = sign  # 1 left, -1 right
-        self.offset: Vector = NOTHING
-        self.velocity: Vector = NOTHING
+    sign: float = 1.0  # 1 left, -1 right
+    offset: Vector = NOTHING
+    velocity: Vector = NOTHING
 
     def apply(
         self, leg: LegPose, other: LegPose, side: Vector | None, held: bool, ground: PointHeights, dt: float
@@ -113,14 +116,14 @@ class SidewaysLead:
         near = 1.0 - (dot(forward, subtract(leg.ankle, other.ankle)) / PASSES_M) ** 2
         lifted = (leg.ankle[1] - other.ankle[1]) / LIFTED_M
         around = AROUND_M * max(near, 0.0) * min(max(lifted, 0.0), 1.0)
-        return scale(side, way + self._sign * (INLINE_M + around))
+        return scale(side, way + self.sign * (INLINE_M + around))
 
 
+@dataclass
 class Balance:
     """Arms that are held out on a beam, from frame to frame."""
 
-    def __init__(self) -> None:
-        self.share = 0.0
+    share: float = 0.0
 
     def apply(self, local: Array, on_beam: bool, dt: float) -> Array:
         """Local rotations `(31, 4)` with the upper arms turned out by what is reached of `OUT`."""

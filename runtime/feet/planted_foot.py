@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from math import atan2, cos, pi, sin, sqrt
 
 import numpy as np
@@ -20,6 +21,7 @@ from runtime.feet.leg_scalar import (
     dot,
     from_vector,
     inverse,
+    leg_bones,
     length,
     multiply,
     rotate,
@@ -29,40 +31,49 @@ from runtime.feet.leg_scalar import (
     to_vector,
     unit,
 )
-from runtime.feet.settings import FootLockSettings
+from runtime.feet.settings import SETTINGS
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 from runtime.terrain.point_heights import PointHeights
 
 Array = NDArray[np.floating]
 
+ANCHORS = ("", "heel", "toe")
+NOWHERE: Vector = (0.0, 0.0, 0.0)
+LEGS = (leg_bones(0), leg_bones(1))
 REACH_TRIALS = 4  # raisings of a foot that its leg does not reach; one is the rule
 
 
+@dataclass
 class PlantedFoot:
     """State of one foot. The offset is outgoing minus incoming toe joint."""
 
-    def __init__(self, bones: LegBones, settings: FootLockSettings) -> None:
-        self.bones = bones
-        self.settings = settings
-        self.anchor = ""  # "", "heel" or "toe": the point that is held
-        self.point = (0.0, 0.0)  # x, z of the held point
-        self.lowest = 0.0  # lowest height of the incoming point since it is held
-        self.refractory = 0.0  # s until it may be held again
-        self.offset: Vector = (0.0, 0.0, 0.0)
-        self.offset_velocity: Vector = (0.0, 0.0, 0.0)
-        self.yaw, self.yaw_velocity = 0.0, 0.0
-        self.held_yaw: float | None = None
-        self.tilt: Vector = (0.0, 0.0, 0.0)  # rotation vector that lays the sole on the ground
-        self.tilt_velocity: Vector = (0.0, 0.0, 0.0)
-        self.incoming: tuple[Vector, Vector] | None = None  # toe and ankle of the previous frame
-        self.toe: Vector = (0.0, 0.0, 0.0)  # outgoing
-        self.ankle: Vector = (0.0, 0.0, 0.0)
-        self.rotation: Quaternion = (1.0, 0.0, 0.0, 0.0)
-        self.velocity: Vector = (0.0, 0.0, 0.0)  # of the incoming toe
-        self.rise = (0.0, 0.0)  # m/s of the outgoing toe and ankle
-        self.toe_down = self.heel_down = False
-        self.heights = (0.0, 0.0)  # incoming toe and ankle over their resting heights
-        self.chances = (0.0, 0.0)  # of contact, toe and heel
+    side: int  # 0 left, 1 right
+    anchor: str = field(default="", metadata={"choices": ANCHORS})  # the point that is held
+    point: tuple[float, float] = (0.0, 0.0)  # x, z of the held point
+    lowest: float = 0.0  # lowest height of the incoming point since it is held
+    refractory: float = 0.0  # s until it may be held again
+    offset: Vector = NOWHERE
+    offset_velocity: Vector = NOWHERE
+    yaw: float = 0.0
+    yaw_velocity: float = 0.0
+    held_yaw: float | None = None
+    tilt: Vector = NOWHERE  # rotation vector that lays the sole on the ground
+    tilt_velocity: Vector = NOWHERE
+    incoming: tuple[Vector, Vector] | None = None  # toe and ankle of the previous frame
+    toe: Vector = NOWHERE  # outgoing
+    ankle: Vector = NOWHERE
+    rotation: Quaternion = (1.0, 0.0, 0.0, 0.0)
+    velocity: Vector = NOWHERE  # of the incoming toe
+    rise: tuple[float, float] = (0.0, 0.0)  # m/s of the outgoing toe and ankle
+    toe_down: bool = False
+    heel_down: bool = False
+    heights: tuple[float, float] = (0.0, 0.0)  # incoming toe and ankle over their resting heights
+    chances: tuple[float, float] = (0.0, 0.0)  # of contact, toe and heel
+
+    @property
+    def bones(self) -> LegBones:
+        """The leg's."""
+        return LEGS[self.side]
 
     def observe(self, leg: LegPose, heel: float, toe: float, ground: PointHeights, dt: float) -> None:
         """Read the incoming foot: velocities, heights over rest, and which points are in contact."""
@@ -89,7 +100,7 @@ class PlantedFoot:
         self.tilt = to_vector(multiply(shown.foot, inverse(leg.foot)))
 
     def _in_contact(self, was: bool, chance: float, height: float, velocity: Vector) -> bool:
-        s = self.settings
+        s = SETTINGS
         speed = sqrt(velocity[0] * velocity[0] + velocity[2] * velocity[2])
         slack = 1.5 if was else 1.0  # hysteresis
         if length(velocity) < slack * s.still_speed and height < slack * s.still_height:
@@ -100,7 +111,7 @@ class PlantedFoot:
 
     def choose_anchor(self, leg: LegPose, drop: float, other_steps: bool) -> None:
         """Take, keep or give up the held point; the toe goes before the heel, so that the foot rolls over it."""
-        s = self.settings
+        s = SETTINGS
         anchor = "toe" if self.toe_down else "heel" if self.heel_down else ""
         if self.refractory > 0.0:
             anchor = ""
@@ -163,7 +174,7 @@ class PlantedFoot:
         distance, foot = length(to_hip), self.bones.foot_length
         lack = length(subtract(self.ankle, leg.hip)) - span(leg)
         ahead = (to_hip[0] * -to_ankle[0] + to_hip[2] * -to_ankle[2]) / foot + foot
-        share = min(max((ahead - self.settings.trailing) / self.settings.trailing, 0.0), 1.0)
+        share = min(max((ahead - SETTINGS.trailing) / SETTINGS.trailing, 0.0), 1.0)
         if lack == 0.0 or share == 0.0:
             return
         wanted = span(leg) + (1.0 - share) * lack
@@ -177,16 +188,16 @@ class PlantedFoot:
 
     def _rest(self, ground: float, incoming: float) -> float:
         """Height that a held point settles at: the ground's, or within what nobody sees of it the incoming one."""
-        unseen = self.settings.unseen
+        unseen = SETTINGS.unseen
         return min(max(incoming, ground - unseen), ground + unseen)
 
     def _settle(self, y: float, velocity: float, rest: float, dt: float) -> float:
-        s = self.settings
+        s = SETTINGS
         return damp(y, velocity, rest, s.settle_halflife + s.settle_slower * abs(y - rest), dt)[0]
 
     def _turn(self, leg: LegPose, ground: PointHeights, dt: float) -> None:
         """Rotation of the foot: incoming, with its heading held and its sole laid flat while all of it is down."""
-        s = self.settings
+        s = SETTINGS
         ahead = rotate(leg.foot, self.bones.offsets[4])
         level = sqrt(ahead[0] * ahead[0] + ahead[2] * ahead[2]) > 0.04
         heel_over_toe = -ahead[1] - (ANKLE_HEIGHT - TOE_HEIGHT)  # on level ground
@@ -213,7 +224,7 @@ class PlantedFoot:
 
     def _fade_tilt(self, goal: Vector, dt: float) -> None:
         self.tilt, self.tilt_velocity = damp_vector(
-            self.tilt, self.tilt_velocity, goal, self.settings.flat_halflife, dt
+            self.tilt, self.tilt_velocity, goal, SETTINGS.flat_halflife, dt
         )
 
     def _normal(self, ground: PointHeights) -> Vector:
@@ -221,7 +232,7 @@ class PlantedFoot:
         x, z, reach = 0.5 * (self.toe[0] + self.ankle[0]), 0.5 * (self.toe[2] + self.ankle[2]), 0.07
         dx = (ground.height(x + reach, z) - ground.height(x - reach, z)) / (2.0 * reach)
         dz = (ground.height(x, z + reach) - ground.height(x, z - reach)) / (2.0 * reach)
-        steep = sqrt(dx * dx + dz * dz) > self.settings.edge_slope
+        steep = sqrt(dx * dx + dz * dz) > SETTINGS.edge_slope
         return (0.0, 1.0, 0.0) if steep else unit((-dx, 1.0, -dz))
 
     def _support(self, ground: PointHeights) -> float:
@@ -230,12 +241,12 @@ class PlantedFoot:
         if not self.heel_down:
             return under
         heel = ground.height(self.ankle[0], self.ankle[2])
-        over_edge = heel - under > self.settings.edge_slope * self.bones.foot_length
+        over_edge = heel - under > SETTINGS.edge_slope * self.bones.foot_length
         return heel if over_edge else under
 
     def _lift(self, leg: LegPose, ground: PointHeights) -> float:
         """Metres by which the swinging foot has to rise over its incoming height: ground below, edges ahead."""
-        s = self.settings
+        s = SETTINGS
         lift = s.refractory_lift if self.refractory > 0.0 else 0.0
         vx, vy, vz = self.velocity
         speed = sqrt(vx * vx + vz * vz)
@@ -259,7 +270,7 @@ class PlantedFoot:
         return lift
 
     def _fade_offset(self, goal: Vector, dt: float) -> None:
-        s = self.settings
+        s = SETTINGS
         vertical = s.rise_halflife if goal[1] > self.offset[1] else s.fall_halflife
         y, velocity_y = damp(self.offset[1], self.offset_velocity[1], goal[1], vertical, dt)
         (x, _, z), (velocity_x, _, velocity_z) = damp_vector(
@@ -269,7 +280,7 @@ class PlantedFoot:
 
     def _clear(self, ground: PointHeights) -> None:
         """Raise toe and ankle out of the ground, turning the foot so that it keeps its length."""
-        s = self.settings
+        s = SETTINGS
         toe_floor = ground.height(self.toe[0], self.toe[2]) + TOE_HEIGHT - s.sink
         ankle_floor = ground.height(self.ankle[0], self.ankle[2]) + ANKLE_HEIGHT - s.sink
         if self.toe[1] >= toe_floor and self.ankle[1] >= ankle_floor:
@@ -292,8 +303,8 @@ class PlantedFoot:
     def _depth(self, toe: Vector, ankle: Vector, ground: PointHeights) -> float:
         """Metres by which a foot at `toe` and `ankle` lies deeper in the ground than a sole may press."""
         return max(
-            ground.height(toe[0], toe[2]) + TOE_HEIGHT - self.settings.sink - toe[1],
-            ground.height(ankle[0], ankle[2]) + ANKLE_HEIGHT - self.settings.sink - ankle[1],
+            ground.height(toe[0], toe[2]) + TOE_HEIGHT - SETTINGS.sink - toe[1],
+            ground.height(ankle[0], ankle[2]) + ANKLE_HEIGHT - SETTINGS.sink - ankle[1],
         )
 
     def within_reach(self, leg: LegPose, drop: float, ground: PointHeights) -> Vector:

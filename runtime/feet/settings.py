@@ -54,3 +54,6 @@ class FootLockSettings:
     edge_slope: float = 0.7  # rise over run from which the ground is an edge, not a slope
     ground_under_hips: float = 3.0  # m: no foot is put on ground that is farther below the hips
     ground_over_hips: float = 0.3  # m: nor over them; higher ground is a wall
+
+
+SETTINGS = FootLockSettings()

@@ -77,10 +77,12 @@ def to_world(vectors: Array, yaw: Array) -> Array:
 def _turn(v: Array, yaw: Array) -> Array:
     cosine, sine = np.cos(yaw), np.sin(yaw)
     x, z = v[..., 0], v[..., -1]
-    turned_x, turned_z = cosine * x + sine * z, cosine * z - sine * x
-    if v.shape[-1] == 2:
-        return np.stack([turned_x, turned_z], axis=-1)
-    return np.stack([turned_x, v[..., 1], turned_z], axis=-1)
+    turned_x = cosine * x + sine * z
+    result = np.empty((*turned_x.shape, v.shape[-1]), turned_x.dtype)
+    result[..., 0], result[..., -1] = turned_x, cosine * z - sine * x
+    if v.shape[-1] == 3:
+        result[..., 1] = v[..., 1]
+    return result
 
 
 def facing_yaw(positions: Array) -> Array:
@@ -109,7 +111,7 @@ def ground_height(heights: Array) -> Array:
 
     The mean, not the height under the hips: it moves smoothly over steps (as in PFNN).
     """
-    return heights[..., 1].mean(axis=-1)
+    return np.asarray(heights[..., 1].sum(axis=-1) / heights.shape[-2])
 
 
 @dataclass
@@ -125,6 +127,7 @@ class InputParts:
     phase: Array  # (..., 13, 5, 2)
     joint_positions: Array  # (..., 31, 3) relative to the previous root
     joint_velocities: Array  # (..., 31, 3) m/s, relative to the previous root
+    ground: Array | None = None  # (...) `ground_height` of the heights, where it is known
 
 
 def build_input(parts: InputParts) -> Array:
@@ -132,7 +135,8 @@ def build_input(parts: InputParts) -> Array:
     lead = np.shape(parts.root_yaw)
     yaw = np.asarray(parts.root_yaw)[..., None]
     centred = parts.trajectory_positions - parts.root_position[..., None, :]
-    heights = parts.heights - ground_height(parts.heights)[..., None, None]
+    ground = ground_height(parts.heights) if parts.ground is None else parts.ground
+    heights = parts.heights - ground[..., None, None]
     fields = [
         to_root(centred, yaw),
         to_root(parts.trajectory_directions, yaw),

@@ -7,6 +7,8 @@ a critically damped spring takes back to zero.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,38 +29,47 @@ FASTEST_EVER = 20.0  # rad/s at any other time: arms of a captured dash reach 16
 _DONE = 1e-3  # rad
 
 
+@dataclass
 class Inertialization:
-    """The offsets, from frame to frame."""
+    """The offsets of N characters, from frame to frame."""
 
-    def __init__(self) -> None:
-        self.reset()
+    last: Array = field(
+        metadata={"shape": (len(ARMS), 4)}
+    )  # (N, 6, 4) the network's rotations of the last frame
+    offset: Array = field(
+        metadata={"shape": (len(ARMS), 3)}
+    )  # (N, 6, 3) rotation vectors, rad, on the parent's side
+    speed: Array = field(metadata={"shape": (len(ARMS), 3)})  # (N, 6, 3) rad/s
+    left: Array = field(metadata={"shape": ()})  # (N,) seconds in which the network may still change its mind
 
-    def reset(self) -> None:
-        """Forget the motion so far."""
-        self._last: Array | None = None
-        self._offset: Array = np.zeros((len(ARMS), 3))  # rotation vectors, rad, on the parent's side
-        self._speed: Array = np.zeros((len(ARMS), 3))
-        self._left = 0.0
+    @staticmethod
+    def at_rest(local: Array) -> Inertialization:
+        """Of characters whose local rotations `(N, 31, 4)` do not change."""
+        still = np.zeros((len(local), len(ARMS), 3))
+        return Inertialization(local[:, ARMS], still, still, np.zeros(len(local)))
 
-    def apply(self, local: Array, blending: bool) -> Array:
-        """Local rotations `(31, 4)` to show in place of the network's, which are handed back where nothing is held back."""
-        self._left = AFTERWARDS if blending else max(0.0, self._left - 1.0 / FPS)
-        arms = local[ARMS]
-        last, self._last = self._last, arms
-        moving = bool(np.any(np.abs(self._offset) > _DONE))
-        limit = (FASTEST if self._left > 0.0 else FASTEST_EVER) / FPS
-        jumps = last is not None and bool(np.any(np.abs((arms * last).sum(-1)) < np.cos(0.5 * limit)))
-        if last is None or not (self._left > 0.0 or moving or jumps):
-            self._offset[:] = self._speed[:] = 0.0
-            return local
-        offset = rotations.from_rotation_vector(self._offset)
-        if jumps:
-            turn = rotations.to_rotation_vector(rotations.multiply(arms, rotations.inverse(last)))
-            angle = np.linalg.norm(turn, axis=-1, keepdims=True)
-            excess = turn * np.maximum(0.0, 1.0 - limit / np.maximum(angle, 1e-9))
-            offset = rotations.multiply(offset, rotations.from_rotation_vector(-excess))
+    def apply(self, local: Array, blending: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Turn the arms of the network's local rotations `(N, 31, 4)` into those to show; which characters' are others `(N,)`."""
+        self.left = np.where(blending, AFTERWARDS, np.maximum(0.0, self.left - 1.0 / FPS))
+        arms = local[:, ARMS]
+        last, self.last = self.last, arms
+        moving = (np.abs(self.offset) > _DONE).any((1, 2))
+        limit = np.where(self.left > 0.0, FASTEST, FASTEST_EVER)[:, None, None] / FPS
+        jumps = (np.abs((arms * last).sum(-1)) < np.cos(0.5 * limit[..., 0])).any(-1)
+        active = (self.left > 0.0) | moving | jumps
+        if not active.any():
+            if self.offset.any():
+                self.offset = self.speed = np.zeros_like(self.offset)
+            return active
+        turn = rotations.to_rotation_vector(rotations.multiply(arms, rotations.inverse(last)))
+        angle = np.sqrt((turn * turn).sum(-1, keepdims=True))
+        excess = turn * np.maximum(0.0, 1.0 - limit / np.maximum(angle, 1e-9))
+        offset = rotations.from_rotation_vector(self.offset)
+        offset = rotations.multiply(offset, rotations.from_rotation_vector(-excess))
         vector = rotations.to_rotation_vector(offset)
-        self._offset, self._speed = spring(vector, self._speed, np.zeros(3), HALF_LIFE, 1.0 / FPS)
-        shown = local.copy()
-        shown[ARMS] = rotations.multiply(rotations.from_rotation_vector(self._offset), arms)
-        return shown
+        offset, speed = spring(vector, self.speed, np.zeros(3), HALF_LIFE, 1.0 / FPS)
+        self.offset = np.where(active[:, None, None], offset, 0.0)
+        self.speed = np.where(active[:, None, None], speed, 0.0)
+        shown = rotations.multiply(rotations.from_rotation_vector(self.offset), arms)
+        local[:, ARMS] = np.where(active[:, None, None], shown, arms)
+        return active

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,19 +12,16 @@ from numpy.typing import NDArray
 PERIODS_S = (1.7, 2.9, 5.3)
 
 
-class DriftingNoise:
-    """Numbers of `shape`, each a sum of slow waves with random amplitudes: N(0, 1), deterministic for a seed."""
+@lru_cache(maxsize=64)
+def _waves(shape: tuple[int, ...], seed: int) -> NDArray[np.float32]:
+    """Amplitudes `(6, numbers)` of the cosines and sines."""
+    count = 2 * len(PERIODS_S)
+    waves = np.random.default_rng(seed).standard_normal((count, int(np.prod(shape))), np.float32)
+    return waves / np.float32(np.sqrt(len(PERIODS_S)))
 
-    def __init__(self, shape: tuple[int, ...], seed: int) -> None:
-        count = 2 * len(PERIODS_S)
-        waves = np.random.default_rng(seed).standard_normal((count, int(np.prod(shape))), np.float32)
-        self._waves = waves / np.float32(np.sqrt(len(PERIODS_S)))
-        self._shape = shape
-        self._frame = 0
 
-    def step(self, dt: float) -> NDArray[np.float32]:
-        """The next frame's noise, `dt` seconds after the last."""
-        angles = 2.0 * np.pi * self._frame * dt / np.array(PERIODS_S)
-        self._frame += 1
-        weights = np.concatenate([np.cos(angles), np.sin(angles)]).astype(np.float32)
-        return (weights @ self._waves).reshape(self._shape)
+def drifting_noise(shape: tuple[int, ...], seed: int, seconds: float) -> NDArray[np.float32]:
+    """Numbers of `shape` at a time, each a sum of slow waves with random amplitudes: N(0, 1), the same for a seed."""
+    angles = 2.0 * np.pi * seconds / np.array(PERIODS_S)
+    weights = np.concatenate([np.cos(angles), np.sin(angles)]).astype(np.float32)
+    return (weights @ _waves(shape, seed)).reshape(shape)

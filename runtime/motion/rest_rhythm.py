@@ -6,10 +6,12 @@ channel's phases are turned at the style's own rate in place of the forecast; ev
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.motion.features import FPS, PHASE_OFFSETS
+from runtime.motion.features import FPS, PHASE_OFFSETS, C
 from runtime.motion.trajectory import decay
 
 Array = NDArray[np.floating]
@@ -21,37 +23,38 @@ FULL_AMPLITUDE = 2.0  # of a waving hand in capture
 RATES = (0.7, 2.0)  # turns a second
 STANDING = 0.9  # of the gait's label
 SET_IN = 0.25  # seconds, half-life, in which the clock takes over and leaves
+LEAST_SHARE = 0.01
 _SECONDS = np.arange(PHASE_OFFSETS[0], PHASE_OFFSETS[-1] + 1) / FPS
 _PRESENT = int(-PHASE_OFFSETS[0])
 
 
+@dataclass
 class RestRhythm:
-    """The clock of one character, from frame to frame."""
+    """The clocks of N characters, from frame to frame."""
 
-    def __init__(self) -> None:
-        self.reset()
+    share: Array = field(metadata={"shape": (C,)})  # (N, C) that each has taken over
+    turns: Array = field(metadata={"shape": (C,)})  # (N, C) of the clocks
 
-    def reset(self) -> None:
+    @staticmethod
+    def silent(count: int = 1) -> RestRhythm:
         """Nothing swings."""
-        self._share: Array | None = None
-        self._turns: Array | None = None
+        return RestRhythm(np.zeros((count, C)), np.zeros((count, C)))
 
-    def apply(self, phase: Array, rest: Array, standing: float) -> Array:
-        """The window `(121, C, 2)` of this frame; `rest` `(C, 2)` are the style's amplitudes and rates, `standing` 0 to 1."""
-        swings = (rest[:, 0] > LEAST_AMPLITUDE) & (rest[:, 1] > LEAST_RATE) & (standing > STANDING)
-        full = FULL_AMPLITUDE / np.maximum(rest[:, 0], LEAST_AMPLITUDE)
-        rate = np.clip(full * rest[:, 1], *RATES)
-        if self._share is None or self._turns is None:
-            if not swings.any():
-                return phase
-            self._share = np.zeros(len(rest))
-            now = phase[_PRESENT]
-            self._turns = np.arctan2(now[:, 0], now[:, 1]) / (2 * np.pi)
-        self._share = self._share + (swings - self._share) * (1.0 - decay(SET_IN))
-        self._turns = self._turns + rate / FPS
-        angle = 2 * np.pi * (self._turns + rate * _SECONDS[:, None])
-        clock = FULL_AMPLITUDE * np.stack([np.sin(angle), np.cos(angle)], axis=-1)
-        if not swings.any() and self._share.max() < 0.01:
-            self.reset()
+    def apply(self, phase: Array, rest: Array, standing: Array) -> Array:
+        """The windows `(N, 121, C, 2)` of this frame; `rest` `(N, C, 2)` are the styles' amplitudes and rates, `standing` `(N,)` 0 to 1."""
+        swings = (
+            (rest[..., 0] > LEAST_AMPLITUDE) & (rest[..., 1] > LEAST_RATE) & (standing[:, None] > STANDING)
+        )
+        if not swings.any() and not self.share.any():
             return phase
-        return phase + self._share[:, None] * (clock - phase)
+        full = FULL_AMPLITUDE / np.maximum(rest[..., 0], LEAST_AMPLITUDE)
+        rate = np.clip(full * rest[..., 1], *RATES)
+        now = phase[:, _PRESENT]
+        begins = self.share == 0.0
+        turns = np.where(begins, np.arctan2(now[..., 0], now[..., 1]) / (2 * np.pi), self.turns)
+        self.turns = turns + rate / FPS
+        share = self.share + (swings - self.share) * (1.0 - decay(SET_IN))
+        self.share = np.where(swings | (share > LEAST_SHARE), share, 0.0)
+        angle = 2 * np.pi * (self.turns[:, None] + rate[:, None] * _SECONDS[:, None])
+        clock = FULL_AMPLITUDE * np.stack([np.sin(angle), np.cos(angle)], axis=-1)
+        return np.asarray(phase + self.share[:, None, :, None] * (clock - phase))

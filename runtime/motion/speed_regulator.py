@@ -7,10 +7,15 @@ swung around the requested speed for as long as one walked, because the network 
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.motion.features import FPS
 from runtime.motion.trajectory import decay
+
+Array = NDArray[np.floating]
 
 RANGE = (0.35, 2.0)  # of the gain
 PROPORTIONAL = 2.0  # gain for a relative error of one
@@ -22,28 +27,35 @@ SLOWEST = 0.12  # m/s; slower requests have no relative error
 STANDING_SHARE = 0.4  # of the expected speed
 STANDING_SECONDS = 0.7
 STANDING_GAIN = 3.0  # at most
+_NUMBERS = {"shape": ()}
 
 
+@dataclass
 class SpeedRegulator:
-    """The gain on the stick's speed, from frame to frame."""
+    """What the regulators of N characters remember, all `(N,)`."""
 
-    def __init__(self) -> None:
-        self.reset()
+    expected: Array = field(metadata=_NUMBERS)  # m/s
+    measured: Array = field(metadata=_NUMBERS)  # m/s
+    stood: Array = field(metadata=_NUMBERS)  # seconds that a body stands which is to move
+    integral: Array = field(metadata=_NUMBERS)
 
-    def reset(self) -> None:
-        """Stand: what one walk needed says nothing of the next."""
-        self._expected = self._measured = self._stood = 0.0
-        self._integral = 1.0
+    @staticmethod
+    def at_rest(count: int = 1) -> SpeedRegulator:
+        """Of standing characters: what one walk needed says nothing of the next."""
+        return SpeedRegulator(np.zeros(count), np.zeros(count), np.zeros(count), np.ones(count))
 
-    def update(self, requested: float, speed: float) -> float:
-        """The gain for this frame, given the requested speed and the root's in the last frame, m/s."""
-        self._expected += (requested - self._expected) * (1.0 - decay(SETTING_OFF))
-        self._measured += (speed - self._measured) * (1.0 - decay(SMOOTHING))
-        stands = self._measured < STANDING_SHARE * self._expected
-        self._stood = self._stood + 1.0 / FPS if stands else 0.0
-        least, most = RANGE
-        if self._stood > STANDING_SECONDS:
-            most = STANDING_GAIN
-        error = float(np.clip((self._expected - self._measured) / max(requested, SLOWEST), -1.0, 1.0))
-        self._integral = float(np.clip(self._integral + INTEGRAL * error / FPS, least, most))
-        return float(np.clip(self._integral + PROPORTIONAL * error, least, most))
+    def update(self, requested: Array, speed: Array, moving: NDArray[np.bool_]) -> Array:
+        """The gains `(N,)` for this frame, of the requested speeds and the roots' in the last frame, m/s; 1 at rest."""
+        self.expected = self.expected + (requested - self.expected) * (1.0 - decay(SETTING_OFF))
+        self.measured = self.measured + (speed - self.measured) * (1.0 - decay(SMOOTHING))
+        stands = self.measured < STANDING_SHARE * self.expected
+        self.stood = np.where(stands & moving, self.stood + 1.0 / FPS, 0.0)
+        least = RANGE[0]
+        most = np.where(self.stood > STANDING_SECONDS, STANDING_GAIN, RANGE[1])
+        error = np.clip((self.expected - self.measured) / np.maximum(requested, SLOWEST), -1.0, 1.0)
+        self.integral = np.clip(self.integral + INTEGRAL * error / FPS, least, most)
+        gain = np.clip(self.integral + PROPORTIONAL * error, least, most)
+        if not moving.all():
+            self.expected, self.measured = np.where(moving, (self.expected, self.measured), 0.0)
+            self.integral, gain = np.where(moving, (self.integral, gain), 1.0)
+        return gain

@@ -5,6 +5,8 @@ Advancing them, as a step would, lets the gait catch on again within some tenths
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,30 +23,29 @@ SMOOTHING = 0.1  # seconds, half-life of the feet's speed
 CYCLES_PER_SECOND = 2.0  # of the phases while stalled
 
 
+@dataclass
 class Stall:
-    """Notices a stall from frame to frame."""
+    """What is remembered of the feet of N characters."""
 
-    def __init__(self) -> None:
-        self._feet: Array | None = None
-        self._speed = 0.0
-        self._seconds = 0.0
+    feet: Array = field(metadata={"shape": (4, 3)})  # (N, 4, 3) relative to the root
+    speed: Array = field(metadata={"shape": ()})  # (N,) of the feet, m/s, smoothed
+    seconds: Array = field(metadata={"shape": ()})  # (N,) for which they have been slow
 
-    def reset(self) -> None:
-        """Forget the motion so far."""
-        self._feet, self._seconds = None, 0.0
+    @staticmethod
+    def at_rest(joints: Array) -> Stall:
+        """Of characters whose joints `(N, 31, 3)` do not move."""
+        return Stall(joints[:, FEET], np.zeros(len(joints)), np.zeros(len(joints)))
 
-    def update(self, joints: Array, requested: float) -> bool:
-        """Whether the gait stalls, given joints `(31, 3)` relative to the root and the speed `requested` in m/s, 0 at rest."""
-        feet = joints[FEET]
-        if self._feet is None:
-            self._speed = requested
-        else:
-            speed = float(np.linalg.norm(feet - self._feet, axis=-1).mean()) * FPS
-            self._speed += (speed - self._speed) * (1.0 - decay(SMOOTHING))
-        self._feet = feet
-        slow = requested > 0.0 and self._speed < STALLED_SHARE * requested
-        self._seconds = self._seconds + 1.0 / FPS if slow else 0.0
-        return self._seconds > STALLED_SECONDS
+    def update(self, joints: Array, requested: Array) -> NDArray[np.bool_]:
+        """Which gaits stall `(N,)`, given joints `(N, 31, 3)` relative to the root and the `requested` speeds in m/s, 0 at rest."""
+        feet = joints[:, FEET]
+        moved = feet - self.feet
+        speed = np.sqrt((moved * moved).sum(-1)).sum(-1) * (FPS / len(FEET))
+        self.speed = self.speed + (speed - self.speed) * (1.0 - decay(SMOOTHING))
+        self.feet = feet
+        slow = (requested > 0.0) & (self.speed < STALLED_SHARE * requested)
+        self.seconds = np.where(slow, self.seconds + 1.0 / FPS, 0.0)
+        return np.asarray(self.seconds > STALLED_SECONDS)
 
 
 def advance_by_cycles(phase: Array, cycles: float) -> Array:

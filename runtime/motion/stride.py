@@ -7,6 +7,8 @@ from the root, is the speed of the steps; the regulator holds that to the reques
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,28 +25,31 @@ SMOOTHING = 0.3  # seconds, half-life: about a step
 SLOWEST = 0.3  # m/s: slower, feet may well rest
 
 
+@dataclass
 class Stride:
-    """The speed of the planted feet over that of the root, from frame to frame."""
+    """The speed of the planted feet over that of the root, of N characters, from frame to frame."""
 
-    def __init__(self) -> None:
-        self.reset()
+    feet: Array = field(metadata={"shape": (4, 2)})  # (N, 4, 2) in XZ, relative to the root
+    share: Array = field(metadata={"shape": ()})  # (N,)
 
-    def reset(self) -> None:
-        """Forget the steps so far."""
-        self._feet: Array | None = None
-        self.share = 1.0
+    @staticmethod
+    def at_rest(joints: Array) -> Stride:
+        """Of characters whose joints `(N, 31, 3)` do not move."""
+        return Stride(_across(joints), np.ones(len(joints)))
 
-    def update(self, joints: Array, contacts: Array, speed: float) -> float:
-        """The share, given joints `(31, 3)` relative to the root, contacts `(4,)` and the root's smoothed speed in m/s."""
-        feet = joints[POINTS][:, [0, 2]]
-        before, self._feet = self._feet, feet
-        if before is None or speed < SLOWEST:
-            self.share += (1.0 - self.share) * (1.0 - decay(SMOOTHING))
-            return self.share
-        weights = np.square(np.clip(contacts, 0.0, 1.0))
-        total = float(weights.sum())
-        if total > LEAST_CONTACT:
-            back = float(np.linalg.norm(weights @ (feet - before))) * FPS / total
-            share = min(max(back / speed, RANGE[0]), RANGE[1])
-            self.share += (share - self.share) * (1.0 - decay(SMOOTHING))
+    def update(self, joints: Array, contacts: Array, speed: Array) -> Array:
+        """The shares `(N,)`, of joints `(N, 31, 3)` relative to the root, contacts `(N, 4)` and the roots' smoothed speeds in m/s."""
+        before, self.feet = self.feet, _across(joints)
+        weights = np.square(np.minimum(np.maximum(contacts, 0.0), 1.0))
+        total = weights.sum(-1)
+        back = (weights[:, :, None] * (self.feet - before)).sum(1)
+        back = np.sqrt((back * back).sum(-1)) * FPS / np.maximum(total, LEAST_CONTACT)
+        share = np.minimum(np.maximum(back / np.maximum(speed, SLOWEST), RANGE[0]), RANGE[1])
+        share = np.where(total > LEAST_CONTACT, share, self.share)  # a flight says nothing
+        share = np.where(speed < SLOWEST, 1.0, share)
+        self.share = self.share + (share - self.share) * (1.0 - decay(SMOOTHING))
         return self.share
+
+
+def _across(joints: Array) -> Array:
+    return joints[:, POINTS][..., [0, 2]]

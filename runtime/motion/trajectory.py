@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.motion import features
-from runtime.motion.features import FPS, GAITS, TRAJECTORY_OFFSETS
+from runtime.motion.features import FPS, GAITS, SAMPLE_STEP, TRAJECTORY_OFFSETS
+from runtime.motion.phase import unwrapped
 from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 
 PRESENT = 60  # index of the current frame in the dense ±60 frame window
 LENGTH = 2 * PRESENT + 1
+SAMPLES = TRAJECTORY_OFFSETS + PRESENT  # the network's 12 samples
 
 # How strongly the stick overrules the network along the coming second: 1 - (1 - t)^bias at time t of it.
 POSITION_BIAS = 8.0
@@ -25,11 +27,15 @@ GAIT_HALF_LIFE = 0.10
 
 _AT = features.FUTURE_OFFSETS.astype(float)  # the network's coming samples,
 _FRAMES = np.arange(1, LENGTH - PRESENT)  # the coming frames,
-_BEFORE = np.minimum(_FRAMES // features.SAMPLE_STEP, len(_AT) - 2)  # the sample before each,
-_BEYOND = _AT[-1] <= _FRAMES  # and those after the last sample
+_BEYOND = np.maximum(_FRAMES - _AT[-1], 0.0) / SAMPLE_STEP  # and how far each lies after the last sample
 _TIME = _FRAMES / (LENGTH - PRESENT - 1)
 _ALONG = (1 - (1 - _TIME) ** POSITION_BIAS)[:, None]
 _AROUND = 1 - (1 - _TIME) ** DIRECTION_BIAS
+# shares (60, 6) of the samples in every coming frame, the last one kept beyond it; and going on as it went
+_KEPT = np.maximum(1.0 - np.abs(np.minimum(_FRAMES, _AT[-1])[:, None] - _AT) / SAMPLE_STEP, 0.0)
+_GOING_ON = _KEPT.copy()
+_GOING_ON[:, -1] += _BEYOND
+_GOING_ON[:, -2] -= _BEYOND
 
 
 def decay(half_life: float, dt: float = 1.0 / FPS) -> float:
@@ -50,103 +56,63 @@ class TrajectoryView:
     directions: Array  # (12, 2)
 
 
+@dataclass
 class Trajectory:
-    """Dense window of 121 frames: `xz` `(121, 2)`, unwrapped `yaw` `(121,)`, `gait` `(121, 6)`."""
+    """Dense windows of 121 frames of N characters."""
 
-    def __init__(self, x: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> None:
-        self.xz = np.tile(np.array([x, z]), (LENGTH, 1))
-        self.yaw = np.full(LENGTH, float(yaw))
-        self.gait = np.zeros((LENGTH, GAITS))
-        self.gait[:, 0] = 1.0
-        self.velocity = np.zeros(2)  # smoothed request, m/s
-        self.requested_yaw = float(yaw)
+    xz: Array = field(metadata={"shape": (LENGTH, 2)})  # (N, 121, 2)
+    yaw: Array = field(metadata={"shape": (LENGTH,)})  # (N, 121) unwrapped
+    gait: Array = field(metadata={"shape": (LENGTH, GAITS)})  # (N, 121, 6)
+    velocity: Array = field(metadata={"shape": (2,)})  # (N, 2) smoothed request, m/s
+    requested_yaw: Array = field(metadata={"shape": ()})  # (N,)
+
+    @staticmethod
+    def standing(x: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Trajectory:
+        """Of one character that stands at x, z."""
+        gait = np.zeros((1, LENGTH, GAITS))
+        gait[..., 0] = 1.0
+        xz = np.tile(np.array([x, z], np.float64), (1, LENGTH, 1))
+        return Trajectory(
+            xz, np.full((1, LENGTH), float(yaw)), gait, np.zeros((1, 2)), np.array([float(yaw)])
+        )
 
     @property
     def here(self) -> Array:
-        """XZ of the root in this frame."""
-        result: Array = self.xz[PRESENT]
-        return result
+        """XZ of the roots in this frame, `(N, 2)`."""
+        return self.xz[:, PRESENT]
 
-    @property
-    def samples(self) -> NDArray[np.integer]:
-        """Indices of the network's 12 samples."""
-        return TRAJECTORY_OFFSETS + PRESENT
-
-    def view(self, terrain: Terrain) -> TrajectoryView:
-        """The 12 samples, laid on the terrain."""
-        xz = self.xz[self.samples]
+    def view(self, terrain: Terrain, index: int = 0) -> TrajectoryView:
+        """The 12 samples of one character, laid on the terrain."""
+        xz, yaw = self.xz[index, SAMPLES], self.yaw[index, SAMPLES]
         height = terrain.height(xz[:, 0], xz[:, 1])
-        return TrajectoryView(np.stack([xz[:, 0], height, xz[:, 1]], -1), self.directions[self.samples])
+        directions = np.stack([np.sin(yaw), np.cos(yaw)], axis=-1)
+        return TrajectoryView(np.stack([xz[:, 0], height, xz[:, 1]], -1), directions)
 
-    @property
-    def directions(self) -> Array:
-        """Unit facing directions `(121, 2)`."""
-        return np.stack([np.sin(self.yaw), np.cos(self.yaw)], axis=-1)
+    def steer(self, velocity: Array, facing_yaw: Array, gait: Array) -> None:
+        """Blend the requested velocities `(N, 2)` (m/s), facings `(N,)` (radians, not a number keeps it) and one-hot gaits `(N, 6)` into the coming second."""
+        self.velocity = self.velocity + (velocity - self.velocity) * (1 - decay(VELOCITY_HALF_LIFE))
+        turn = wrap_angle(facing_yaw - self.requested_yaw) * (1 - decay(FACING_HALF_LIFE))
+        self.requested_yaw = self.requested_yaw + np.where(np.isnan(turn), 0.0, turn)
+        self.xz, self.yaw, self.gait = self.xz.copy(), self.yaw.copy(), self.gait.copy()
+        ahead = self.xz[:, PRESENT:]
+        steps = ahead[:, 1:] - ahead[:, :-1]
+        steps += (self.velocity[:, None] / FPS - steps) * _ALONG
+        ahead[:, 1:] = ahead[:, :1] + np.cumsum(steps, axis=1)
+        turning = self.yaw[:, PRESENT + 1 :]
+        turning += wrap_angle(self.requested_yaw[:, None] - turning) * _AROUND
+        present = self.gait[:, PRESENT]
+        self.gait[:, PRESENT:] = (present + (gait - present) * (1 - decay(GAIT_HALF_LIFE)))[:, None]
 
-    def steer(self, velocity: Array, facing_yaw: float | None, gait: Array) -> None:
-        """Blend the requested velocity (m/s), facing (radians) and gait (one-hot) into the coming second."""
-        self.aim(velocity, facing_yaw)
-        bend(self.xz, self.yaw, self.gait, self.velocity, self.requested_yaw, gait)
+    def advance(self, displacement: Array, turn: Array, positions: Array, directions: Array) -> None:
+        """Move on by one frame, after `steer`, in its windows: displacements `(N, 2)` metres and turns `(N,)` radians.
 
-    def aim(self, velocity: Array, facing_yaw: float | None) -> None:
-        """Smooth the requested velocity (m/s) and facing (radians; None keeps it)."""
-        self.velocity += (velocity - self.velocity) * (1 - decay(VELOCITY_HALF_LIFE))
-        if facing_yaw is not None:
-            turn = wrap_angle(facing_yaw - self.requested_yaw)
-            self.requested_yaw += float(turn) * (1 - decay(FACING_HALF_LIFE))
-
-    def advance(self, displacement: Array, turn: float, positions: Array, directions: Array) -> None:
-        """Move on by one frame: see `advance`."""
-        advance(self.xz, self.yaw, self.gait, displacement, turn, positions, directions)
-
-
-def bend(
-    xz: Array, yaw: Array, gaits: Array, velocity: Array, requested_yaw: Array | float, gait: Array
-) -> None:
-    """Blend smoothed velocity `(..., 2)`, facing `(...)` and the one-hot gait `(..., 6)` into the coming second, in place.
-
-    The windows are `(..., 121, 2)`, `(..., 121)` and `(..., 121, 6)`: those of one character or of many.
-    """
-    increments = np.diff(xz[..., PRESENT:, :], axis=-2)
-    increments += (velocity[..., None, :] / FPS - increments) * _ALONG
-    xz[..., PRESENT + 1 :, :] = xz[..., PRESENT, None, :] + np.cumsum(increments, axis=-2)
-    ahead = yaw[..., PRESENT + 1 :]
-    ahead += wrap_angle(np.asarray(requested_yaw)[..., None] - ahead) * _AROUND
-    present = gaits[..., PRESENT, :]
-    gaits[..., PRESENT:, :] = (present + (gait - present) * (1 - decay(GAIT_HALF_LIFE)))[..., None, :]
-
-
-def advance(
-    xz: Array,
-    yaw: Array,
-    gaits: Array,
-    displacement: Array,
-    turn: Array | float,
-    positions: Array,
-    directions: Array,
-) -> None:
-    """Move the windows of `bend` on by one frame, in place: displacement `(..., 2)` metres and turn `(...)` radians.
-
-    `positions`, `directions` `(..., 6, 2)` are the network's coming samples (0, 10 ... 50 frames on); all in world space.
-    """
-    for array in (xz, gaits):
-        array[..., :PRESENT, :] = array[..., 1 : PRESENT + 1, :]
-    yaw[..., :PRESENT] = yaw[..., 1 : PRESENT + 1]
-    xz[..., PRESENT, :] += displacement
-    yaw[..., PRESENT] += turn
-    for axis in range(2):
-        shifted = positions[..., axis] - positions[..., :1, axis]
-        slope = (shifted[..., -1:] - shifted[..., -2:-1]) / (_AT[-1] - _AT[-2])
-        beyond = np.maximum(_FRAMES - _AT[-1], 0.0)
-        xz[..., PRESENT + 1 :, axis] = xz[..., PRESENT, None, axis] + _every_frame(shifted) + slope * beyond
-    angle = np.arctan2(directions[..., 0], directions[..., 1])
-    relative = wrap_angle(angle - yaw[..., PRESENT, None])
-    yaw[..., PRESENT + 1 :] = yaw[..., PRESENT, None] + _every_frame(np.unwrap(relative))
-
-
-def _every_frame(values: Array) -> Array:
-    """Values `(..., 60)` of the coming frames from the six samples `(..., 6)`: `np.interp`, bit by bit, along many rows."""
-    slopes = np.diff(values) / np.diff(_AT)
-    return np.where(
-        _BEYOND, values[..., -1:], slopes[..., _BEFORE] * (_FRAMES - _AT[_BEFORE]) + values[..., _BEFORE]
-    )
+        `positions`, `directions` `(N, 6, 2)` are the network's coming samples (0, 10 ... 50 frames on); all in world space.
+        """
+        for window in (self.xz, self.yaw, self.gait):
+            window[:, :PRESENT] = window[:, 1 : PRESENT + 1]
+        self.xz[:, PRESENT] += displacement
+        self.yaw[:, PRESENT] += turn
+        self.xz[:, PRESENT + 1 :] = self.xz[:, PRESENT, None] + _GOING_ON @ (positions - positions[:, :1])
+        angle = np.arctan2(directions[..., 0], directions[..., 1]) - self.yaw[:, PRESENT, None]
+        relative = unwrapped(wrap_angle(angle)[..., None])
+        self.yaw[:, PRESENT + 1 :] = self.yaw[:, PRESENT, None] + (_KEPT @ relative)[..., 0]

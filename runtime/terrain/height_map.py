@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,12 +55,19 @@ class Terrain:
         x, z = self.origin
         return x, z, x + (nx - 1) * self.cell_m, z + (nz - 1) * self.cell_m
 
+    @cached_property
+    def steepest(self) -> float:
+        """The steepest slope anywhere, rise over run: of a bilinear surface no more than those of its cells' edges together."""
+        rises = (float(np.abs(np.diff(self.heights, axis=axis)).max()) for axis in (0, 1))
+        return math.hypot(*rises) / self.cell_m
+
     def height(self, x: Array | float, z: Array | float) -> Array:
         """Bilinear height in metres at x, z (any equal shapes)."""
         nx, nz = self.heights.shape
         # float64: in float32 the upper clip bound would round up onto the edge
-        u = np.clip((np.asarray(x, np.float64) - self.origin[0]) / self.cell_m, 0.0, nx - 1.000001)
-        v = np.clip((np.asarray(z, np.float64) - self.origin[1]) / self.cell_m, 0.0, nz - 1.000001)
+        u = (np.asarray(x, np.float64) - self.origin[0]) / self.cell_m
+        v = (np.asarray(z, np.float64) - self.origin[1]) / self.cell_m
+        u, v = np.minimum(np.maximum(u, 0.0), nx - 1.000001), np.minimum(np.maximum(v, 0.0), nz - 1.000001)
         i, j = u.astype(np.int64), v.astype(np.int64)
         fu, fv = u - i, v - j
         h = self.heights

@@ -12,6 +12,7 @@ Array = NDArray[np.floating]
 HIGHEST_STEP_M = 1.5  # up or down; a wall of 1.1 m can be climbed
 STEP_RUN_M = 0.5  # within which such a rise is a step and not a slope
 SPACING_M = 0.1
+FINEST_M = 0.025
 HALF_WIDTH_M = 0.15  # of a walker's way
 _SURELY_NO_STEP_M = 0.99 * HIGHEST_STEP_M
 FARTHEST_M = 10.0  # that is looked ahead, however fast a damaged network makes the root
@@ -50,7 +51,7 @@ def level_ahead(
     The whole strip differs by less than a step, which is known at a fraction of the time for many walkers at once.
     """
     farthest = min(float(reach_m.max()), FARTHEST_M) + STEP_RUN_M + SPACING_M
-    along = np.arange(0.0, farthest, SPACING_M)
+    along = np.arange(0.0, farthest, min(max(terrain.cell_m, FINEST_M), SPACING_M))
     across = np.array([-HALF_WIDTH_M, 0.0, HALF_WIDTH_M])[:, None]
     (x, z), (dx, dz) = (np.moveaxis(pairs, -1, 0)[..., None, None] for pairs in (places, directions))
     heights = terrain.height(x + along * dx - across * dz, z + along * dz + across * dx)
@@ -58,20 +59,26 @@ def level_ahead(
 
 
 def within_steps(heights: Array, present: int) -> Array:
-    """Heights `(12, 3)` of trajectory samples, as far as a walker goes from that under sample `present`.
+    """Heights `(N, 12, 3)` of trajectory samples, as far as a walker goes from that under sample `present`.
 
     Ground behind a step over `HIGHEST_STEP_M` lies as high as that before it: nobody lifts a knee for it. No ground is
     farther than `HIGHEST_STEP_M` from the present one.
     """
-    here = heights[present, 1]
     seen = np.array(heights, np.float64)
+    for place in np.flatnonzero(np.ptp(seen, axis=(1, 2)) > HIGHEST_STEP_M):
+        _hide_steps(seen[place], present)
+    return seen
+
+
+def _hide_steps(seen: Array, present: int) -> None:
+    heights, here = seen.copy(), float(seen[present, 1])
     seen[present] = np.where(np.abs(seen[present] - here) > HIGHEST_STEP_M, here, seen[present])
     for way in (range(present + 1, len(seen)), range(present - 1, -1, -1)):
         step = 1 if way.step > 0 else -1
         for sample in way:
             rise = heights[sample] - heights[sample - step]
             seen[sample] = seen[sample - step] + np.where(np.abs(rise) > HIGHEST_STEP_M, 0.0, rise)
-    return np.clip(seen, here - HIGHEST_STEP_M, here + HIGHEST_STEP_M)
+    np.clip(seen, here - HIGHEST_STEP_M, here + HIGHEST_STEP_M, out=seen)
 
 
 def blocked_message(rise_m: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import inf
 
 from runtime.terrain.height_map import Terrain
@@ -11,18 +12,21 @@ class PointHeights:
     """Heights of one terrain, without the overhead of arrays, none under `lowest` or over `highest` (metres)."""
 
     def __init__(self, terrain: Terrain, lowest: float = -inf, highest: float = inf) -> None:
-        self._item = terrain.heights.item
-        self._nx, self._nz = terrain.heights.shape
-        self._x, self._z = terrain.origin
-        self._cells = 1.0 / terrain.cell_m
-        self._lowest, self._highest = lowest, highest
+        self.steepest = terrain.steepest
+        item, cells = terrain.heights.item, 1.0 / terrain.cell_m
+        (x0, z0), (nx, nz) = terrain.origin, terrain.heights.shape
+        last_u, last_v = nx - 1.000001, nz - 1.000001
 
-    def height(self, x: float, z: float) -> float:
-        """Bilinear height in metres, as `Terrain.height`."""
-        u = min(max((x - self._x) * self._cells, 0.0), self._nx - 1.000001)
-        v = min(max((z - self._z) * self._cells, 0.0), self._nz - 1.000001)
-        i, j = int(u), int(v)
-        u, v, item = u - i, v - j, self._item
-        low = item(i, j) * (1.0 - u) + item(i + 1, j) * u
-        high = item(i, j + 1) * (1.0 - u) + item(i + 1, j + 1) * u
-        return min(max(low * (1.0 - v) + high * v, self._lowest), self._highest)
+        def height(x: float, z: float) -> float:
+            u, v = (x - x0) * cells, (z - z0) * cells
+            u = 0.0 if u < 0.0 else last_u if u > last_u else u
+            v = 0.0 if v < 0.0 else last_v if v > last_v else v
+            i, j = int(u), int(v)
+            u, v = u - i, v - j
+            low = item(i, j) * (1.0 - u) + item(i + 1, j) * u
+            high = item(i, j + 1) * (1.0 - u) + item(i + 1, j + 1) * u
+            here = low * (1.0 - v) + high * v
+            return lowest if here < lowest else highest if here > highest else here
+
+        # bilinear height in metres at x, z, as `Terrain.height`; a closure, as it is called some thirty times in a frame
+        self.height: Callable[[float, float], float] = height

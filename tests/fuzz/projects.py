@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import io
 import zipfile
+from functools import cache
 from pathlib import Path
 
 import numpy as np
+from walker import WalkerModel
 
 from runtime.controls import Controls, Gait
-from runtime.motion.snapshot import Snapshot
+from runtime.motion.controller import Controller
+from runtime.motion.snapshot import Snapshot, take_snapshot
 from runtime.projects.archive import DOCUMENT
 from runtime.projects.project import Project, StoredTake, StoredVersion, load_project, save_project
 from runtime.takes.drive import Drive, DrivenFrame, GroundChange, Keyframe, Restart, StyleChange
@@ -21,15 +24,13 @@ from .mutate import damaged_bytes, damaged_json
 from .target import Target, put
 
 
+@cache
 def snapshot() -> Snapshot:
-    """A state with a value of each kind."""
-    rng = np.random.default_rng(4)
-    tree = {
-        "phase": rng.random(4),
-        "body": {"name": "walk", "stands": True, "steps": (1, 2.5, None)},
-        "count": 3,
-    }
-    return Snapshot(7, 1.0, tree)
+    """The state of a character that has walked a little."""
+    controller = Controller(WalkerModel(), Terrain.flat(), seed=7)
+    for _ in range(5):
+        controller.step(Controls((0.0, 1.0)))
+    return take_snapshot(controller)
 
 
 def project() -> Project:

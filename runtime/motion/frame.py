@@ -1,0 +1,351 @@
+"""One frame of N characters: `step` reads from top to bottom what happens in 1/60 s.
+
+The same function moves one character and a crowd. The network runs once for each: 8-bit activations are scaled by the
+largest of a call, so that in a batch every character would depend on its neighbours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.controls import Controls, Gait
+from runtime.crossing.crossing import CLEAR, HALF_BODY_M, LOOK_M, STOP_SECONDS, Look
+from runtime.motion import features
+from runtime.motion.features import FPS, GAITS, OUTPUT_SIZE, InputParts, OutputParts, split_output
+from runtime.motion.model import MotionModel, Style
+from runtime.motion.noise import drifting_noise
+from runtime.motion.phase import advance_phase
+from runtime.motion.poses import network_pose, shown_poses
+from runtime.motion.stall import CYCLES_PER_SECOND, advance_by_cycles
+from runtime.motion.state import CharacterState, standing
+from runtime.motion.trajectory import PRESENT, SAMPLES, decay
+from runtime.records import copied, joined, part
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.obstacles import level_ahead, within_steps
+from runtime.terrain.way_ahead import EDGE_M, RUN_M
+
+Array = NDArray[np.floating]
+Flags = NDArray[np.bool_]
+
+DT = 1.0 / FPS
+STAND_SPEED = 0.12  # m/s; slower requests mean standing
+MIN_GAIT_SPEED = 0.3  # m/s; slower, feet may well rest for a while
+CROUCH_SPEED = 0.8  # m/s at full stick
+JUMP_SECONDS = 0.7
+# what the regulator leaves of a difference in speed is taken up by longer or shorter strides, this much at most
+STRIDE_WARP = (0.65, 1.25)
+FASTEST_LIFT = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
+SPEED_HALF_LIFE = 0.25  # seconds, smoothing of the measured speed (a stride speeds up and slows down)
+_PHASES = features.PHASE_OFFSETS + PRESENT
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What a frame tells beside the state that it leads to."""
+
+    hips: Array  # (N, 3) before foot lock: the network's, arms inertialised in a blend, or keyed
+    local: Array  # (N, 31, 4)
+    reasons: tuple[str | None, ...]  # why a character does not go on
+    faults: Flags  # (N,) the network's output was not finite: the character stands again
+
+    def part(self, index: int) -> Frame:
+        """The frame of one of the characters."""
+        one = slice(index, index + 1)
+        return Frame(self.hips[one], self.local[one], self.reasons[one], self.faults[one])
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the sticks ask of N characters in this frame."""
+
+    velocity: Array  # (N, 2) m/s
+    facing: Array  # (N,) radians, not a number to keep it
+    gait: Array  # (N, 6) one-hot
+
+
+def step(
+    model: MotionModel,
+    state: CharacterState,
+    controls: Sequence[Controls],
+    terrain: Terrain,
+    temperature: Sequence[float],
+    helper: Executor | None = None,
+) -> tuple[CharacterState, Frame]:
+    """The state 1/60 s later, with the poses to show in it; `state` stays as it is.
+
+    `controls` and `temperature` (of the sampler) are one for each character. `helper` runs every second network.
+    """
+    before, state = state, copied(state)
+    state.styles = tuple(style.advanced(DT) for style in state.styles)
+    styles = [blend.style for blend in state.styles]
+
+    looks = _look(state, controls, terrain)
+    request = _request(state, controls, looks, styles)
+    state.trajectory.steer(request.velocity, request.facing, request.gait)
+
+    x = _input(state, looks, terrain)
+    noise = [
+        np.float32(max(t, 0.0)) * drifting_noise((1, *model.noise_shape), seed, frame * DT)
+        for t, seed, frame in zip(temperature, state.seed.tolist(), state.frame.tolist(), strict=True)
+    ]
+    state.frame = state.frame + 1
+    flat = _network(model, x, noise, styles, helper)
+    sound: Flags = np.asarray(np.isfinite(flat).all(axis=-1))
+    flat[~sound] = 0.0  # these stand again, below
+    y = split_output(flat.astype(np.float64))
+
+    hips, local, joints = network_pose(y, state.trajectory, state.ground)
+    blending = np.array([blend.blending for blend in state.styles])
+    inertialised = state.arms.apply(local, blending)
+    if inertialised.any():
+        joints[inertialised] = SPORT_SKELETON.forward_kinematics(hips[inertialised], local[inertialised])[0]
+    unlocked = _plant(state, hips, local, np.minimum(np.maximum(y.contacts, 0.0), 1.0), terrain)
+    _cross(state, unlocked, (hips, local), looks, styles)
+    _feed_back(state, y, joints, looks, styles, terrain)
+
+    reasons = tuple(look.reason for look in looks)
+    if not sound.all():
+        state = _set_back(model, before, state, sound, terrain)
+    return state, Frame(*unlocked, reasons, ~sound)
+
+
+def full_speed(style: Style, gait: Gait) -> float:
+    """What a full stick requests in a style, m/s."""
+    return {Gait.JOG: style.jog_speed, Gait.CROUCH: CROUCH_SPEED}.get(gait, style.walk_speed)
+
+
+def _stick(controls: Controls) -> tuple[float, float, float]:
+    """X, Z and length of the stick, which is 1 at most."""
+    x, z = (float(v) for v in controls.move)
+    amount = float(np.hypot(x, z))
+    return (x / amount, z / amount, 1.0) if amount > 1.0 else (x, z, amount)
+
+
+def _look(state: CharacterState, controls: Sequence[Controls], terrain: Terrain) -> list[Look]:
+    """What lies on the ways of the sticks; every crossing remembers whether it stops."""
+    nothing = terrain.steepest * RUN_M < EDGE_M  # no slope of this ground is an edge
+    sticks = np.array([_stick(each)[:2] for each in controls])
+    size = np.sqrt((sticks * sticks).sum(-1, keepdims=True))
+    headings, here = sticks / np.maximum(size, 1e-9), state.trajectory.here
+    clear = np.full(len(state), nothing)
+    if not nothing:
+        ways = np.array([c.way(h) for c, h in zip(state.crossings, headings, strict=True)])
+        clear = level_ahead(terrain, here, ways, LOOK_M + STOP_SECONDS * state.measured_speed, EDGE_M)
+    looks = []
+    for i, crossing in enumerate(state.crossings):
+        stick, style = controls[i], state.styles[i].style
+        velocity = sticks[i] * full_speed(style, stick.gait)
+        # a glance beside a beam would see a drop
+        ground = None if clear[i] or state.feet[i].on_beam else terrain
+        looks.append(crossing.look(ground, here[i], velocity, float(state.measured_speed[i])))
+    return looks
+
+
+def _request(
+    state: CharacterState, controls: Sequence[Controls], looks: Sequence[Look], styles: Sequence[Style]
+) -> Request:
+    """What is requested of every root; writes `requested_speed`, `jump_left` and the regulator."""
+    count = len(state)
+    velocity, facing, gaits = np.zeros((count, 2)), np.full(count, np.nan), np.zeros((count, GAITS))
+    speeds, jump_left = np.zeros(count), state.jump_left.copy()
+    for i, (stick, look, style) in enumerate(zip(controls, looks, styles, strict=True)):
+        x, z, amount = _stick(stick)
+        full = full_speed(style, stick.gait)
+        if not look.stops:
+            speeds[i] = amount * full
+        moving = bool(speeds[i] > STAND_SPEED)
+        if moving:
+            velocity[i] = x * full, z * full
+        gait = stick.gait
+        if gait == Gait.JUMP:
+            jump_left[i] = JUMP_SECONDS
+        if jump_left[i] > 0.0:
+            jump_left[i] -= DT
+            gait = Gait.JUMP
+        elif not moving and gait != Gait.CROUCH:
+            gait = Gait.STAND
+        gaits[i, gait] = 1.0
+        climbs = state.crossings[i].facing
+        if climbs is not None:
+            facing[i] = climbs
+        elif stick.facing is not None:
+            facing[i] = np.arctan2(*stick.facing)
+        elif moving:
+            facing[i] = np.arctan2(velocity[i, 0], velocity[i, 1])
+    state.requested_speed, state.jump_left = speeds, jump_left
+    carried = state.root_speed * state.stride.share
+    gain = state.regulator.update(speeds, carried, speeds > STAND_SPEED)
+    return Request(velocity * gain[:, None], facing, gaits)
+
+
+def _input(state: CharacterState, looks: Sequence[Look], terrain: Terrain) -> Array:
+    """x `(N, 472)`; writes the ground that the bodies are placed over."""
+    path, present = state.trajectory, features.L // 2
+    positions, yaw = path.xz[:, SAMPLES], path.yaw[:, SAMPLES]
+    directions = np.stack([np.sin(yaw), np.cos(yaw)], axis=-1)
+    points = features.height_points(positions, directions)
+    heights = within_steps(terrain.height(points[..., 0], points[..., 1]), present)
+    for i, (crossing, look) in enumerate(zip(state.crossings, looks, strict=True)):
+        if crossing.kind or look.ahead is not None:
+            heights[i] = crossing.seen(points[i], heights[i], present, look.ahead)
+    ground = features.ground_height(heights)
+    parts = InputParts(
+        root_position=path.here,
+        root_yaw=path.yaw[:, PRESENT],
+        trajectory_positions=positions,
+        trajectory_directions=directions,
+        heights=heights,
+        gait=path.gait[:, SAMPLES],
+        phase=state.phase[:, _PHASES],
+        joint_positions=state.joints,
+        joint_velocities=state.velocities,
+        ground=ground,
+    )
+    most = FASTEST_LIFT * DT
+    state.ground = np.minimum(np.maximum(ground, state.ground - most), state.ground + most)
+    return features.build_input(parts)
+
+
+def _network(
+    model: MotionModel, x: Array, noise: Sequence[Array], styles: Sequence[Style], helper: Executor | None
+) -> Array:
+    """y `(N, 473)`: with a helper odd characters on its thread, even ones on this."""
+    y = np.empty((len(x), OUTPUT_SIZE), np.float32)
+
+    def run(members: range) -> None:
+        for i in members:
+            y[i] = model.step(x[i : i + 1], noise[i], styles[i])[0][0]
+
+    if helper is None or len(x) == 1:
+        run(range(len(x)))
+    else:
+        beside = helper.submit(run, range(1, len(x), 2))
+        run(range(0, len(x), 2))
+        beside.result()
+    return y
+
+
+def _plant(
+    state: CharacterState, hips: Array, local: Array, contacts: Array, terrain: Terrain
+) -> tuple[Array, Array]:
+    """Write the poses to show for the network's, crossing an obstacle or with planted feet; hips and rotations before foot lock."""
+    unlocked_hips, unlocked_local = hips.copy(), local.copy()
+    shown_hips, shown_local = np.empty_like(hips), np.empty_like(local)
+    for i, (crossing, feet) in enumerate(zip(state.crossings, state.feet, strict=True)):
+        if crossing.kind:
+            keyed = crossing.apply(hips[i], local[i], float(state.ground[i]), state.poses.pose(i), terrain)
+            unlocked_hips[i], unlocked_local[i], contacts[i] = keyed
+            shown_hips[i], shown_local[i] = keyed[:2]
+        else:
+            locked = feet.apply(hips[i], local[i], contacts[i], terrain, DT)
+            shown_hips[i], shown_local[i] = locked.hips_position, locked.local_rotations
+    state.poses = shown_poses(shown_hips, shown_local, contacts, state.trajectory, terrain)
+    return unlocked_hips, unlocked_local
+
+
+def _cross(
+    state: CharacterState,
+    unlocked: tuple[Array, Array],
+    network: tuple[Array, Array],
+    looks: Sequence[Look],
+    styles: Sequence[Style],
+) -> None:
+    """End a crossing, or begin one from the pose to show."""
+    for i, (crossing, feet) in enumerate(zip(state.crossings, state.feet, strict=True)):
+        if crossing.kind:
+            if crossing.ends():
+                feet.take_over((unlocked[0][i], unlocked[1][i]), (network[0][i], network[1][i]))
+        else:
+            speed = float(state.measured_speed[i])
+            crossing.watch(state.poses.pose(i), feet.held, speed, styles[i].walk_speed, looks[i].ahead)
+
+
+def _feed_back(
+    state: CharacterState,
+    y: OutputParts,
+    joints: Array,
+    looks: Sequence[Look],
+    styles: Sequence[Style],
+    terrain: Terrain,
+) -> None:
+    """Next frame's body, rhythm and trajectory: of the network's own pose on the fixed skeleton, before foot lock.
+
+    Poses after foot lock were tried by none of the training data; the network would drift away on them. Arms that
+    are held back while styles blend are fed back as they are shown, so that it goes on from where they are.
+    """
+    path = state.trajectory
+    yaw = path.yaw[:, PRESENT]
+    state.joints = features.relative_joints(joints, path.here, state.ground, yaw)
+    state.velocities = y.joint_velocities
+    state.phase = advance_phase(state.phase, y.phase)
+    resting = path.gait[:, PRESENT, Gait.STAND]
+
+    # the speed at which feet should be stepping: 0 at rest, in a jump, and while the root has not set off
+    travels = (state.measured_speed > 0.5 * state.requested_speed) & (state.jump_left <= 0.0)
+    steps = np.where(travels & (state.requested_speed > MIN_GAIT_SPEED), state.requested_speed, 0.0)
+    stalled = state.stall.update(state.joints, steps)
+    if stalled.any():
+        state.phase[stalled] = advance_by_cycles(state.phase[stalled], CYCLES_PER_SECOND * DT)
+    state.phase = state.rest.apply(state.phase, np.stack([style.rest for style in styles]), resting)
+
+    velocity = features.to_world(y.root[:, :2], yaw)
+    velocity = _root_velocity(state, velocity, y.contacts, resting, looks, terrain)
+    turn = y.root[:, 2] * DT
+    ahead = (yaw + turn)[:, None]
+    path.advance(
+        velocity * DT,
+        turn,
+        features.to_world(y.trajectory_positions, ahead),
+        features.to_world(y.trajectory_directions, ahead),
+    )
+
+
+def _root_velocity(
+    state: CharacterState,
+    velocity: Array,
+    contacts: Array,
+    resting: Array,
+    looks: Sequence[Look],
+    terrain: Terrain,
+) -> Array:
+    """The velocities `(N, 2)` (m/s) that the roots take of the network's; writes the speeds and the strides."""
+    pull = np.array([feet.pull for feet in state.feet])
+    velocity = (velocity + pull) * (1.0 - resting**4)[:, None]  # at rest nobody creeps
+    state.root_speed = np.sqrt((velocity * velocity).sum(-1))
+    change = (state.root_speed - state.measured_speed) * (1 - decay(SPEED_HALF_LIFE))
+    state.measured_speed = state.measured_speed + change
+    state.stride.update(state.joints, contacts, state.measured_speed)
+    walks = (state.measured_speed > 0.5 * state.requested_speed) & (state.requested_speed > STAND_SPEED)
+    longer = state.requested_speed / np.maximum(state.measured_speed, 1e-9)
+    longer = np.minimum(np.maximum(longer, STRIDE_WARP[0]), STRIDE_WARP[1])
+    velocity = velocity * np.where(walks, longer, 1.0)[:, None]
+    near = 2.0 * state.root_speed * DT + HALF_BODY_M  # strides are scaled by less
+    way = velocity / np.maximum(np.sqrt((velocity * velocity).sum(-1, keepdims=True)), 1e-9)
+    gentle = terrain.steepest * RUN_M < EDGE_M
+    clear = np.full(len(state), True) if gentle else level_ahead(terrain, state.trajectory.here, way, near)
+    for i, (crossing, look) in enumerate(zip(state.crossings, looks, strict=True)):
+        if crossing.kind:
+            velocity[i] = crossing.root_velocity()
+        else:
+            velocity[i] *= crossing.pace
+            if look is not CLEAR or not clear[i]:
+                here = state.trajectory.here[i]
+                velocity[i] = crossing.held_back(terrain, here, velocity[i], look.ahead)
+    return velocity
+
+
+def _set_back(
+    model: MotionModel, before: CharacterState, state: CharacterState, sound: Flags, terrain: Terrain
+) -> CharacterState:
+    """The state in which characters after a fault of the network stand where they stood."""
+    members = [part(state, i) for i in range(len(state))]
+    for i in np.flatnonzero(~sound).tolist():
+        (x, _, z), yaw = before.poses.root[i].tolist(), float(before.poses.yaw[i])
+        members[i] = standing(model, terrain, state.styles[i], int(state.seed[i]), x, z, yaw)
+    return joined(members)

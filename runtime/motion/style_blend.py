@@ -1,0 +1,96 @@
+"""The style of a character from frame to frame: a blend from one mix of codes to another over some seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.motion.model import Style
+from runtime.motion.style_mix import StyleMix, mixed
+
+Array = NDArray[np.float32]
+
+LEAST_SHARE = 1e-3  # of a code in a mix; what is less is left out
+Fold = Callable[[Array | StyleMix], Style]
+
+
+@dataclass(frozen=True, eq=False)
+class StyleCodes:
+    """What a style was, what it becomes, and how far it is."""
+
+    start: StyleMix
+    goal: StyleMix
+    seconds: float = 0.0
+    progress: float = 1.0  # 0 to 1
+    strength: float = 1.0
+
+    @property
+    def share(self) -> float:
+        """Of the goal, eased at both ends."""
+        return self.progress * self.progress * (3 - 2 * self.progress)
+
+    @property
+    def now(self) -> StyleMix:
+        """The mix of codes that is shown."""
+        if self.progress >= 1.0:
+            return self.goal
+        shares: dict[bytes, tuple[float, Array]] = {}
+        for mix, part in ((self.start, 1.0 - self.share), (self.goal, self.share)):
+            for weight, code in zip(mix.shares, mix.codes, strict=True):
+                key = code.tobytes()
+                shares[key] = shares.get(key, (0.0, code))[0] + part * weight, code
+        kept = [pair for pair in shares.values() if abs(pair[0]) >= LEAST_SHARE]
+        total = sum(weight for weight, _ in kept)
+        return StyleMix(tuple(weight / total for weight, _ in kept), tuple(code for _, code in kept))
+
+
+@dataclass(frozen=True, eq=False)
+class StyleBlend:
+    """Codes with what follows from them: the folded weights of start and goal, and those of this frame."""
+
+    codes: StyleCodes
+    ends: tuple[Style, Style]
+    style: Style
+
+    @staticmethod
+    def of(codes: StyleCodes, fold: Fold) -> StyleBlend:
+        """Folded by a model at the codes' strength; ModelError where a code does not fit the model."""
+        ends = fold(codes.start), fold(codes.goal)
+        return StyleBlend(codes, ends, _between(ends, codes))
+
+    @staticmethod
+    def constant(style: Array | StyleMix, strength: float, fold: Fold) -> StyleBlend:
+        """One style that holds; ModelError where a code does not fit the model."""
+        return StyleBlend.of(StyleCodes(_mix(style), _mix(style), strength=strength), fold)
+
+    def towards(self, style: Array | StyleMix, seconds: float, fold: Fold) -> StyleBlend:
+        """From what is shown now to another style; ModelError where a code does not fit the model."""
+        if seconds <= 0.0:
+            return StyleBlend.constant(style, self.codes.strength, fold)
+        return StyleBlend.of(StyleCodes(self.codes.now, _mix(style), seconds, 0.0, self.codes.strength), fold)
+
+    def advanced(self, dt: float) -> StyleBlend:
+        """The blend `dt` seconds on."""
+        if not self.blending:
+            return self
+        codes = replace(self.codes, progress=min(1.0, self.codes.progress + dt / self.codes.seconds))
+        return StyleBlend(codes, self.ends, _between(self.ends, codes))
+
+    @property
+    def blending(self) -> bool:
+        """Whether it still changes."""
+        return self.codes.progress < 1.0
+
+
+def _mix(style: Array | StyleMix) -> StyleMix:
+    """A code `(6, 64)` as a mix of one."""
+    return style if isinstance(style, StyleMix) else StyleMix((1.0,), (np.array(style, np.float32),))
+
+
+def _between(ends: tuple[Style, Style], codes: StyleCodes) -> Style:
+    if codes.share <= 0.0 or codes.share >= 1.0:
+        return ends[codes.share >= 1.0]
+    return mixed(ends, (1.0 - codes.share, codes.share))

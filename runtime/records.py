@@ -1,0 +1,164 @@
+"""State as data: dataclasses of numbers, tuples, arrays and further such records, and their form in a file.
+
+The annotations are the schema. `read_record` believes nothing: it checks every name, kind, length and shape, and that
+numbers are finite and no larger than `LARGEST`, or than what the field's metadata name as `most`. An array's field names
+its shape after the leading axis of N characters, `field(metadata={"shape": (31, 3)})`, or its `whole` one; text its `choices`.
+A file holds one character.
+"""
+
+from __future__ import annotations
+
+import math
+import types
+import typing
+from dataclasses import fields, is_dataclass
+from functools import cache
+from typing import Any, TypeVar
+
+import numpy as np
+
+from runtime.errors import FileError
+
+Record = TypeVar("Record")
+Tree = Any  # of JSON; arrays are named by their numbers
+LARGEST = 1e6  # metres, seconds, radians and the like
+LONGEST_TUPLE = 64
+REMEDY = "Record the take again."
+
+
+def copied(record: Record) -> Record:
+    """A record of its own, down to the last record in it, with the same arrays: those of a state are never written to."""
+    made: Record = object.__new__(type(record))
+    made.__dict__.update(record.__dict__)
+    for name in _inside(typing.cast(Any, type(record))):
+        value = record.__dict__[name]
+        made.__dict__[name] = tuple(map(copied, value)) if isinstance(value, tuple) else copied(value)
+    return made
+
+
+@cache
+def _inside(kind: Any) -> tuple[str, ...]:
+    """Fields that are records which change, or tuples of them."""
+    return tuple(name for name, hint, _ in _schema(kind) if _changes((typing.get_args(hint) or (hint,))[0]))
+
+
+def _changes(kind: Any) -> bool:
+    return is_dataclass(kind) and not kind.__dataclass_params__.frozen  # type: ignore[union-attr]
+
+
+def joined(records: typing.Sequence[Record]) -> Record:
+    """One record of N characters from N records of one each: arrays along their first axis, tuples one after the other."""
+    first = records[0]
+    if len(records) == 1:
+        return first
+    made: Record = object.__new__(type(first))
+    for name, value in vars(first).items():
+        values = [getattr(record, name) for record in records]
+        if isinstance(value, np.ndarray):
+            made.__dict__[name] = np.concatenate(values)
+        elif isinstance(value, tuple):
+            made.__dict__[name] = tuple(item for each in values for item in each)
+        else:
+            made.__dict__[name] = joined(values)
+    return made
+
+
+def part(record: Record, index: int) -> Record:
+    """The record of one of the characters, which shares its values with that of all."""
+    made: Record = object.__new__(type(record))
+    for name, value in vars(record).items():
+        kept = value[index : index + 1] if isinstance(value, np.ndarray | tuple) else part(value, index)
+        made.__dict__[name] = kept
+    return made
+
+
+def write_record(record: Any, arrays: list[np.ndarray]) -> Tree:
+    """JSON of a record, whose arrays are appended to `arrays` and named by their places there."""
+    return {f.name: _written(getattr(record, f.name), arrays) for f in fields(record)}
+
+
+def _written(value: Any, arrays: list[np.ndarray]) -> Tree:
+    if isinstance(value, np.ndarray):
+        arrays.append(np.ascontiguousarray(value))
+        return len(arrays) - 1
+    if isinstance(value, tuple):
+        return [_written(item, arrays) for item in value]
+    return write_record(value, arrays) if is_dataclass(value) else value
+
+
+@cache
+def _schema(kind: Any) -> tuple[tuple[str, Any, Any], ...]:
+    hints = typing.get_type_hints(kind)
+    return tuple((f.name, hints[f.name], f.metadata) for f in fields(kind))
+
+
+def read_record(kind: type[Record], tree: Tree, arrays: typing.Sequence[np.ndarray], path: str) -> Record:
+    """The record that `write_record` made; FileError names the field that is no such value."""
+    schema = _schema(typing.cast(Any, kind))
+    if not isinstance(tree, dict) or set(tree) != {name for name, _, _ in schema}:
+        raise _error(path, f"not the fields of a {kind.__name__}")
+    made: Record = object.__new__(kind)
+    for name, hint, metadata in schema:
+        made.__dict__[name] = _read(hint, tree[name], arrays, f"{path}.{name}", metadata)
+    return made
+
+
+def _error(path: str, problem: str) -> FileError:
+    return FileError(f"{path}: {problem}.", REMEDY)
+
+
+def _read(hint: Any, value: Tree, arrays: typing.Sequence[np.ndarray], path: str, metadata: Any) -> Any:
+    origin, inside = typing.get_origin(hint), typing.get_args(hint)
+    if origin in (typing.Union, types.UnionType):
+        if value is None and type(None) in inside:
+            return None
+        (hint,) = (each for each in inside if each is not type(None))
+        return _read(hint, value, arrays, path, metadata)
+    if origin is tuple:
+        if not isinstance(value, list) or len(value) > LONGEST_TUPLE:
+            raise _error(path, "expected a list")
+        kinds = [inside[0]] * len(value) if inside[-1] is Ellipsis else inside
+        if len(kinds) != len(value):
+            raise _error(path, f"expected {len(kinds)} values")
+        pairs = zip(kinds, value, strict=True)
+        return tuple(
+            _read(each, item, arrays, f"{path}[{k}]", metadata) for k, (each, item) in enumerate(pairs)
+        )
+    if origin is np.ndarray:
+        return _array(value, arrays, path, metadata)
+    if isinstance(hint, type) and is_dataclass(hint):
+        return read_record(hint, value, arrays, path)
+    return _single(hint, value, path, metadata)
+
+
+def _single(hint: Any, value: Tree, path: str, metadata: Any) -> Any:
+    if hint is bool:
+        if isinstance(value, bool):
+            return value
+        raise _error(path, "expected true or false")
+    if hint is str:
+        choices = metadata["choices"]
+        if isinstance(value, str) and value in choices:
+            return value
+        raise _error(path, f"expected one of {', '.join(repr(c) for c in choices)}")
+    whole = hint is int
+    if isinstance(value, bool) or not isinstance(value, int if whole else int | float):
+        raise _error(path, "expected a whole number" if whole else "expected a number")
+    if not math.isfinite(value) or abs(value) > metadata.get("most", LARGEST):
+        raise _error(path, "a number that no character reaches")
+    return value if whole else float(value)
+
+
+def _array(value: Tree, arrays: typing.Sequence[np.ndarray], path: str, metadata: Any) -> np.ndarray:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < len(arrays):
+        raise _error(path, "names no array")
+    array = arrays[value]
+    shape = metadata["whole"] if "whole" in metadata else (1, *metadata["shape"])
+    kind = np.dtype(metadata.get("dtype", np.float64))
+    if array.shape != shape:
+        raise _error(path, f"shape {array.shape}, expected {shape}")
+    if array.dtype != kind:
+        raise _error(path, f"kind {array.dtype}, expected {kind}")
+    if kind.kind == "f" and not (np.abs(array) <= metadata.get("most", LARGEST)).all():
+        raise _error(path, "numbers that no character reaches")
+    return array.copy()

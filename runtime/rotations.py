@@ -117,10 +117,11 @@ def to_euler(q: Array, order: str = "ZYX") -> Array:
     i, j, k = ("XYZ".index(c) for c in order.upper())
     parity = 1.0 if (j - i) % 3 == 1 else -1.0
     m = to_matrix(q)
-    second = np.arcsin(np.clip(parity * m[..., i, k], -1.0, 1.0))
+    cosine = np.hypot(m[..., i, i], m[..., i, j])
+    second = np.arctan2(parity * m[..., i, k], cosine)  # an arcsine is 0.03 degrees off near the pole
     first = np.arctan2(-parity * m[..., j, k], m[..., k, k])
     third = np.arctan2(-parity * m[..., i, j], m[..., i, i])
-    locked = np.abs(m[..., i, k]) > 1.0 - 1e-7  # gimbal lock: only first ± third is defined
+    locked = cosine < 1e-6  # gimbal lock: only first ± third is defined
     first = np.where(locked, np.arctan2(parity * m[..., k, j], m[..., j, j]), first)
     return np.stack([first, second, np.where(locked, 0.0, third)], axis=-1)
 

@@ -60,6 +60,8 @@ def test_another_skeleton_moves_ours_as_it_moved(tmp_path: Path, axes: str, stan
     assert reference.scale == pytest.approx(0.01 / 1.5, rel=1e-3)
     hips, local, _ = walk(90)
     wanted, _ = SPORT_SKELETON.forward_kinematics(hips - hips[0] * (1, 0, 1), local)
+    if axes == "facing +X":  # it goes on as it went in its file
+        wanted = rotations.rotate(TURNS[axes], wanted)
     shown = reference.clip.world()[0][1:]
     gap = shown - wanted
     assert np.abs(gap[..., [0, 2]]).max() < 2e-3

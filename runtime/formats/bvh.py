@@ -22,6 +22,7 @@ MAX_JOINTS = 1024
 MAX_FRAMES = 2_000_000
 MAX_JOINT_FRAMES = 14_000_000  # of 28 bytes each: an hour of 31 joints at 120 Hz
 MAX_VALUE = 1e9  # of a length in the file's unit, or an angle in degrees
+MOVING_ORDER, JOINT_ORDER = "YXZ", "ZYX"  # of rotations: the heading first where it may be any
 _CHUNK_BYTES = 1 << 20  # of numbers that are read at once
 _WRITTEN_FRAMES = 4096  # that are formatted at once
 _REMEDY = "Export the clip again as BVH, or choose another file."
@@ -266,31 +267,31 @@ def format_bvh(
     fps: float,
     *,
     units_per_metre: float = 100.0,
-    order: str = "ZYX",
+    order: str | None = None,
     end_offsets: dict[int, Array] | None = None,
     moving: dict[int, Array] | None = None,
 ) -> str:
     """BVH text of a motion: `hips_positions` `(T, 3)` in metres, `local_rotations` `(T, J, 4)`.
 
     `moving` has positions `(T, 3)` against the parent, in metres, of joints other than the first that move against it.
+    `order` is that of all rotations; None: `MOVING_ORDER` for the joints with positions, whose heading may be any,
+    and `JOINT_ORDER` for the others.
     """
-    lines = ["HIERARCHY"]
     joints: list[int] = []
     places = {0: np.asarray(hips_positions), **(moving or {})}
-    _write_joint(skeleton, 0, 0, lines, joints, units_per_metre, order, end_offsets or {}, set(places))
+    orders = [order or (MOVING_ORDER if j in places else JOINT_ORDER) for j in range(len(skeleton))]
+    lines = ["HIERARCHY"]
+    _write_joint(skeleton, 0, 0, lines, joints, units_per_metre, orders, end_offsets or {}, set(places))
     lines += ["MOTION", f"Frames: {len(hips_positions)}", f"Frame Time: {1.0 / fps:.10f}", ""]
-    rotation, unwrapped = None, None  # of the frame before, from which quaternions and angles go on
+    before: Array | None = None  # the angles from which the next block goes on
     blocks = ["\n".join(lines)]
     for first in range(0, len(hips_positions), _WRITTEN_FRAMES):
         rows = slice(first, first + _WRITTEN_FRAMES)
-        local: Array = np.asarray(local_rotations[rows], np.float64)[:, joints]
-        local = rotations.continuous(local if rotation is None else np.concatenate([rotation, local]))
-        angles: Array = rotations.to_euler(local, order)
-        if unwrapped is not None:
-            angles[0] = unwrapped
-        angles = np.unwrap(angles, axis=0)
-        rotation, unwrapped = local[-1:], angles[-1]
-        angles = np.rad2deg(angles[len(angles) - len(hips_positions[rows]) :])
+        local: Array = np.asarray(local_rotations[rows], np.float64)
+        angles: Array = np.stack([rotations.to_euler(local[:, j], orders[j]) for j in joints], axis=1)
+        angles = _steady(angles if before is None else np.concatenate([before, angles]))
+        before = angles[-1:]
+        angles = np.rad2deg(angles[len(angles) - len(local) :])
         columns: list[Array] = []
         for k, j in enumerate(joints):
             columns += [places[j][rows] * units_per_metre] if j in places else []
@@ -300,6 +301,27 @@ def format_bvh(
     return "".join(blocks)
 
 
+def _steady(angles: Array) -> Array:
+    """Euler angles `(T, J, 3)` of the same rotations without jumps: of (a, b, c) and (a + pi, pi - b, c + pi) the nearer.
+
+    A reader that interpolates angles then turns as the joint does.
+    """
+    other = np.stack([angles[..., 0] + np.pi, np.pi - angles[..., 1], angles[..., 2] + np.pi], axis=-1)
+
+    def away(to: Array) -> Array:
+        step = to[1:] - angles[:-1]
+        return np.abs(step - 2.0 * np.pi * np.round(step / (2.0 * np.pi))).sum(axis=-1)
+
+    # a step between two of the other form is as long as one between two of this: only changes count
+    changes = np.cumsum(away(other) < away(angles) - 1e-9, axis=0) % 2 == 1
+    chosen = (
+        np.concatenate([np.zeros_like(changes[:1]), changes])
+        if len(angles) > 1
+        else np.zeros(angles.shape[:2], bool)
+    )
+    return np.unwrap(np.where(chosen[..., None], other, angles), axis=0)
+
+
 def _write_joint(
     skeleton: Skeleton,
     j: int,
@@ -307,20 +329,20 @@ def _write_joint(
     lines: list[str],
     joints: list[int],
     scale: float,
-    order: str,
+    orders: list[str],
     end_offsets: dict[int, Array],
     moving: set[int],
 ) -> None:
     pad = "  " * depth
     joints.append(j)
     x, y, z = (float(v) * scale for v in skeleton.offsets[j])
-    rotation_channels = " ".join(f"{axis}rotation" for axis in order.upper())
+    rotation_channels = " ".join(f"{axis}rotation" for axis in orders[j].upper())
     lines += [f"{pad}{'JOINT' if depth else 'ROOT'} {skeleton.names[j]}", f"{pad}{{"]
     lines += [f"{pad}  OFFSET {x:.5f} {y:.5f} {z:.5f}"]
     position_channels = "Xposition Yposition Zposition " if j in moving else ""
     lines += [f"{pad}  CHANNELS {6 if j in moving else 3} {position_channels}{rotation_channels}"]
     for child in skeleton.children[j]:
-        _write_joint(skeleton, child, depth + 1, lines, joints, scale, order, end_offsets, moving)
+        _write_joint(skeleton, child, depth + 1, lines, joints, scale, orders, end_offsets, moving)
     if not skeleton.children[j]:
         x, y, z = (float(v) * scale for v in end_offsets.get(j, np.zeros(3)))
         lines += [f"{pad}  End Site", f"{pad}  {{", f"{pad}    OFFSET {x:.5f} {y:.5f} {z:.5f}"]

@@ -12,17 +12,16 @@ from runtime import rotations
 from runtime.atomic import write_atomic, write_new
 from runtime.errors import FileError, UsageError
 from runtime.formats.bvh import BvhMotion, check_size, format_bvh, read_bvh
-from runtime.formats.prepare import UNITS_PER_METRE, ExportOptions, PreparedTake
+from runtime.formats.prepare import ROTATION_ORDERS, UNITS_PER_METRE, ExportOptions, PreparedTake
 from runtime.formats.sidecar import read_metadata, write_sidecar
 from runtime.safe_read import printable
 from runtime.skeleton import SPORT_SKELETON, J, Skeleton
-from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, Clip
+from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, Clip, video_rate
 from runtime.takes.metadata import gait_numbers
 from runtime.takes.root import RootTrack
 
 Array = NDArray[np.floating]
 
-ROTATION_ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 ROOT = "Root"
 _OWN_BVH = "Open a BVH that this program has written."
 # where the bones without a child end, metres; readers draw and measure leaf bones by it
@@ -41,13 +40,13 @@ class OtherSkeleton(FileError):
     """A BVH that is sound, but not of the SPORT skeleton."""
 
 
-def check_bvh_options(fps: float, unit: str, order: str = "ZYX") -> None:
+def check_bvh_options(fps: float, unit: str, order: str | None = None) -> None:
     """UsageError when `save_bvh` cannot write with these options."""
     if not 1.0 <= fps <= MAX_FPS:
         raise UsageError(f"{fps} frames per second: expected 1 to {MAX_FPS:.0f}.", "Try 60 or 30.")
     if unit not in UNITS_PER_METRE:
         raise UsageError(f"unit '{unit}': expected cm or m.", "Choose one of the two.")
-    if order.upper() not in ROTATION_ORDERS:
+    if order is not None and order.upper() not in ROTATION_ORDERS:
         raise UsageError(f"rotation order '{order}': unknown.", f"Choose {', '.join(ROTATION_ORDERS)}.")
 
 
@@ -58,12 +57,17 @@ def check_bvh_length(seconds: float, fps: float) -> None:
 
 
 def save_bvh(
-    clip: Clip, path: str | Path, fps: float = 60.0, unit: str = "cm", order: str = "ZYX", new: bool = False
+    clip: Clip,
+    path: str | Path,
+    fps: float = 60.0,
+    unit: str = "cm",
+    order: str | None = None,
+    new: bool = False,
 ) -> Path:
     """Write a BVH that appears whole or not at all, and its `sidecar_path`; the BVH's path.
 
     With `new` no file is replaced: a name that is taken becomes name-2, name-3, … .
-    `fps` resamples the clip, `unit` is "cm" or "m", `order` one of `ROTATION_ORDERS`. UsageError or FileError.
+    `fps` resamples the clip, `unit` is "cm" or "m", `order` one of `ROTATION_ORDERS` for all joints, or None as in `format_bvh`. UsageError or FileError.
     """
     check_bvh_options(fps, unit, order)
     check_bvh_length(clip.seconds, fps)
@@ -74,7 +78,7 @@ def save_bvh(
 def save_take_bvh(take: PreparedTake, path: Path, options: ExportOptions) -> None:
     """Write a prepared take as BVH; with a root on the ground the hips have position channels too. FileError."""
     root = take.root if options.ground_root else None
-    _write(take.clip, path, _text(take.clip, options.unit, "ZYX", root))
+    _write(take.clip, path, _text(take.clip, options.unit, options.euler_order, root))
 
 
 def _write(clip: Clip, path: Path, text: str, new: bool = False) -> Path:
@@ -86,7 +90,7 @@ def _write(clip: Clip, path: Path, text: str, new: bool = False) -> Path:
     return path
 
 
-def _text(clip: Clip, unit: str, order: str, root: RootTrack | None = None) -> str:
+def _text(clip: Clip, unit: str, order: str | None, root: RootTrack | None = None) -> str:
     """The BVH text; a `root` is one more joint, on the ground above the hips."""
     skeleton, place, local, above = SPORT_SKELETON, clip.hips_positions, clip.local_rotations, 0
     moving = {}
@@ -115,15 +119,19 @@ def _text(clip: Clip, unit: str, order: str, root: RootTrack | None = None) -> s
 
 
 def load_clip_bvh(path: str | Path) -> Clip:
-    """A clip from a BVH of the 31-joint SPORT skeleton in any unit, channel order and joint order.
+    """The clip of `clip_of_motion`, read from a file. FileError."""
+    path = Path(path)
+    return clip_of_motion(read_bvh(path), path)[0]
+
+
+def clip_of_motion(motion: BvhMotion, path: Path) -> tuple[Clip, str]:
+    """A clip, and its unit (a key of `UNITS_PER_METRE`), from a BVH of the 31-joint SPORT skeleton in any unit, channel order and joint order.
 
     FileError names the joints that are missing or rest otherwise, or a rate that no clip has. Contacts are zero: a
     BVH has none.
     Prompts and origin are those of the file beside it, where that file belongs to this BVH.
     """
-    path = Path(path)
-    motion = read_bvh(path)
-    fps = float(round(motion.fps, 3))
+    fps = video_rate(motion.fps)
     if not 0.0 < fps <= MAX_FPS:
         raise FileError(f"{path}: {fps:g} frames per second; expected at most {MAX_FPS:.0f}.", _OWN_BVH)
     order = _joint_order(motion, path)
@@ -133,7 +141,7 @@ def load_clip_bvh(path: str | Path) -> Clip:
     if not np.abs(hips).max() <= MAX_DISTANCE_M:
         raise FileError(f"{path}: the hips are further than {MAX_DISTANCE_M / 1000:.0f} km away.", _OWN_BVH)
     made = read_metadata(path)
-    return Clip(
+    clip = Clip(
         name=printable(path.stem),
         fps=fps,
         hips_positions=hips.astype(np.float32),
@@ -146,6 +154,12 @@ def load_clip_bvh(path: str | Path) -> Clip:
         gaits=gait_numbers(made.gait_changes, len(motion.positions), fps),
         placed=made.placed,
     )
+    return clip, nearest_unit(scale)
+
+
+def nearest_unit(metres_per_unit: float) -> str:
+    """The key of `UNITS_PER_METRE` that a file's unit is nearest to."""
+    return min(UNITS_PER_METRE, key=lambda unit: abs(math.log(metres_per_unit * UNITS_PER_METRE[unit])))
 
 
 def _joint_order(motion: BvhMotion, path: Path) -> list[int]:

@@ -20,6 +20,7 @@ from runtime.terrain.height_map import Terrain
 Array = NDArray[np.floating]
 
 UNITS_PER_METRE = {"cm": 100.0, "m": 1.0}
+ROTATION_ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,10 @@ class ExportOptions:
 
     fps: float = 60.0
     unit: str = "cm"
-    in_place: bool = False  # the root's path over the ground is taken out, its heading stays
+    euler_order: str | None = (
+        None  # of BVH, one of `ROTATION_ORDERS`; None: the heading first at root and hips
+    )
+    in_place: bool = False  # the root stays at the origin, its heading is kept
     ground_root: bool = False  # a joint of its own above the hips, on the ground
     at_origin: bool = False  # begin at x = z = 0 on height 0, facing +Z
     rest_frame: bool = False  # the rest pose as first frame
@@ -47,6 +51,10 @@ class ExportOptions:
             )
         if self.unit not in UNITS_PER_METRE:
             raise UsageError(f" {self.unit}: expected cm or m.", "Choose one of the two.", "unit")
+        if self.euler_order is not None and self.euler_order.upper() not in ROTATION_ORDERS:
+            raise UsageError(
+                f" {self.euler_order[:20]}: unknown.", f"Choose {', '.join(ROTATION_ORDERS)}.", "euler_order"
+            )
         if not self.start_s >= 0.0 or (self.end_s is not None and not self.end_s > self.start_s):
             end = "" if self.end_s is None else f"{self.end_s:g}"
             raise UsageError(
@@ -92,9 +100,8 @@ def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) 
     if not placement.identity:
         taken, track = placement.clip(taken), track.moved(placement)
     if options.in_place:
-        path = (track.positions - track.positions[0]).astype(np.float32)
-        taken = replace(taken, hips_positions=taken.hips_positions - path)
-        track = RootTrack(np.repeat(track.positions[:1], len(taken), axis=0), track.yaw)
+        taken = replace(taken, hips_positions=(taken.hips_positions - track.positions).astype(np.float32))
+        track = RootTrack(np.zeros_like(track.positions), track.yaw)
     if options.rest_frame:
         taken, track = _with_rest_frame(taken, track)
     lost = options.in_place or clip.placed is None

@@ -15,9 +15,10 @@ from runtime.character.joints import align, canonical_axes
 from runtime.character.tree import JointTree
 from runtime.errors import FileError
 from runtime.formats.bvh import BvhMotion, read_bvh
+from runtime.formats.bvh_clip import OtherSkeleton, clip_of_motion, nearest_unit
 from runtime.safe_read import printable
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON, J
-from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, Clip
+from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, Clip, video_rate
 
 Array = NDArray[np.floating]
 
@@ -48,15 +49,37 @@ class _Rest:
     points: Array  # (N, 3)
 
 
+@dataclass(frozen=True)
+class OpenedTake:
+    """A take from a file, its unit (a key of `UNITS_PER_METRE`), and what a person should know of it."""
+
+    clip: Clip
+    unit: str
+    reference: Reference | None = None
+
+
+def open_take(path: Path) -> OpenedTake:
+    """A BVH of our skeleton, or of any two-legged one as `load_reference_bvh` reads it. FileError."""
+    motion = read_bvh(path)
+    try:
+        return OpenedTake(*clip_of_motion(motion, path))
+    except OtherSkeleton:
+        reference = _reference(motion, path)
+        return OpenedTake(reference.clip, nearest_unit(reference.scale), reference)
+
+
 def load_reference_bvh(path: str | Path) -> Reference:
     """A BVH of any two-legged skeleton whose joints can be told, as a clip of ours that begins at the origin.
 
-    FileError when it cannot be read, when joints are missing, or when it stands on four legs. Joints are those that
-    `guess_skeleton` tells, and those of `FILE.joints.json` beside it.
+    It goes in the world as the file does. FileError when it cannot be read, when joints are missing, or when it stands
+    on four legs. Joints are those that `guess_skeleton` tells, and those of `FILE.joints.json` beside it.
     """
     path = Path(path)
-    motion = read_bvh(path)
-    fps = float(round(motion.fps, 3))
+    return _reference(read_bvh(path), path)
+
+
+def _reference(motion: BvhMotion, path: Path) -> Reference:
+    fps = video_rate(motion.fps)
     if not 0.0 < fps <= MAX_FPS:
         raise FileError(f"{path}: {fps:g} frames per second; expected at most {MAX_FPS:.0f}.", "Resample it.")
     positions, world = motion.world()
@@ -130,7 +153,7 @@ def _retarget(
     scale = float(np.cbrt(np.linalg.det(scaled)))
     axes = rotations.multiply(rotations.from_matrix(scaled / scale), heading)
     upright = _upright(rotations.rotate(axes, positions.astype(np.float64)), found)
-    ours = np.empty((len(world), J, 4))
+    ours: Array = np.empty((len(world), J, 4))
     for j in range(J):
         k = found.get(SPORT_SKELETON.names[j], -1)
         if k < 0:
@@ -140,9 +163,12 @@ def _retarget(
         turned = rotations.multiply(rotations.multiply(axes, turned), rotations.inverse(axes))
         turned = rotations.multiply(upright, turned)
         ours[:, j] = rotations.multiply(turned, rotations.inverse(alignment.turns[k]))
+    axes = rotations.multiply(upright, axes)
+    back = _as_in_file(axes)
+    ours = np.asarray(rotations.multiply(back, ours))
+    axes = rotations.multiply(back, axes)
     local = rotations.normalize(SPORT_SKELETON.local_rotations(ours))
     legs = positions[:, [found[name] for name in LEGS]].astype(np.float64).mean(axis=1)
-    axes = rotations.multiply(upright, axes)
     return _placed(rotations.rotate(axes, legs) * scale, local), local, scale
 
 
@@ -151,6 +177,14 @@ def _heading(found: dict[str, int], at: Array) -> Array:
     axes = canonical_axes(found, at)
     left = axes @ (at[found["LeftUpLeg"]] - at[found["RightUpLeg"]])
     return rotations.from_axis_angle(axes[1], np.arctan2(left[2], left[0]))
+
+
+def _as_in_file(axes: Array) -> Array:
+    """The turn about +Y after which `axes` only change which axis is up: the motion faces as in its file."""
+    up = rotations.rotate(rotations.inverse(axes), np.array([0.0, 1.0, 0.0]))
+    plain = rotations.between(np.round(up), np.array([0.0, 1.0, 0.0]))
+    turn = rotations.multiply(plain, rotations.inverse(axes))
+    return rotations.normalize(turn * np.array([1.0, 0.0, 1.0, 0.0]))
 
 
 def _upright(positions: Array, found: dict[str, int]) -> Array:
@@ -173,6 +207,3 @@ def _placed(legs: Array, local: Array) -> Array:
     lowest = (hips[:, 1, None] + at[:, soles, 1] - above).min(axis=1)
     start = np.array([hips[0, 0], float(np.quantile(lowest, STANDS)), hips[0, 2]])
     return np.asarray(hips - start)
-
-
-__all__ = ["Reference", "load_reference_bvh"]

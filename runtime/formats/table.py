@@ -59,7 +59,7 @@ def _write_ground(take: PreparedTake, path: Path, options: ExportOptions, terrai
 MOTION = frozenset({"fps", "loop", "in_place", "ground_root", "at_origin", "rest_frame"})
 CHARACTER = frozenset({"character", "joint_map"})
 # without effect on a format that lacks them: a command may write several files, and only some have them
-INDIFFERENT = frozenset({"fps", "unit", "start_s", "end_s", *CHARACTER})
+INDIFFERENT = frozenset({"fps", "unit", "euler_order", "start_s", "end_s", *CHARACTER})
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class Format:
 _FILM = frozenset({"loop"}) | CHARACTER
 _SKINNED = MOTION | CHARACTER | {"with_ground"}
 _TABLE = (
-    Format(".bvh", "BVH: motion", "motion of the 31-joint skeleton", MOTION | {"unit"}, _write_bvh, keeps_motion=True),
+    Format(".bvh", "BVH: motion", "motion of the 31-joint skeleton", MOTION | {"unit", "euler_order"}, _write_bvh, keeps_motion=True),
     Format(".glb", "GLB: character with motion", "character with motion (glTF binary)", _SKINNED, _write_glb, keeps_motion=True),
     Format(".fbx", "FBX: through Blender", "character with motion, through Blender", _SKINNED, _write_fbx, _check_fbx, keeps_motion=True),
     Format(".mp4", "MP4: film", "film (H.264)", _FILM),

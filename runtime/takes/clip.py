@@ -17,6 +17,7 @@ from runtime.takes.metadata import UNKNOWN, UNMOVED, Origin, PromptEvent, descri
 Array = NDArray[np.floating]
 
 MAX_FPS = 1000.0
+VIDEO_RATES = (24000 / 1001, 24.0, 25.0, 30000 / 1001, 30.0, 48.0, 50.0, 60000 / 1001, 60.0, 120.0)
 MAX_DISTANCE_M = 100_000.0  # of a clip's hips from the origin; float32 is then 8 mm fine
 
 
@@ -103,15 +104,44 @@ class Clip:
         )
 
     def _at(self, seconds: Array) -> tuple[Array, Array, Array]:
+        """Hips, local rotations and contacts at times, on the cubic through the four frames around each."""
         at = np.clip(np.asarray(seconds, np.float64) * self.fps, 0.0, len(self) - 1.0)
-        before = np.floor(at + 1e-9).astype(np.int64)
-        after = np.minimum(before + 1, len(self) - 1)
-        share = np.clip(at - before, 0.0, 1.0)
-        t = share[:, None]
-        hips = self.hips_positions[before] * (1 - t) + self.hips_positions[after] * t
-        contacts = self.contacts[before] * (1 - t) + self.contacts[after] * t
-        local = rotations.slerp(self.local_rotations[before], self.local_rotations[after], t)
+        before = np.minimum(np.floor(at + 1e-9).astype(np.int64), max(len(self) - 2, 0))
+        t = np.clip(at - before, 0.0, 1.0)
+        around = np.clip(before[:, None] + np.arange(-1, 3), 0, len(self) - 1)
+        weights = _cubic(t, before > 0, before < len(self) - 2)
+        hips = np.einsum("nk,nkc->nc", weights, self.hips_positions[around].astype(np.float64))
+        turns = self.local_rotations[around].astype(np.float64)
+        sign = np.sign(np.sum(turns * turns[:, 1:2], axis=-1, keepdims=True))
+        local = rotations.normalize(
+            np.einsum("nk,nkjc->njc", weights, turns * np.where(sign < 0.0, -1.0, 1.0))
+        )
+        nearest = np.minimum(before + 1, len(self) - 1)
+        contacts = self.contacts[before] * (1.0 - t[:, None]) + self.contacts[nearest] * t[:, None]
+        exact = t == 0.0
+        hips[exact], local[exact] = self.hips_positions[before[exact]], self.local_rotations[before[exact]]
         return hips.astype(np.float32), local.astype(np.float32), contacts.astype(np.float32)
+
+
+def _cubic(t: Array, has_before: NDArray[np.bool_], has_after: NDArray[np.bool_]) -> Array:
+    """Weights `(n, 4)` of four samples for a place `t` between the middle two (Catmull and Rom 1974).
+
+    Where one outer sample is missing, the curve is the parabola through the other three; without both, a line.
+    """
+    a, b = -0.5 * t * (1.0 - t) ** 2, -0.5 * t**2 * (1.0 - t)
+    weights = np.stack([a, 1.0 - t - 2.0 * a + b, t - 2.0 * b + a, b], axis=-1)
+    only_after, only_before = ~has_before & has_after, has_before & ~has_after
+    weights[only_after] += a[only_after, None] * np.array([-1.0, 3.0, -3.0, 1.0])
+    weights[only_before] += b[only_before, None] * np.array([1.0, -3.0, 3.0, -1.0])
+    alone = ~has_before & ~has_after
+    weights[alone] = np.stack([0.0 * t, 1.0 - t, t, 0.0 * t], axis=-1)[alone]
+    return weights
+
+
+def video_rate(fps: float) -> float:
+    """The frame rate of video that a rounded rate stands for (29.97 is 30000 / 1001), else the rate to a thousandth."""
+    nearest = min(VIDEO_RATES, key=lambda rate: abs(fps - rate))
+    return nearest if abs(fps - nearest) < 2e-4 * nearest else float(round(fps, 3))
 
 
 def shift_prompts(events: tuple[PromptEvent, ...], start: float, length: float) -> tuple[PromptEvent, ...]:

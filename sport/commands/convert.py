@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 from runtime.errors import UsageError
@@ -15,7 +16,7 @@ def add(commands: Subparsers) -> None:
     convert = commands.add_parser(
         "convert",
         help="write a take (BVH, of any two-legged skeleton) as GLB, FBX, film, ground or another BVH",
-        description="The ground is the one that the JSON beside the take names.",
+        description="The ground is the one that the JSON beside the take names; rate and unit stay as in the take.",
     )
     convert.set_defaults(command=run)
     convert.add_argument("take", type=Path, metavar="BVH")
@@ -26,9 +27,8 @@ def add(commands: Subparsers) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write every file and say what was written; a motion of another skeleton goes onto ours first."""
-    from runtime.formats.bvh_clip import OtherSkeleton, load_clip_bvh
     from runtime.formats.ground import ground_of
-    from runtime.formats.reference import load_reference_bvh
+    from runtime.formats.reference import open_take
     from sport.commands.export import check_outputs, export_options, note, write_take
 
     export = export_options(options)
@@ -36,12 +36,14 @@ def run(options: argparse.Namespace) -> int:
         raise UsageError(f"{options.take}: would be written over itself.", "Choose another name.")
     if options.ground_out is not None and len(options.out) > 1:
         raise UsageError(" with several files: their units may differ.", "Convert one by one.", "ground_out")
-    try:
-        clip = load_clip_bvh(options.take)
-    except OtherSkeleton:
-        reference = load_reference_bvh(options.take)
-        clip = reference.clip
-        note(f"{options.take.name}{reference.describe()}.")
+    opened = open_take(options.take)
+    clip = opened.clip
+    if opened.reference is not None:
+        note(f"{options.take.name}{opened.reference.describe()}.")
+    if options.fps is None:  # rate and unit stay as in the file
+        export = replace(export, fps=clip.fps)
+    if options.unit is None:
+        export = replace(export, unit=opened.unit)
     terrain = ground_of(clip, options.take, options.terrain)
     check_outputs(options.out, export, options)
     if terrain.note:

@@ -14,7 +14,7 @@ from runtime.errors import UsageError
 from runtime.formats.prepare import ExportOptions, on_its_ground, prepare
 from runtime.formats.table import check_export, format_of, save_ground_beside, save_motion
 from runtime.safe_read import printable
-from runtime.takes.clip import Clip
+from runtime.takes.clip import Clip, video_rate
 from runtime.terrain.height_map import Terrain
 from sport.commands.arguments import size
 from sport.commands.export_arguments import FILM_FPS, MOTION_FPS
@@ -27,8 +27,9 @@ def export_options(arguments: argparse.Namespace) -> ExportOptions:
     """Options from parsed arguments; `fps` is that of motion. UsageError."""
     start, end = parse_range(arguments.range) if arguments.range else (0.0, None)
     options = ExportOptions(
-        fps=MOTION_FPS if arguments.fps is None else arguments.fps,
-        unit=arguments.unit,
+        fps=MOTION_FPS if arguments.fps is None else video_rate(arguments.fps),
+        unit=arguments.unit or "cm",
+        euler_order=arguments.euler_order,
         in_place=arguments.in_place,
         ground_root=arguments.ground_root,
         at_origin=arguments.at_origin,
@@ -104,7 +105,7 @@ def film_options(arguments: argparse.Namespace) -> FilmOptions:
     options = FilmOptions(
         width=width or FilmOptions.width,
         height=height or FilmOptions.height,
-        fps=FILM_FPS if arguments.fps is None else arguments.fps,
+        fps=FILM_FPS if arguments.fps is None else video_rate(arguments.fps),
         camera=arguments.camera,
         distance=arguments.distance,
         captions=not arguments.no_captions,

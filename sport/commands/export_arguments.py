@@ -18,9 +18,14 @@ def add_export_arguments(parser: argparse.ArgumentParser) -> None:
         "--fps",
         type=float,
         metavar="F",
-        help=f"frames a second (default: {MOTION_FPS:g}, films {FILM_FPS:g})",
+        help=f"frames a second, 29.97 for example (default: {MOTION_FPS:g} or the take's own, films {FILM_FPS:g})",
     )
-    form.add_argument("--unit", default="cm", metavar="UNIT", help="of BVH: cm or m (default: cm)")
+    form.add_argument("--unit", metavar="UNIT", help="of BVH: cm or m (default: cm, or the take's own)")
+    form.add_argument(
+        "--euler-order",
+        metavar="ORDER",
+        help="of BVH, such as ZXY (default: YXZ for root and hips, ZYX for the others)",
+    )
     form.add_argument("--character", type=Path, metavar="GLB", help="skinned character of GLB, FBX and film")
     form.add_argument(
         "--joint-map", type=Path, metavar="JSON", help="names of its joints, in place of the file beside it"

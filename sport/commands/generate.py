@@ -132,7 +132,9 @@ def row_parser() -> RowParser:
 def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None:
     """Write the clip or its variants; `tools` gives a loaded model and its prompter for these options. SportError."""
     from runtime.formats.bvh_clip import check_bvh_length
+    from runtime.formats.table import format_of
     from runtime.generate import generate_clip
+    from runtime.motion.features import FPS
     from runtime.terrain.library import load_terrain
     from sport.commands.export import check_outputs, export_options, note, write_take
 
@@ -146,6 +148,9 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
     terrain = load_terrain(options.terrain)
     if terrain.note:
         note(terrain.note)
+    seconds = options.seconds
+    if export.fps > FPS and not any(format_of(out).film for out in outputs):
+        seconds += 1.0 / FPS  # the last frames at a higher rate lie between two of ours
     model, prompter = (options.model, None) if tools is None else tools(options)
     for k, out in enumerate(outputs):
         clip = generate_clip(
@@ -166,6 +171,9 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
             report=note,
             prompter=prompter,
         )
+        if not format_of(out).film:
+            clip = clip.resampled(export.fps)
+            clip = clip.trim(0, min(max(round(options.seconds * export.fps), 1), len(clip)) - 1)
         write_take(clip, out, export, options, terrain)
 
 

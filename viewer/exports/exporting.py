@@ -144,7 +144,8 @@ class Exporting:
         """What the worker does, with everything it needs; UsageError for options that do not go together."""
         from runtime.formats.table import check_export, save_motion
 
-        clip, options = item.named_clip, self._options(form)
+        clip = item.named_clip
+        options = self._options(form, clip)
         beside = path.with_name(f"{path.stem}-ground{form.ground}") if form.ground.startswith(".") else None
         if form.format.film:
             film, film_ground = self._film_options(form), self._ground_of(item)
@@ -153,7 +154,7 @@ class Exporting:
         ground = self._ground_of(item)
         return lambda: " ".join(w.text for w in save_motion(clip, path, options, ground(), beside))
 
-    def _options(self, form: ExportForm) -> ExportOptions:
+    def _options(self, form: ExportForm, clip: Clip) -> ExportOptions:
         """The options of the form that its format has."""
         playback, start, end = self.takes.state.playback, 0.0, None
         current = self.takes.state.current
@@ -161,7 +162,8 @@ class Exporting:
         if form.trimmed and marked and playback is not None and playback.trimmed:
             start, end = playback.start_s, playback.end_s
         chosen: dict[str, Any] = {
-            "fps": float(form.fps),
+            "fps": form.fps or clip.fps,
+            "euler_order": form.euler_order or None,
             "with_ground": form.ground == "inside",
             "character": self.stage.character_path if form.own_character else None,
         }
@@ -179,7 +181,7 @@ class Exporting:
 
         width, height = SIZES[form.size]
         options = FilmOptions(
-            width, height, float(form.film_fps), form.camera, form.distance, form.captions, form.quality
+            width, height, form.film_fps, form.camera, form.distance, form.captions, form.quality
         )
         options.check()
         return options

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
+from runtime.formats.prepare import ROTATION_ORDERS
 from runtime.formats.table import FORMATS
+from runtime.takes.clip import VIDEO_RATES
 from viewer.exports.exporting import Exporting
 from viewer.exports.state import GROUNDS, SIZES, ExportForm
 from viewer.filming.shots import CAMERAS
@@ -16,8 +19,8 @@ from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
 
 WIDTH = 470.0  # pixels at scale 1
-MOTION_RATES = ((24, "24 fps"), (30, "30 fps"), (60, "60 fps"), (120, "120 fps"))
-FILM_RATES = ((15, "15 fps"), (24, "24 fps"), (25, "25 fps"), (30, "30 fps"), (60, "60 fps"))
+MOTION_RATES = (*((rate, f"{rate:.4g} fps") for rate in VIDEO_RATES),)
+FILM_RATES = ((15.0, "15 fps"), *((rate, f"{rate:.4g} fps") for rate in VIDEO_RATES if rate <= 60.0))
 MAX_DISTANCE_M = 20.0
 
 
@@ -52,6 +55,10 @@ def draw(exporting: Exporting, fonts: Fonts) -> None:
         _end(exporting)
     if closed[0]:
         state.open = False
+
+
+def _rate(label: str, rates: Sequence[tuple[float, str]], chosen: float) -> float:
+    return float(str(overlay.combo(label, rates, chosen)))
 
 
 def _set(form: ExportForm, name: str, value: Any) -> None:
@@ -89,11 +96,17 @@ def _motion(form: ExportForm) -> None:
     has = form.format.options
     if "fps" in has:
         overlay.row("Frames a second")
-        form.fps = int(str(overlay.combo("##export rate", MOTION_RATES, form.fps)))
+        form.fps = _rate("##export rate", ((0.0, "as the take"), *MOTION_RATES), form.fps)
     if "unit" in has:
         overlay.row("Unit")
         units = (("cm", "Centimetres"), ("m", "Metres"))
         form.unit = str(overlay.combo("##export unit", units, form.unit))
+    if "euler_order" in has:
+        overlay.row(
+            "Rotations", "YXZ at hips and root keeps a reader that interpolates angles steady in any heading"
+        )
+        orders = (("", "YXZ at the hips, ZYX else"), *((order, order) for order in ROTATION_ORDERS))
+        form.euler_order = str(overlay.combo("##export order", orders, form.euler_order))
     if form.format.keeps_motion:
         overlay.row("Ground", "As a second node of the file, or as a file beside it, in the same coordinates")
         inside = "with_ground" in has
@@ -111,7 +124,7 @@ def _motion(form: ExportForm) -> None:
 
 def _film(form: ExportForm) -> None:
     overlay.row("Frames a second")
-    form.film_fps = int(str(overlay.combo("##film rate", FILM_RATES, form.film_fps)))
+    form.film_fps = _rate("##film rate", FILM_RATES, form.film_fps)
     overlay.row("Size")
     form.size = str(overlay.combo("##film size", [(size, size) for size in SIZES], form.size))
     overlay.row("Camera")

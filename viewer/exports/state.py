@@ -15,8 +15,9 @@ class ExportForm:
     """What is chosen: for motion, then for films."""
 
     suffix: str = ".glb"
-    fps: int = 60
+    fps: float = 0.0  # 0: as the take
     unit: str = "cm"
+    euler_order: str = ""  # "": as `format_bvh` chooses
     trimmed: bool = True  # only what lies between the trim marks
     loop: bool = False
     in_place: bool = False
@@ -25,7 +26,7 @@ class ExportForm:
     rest_frame: bool = False
     ground: str = ""  # one of `GROUNDS`
     own_character: bool = True  # where one is on the stage
-    film_fps: int = 30
+    film_fps: float = 30.0
     size: str = "1280x720"
     camera: str = "front"
     distance: float = 0.0  # metres, 0 for the camera's usual one

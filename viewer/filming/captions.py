@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,12 @@ _BACK, _INK = (20, 28, 40, 170), (240, 244, 250, 255)
 
 
 def caption(prompts: Sequence[PromptEvent], seconds: float) -> str:
-    """The prompt in force at a moment, in quotation marks; "" before the first."""
+    """What was typed for the prompt in force at a moment, in quotation marks; "" before the first."""
     begun = [event for event in prompts if event.seconds <= seconds + 1e-6]
-    return f"“{title(begun[-1])}”" if begun else ""
+    if not begun:
+        return ""
+    last = begun[-1]
+    return f"“{title(replace(last, prompt=last.typed, typed='') if last.typed else last)}”"
 
 
 @dataclass
@@ -52,12 +55,12 @@ def draw_caption(size: tuple[int, int], text: str) -> tuple[int, int, NDArray[np
     def width(letters: int) -> float:
         return draw.textlength(text, ImageFont.load_default(letters)) + 2.2 * letters
 
-    letters = max(SMALLEST, image.height // 18)
+    letters = max(SMALLEST, image.height // 22)
     while letters > SMALLEST and width(letters) > 0.96 * image.width:
         letters -= 1
     while len(text) > 1 and width(letters) > 0.96 * image.width:
         text = text[:-2] + "…"
-    half, middle = width(letters) / 2, image.height - 1.6 * letters
+    half, middle = width(letters) / 2, image.height - 1.3 * letters
     box = (image.width / 2 - half, middle - letters, image.width / 2 + half, middle + letters)
     draw.rounded_rectangle(box, radius=letters, fill=_BACK)
     # letters are laid over the bar, not put in its place

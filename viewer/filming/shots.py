@@ -37,7 +37,7 @@ class Shot:
 
 
 SHOTS = {
-    "front": Shot(2.7, 0.16, 3.9),
+    "front": Shot(2.7, 0.16, 4.1),
     "follow": Shot(0.0, 0.22, 4.0),
     "side": Shot(0.5 * math.pi, 0.12, 3.9),
     "orbit": Shot(2.7, 0.2, 4.2, ORBIT_SPEED),

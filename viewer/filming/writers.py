@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -167,12 +168,14 @@ class _Animation:
         kind = ANIMATED[path.suffix.lower()]
         options: dict[str, Any] = {"quality": 70, "method": 4} if kind == "WEBP" else {"optimize": True}
         first, *others = self._frames
+        tick = 10 if kind == "GIF" else 1  # milliseconds; each frame ends at the tick nearest to its time
+        ends = np.round(np.arange(len(self._frames) + 1) * 1000.0 / fps / tick) * tick
         first.save(
             temporary,
             kind,
             save_all=True,
             append_images=others,
-            duration=round(1000.0 / fps),
+            duration=[int(end - begin) for begin, end in pairwise(ends)],
             loop=0,
             **options,
         )

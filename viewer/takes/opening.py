@@ -30,16 +30,14 @@ class Opened:
 
 def read_clip(path: Path) -> Opened:
     """A BVH of ours with its ground, or one of another skeleton as reference on flat ground; FileError."""
-    from runtime.formats.bvh_clip import OtherSkeleton, load_clip_bvh
     from runtime.formats.ground import ground_spec, names_ground
     from runtime.formats.prepare import on_its_ground
-    from runtime.formats.reference import load_reference_bvh
+    from runtime.formats.reference import open_take
 
-    try:
-        clip = load_clip_bvh(path)
-    except OtherSkeleton:
-        reference = load_reference_bvh(path)
-        return Opened(reference.clip, "flat", said=reference.describe())
+    opened = open_take(path)
+    clip = opened.clip
+    if opened.reference is not None:
+        return Opened(clip, "flat", said=opened.reference.describe())
     if not names_ground(clip):
         return Opened(clip, "")
     try:

@@ -43,6 +43,10 @@ _EXPLAINED = {
     "frame_cpu_ms_p99": "the same, 99th percentile",
     "journal_ms": "what a recorded frame costs more to be on disk, at 60 Hz: queue and writing thread, mean",
     "journal_queue_ms_p99": "the part of it on the frame's path, 99th percentile",
+    "step_over_model": "step_ms over model_ms: a ratio is the same on a busy machine",
+    "crowd_9_over_model": "crowd_9_ms over model_ms",
+    "crowd_32_over_model": "crowd_32_ms over model_ms",
+    "frame_cpu_over_model": "frame_cpu_ms over model_ms",
     "prompt_ms": "prompt to style without network, median",
     "prompt_first_ms": "the first prompt, loading included",
     "first_frame_s": "start of the program to its first frame, offscreen",
@@ -79,10 +83,21 @@ def measure(frames: int, model: Path | None) -> dict[str, Any]:
         except SportError as error:
             figures[name] = None
             figures["notes"].append(f"{name}: {error}")
+    figures.update(ratios(figures))
     figures.update(
         cpu=cpu_name(), cores=os.cpu_count(), threads=1, python=platform.python_version(), frames=frames
     )
     return figures
+
+
+def ratios(figures: dict[str, Any]) -> dict[str, float | None]:
+    """Times over that of the network alone; None where a time is missing."""
+    timed = {"step_over_model": "step_ms", "frame_cpu_over_model": "frame_cpu_ms"}
+    timed |= {f"crowd_{count}_over_model": f"crowd_{count}_ms" for count in CROWDS[1:]}
+    return {
+        name: None if figures[time] is None else figures[time] / figures["model_ms"]
+        for name, time in timed.items()
+    }
 
 
 def print_table(figures: dict[str, Any]) -> None:
@@ -197,7 +212,7 @@ def _frame_times(frames: int, model: Path | None) -> dict[str, float]:
     from viewer.app import App
     from viewer.options import ViewOptions
 
-    app = App(ViewOptions(offscreen=True, frames=frames, model=model, controls=f"w {WARM_UP + frames}"))
+    app = App(ViewOptions(offscreen=True, frames=frames, model=model, controls=f"walk {(WARM_UP + frames) / 60:.3f}"))
     try:
         app.stage.renderer.render = lambda *_: None
         app.window.draw_interface = lambda: None  # type: ignore[method-assign]

@@ -1,7 +1,6 @@
 """One frame of N characters: `step` reads from top to bottom what happens in 1/60 s.
 
-The same function moves one character and a crowd. The network runs once for each: 8-bit activations are scaled by the
-largest of a call, so that in a batch every character would depend on its neighbours.
+The same function moves one character and a crowd.
 """
 
 from __future__ import annotations
@@ -79,7 +78,7 @@ def step(
 ) -> tuple[CharacterState, Frame]:
     """The state 1/60 s later, with the poses to show in it; `state` stays as it is.
 
-    `controls` and `temperature` (of the sampler) are one for each character. `helper` runs every second network.
+    `controls` and `temperature` (of the sampler) are one for each character. `helper` runs half of the networks.
     """
     before, state = state, copied(state)
     state.styles = tuple(style.advanced(DT) for style in state.styles)
@@ -215,18 +214,26 @@ def _input(state: CharacterState, looks: Sequence[Look], terrain: Terrain) -> Ar
 def _network(
     model: MotionModel, x: Array, noise: Sequence[Array], styles: Sequence[Style], helper: Executor | None
 ) -> Array:
-    """y `(N, 473)`: with a helper odd characters on its thread, even ones on this."""
+    """y `(N, 473)`: with a helper half of the characters on its thread.
+
+    In full precision many characters are one batch. With 8-bit weights each has a call of its own: activations are scaled
+    by the largest of a call, so that in a batch every character would depend on its neighbours.
+    """
     y = np.empty((len(x), OUTPUT_SIZE), np.float32)
 
-    def run(members: range) -> None:
-        for i in members:
+    def run(first: int, end: int) -> None:
+        if model.batches and end - first > 1:
+            y[first:end] = model.step(x[first:end], np.concatenate(noise[first:end]), styles[first:end])[0]
+            return
+        for i in range(first, end):
             y[i] = model.step(x[i : i + 1], noise[i], styles[i])[0][0]
 
     if helper is None or len(x) == 1:
-        run(range(len(x)))
+        run(0, len(x))
     else:
-        beside = helper.submit(run, range(1, len(x), 2))
-        run(range(0, len(x), 2))
+        middle = len(x) // 2
+        beside = helper.submit(run, 0, middle)
+        run(middle, len(x))
         beside.result()
     return y
 

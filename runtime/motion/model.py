@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,6 +27,7 @@ from runtime.motion.model_files import (
 
 Array = NDArray[np.float32]
 
+THREADS = 4  # whose last lists of styles are kept stacked
 MIN_STRENGTH, MAX_STRENGTH = 0.0, 2.0
 
 
@@ -77,8 +79,13 @@ class MotionModel:
         self._styles_apart = check_graphs(
             folder, prompt, self._style, self._step, self.noise_shape, self.style_shape, step
         )
-        self._stacked: tuple[tuple[Style, ...], dict[str, Array]] = ((), {})
+        self._stacked: dict[int, tuple[tuple[Style, ...], dict[str, Array]]] = {}  # by the thread that asks
         self.provider = self._step.get_providers()[0].removesuffix("ExecutionProvider")
+
+    @property
+    def batches(self) -> bool:
+        """Whether characters with styles of their own share a call without a bearing on each other."""
+        return self._styles_apart and self.precision == "fp32"
 
     @property
     def prompt_path(self) -> Path:
@@ -133,10 +140,12 @@ class MotionModel:
             raise ModelError(
                 f"{self.folder}: {problem}.", "Give a style for each, with a newly exported model."
             )
-        known, tensors = self._stacked
+        thread = threading.get_ident()
+        known, tensors = self._stacked.get(thread, ((), {}))
         if len(known) != count or any(a is not b for a, b in zip(known, style, strict=True)):
             tensors = {name: np.stack([getattr(one, name) for one in style]) for name in FOLDED}
-            self._stacked = (tuple(style), tensors)
+            others = self._stacked if len(self._stacked) < THREADS else {}
+            self._stacked = {**others, thread: (tuple(style), tensors)}
         return tensors
 
 

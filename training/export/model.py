@@ -43,6 +43,9 @@ class PromptGraph(nn.Module):
 class EmbeddingGraph(nn.Module):
     """The ablation without a content encoder: the sentence embeddings `(N, 6, D)`, standardised, are Z^t."""
 
+    centre: Tensor
+    deviation: Tensor
+
     def __init__(self, centre: Tensor, deviation: Tensor) -> None:
         super().__init__()
         self.register_buffer("centre", centre.view(6, -1))
@@ -59,6 +62,10 @@ class MotionGraph(nn.Module):
     velocity `(N, 40, 3)`, every second frame at 60 Hz, to mean and log-variance `(N, 6, 64)` of Z^m.
     """
 
+    joint_mean: Tensor
+    joint_deviation: Tensor
+    root_deviation: Tensor
+
     def __init__(self, content: ContentEncoder, scales: dict[str, Tensor]) -> None:
         super().__init__()
         self.motion = content.motion
@@ -73,6 +80,8 @@ class MotionGraph(nn.Module):
 class StyleGraph(nn.Module):
     """Z^t `(6, 64)` to the folded modulator weights and the style's natural speeds (walk, jog) in m/s,
     then what `training.rest_rhythm` fits."""
+
+    regression: Tensor
 
     def __init__(self, generator: Generator, speeds: Tensor) -> None:
         super().__init__()

@@ -17,7 +17,7 @@ from runtime.motion.features import INPUT_SIZE, MOTION_INPUT_SIZE
 from runtime.motion.model_files import FOLDED
 from training.batches import Normalisation, normalised
 from training.export.graph import BATCH, export_graph
-from training.networks.decoder import blend_codes
+from training.networks.decoder import ResidualBlock, blend_codes
 from training.networks.diffusion import ReverseStep
 from training.networks.generator import Generator
 from training.networks.modulator import instance_norm
@@ -28,6 +28,19 @@ class FrameGraph(nn.Module):
 
     Those have a leading dimension: 1 where all characters of the batch share a prompt, or the batch.
     """
+
+    x_mean: Tensor
+    x_deviation: Tensor
+    x_limit: Tensor
+    y_mean: Tensor
+    y_deviation: Tensor
+    encoder_first: Tensor
+    encoder_first_bias: Tensor
+    encoder_second: Tensor
+    encoder_second_bias: Tensor
+    front_wide: Tensor
+    front_narrow: Tensor
+    front_narrow_bias: Tensor
 
     def __init__(self, generator: Generator, normal: Normalisation) -> None:
         super().__init__()
@@ -70,6 +83,16 @@ class FrameGraph(nn.Module):
 class StepGraph(FrameGraph):
     """x `(B, 472)` and noise to y `(B, output)`, in real units; the denoising steps are unrolled."""
 
+    code_weight: Tensor
+    condition_weight: Tensor
+    head_weight: Tensor
+    head_bias: Tensor
+    base_weight: Tensor
+    base_bias: Tensor
+    code_mean: Tensor
+    code_deviation: Tensor
+    taps: Tensor
+
     def __init__(self, generator: Generator, normal: Normalisation, steps: list[ReverseStep]) -> None:
         super().__init__(generator, normal)
         self.steps = steps
@@ -80,8 +103,9 @@ class StepGraph(FrameGraph):
         for number, step in enumerate(steps):
             embedded = denoiser.embed_step(torch.tensor([step.step])) + denoiser.expert_token + bias
             self.keep(f"step_{number}", embedded)
-        self.norms = nn.ModuleList([block.norm for block in denoiser.blocks])
-        for number, block in enumerate(denoiser.blocks):
+        blocks = [block for block in denoiser.blocks if isinstance(block, ResidualBlock)]
+        self.norms = nn.ModuleList([block.norm for block in blocks])
+        for number, block in enumerate(blocks):
             self.keep(f"convolution_{number}", block.convolution.linear.weight.T)
             self.keep(f"convolution_{number}_bias", block.convolution.linear.bias)
             self.keep(f"linear_{number}", block.linear.weight.T)
@@ -151,6 +175,12 @@ class PlainGraph(nn.Module):
 
     The content experts are blended in every frame.
     """
+
+    x_mean: Tensor
+    x_deviation: Tensor
+    x_limit: Tensor
+    y_mean: Tensor
+    y_deviation: Tensor
 
     def __init__(self, generator: Generator, normal: Normalisation, steps: list[ReverseStep]) -> None:
         super().__init__()

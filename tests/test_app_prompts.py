@@ -157,20 +157,25 @@ def test_a_field_is_applied_when_it_is_left(start: Start) -> None:
     assert "slowly" in words(app)["head"]
 
 
-def test_locked_fields_survive_the_next_prompt(start: Start) -> None:
+def test_an_edited_field_is_locked_and_survives_the_next_prompt(start: Start) -> None:
     app = start()
     run(app)
     app.state.prompt.parts["head"] = "head shaking"
     app.prompting.submit_part("head")
-    app.prompting.toggle_lock("head")
+    assert app.state.prompt.edit.locked == {"head"}
     app.prompting.submit_prompt("a proud king")
+    assert "Locked, so kept: head." in message(app)
+    app.prompting.undo()
+    app.prompting.undo()  # of the edit, and of its lock with it
+    assert app.state.prompt.edit.locked == frozenset()
+    app.prompting.redo()
+    app.prompting.redo()
     assert words(app)["head"] == app.state.prompt.parts["head"] == "head shaking"
     assert words(app)["torso"] == "torso of a proud king"
     assert style(app)[5] == pytest.approx(FakeEncoder.code("head shaking"))
     app.prompting.reset_part("head")
     assert words(app)["head"] == "head of a proud king"
-    app.prompting.toggle_lock("head")
-    app.prompting.submit_prompt("a duck")
+    app.prompting.submit_prompt("a duck")  # a reset gives the field back to the prompts
     assert words(app)["head"] == "head of a duck"
 
 
@@ -210,7 +215,8 @@ def test_a_take_keeps_what_replays_it(start: Start) -> None:
     events = app.state.takes.items[0].clip.prompts
     king = FakeLibrary().expand("a proud king").descriptions
     kept = [read_words(event.prompt) for event in events]
-    assert kept == ["a proud king", king.replace("head", "head shaking"), "a duck"]
+    duck_with_king_head = FakeLibrary().expand("a duck").descriptions.replace("head", "head shaking")
+    assert kept == ["a proud king", king.replace("head", "head shaking"), duck_with_king_head]
     assert [round(event.seconds * 60) for event in events] == [0, 2, 4]
 
 
@@ -225,9 +231,9 @@ def test_undo_and_redo_of_prompts_edits_and_locks(start: Start) -> None:
     states.append((words(app), frozenset(), style(app)))
     app.state.prompt.parts["torso"] = "torso twisting"
     app.prompting.submit_part("torso")
-    states.append((words(app), frozenset(), style(app)))
+    states.append((words(app), frozenset({"torso"}), style(app)))
     app.prompting.toggle_lock("head")
-    states.append((words(app), frozenset({"head"}), style(app)))
+    states.append((words(app), frozenset({"head", "torso"}), style(app)))
 
     def check(index: int) -> None:
         run(app)

@@ -55,11 +55,11 @@ def test_newer_words_and_the_end_do_not_wait_for_a_slow_model(endpoint, expander
     worker.submit("a slow prompt")
     while not endpoint.requests:
         quick = worker.poll()
-        assert quick is None or (quick.expansion.source, quick.final) == ("library", False)
+        assert quick is None or (quick.source, quick.final) == ("library", False)
         time.sleep(0.002)
     worker.submit(PROUD)
     result = wait_for(worker)
-    assert (result.request, result.error) == (PROUD, None)  # and not the withdrawn one's error
+    assert result.words == PROUD  # and not the withdrawn one's error
     worker.submit("another slow prompt")
     while len(endpoint.requests) < 2:
         time.sleep(0.002)
@@ -77,8 +77,7 @@ def test_the_same_prompt_again_is_answered(endpoint, expander_of):
     worker.submit("proud")
     result = wait_for(worker)
     worker.close()
-    assert result.error is None
-    assert result.expansion.source == "gpt"
+    assert result.source == "gpt"
 
 
 def test_the_environment_opens_the_expander(endpoint, monkeypatch, tmp_path):
@@ -89,7 +88,7 @@ def test_the_environment_opens_the_expander(endpoint, monkeypatch, tmp_path):
     worker.submit("a proud king")
     result = wait_for(worker)
     worker.close()
-    assert (result.expansion.source, result.expansion.descriptions) == ("gpt", PROUD)
+    assert (result.source, result.words) == ("gpt", PROUD)
     assert list(tmp_path.rglob("*.json"))
 
 
@@ -99,13 +98,13 @@ def test_the_library_answers_until_the_language_model_does(endpoint, expander_of
     worker.submit("proud")
     while (quick := worker.poll()) is None:
         time.sleep(0.002)
-    assert (quick.expansion.source, quick.final, worker.busy) == ("library", False, True)
+    assert (quick.source, quick.final, worker.busy) == ("library", False, True)
     endpoint.released.set()
     answer = wait_for(worker)
     worker.close()
-    assert answer.expansion == Expansion(PROUD, "gpt")
+    assert (answer.words, answer.source) == (PROUD, "gpt")
     assert np.all(answer.z == len(PROUD.head))
-    assert (quick.request, answer.request) == ("proud", "proud")
+    assert (quick.prompt, answer.prompt) == ("proud", "proud")
 
 
 def test_what_was_answered_before_is_there_at_once(endpoint, expander_of):

@@ -12,11 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.errors import ModelError, PromptError, SportError
+from runtime.prompts.answer import Answer
 from runtime.prompts.content import PromptEncoder
 from runtime.prompts.english.library import LibraryExpander
 from runtime.prompts.expander import Expansion
 from runtime.prompts.parts import PartDescriptions, mirror_text
-from runtime.prompts.service import PromptResult, PromptWorker
+from runtime.prompts.service import PromptWorker
 from runtime.prompts.text_encoder import TextEncoder
 from runtime.skeleton import PART_NAMES
 
@@ -130,7 +131,7 @@ def test_numbers_that_are_not_finite_are_refused(tmp_path: Path) -> None:
         encoder.encode(DESCRIPTIONS)
 
 
-def _wait(worker: PromptWorker, seconds: float = 20.0) -> PromptResult:
+def _wait(worker: PromptWorker, seconds: float = 20.0) -> Answer:
     deadline = time.monotonic() + seconds
     while time.monotonic() < deadline:
         result = worker.poll()
@@ -146,17 +147,14 @@ def test_worker_answers_prompts_descriptions_and_errors(tmp_path: Path, expander
         assert worker.poll() is None
         worker.submit("a proud king")
         good = _wait(worker)
-        assert good.error is None
-        assert good.z is not None
         assert good.z.shape == (6, 64)
         assert worker.poll() is None
         worker.submit("")
-        bad = _wait(worker)
-        assert isinstance(bad.error, PromptError)
-        assert bad.z is None
+        with pytest.raises(PromptError):
+            _wait(worker)
         worker.submit(DESCRIPTIONS)
         typed = _wait(worker)
-        assert typed.expansion == Expansion(DESCRIPTIONS, "explicit")
+        assert (typed.prompt, typed.words, typed.source) == ("", DESCRIPTIONS, "explicit")
     finally:
         worker.close()
 
@@ -189,13 +187,13 @@ def test_worker_keeps_only_the_newest_request_and_never_blocks(tmp_path: Path) -
         assert time.perf_counter() - started < 0.5
         assert worker.busy
         slow.go.set()
-        assert _wait(worker).request == "prompt 99"
+        assert _wait(worker).prompt == "prompt 99"
         assert slow.asked == ["first", "prompt 99"]
         worker.submit("defect")
-        failed = _wait(worker)
-        assert isinstance(failed.error, SportError)
+        with pytest.raises(SportError):
+            _wait(worker)
         worker.submit("after")
-        assert _wait(worker).error is None  # the thread outlived the defect
+        assert _wait(worker).prompt == "after"  # the thread outlived the defect
     finally:
         slow.go.set()
         worker.close()

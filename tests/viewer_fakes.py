@@ -15,9 +15,9 @@ from runtime.errors import SportError
 from runtime.motion.state import CharacterState, standing
 from runtime.motion.style_blend import StyleBlend, StyleCodes
 from runtime.pose import Pose
+from runtime.prompts.answer import Answer
 from runtime.prompts.expander import Expansion, check_prompt
 from runtime.prompts.parts import PartDescriptions
-from runtime.prompts.service import PromptResult
 from runtime.terrain.height_map import Terrain
 from viewer.services import Loaded, Services
 from viewer.stage.simulation import make_pose, rest_pose
@@ -143,17 +143,14 @@ class FakePrompts:
     def submit(self, prompt: str | PartDescriptions) -> None:
         self.asked.append(prompt)
         try:
-            given = isinstance(prompt, PartDescriptions)
-            expansion = Expansion(prompt, "explicit") if given else self.expander.expand(prompt)
+            self._result = self.answer(prompt)
         except SportError as error:
-            self._result = PromptResult(prompt, None, None, 1.0, error)
-            return
-        self._result = PromptResult(prompt, expansion, self.encoder.encode(expansion.descriptions), 1.0)
+            self._result = error
 
-    def answer(self, prompt: str | PartDescriptions) -> PromptResult:
+    def answer(self, prompt: str | PartDescriptions) -> Answer:
         given = isinstance(prompt, PartDescriptions)
         expansion = Expansion(prompt, "explicit") if given else self.expander.expand(prompt)
-        return PromptResult(prompt, expansion, self.encoder.encode(expansion.descriptions), 1.0)
+        return Answer.of(prompt, expansion, self.encoder.encode(expansion.descriptions), 1.0)
 
     def withdraw(self) -> None:
         self._result = None
@@ -165,6 +162,8 @@ class FakePrompts:
         if self.held:
             return None
         result, self._result = self._result, None
+        if isinstance(result, SportError):
+            raise result
         return result
 
     def close(self, timeout_s: float = 2.0) -> None:

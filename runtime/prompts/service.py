@@ -9,16 +9,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
-import numpy as np
-from numpy.typing import NDArray
-
 from runtime.errors import SportError
+from runtime.prompts.answer import Answer, Request
 from runtime.prompts.content import PromptEncoder
 from runtime.prompts.expander import Expander, Expansion, PromptCancelledError
 from runtime.prompts.parts import PartDescriptions
 
 _log = logging.getLogger(__name__)
-Request = str | PartDescriptions
 
 
 @runtime_checkable
@@ -30,29 +27,18 @@ class SteppedExpander(Expander, Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class PromptResult:
-    """Answer to one request, or `error`; a request may get several, the last of them is `final`.
-
-    `expansion` is what the expander said, `z` (6, 64) its code. `milliseconds` have passed since the worker began.
-    """
-
-    request: Request
-    expansion: Expansion | None
-    z: NDArray[np.float32] | None
-    milliseconds: float
-    error: SportError | None = None
-    final: bool = True
-
-
 @dataclass
-class _Job:
-    """One request, until its final answer is polled."""
+class _Work:
+    """The newest request, until its final answer is polled."""
 
     request: Request
     stop: threading.Event = field(default_factory=threading.Event)
     begun: bool = False
-    answer: PromptResult | None = None  # the newest, not yet polled
+    answer: Answer | SportError | None = None  # the newest, not yet polled
+
+    @property
+    def done(self) -> bool:
+        return isinstance(self.answer, SportError) or (self.answer is not None and self.answer.final)
 
 
 class PromptWorker:
@@ -66,39 +52,36 @@ class PromptWorker:
         self._expander = expander
         self._encoder = encoder
         self._condition = threading.Condition()
-        self._job: _Job | None = None
+        self._work: _Work | None = None
         self._closed = False
-        self._thread = threading.Thread(target=self._work, name="prompts", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="prompts", daemon=True)
         self._thread.start()
 
     def submit(self, prompt: Request) -> None:
         """Ask for a prompt or for six descriptions in place of any older request; no effect once closed."""
         with self._condition:
-            self._replace(None if self._closed else _Job(prompt))
+            self._replace(None if self._closed else _Work(prompt))
 
-    def answer(self, prompt: Request) -> PromptResult:
-        """The final answer, on the caller's thread and beside what `submit` asked; raises its error."""
+    def answer(self, prompt: Request) -> Answer:
+        """The final answer, on the caller's thread and beside what was submitted; raises its error."""
         with self._condition:
             expander = self._expander
-        result = list(self._answers(_Job(prompt), expander))[-1]
-        if result.error is not None:
-            raise result.error
-        return result
+        return _answer_or_raise(list(self._answers(_Work(prompt), expander))[-1])
 
     def withdraw(self) -> None:
         """Forget the request, and an answer that was not polled yet."""
         with self._condition:
             self._replace(None)
 
-    def poll(self) -> PromptResult | None:
-        """The newest answer to the newest request that was not polled yet, or None."""
+    def poll(self) -> Answer | None:
+        """The newest answer to the newest request that was not polled yet, or None; raises the request's error."""
         with self._condition:
-            if self._job is None:
+            if self._work is None or self._work.answer is None:
                 return None
-            answer, self._job.answer = self._job.answer, None
-            if answer is not None and answer.final:
-                self._job = None
-            return answer
+            work, answer = self._work, self._work.answer
+            self._work = None if work.done else work
+            work.answer = None
+        return _answer_or_raise(answer)
 
     def use(self, expander: Expander) -> None:
         """Expand by another expander from the next request on."""
@@ -109,7 +92,7 @@ class PromptWorker:
     def busy(self) -> bool:
         """Whether the final answer to the request has yet to be found."""
         with self._condition:
-            return self._job is not None and not (self._job.answer and self._job.answer.final)
+            return self._work is not None and not self._work.done
 
     def close(self, timeout_s: float = 2.0) -> None:
         """Stop the thread after the text in the encoder; waits at most `timeout_s` seconds."""
@@ -118,51 +101,52 @@ class PromptWorker:
             self._replace(None)
         self._thread.join(timeout_s)
 
-    def _replace(self, job: _Job | None) -> None:
-        if self._job is not None:
-            self._job.stop.set()
-        self._job = job
+    def _replace(self, work: _Work | None) -> None:
+        if self._work is not None:
+            self._work.stop.set()
+        self._work = work
         self._condition.notify()
 
-    def _work(self) -> None:
+    def _run(self) -> None:
         while True:
             with self._condition:
-                self._condition.wait_for(lambda: self._closed or (self._job and not self._job.begun))
-                job, expander = self._job, self._expander
-                if job is None:
+                self._condition.wait_for(lambda: self._closed or (self._work and not self._work.begun))
+                work, expander = self._work, self._expander
+                if work is None:
                     return
-                job.begun = True
-            for answer in self._answers(job, expander):
+                work.begun = True
+            for answer in self._answers(work, expander):
                 with self._condition:
-                    job.answer = answer  # nobody polls it when a newer request has taken the job's place
+                    work.answer = answer  # nobody polls it when a newer request has taken its place
 
-    def _answers(self, job: _Job, expander: Expander) -> Iterator[PromptResult]:
+    def _answers(self, work: _Work, expander: Expander) -> Iterator[Answer | SportError]:
         """Every answer to a request, encoded; an error is the last."""
         started = time.perf_counter()
-
-        def since() -> float:
-            return (time.perf_counter() - started) * 1e3
-
         try:
-            for expansion, final in _expansions(job, expander):
+            for expansion, final in _expansions(work, expander):
                 z = self._encoder.encode(expansion.descriptions)
-                yield PromptResult(job.request, expansion, z, since(), final=final)
-                if job.stop.is_set():
+                yield Answer.of(work.request, expansion, z, (time.perf_counter() - started) * 1e3, final)
+                if work.stop.is_set():
                     return
         except PromptCancelledError:
             return
         except SportError as error:
-            yield PromptResult(job.request, None, None, since(), error)
+            yield error
         except Exception as unexpected:  # the thread must outlive any defect, and the user must see it
             _log.exception("prompt worker")
-            defect = SportError(f"The prompt failed unexpectedly: {unexpected!r}.", "Try another prompt.")
-            yield PromptResult(job.request, None, None, since(), defect)
+            yield SportError(f"The prompt failed unexpectedly: {unexpected!r}.", "Try another prompt.")
 
 
-def _expansions(job: _Job, expander: Expander) -> Iterator[tuple[Expansion, bool]]:
-    if isinstance(job.request, PartDescriptions):
-        yield Expansion(job.request, "explicit"), True
+def _answer_or_raise(answer: Answer | SportError) -> Answer:
+    if isinstance(answer, SportError):
+        raise answer
+    return answer
+
+
+def _expansions(work: _Work, expander: Expander) -> Iterator[tuple[Expansion, bool]]:
+    if isinstance(work.request, PartDescriptions):
+        yield Expansion(work.request, "explicit"), True
     elif isinstance(expander, SteppedExpander):
-        yield from expander.steps(job.request, job.stop)
+        yield from expander.steps(work.request, work.stop)
     else:
-        yield expander.expand(job.request), True
+        yield expander.expand(work.request), True

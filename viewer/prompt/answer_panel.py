@@ -28,6 +28,9 @@ def draw(answer: Answer | None, asked: bool, prompt: PromptState, rows: int, lin
         waiting = f"{ICON.clock} {'Loading' if prompt.loading else 'Preparing the style'}…"
         widgets.muted(waiting if asked or prompt.loading else f"{ICON.note} Type a prompt.")
         return None
+    if answer.prompt and not asked and not any(box.text.strip() for box in prompt.boxes):
+        widgets.muted(f"{ICON.note} Type a prompt; “{answer.prompt}” goes on until then.")
+        return None
     _who(answer, asked, prompt, rows)
     chosen = None
     if answer.source != "gpt":

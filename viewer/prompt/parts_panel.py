@@ -55,7 +55,7 @@ def _heading(part: str, prompt: PromptState, prompting: Prompting) -> None:
     elif edited:
         imgui.same_line(0, px(6))
         widgets.label("kept" if locked else "edited", theme.ACCENT)
-    _hardly_shown(part, prompt)
+    _mark_weak(part, prompt)
     share = prompt.edit.weights[PART_NAMES.index(part)]
     if prompt.edit.b is not None and share > 0.0:
         imgui.same_line(0, px(6))
@@ -79,7 +79,7 @@ def _heading(part: str, prompt: PromptState, prompting: Prompting) -> None:
     imgui.set_cursor_pos(imgui.ImVec2(top.x, top.y + px(LABEL_HEIGHT + 2)))
 
 
-def _hardly_shown(part: str, prompt: PromptState) -> None:
+def _mark_weak(part: str, prompt: PromptState) -> None:
     """Beside the part's name where a walk was measured to show next to nothing of its words."""
     share = prompt.hardly_shown(part)
     if share is None or prompt.parts[part] != prompt.applied(part):

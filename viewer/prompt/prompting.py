@@ -7,7 +7,6 @@ import itertools
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
 from runtime.errors import PromptError, SportError
 from runtime.prompts.blend import ALL_A
@@ -78,14 +77,14 @@ class Prompting:
     # --- words
 
     def submit_prompt(self, text: str, side: Side = Side.A, remembered: bool = True) -> None:
-        """Expand a prompt and blend to it; locked fields keep their words. An empty one says what is expected."""
+        """Expand a prompt and blend to it; locked and edited fields keep their words. An empty one says what is expected."""
         self.state.boxes[side].text = text
         line = " ".join(text.split())
         line = line if len(line) <= MAX_LABEL else line[: MAX_LABEL - 1] + "…"
         self._ask(side, Question(text, f"“{line}”", remembered))
 
     def submit_part(self, part: str, label: str = "") -> None:
-        """Encode one field's new words; an emptied field goes back to what the expander said."""
+        """Encode one field's new words and lock them; an emptied field goes back to what the expander said."""
         if not self.state.parts[part].strip():
             self.reset_part(part)
             return
@@ -98,7 +97,7 @@ class Prompting:
             self._ask(Side.A, Question(words, label or _named(part)))
 
     def reset_part(self, part: str) -> None:
-        """Give a field the expander's words again."""
+        """Give a field the expander's words again, and release it."""
         answer = self.state.edit.a
         if answer is not None:
             self.state.parts[part] = getattr(answer.said, part)
@@ -203,7 +202,7 @@ class Prompting:
         """The final answer to a prompt or six descriptions, for a take: waits, on a worker thread."""
         if self.workers is None:
             raise PromptError("No model is loaded that could read a prompt.", "Wait until it is there.")
-        return Answer.of(self.workers[Side.A].answer(request), 0)
+        return self.workers[Side.A].answer(request)
 
     def _show(self, edit: StyleEdit, seconds: float) -> None:
         """Put an edit into force, and its words into the fields where nothing newer stands."""
@@ -251,60 +250,59 @@ class Prompting:
     def poll(self) -> None:
         """Take answers when there are any, and hand the style to the controller once; call once a frame."""
         for side, worker in zip(Side, self.workers or (), strict=False):
-            question, result = self.state.questions[side], worker.poll()
-            if question is None or result is None:
-                continue
-            if result.error is not None:
-                self._fail(result.error)
-            else:
-                self._take(side, question, result)
-            if result.final:
+            question = self.state.questions[side]
+            try:
+                answer, final = worker.poll(), False
+            except SportError as error:
+                answer, final = None, True
+                self._fail(error)
+            if question is not None and answer is not None:
+                self._take(side, question, dataclasses.replace(answer, question=question.number))
+                final = answer.final
+            if question is not None and final:
                 self.state.questions[side] = None
                 if question.then is not None:
                     self._ask(side, question.then)
         if self.even_blends is not None:
-            self.even_blends.poll(self.state.edit, self._even_out)
+            self.even_blends.poll(self.state.edit, self._take_shares)
         self._hand_over()
 
-    def _even_out(self, change: Callable[[StyleEdit], StyleEdit]) -> None:
+    def _take_shares(self, change: Callable[[StyleEdit], StyleEdit]) -> None:
         """Take a pair's shares into the edit in force and into the steps of undo."""
         self.history.revise(change)
         self.state.edit = change(self.state.edit)
         self._due_seconds = LIVE_SECONDS if self._due_seconds is None else self._due_seconds
 
-    def _take(self, side: Side, question: Question, result: Any) -> None:
-        edit, followed = self.state.edit, question.answered
-        before = edit.answers[side]
-        prompted = isinstance(question.request, str)
-        answer = Answer.of(result, question.number)
-        if not prompted:
-            known = before or dataclasses.replace(answer, prompt="")
-            answer = dataclasses.replace(
-                known, words=answer.words, z=answer.z, final=True, question=question.number
-            )
-        elif before is not None and not followed:
-            answer = answer.keeping(edit.locked_on(side), before)
-        self._improve(side, answer) if followed else self._adopt(side, answer, question)
+    def _take(self, side: Side, question: Question, answer: Answer) -> None:
+        """An answer to a question comes into force: the first as a step of undo, a better one in that step's place."""
+        before, first = self.state.edit.answers[side], not question.answered
+        if first:
+            edit = self._first_answer(side, question, answer)
+            self.state.edit, question.answered = edit, True
+            self.history.push(question.label, edit)
+        else:
+            self._improve(side, answer)
         in_force = self.state.edit.answers[side]
         if side is Side.A and in_force is not None:
             self.state.parts = dict(in_force.words.to_mapping())
-        if before is None or in_force is None or not followed or in_force.words != before.words:
+        if first or before is None or in_force is None or in_force.words != before.words:
             # the first style comes soon, but no hand flies there
-            first = min(self.settings.blend_seconds, FIRST_STYLE_SECONDS)
-            self._due_seconds = self.settings.blend_seconds if self._styled else first
-        if question.remembered and isinstance(question.request, str):
-            self.settings.prompt_history = remember(self.settings.prompt_history, question.request)
-        if prompted and (self._styled or answer.note):  # the first answers without a word
-            model = self.state.expander.language_model or "the language model"
-            self.messages.post(*answer_message(answer, question.label, model, followed))
+            soon = min(self.settings.blend_seconds, FIRST_STYLE_SECONDS)
+            self._due_seconds = self.settings.blend_seconds if self._styled else soon
+        if question.prompt:
+            self._report(side, question, answer, followed=not first)
 
-    def _adopt(self, side: Side, answer: Answer, question: Question) -> None:
-        """Put a question's first answer into force, as a step of undo."""
-        edit = self.state.edit.with_answer(side, answer)
-        if side is Side.B and not any(edit.weights):
-            edit = edit.with_all_weights(FIRST_SHARE)
-        self.state.edit, question.answered = edit, True
-        self.history.push(question.label, edit)
+    def _first_answer(self, side: Side, question: Question, answer: Answer) -> StyleEdit:
+        """The edit in force with the first answer to a question; words that were edited are locked with it."""
+        edit = self.state.edit
+        before = edit.answers[side]
+        if question.prompt:
+            kept = answer if before is None else answer.keeping(edit.locked_on(side), before)
+            edit = edit.with_answer(side, kept)
+            return edit.with_all_weights(FIRST_SHARE) if side is Side.B and not any(edit.weights) else edit
+        return edit.with_answer(side, answer if before is None else before.with_words(answer)).locking_edits(
+            before
+        )
 
     def _improve(self, side: Side, answer: Answer) -> None:
         """Put a better answer in the place of the first one, in the prompt's step and in all that was done to it since.
@@ -320,6 +318,16 @@ class Prompting:
 
         self.history.revise(improved)
         self.state.edit = improved(self.state.edit)
+
+    def _report(self, side: Side, question: Question, answer: Answer, followed: bool) -> None:
+        """Say who answered a prompt and which edited words it left alone; the first one answers without a word."""
+        if question.remembered:
+            self.settings.prompt_history = remember(self.settings.prompt_history, question.prompt)
+        if self._styled or answer.note:
+            model = self.state.expander.language_model or "the language model"
+            in_force = self.state.edit.answers[side]
+            kept = () if in_force is None else in_force.edited
+            self.messages.post(*answer_message(answer, question.label, model, followed, kept))
 
     def _hand_over(self) -> None:
         """Give the style that is due to the controller; folding it costs about a millisecond."""

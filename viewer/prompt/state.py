@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from runtime.prompts.answer import Request as Request
 from runtime.prompts.expander import DEFAULT_PROMPT
-from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.shares import HARDLY, phrase_share
 from runtime.skeleton import PART_NAMES
 from viewer.prompt.style_edit import Side, StyleEdit
-
-Request = str | PartDescriptions
 
 
 @dataclass
@@ -36,6 +34,11 @@ class Question:
     then: Question | None = None  # what to ask next
     number: int = 0
     answered: bool = False  # a better answer is on its way
+
+    @property
+    def prompt(self) -> str:
+        """The prompt, "" where six descriptions were edited."""
+        return self.request if isinstance(self.request, str) else ""
 
 
 @dataclass

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.motion.style_mix import LINEAR, Shares, StyleMix, even_weights, turned_round
+from runtime.prompts.answer import Answer as Answer
 from runtime.prompts.blend import ALL_A, BlendedPrompt, Weights, Words, mix_of_parts, write_words
-from runtime.prompts.expander import Expansion
-from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
 
 MAX_STEPS = 100  # of undo
@@ -25,60 +23,6 @@ class Side(IntEnum):
 
     A = 0
     B = 1
-
-
-@dataclass(frozen=True)
-class Answer:
-    """One answered prompt: `said` by the expander, `words` as they hold now (with edits and kept words), and their code."""
-
-    prompt: str  # "" when only the six fields were written
-    said: PartDescriptions
-    words: PartDescriptions
-    z: NDArray[np.float32] = field(compare=False)  # (6, 64), of `words`
-    source: str = "explicit"  # "library", "gpt" or "explicit"
-    nearest: tuple[tuple[str, float], ...] = ()
-    note: str = ""
-    milliseconds: float = 0.0
-    final: bool = True  # False: a better answer is on its way
-    question: int = 0  # number of the question that it answers
-
-    @staticmethod
-    def of(result: Any, question: int) -> Answer:
-        """The answer in a worker's result to a prompt."""
-        expansion: Expansion = result.expansion
-        return Answer(
-            result.request,
-            expansion.descriptions,
-            expansion.descriptions,
-            result.z,
-            expansion.source,
-            expansion.nearest,
-            expansion.note,
-            result.milliseconds,
-            result.final,
-            question,
-        )
-
-    def keeping(self, parts: Collection[str], before: Answer) -> Answer:
-        """The same answer but for `parts`, which go on as in `before`: a part's code comes from its own words alone."""
-        if not parts:
-            return self
-        words = {part: getattr(before.words, part) for part in parts}
-        kept = np.array([part in parts for part in PART_NAMES])[:, None]
-        return dataclasses.replace(
-            self, words=dataclasses.replace(self.words, **words), z=np.where(kept, before.z, self.z)
-        )
-
-    @property
-    def edited(self) -> tuple[str, ...]:
-        """Parts whose words are not the expander's."""
-        return tuple(part for part in PART_NAMES if getattr(self.words, part) != getattr(self.said, part))
-
-    @property
-    def replayable(self) -> Words:
-        """What asks for the same words again: the prompt where the library answered it, else the six descriptions."""
-        by_prompt = self.prompt and self.source != "gpt" and not self.edited
-        return self.prompt if by_prompt else self.words
 
 
 @dataclass(frozen=True)
@@ -110,6 +54,13 @@ class StyleEdit:
         """Another answer on one side."""
         answers = (answer, self.b) if side is Side.A else (self.a, answer)
         return dataclasses.replace(self, answers=answers, shares=LINEAR)
+
+    def locking_edits(self, before: Answer | None) -> StyleEdit:
+        """Parts of prompt A whose words changed since `before`: locked where they are edited, else released."""
+        if self.a is None or before is None:
+            return self
+        changed = {p for p in PART_NAMES if getattr(self.a.words, p) != getattr(before.words, p)}
+        return dataclasses.replace(self, locked=self.locked - changed | changed & set(self.a.edited))
 
     def locked_on(self, side: Side) -> frozenset[str]:
         """Parts whose words the answers on a side leave alone: of prompt B those that have a share of it."""

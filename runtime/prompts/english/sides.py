@@ -14,6 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from runtime.prompts.english.clause_rules import grammar
 from runtime.prompts.english.library_data import LibraryEntry
@@ -87,7 +88,7 @@ def name_sides(prompt: str) -> tuple[str, str]:
     text = _SIDE_BEHIND.sub(_put_side_before, text)
     text = _with_sides(text, hand)
     for pattern, clauses in grammar().relations:
-        text = pattern.sub(lambda match, said=clauses: _relation(match, said, hand), text)
+        text = pattern.sub(partial(_relation, clauses=clauses, hand=hand), text)
     return text, hand
 
 

@@ -1,0 +1,80 @@
+"""One answered prompt: what was said, the words in force and their code."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.prompts.blend import Words
+from runtime.prompts.expander import Expansion
+from runtime.prompts.parts import PartDescriptions
+from runtime.skeleton import PART_NAMES
+
+Request = str | PartDescriptions
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One answered prompt: `said` by the expander, `words` as they hold now (with edits and kept words), and their code."""
+
+    prompt: str  # "" when only the six fields were written
+    said: PartDescriptions
+    words: PartDescriptions
+    z: NDArray[np.float32] = field(compare=False)  # (6, 64), of `words`
+    source: str = "explicit"  # "library", "gpt" or "explicit"
+    nearest: tuple[tuple[str, float], ...] = ()
+    note: str = ""
+    milliseconds: float = 0.0
+    final: bool = True  # False: a better answer is on its way
+    question: int = 0  # number of the question that it answers, of whoever numbers them
+
+    @staticmethod
+    def of(
+        request: Request,
+        expansion: Expansion,
+        z: NDArray[np.float32],
+        milliseconds: float = 0.0,
+        final: bool = True,
+    ) -> Answer:
+        """What an expander made of a prompt, or of six descriptions, and its code (6, 64)."""
+        said = expansion.descriptions
+        return Answer(
+            request if isinstance(request, str) else "",
+            said,
+            said,
+            z,
+            expansion.source,
+            expansion.nearest,
+            expansion.note,
+            milliseconds,
+            final,
+        )
+
+    def with_words(self, words: Answer) -> Answer:
+        """The same prompt with other words, those of an answer to six descriptions."""
+        return dataclasses.replace(self, words=words.words, z=words.z, final=True, question=words.question)
+
+    def keeping(self, parts: Collection[str], before: Answer) -> Answer:
+        """The same answer but for `parts`, which go on as in `before`: a part's code comes from its own words alone."""
+        if not parts:
+            return self
+        words = {part: getattr(before.words, part) for part in parts}
+        kept = np.array([part in parts for part in PART_NAMES])[:, None]
+        return dataclasses.replace(
+            self, words=dataclasses.replace(self.words, **words), z=np.where(kept, before.z, self.z)
+        )
+
+    @property
+    def edited(self) -> tuple[str, ...]:
+        """Parts whose words are not the expander's."""
+        return tuple(part for part in PART_NAMES if getattr(self.words, part) != getattr(self.said, part))
+
+    @property
+    def replayable(self) -> Words:
+        """What asks for the same words again: the prompt where the library answered it, else the six descriptions."""
+        by_prompt = self.prompt and self.source != "gpt" and not self.edited
+        return self.prompt if by_prompt else self.words

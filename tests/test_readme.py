@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -52,10 +53,22 @@ def test_the_library_example_writes_its_clip(tmp_path: Path) -> None:
     assert len([x for x in example.splitlines() if x and not x.startswith(("from", "import"))]) <= 10
 
 
-def test_starting_takes_two_commands() -> None:
-    install, start = blocks(README, "sh")[0].splitlines()
-    assert install.startswith("pip install")
-    assert shlex.split(start)[0] == "sport"
+def test_one_line_starts_the_program_and_one_passes_the_tests() -> None:
+    lines = [line for block in blocks(README, "sh")[:2] for line in block.splitlines()]
+    start, tests = (line.split(" && ") for line in lines)
+    assert start[:2] == tests[:2]
+    assert start[-1] == ".venv/bin/sport"
+    assert tests[-1].startswith(".venv/bin/pytest")
+    assert all("pip install -c constraints.txt" in steps[2] for steps in (start, tests))
+
+
+def test_constraints_are_names_and_versions_and_cover_what_is_needed() -> None:
+    pinned = dict(line.split("==") for line in text_of(ROOT / "constraints.txt").splitlines())
+    assert all(re.fullmatch(r"[\w.-]+", name) for name in pinned)
+    assert all(re.fullmatch(r"[\w.+]+", version) for version in pinned.values())
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        needed = tomllib.load(file)["project"]["dependencies"]
+    assert {re.split(r"[<>=; \[]", line)[0] for line in needed} <= pinned.keys()
 
 
 @pytest.mark.parametrize(("where", "line"), [*commands(README), *image_script()])

@@ -35,6 +35,7 @@ DATABASE = "database.npz"
 STEP = 2  # frames of 1/60 s from one row to the next
 SEARCH_FRAMES = 6  # ten searches a second
 HALF_LIFE = 0.1  # seconds, of what is left of a change of frame
+CHANGE_FRAMES = 42  # after seven half-lives less than a thousandth is left
 CACHED = 256
 CHANGES = 10  # that can be under way at once
 NEAR_ROWS = 10  # a row so near to the shown one is no change
@@ -260,8 +261,10 @@ class MatchingModel:
         return y, np.ones((len(x), 1), np.float32)
 
     def output_of(self, row: int) -> Array:
-        """y `(473,)` of a row that is played from its beginning."""
-        return self._output(*self._at(STEP * row), Playing(STEP * row))[0]
+        """y `(473,)` of a row, with nothing played yet."""
+        y = self._output(*self._at(STEP * row), Playing(STEP * row))[0]
+        y[features.OUTPUT["phase"]] = 0.0
+        return y
 
     # --- one character ------------------------------------------------------------------------------------------------
 
@@ -270,9 +273,10 @@ class MatchingModel:
         playing = self._advanced(Playing.unpacked(phase), x, int(np.argmax(style.front_bias)))
         world, hips, root = self._at(playing.place)
         # the newest turns the rows' pose, the one before it what comes of that: so each began from what was shown
-        for left, entered, frames in reversed(playing.changes):
-            turn, moved, way = self._left_over(left, entered, frames / FPS)
-            world = rotations.multiply(rotations.from_rotation_vector(turn), world)
+        if playing.changes:
+            turns, moved, way = self._left_over(playing.changes)
+            for turn in turns[::-1]:
+                world = rotations.multiply(turn, world)
             hips, root = hips + moved, root + way
         return self._output(world, hips, root, playing)
 
@@ -283,7 +287,7 @@ class MatchingModel:
             return Playing(STEP * self._nearest(self._query(x, None), label), 0, ())
         last = STEP * int(base.last[playing.place // STEP])
         place, since = min(playing.place + 1, last), playing.since_search + 1
-        changes = tuple((a, b, n + 1) for a, b, n in playing.changes if n < 10 * HALF_LIFE * FPS)
+        changes = tuple((a, b, n + 1) for a, b, n in playing.changes if n < CHANGE_FRAMES)
         if since < SEARCH_FRAMES and place < last:
             return Playing(place, since, changes)
         row = place // STEP
@@ -326,15 +330,20 @@ class MatchingModel:
         root = (1.0 - share) * base.root[row] + share * base.root[following]
         return world, hips.astype(np.float64), root.astype(np.float64)
 
-    def _left_over(self, left: int, entered: int, seconds: float) -> tuple[Array, Array, Array]:
-        """Of a change: what is left of its turn `(31, 3)` (rotation vectors), of the hips and of the root's velocity."""
-        key = left, entered
-        if key not in self._changes:
-            if len(self._changes) >= CACHED:
-                self._changes.clear()
-            self._changes[key] = self._change(left, entered)
-        turn, spin, moved, speed, way = self._changes[key]
-        return decay(turn, spin, seconds), decay(moved, speed, seconds), decay(way, np.zeros(3), seconds)
+    def _left_over(self, changes: Sequence[tuple[int, int, int]]) -> tuple[Array, Array, Array]:
+        """Of changes: what is left of each one's turn `(K, 31, 4)`, of the hips' and of the root velocity's differences."""
+        found = []
+        for left, entered, _ in changes:
+            key = left, entered
+            if key not in self._changes:
+                if len(self._changes) >= CACHED:
+                    self._changes.clear()
+                self._changes[key] = self._change(left, entered)
+            found.append(self._changes[key])
+        turn, spin, moved, speed, way = (np.stack(values) for values in zip(*found, strict=True))
+        seconds = np.array([frames for _, _, frames in changes])[:, None] / FPS
+        turns = rotations.from_rotation_vector(decay(turn, spin, seconds[..., None]))
+        return turns, decay(moved, speed, seconds).sum(0), decay(way, np.zeros(3), seconds).sum(0)
 
     def _change(self, left: int, entered: int) -> tuple[Array, ...]:
         """From one place to another: turn, its rate, the hips' difference, its rate, the root velocity's difference."""

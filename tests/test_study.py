@@ -1,0 +1,267 @@
+"""The user study: a page filled in by a scripted browser, and a report that equals the textbook and statsmodels.
+
+Every answer here is made up by the test and marked as synthetic.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from runtime.errors import FileError, UsageError
+from runtime.terrain.height_map import Terrain
+from sport.cli import main
+from sport.study import make
+from sport.study.make import Film, Scene, write_study
+
+METHODS = ("ours", "rival", "capture")
+SIZES = {"phone": (390, 844), "desktop": (1280, 900)}
+
+
+def study(folder: Path, titles: int = 2, data: bytes = b"film") -> dict[str, Any]:
+    """A study of `titles` obstacles and as many styles by three methods; its key."""
+    films = [
+        Film(Scene(method, kind, f"{kind} {k}", "walk", None, Terrain.flat()), data)  # type: ignore[arg-type]
+        for kind in ("obstacle", "style")
+        for k in range(titles)
+        for method in METHODS
+    ]
+    write_study(folder, films)
+    return json.loads((folder / make.KEY).read_text(encoding="utf-8"))
+
+
+def synthetic(folder: Path, key: dict[str, Any], ratings: np.ndarray) -> list[Path]:
+    """Answer files of participants: `ratings` `(P, M)` of every film of a method, plus what the title adds."""
+    paths = []
+    for number, row in enumerate(ratings):
+        answers = [
+            {"clip": clip, "rating": int(row[METHODS.index(about["method"])]), "again": False, "seconds": 3}
+            for clip, about in key["clips"].items()
+        ]
+        content = {
+            "format": "sport-study-answers", "study": key["study"], "participant": f"{number:04x}", "synthetic": True,
+            "answers": answers,
+        }  # fmt: skip
+        paths.append(folder / f"answers_{number}.json")
+        paths[-1].write_text(json.dumps(content), encoding="utf-8")
+    return paths
+
+
+# --- the page ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_page_tells_no_method_and_needs_no_network(tmp_path: Path) -> None:
+    key = study(tmp_path)
+    page = (tmp_path / make.PAGE).read_text(encoding="utf-8")
+    assert not any(
+        method in page.split("const STUDY")[1].split(";\n")[0] for method in ("ours", "rival", "walk")
+    )
+    assert "http" not in page.replace("http-equiv", "")
+    assert len(key["clips"]) == 12
+    assert key["methods"] == list(METHODS)
+    assert all(name in page for name in key["clips"])
+    again = study(tmp_path / "b")
+    assert again["study"] != key["study"]
+    assert not set(again["clips"]) & set(key["clips"])
+
+
+def test_a_study_needs_two_methods_and_a_new_folder(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="two methods"):
+        make.make(tmp_path / "a", {"ours": tmp_path})
+    study(tmp_path)
+    with pytest.raises(UsageError, match="holds a study"):
+        make.make(tmp_path, {"ours": tmp_path, "rival": tmp_path})
+
+
+# --- the report -------------------------------------------------------------------------------------------------------
+
+RATINGS = np.array([[4, 3, 5], [3, 2, 5], [4, 2, 4], [5, 3, 5], [3, 3, 4], [4, 1, 5]])
+
+
+def test_the_anova_is_the_textbooks_and_statsmodels(tmp_path: Path) -> None:
+    """Sums of squares by hand: F = (SS_methods / (m - 1)) / (SS_rest / ((m - 1)(p - 1)))."""
+    pytest.importorskip("statsmodels")
+    import pandas
+    from scipy import stats
+    from statsmodels.stats.anova import AnovaRM
+    from statsmodels.stats.multicomp import pairwise_tukeyhsd
+
+    from sport.study.report import analyse, read_answers
+
+    key = study(tmp_path)
+    files = synthetic(tmp_path, key, RATINGS)
+    found = analyse(read_answers(files, tmp_path / make.KEY, synthetic=True))
+    tests = found["parts"]["obstacle"]["tests"]
+    p, m = RATINGS.shape
+    grand = RATINGS.mean()
+    between = p * np.square(RATINGS.mean(0) - grand).sum()
+    rest = np.square(RATINGS - RATINGS.mean(1, keepdims=True) - RATINGS.mean(0) + grand).sum()
+    f = (between / (m - 1)) / (rest / ((m - 1) * (p - 1)))
+    assert tests["anova"]["F"] == pytest.approx(f)
+    assert tests["anova"]["df"] == [m - 1, (m - 1) * (p - 1)]
+    assert tests["anova"]["p"] == pytest.approx(stats.f.sf(f, m - 1, (m - 1) * (p - 1)))
+    frame = pandas.DataFrame({"y": RATINGS.ravel(), "who": np.repeat(range(p), m), "by": np.tile(METHODS, p)})
+    row = AnovaRM(frame, "y", "who", within=["by"]).fit().anova_table.iloc[0]
+    assert tests["anova"]["F"] == pytest.approx(row["F Value"])
+    tukey = pairwise_tukeyhsd(frame["y"], frame["by"])
+    assert [t["p"] for t in tests["tukey"]] == pytest.approx(list(tukey.pvalues))
+    assert tests["tukey"][0]["pair"] == ["capture", "ours"]
+    assert tests["tukey"][0]["difference"] == pytest.approx(RATINGS[:, 0].mean() - RATINGS[:, 2].mean())
+    twice = [
+        np.repeat(RATINGS[:, k], 2).astype(float) for k in range(m)
+    ]  # every film of a method was rated alike, two a kind
+    assert tests["kruskal_wallis"]["H"] == pytest.approx(stats.kruskal(*twice).statistic)
+    assert tests["bartlett"]["T"] == pytest.approx(stats.bartlett(*twice).statistic)
+
+
+def test_counts_means_and_bars(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("statsmodels")
+    key = study(tmp_path)
+    files = [str(f) for f in synthetic(tmp_path, key, RATINGS)]
+    where = ["--key", str(tmp_path / make.KEY)]
+    assert main(["study", "report", *files, *where]) == 2  # synthetic answers are no answers
+    assert "synthetic" in capsys.readouterr().err
+    more = ["--synthetic", "--json", str(tmp_path / "r.json"), "--figures", str(tmp_path / "figures")]
+    assert main(["study", "report", *files, *where, *more]) == 0
+    text = capsys.readouterr().out
+    assert text.startswith("**Synthetic answers")
+    found = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))
+    ours = found["parts"]["all"]["methods"]["ours"]
+    assert ours["counts"] == [0, 0, 8, 12, 4]
+    assert ours["mean"] == pytest.approx(RATINGS[:, 0].mean())
+    assert ours["deviation"] == pytest.approx(np.std(np.repeat(RATINGS[:, 0], 4), ddof=1))
+    assert "| ours | 24 | 0.0 % | 0.0 % | 33.3 % | 50.0 % | 16.7 % | 3.83 ± 0.70 |" in text
+    assert "Tukey HSD, ours − capture" in text
+    assert all(
+        (tmp_path / "figures" / f"fig1{n}.png").stat().st_size > 5000 for n in ("0_responses", "1_means")
+    )
+
+
+def test_damaged_and_foreign_answers_are_named(tmp_path: Path) -> None:
+    from sport.study.report import read_answers
+
+    key = study(tmp_path)
+    (file,) = synthetic(tmp_path, key, RATINGS[:1])
+    good = json.loads(file.read_text(encoding="utf-8"))
+    for change, words in (
+        ({"study": "other"}, "another study"),
+        ({"answers": [{"clip": "x", "rating": 3, "again": False}]}, "no film"),
+        ({"answers": [good["answers"][0] | {"rating": 6}]}, "expected 1 to 5"),
+        ({"answers": [good["answers"][0] | {"rating": True}]}, "expected 1 to 5"),
+        ({"format": "x"}, "not the answers"),
+    ):
+        file.write_text(json.dumps(good | change), encoding="utf-8")
+        with pytest.raises(FileError, match=words):
+            read_answers([file], tmp_path / make.KEY, synthetic=True)
+    file.write_text(json.dumps(good), encoding="utf-8")
+    with pytest.raises(UsageError, match="again"):
+        read_answers([file, file], tmp_path / make.KEY, synthetic=True)
+    with pytest.raises(FileError, match="not the key"):
+        read_answers([file], file, synthetic=True)
+
+
+def test_the_later_answer_to_a_film_shown_again_counts(tmp_path: Path) -> None:
+    from sport.study.report import analyse, read_answers
+
+    key = study(tmp_path)
+    (file,) = synthetic(tmp_path, key, RATINGS[:1])
+    content = json.loads(file.read_text(encoding="utf-8"))
+    capture = next(a for a in content["answers"] if key["clips"][a["clip"]]["method"] == "capture")
+    capture["rating"] = 2
+    content["answers"].append(capture | {"rating": 4, "again": True})
+    file.write_text(json.dumps(content), encoding="utf-8")
+    answers = read_answers([file], tmp_path / make.KEY, synthetic=True)
+    assert sorted(answers.of("capture")) == [4, 5, 5, 5]
+    assert analyse(answers)["shown_again"] == 1
+
+
+# --- in a browser -----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory):  # type: ignore[no-untyped-def]
+    selenium = pytest.importorskip("selenium.webdriver")
+    program, driver = shutil.which("chromium"), shutil.which("chromedriver")
+    if program is None or driver is None:
+        pytest.skip("chromium and chromedriver are not installed")
+    options = selenium.ChromeOptions()
+    options.binary_location = program
+    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"):
+        options.add_argument(argument)
+    folder = tmp_path_factory.mktemp("downloads")
+    options.add_experimental_option("prefs", {"download.default_directory": str(folder)})
+    window = selenium.Chrome(options, selenium.ChromeService(driver))
+    window.downloads = folder
+    yield window
+    window.quit()
+
+
+def shown(window: Any) -> dict[str, Any]:
+    return window.execute_script(
+        "return {...state.queue[state.at], at: state.at, length: state.queue.length}"
+    )
+
+
+def downloaded(window: Any) -> Path:
+    """The answers behind the link, written as the browser would save them."""
+    text = window.execute_async_script(
+        "const done = arguments[0]; fetch(document.getElementById('download').href).then(r => r.text()).then(done)"
+    )
+    path = window.downloads / window.find_element("id", "download").get_attribute("download")
+    content = json.loads(text)
+    assert content["synthetic"] is False  # what a page writes is somebody's answer; this one is the test's
+    path.write_text(json.dumps(content | {"synthetic": True}), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("keys", [False, True], ids=["mouse", "keyboard"])
+def test_a_page_is_filled_in_from_first_to_last(browser: Any, tmp_path: Path, size: str, keys: bool) -> None:
+    from sport.study.report import read_answers
+
+    key = study(tmp_path, titles=1)
+    browser.set_window_size(*SIZES[size])
+    browser.get((tmp_path / make.PAGE).as_uri())
+    body = browser.find_element("tag name", "body")
+    browser.find_element("id", "begin").click()
+    given: dict[str, int] = {}
+    low: str | None = None
+    order = []
+    while browser.execute_script("return state.at < state.queue.length"):
+        item = shown(browser)
+        order.append(item["clip"])
+        method = key["clips"][item["clip"]]["method"]
+        rating = {"ours": 4, "rival": 3, "capture": 5}[method]
+        if method == "capture" and low in (None, item["clip"]):
+            rating = 2 if low is None else 3  # the first film of capture is rated low, and again
+            low = item["clip"]
+        wide = browser.execute_script("return document.documentElement.scrollWidth <= innerWidth")
+        assert wide, "nothing is cut off at the side"
+        assert not browser.find_element("id", "next").is_enabled()
+        if keys:
+            body.send_keys(str(rating))
+        else:
+            browser.find_elements("css selector", "label.mark")[rating - 1].click()
+        if item["at"] == 1 and len(order) == 2:  # the page is closed and opened in the middle
+            browser.refresh()
+            assert shown(browser)["at"] == 1
+            body = browser.find_element("tag name", "body")
+        given[item["clip"]] = rating
+        assert browser.find_element("id", "next").is_enabled()
+        if keys:
+            body.send_keys("\ue007")
+        else:
+            browser.find_element("id", "next").click()
+    assert len(order) == len(key["clips"]) + 1
+    assert set(order) == set(key["clips"])
+    assert order[-1] == low
+    path = downloaded(browser)
+    answers = read_answers([path], tmp_path / make.KEY, synthetic=True)
+    assert {r.clip: r.rating for r in answers.ratings} == given
+    assert sum(r.again for r in answers.ratings) == 1
+    browser.execute_script("localStorage.clear()")

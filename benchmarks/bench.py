@@ -212,7 +212,11 @@ def _frame_times(frames: int, model: Path | None) -> dict[str, float]:
     from viewer.app import App
     from viewer.options import ViewOptions
 
-    app = App(ViewOptions(offscreen=True, frames=frames, model=model, controls=f"walk {(WARM_UP + frames) / 60:.3f}"))
+    app = App(
+        ViewOptions(
+            offscreen=True, frames=frames, model=model, controls=f"walk {(WARM_UP + frames) / 60:.3f}"
+        )
+    )
     try:
         app.stage.renderer.render = lambda *_: None
         app.window.draw_interface = lambda: None  # type: ignore[method-assign]

@@ -21,7 +21,6 @@ from runtime.motion.model import load_model  # noqa: E402
 from runtime.motion.processor import exact_8_bit_products  # noqa: E402
 from training.export.quantize import KEPT, Frames, main, quantize_model, quantize_step, relative_error  # noqa: E402
 
-
 needs_exact_products = pytest.mark.skipif(
     not exact_8_bit_products(),
     reason="8-bit products overflow on this processor, and the runtime refuses them",

@@ -48,6 +48,7 @@ SHOWN = {
 }  # which obstacle of a course
 # what was captured of an obstacle: a part of the imported clip's content
 CAPTURED = {"stairs": "climb 3 steps", "platforms": "platform", "hill": "uneven terrain", "hurdles": "hurdle"}
+GROUND_M, CELL_M = 28.0, 0.1  # of the ground that a film shows
 STILL_M = 0.4  # metres that a film's character goes at least
 
 
@@ -154,7 +155,7 @@ def draw(scene: Scene) -> bytes:
     )
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
-        make_film(scene.clip, scene.terrain, path, options)
+        make_film(scene.clip, _widened(scene.terrain, scene.clip), path, options)
         return path.read_bytes()
 
 
@@ -198,6 +199,14 @@ def _scenes(
         if path is not None:
             part = _middle(path, seconds)
             yield Scene(CAPTURE, "style", style.replace("_", " "), "walk", clip_of(part), path.terrain)
+
+
+def _widened(terrain: Terrain, clip: Clip) -> Terrain:
+    """The ground around a clip, goes on as it ends: a captured patch must not be told from ours by its edge."""
+    x, z = (float(v) for v in clip.hips_positions[:, [0, 2]].mean(0))
+    along = np.arange(-GROUND_M / 2, GROUND_M / 2 + CELL_M, CELL_M)
+    heights = terrain.height((x + along)[:, None], (z + along)[None, :])
+    return Terrain("ground", heights.astype(np.float32), CELL_M, (x - GROUND_M / 2, z - GROUND_M / 2))
 
 
 def clip_of(motion: Motion) -> Clip:

@@ -32,6 +32,7 @@ EXPERIMENTS = {
     "motion": "training.evaluation.command:MOTION",
     "courses": "training.evaluation.command:COURSES",
     "text": "training.evaluation.text.command:TEXT",
+    "table1": "training.evaluation.table1:TABLE1",
     "distances": "training.evaluation.on_captured_paths:DISTANCES",
     "told-apart": "training.evaluation.on_captured_paths:TOLD_APART",
     "same-path": "training.evaluation.on_captured_paths:SAME_PATH",

@@ -60,7 +60,7 @@ def test_record_play_trim_export(start: Start, tmp_path: Path) -> None:
     clips.export_path = str(tmp_path / "new folder" / "walk")
     app.takes.export()
     run(app)
-    assert clips.items[0].saved == tmp_path / "new folder" / "walk.bvh"
+    assert clips.items[0].exported == tmp_path / "new folder" / "walk.bvh"
     motion = read_bvh(tmp_path / "new folder" / "walk.bvh")
     assert len(motion.positions) == 16
     assert motion.fps == pytest.approx(60.0, abs=1e-3)
@@ -255,10 +255,10 @@ def test_a_signal_ends_the_run_and_does_not_cost_the_take(
             os.kill(os.getpid(), ending_signal)
         draw(app)
 
-    def rescue(takes: Takes) -> list[Path]:
+    def rescue(takes: Takes, until: float | None = None) -> list[Path]:
         if ending_signal != signal.SIGINT:  # closing a terminal sends it more than once
             os.kill(os.getpid(), ending_signal)
-        return write(takes)
+        return write(takes, until)
 
     draw, write = App.frame, Takes.rescue
     monkeypatch.setattr(App, "frame", frame)

@@ -106,7 +106,8 @@ def test_the_export_window_writes_what_the_command_writes(start: Start, tmp_path
     assert len(load_clip_bvh(tmp_path / "take-1.bvh")) == 21  # 40 frames at half the rate, and the rest pose
     assert (tmp_path / "take-1-ground.obj").is_file()
     assert "21 frames at 30 fps" in app.state.desk.exports.report
-    assert app.state.takes.items[0].saved == tmp_path / "take-1.bvh"
+    assert app.state.takes.items[0].exported == tmp_path / "take-1.bvh"
+    assert app.state.takes.items[0].saved is None  # half the frames
     form.in_place = True
     click_on(app, "##export now")
     run(app, 2)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import logging
+import os
+import sys
 import time
 from pathlib import Path
 
@@ -67,6 +70,7 @@ __all__ = ["App", "ViewOptions", "run"]
 TITLE = "SPORT viewer"
 LONGEST_FRAME_S = 0.25  # a longer pause (a dragged window, a suspended laptop) is not simulated
 MINIMISED_WAIT_S = 0.1
+END_S = 1.5  # what is written when the program ends may take so long; what is kept otherwise is then given up
 
 
 def run(options: ViewOptions, services: Services | None = None, config: Path | None = None) -> int:
@@ -89,9 +93,14 @@ def run(options: ViewOptions, services: Services | None = None, config: Path | N
                 app.takes.rescue()  # a defect must not cost what was recorded
                 raise
             ending.saving = True
-            return app.end()
+            code = app.end()
         finally:
             app.close()
+    if app.jobs.abandoned and not options.offscreen:
+        logging.shutdown()
+        sys.stdout.flush()
+        os._exit(code)  # threads that still run would take the interpreter down while it ends
+    return code
 
 
 class App:
@@ -156,6 +165,7 @@ class App:
         self.takes = Takes(
             state.takes, settings, messages, stage, jobs, ClipRecorder(), drives, self.state_folder,
             self.stage.put_ground, is_safe=lambda _: self.desk.projects.kept,
+            is_offered=lambda _: self.desk.projects.in_session,
         )  # fmt: skip
         self.prompting = Prompting(
             prompt, settings, messages, lambda: stage.controller, self.takes.mark_style,
@@ -413,10 +423,13 @@ class App:
         What the user made comes first: a screenshot that cannot be written must not cost it. A run offscreen that
         comes to its end as planned keeps no takes. The code is 1 when anything was lost or went elsewhere than asked.
         """
-        lost = not self.jobs.finish("export ")  # what is on its way is not saved a second time
-        self.desk.projects.finish()
+        until = time.monotonic() + END_S
+        self.jobs.end()
+        self.desk.exporting.cancel()
+        lost = not self.jobs.finish("export ", until)  # what is on its way is not saved a second time
+        self.desk.projects.finish(until)
         if self.interrupted or not self.options.offscreen:
-            for path in self.takes.rescue():
+            for path in self.takes.rescue(until):
                 self.state.messages.note(f"Kept an unsaved take: {path}")
             lost = self.takes.trouble or lost
         else:
@@ -440,11 +453,13 @@ class App:
     def close(self) -> None:
         """Stop workers and close the window."""
         self.window.hide()
+        self.takes.journals.close()
+        self.jobs.close()
         self.expanders.close()
         self.prompting.close()
-        self.jobs.close()
-        self.takes.journals.close()
         self.stage.live.stop()
+        if self.jobs.abandoned and not self.options.offscreen:
+            return  # a thread may still draw a film in a context of its own; the process ends with it
         if self.window.handle is not None:
             self.stage.renderer.release()
         self.window.destroy()

@@ -1,4 +1,9 @@
-"""Slow work (loading, encoding, writing) on worker threads; results are delivered on the main thread."""
+"""Slow work (loading, encoding, writing) on worker threads; results are delivered on the main thread.
+
+Three kinds of jobs: what is *read* (a file of the user's) and what is *written* have threads of their own, everything
+else shares a few workers. Of what is not written, the newest job of a slot counts: an older one that has not begun is
+dropped, and at the end of the program so is all the rest. What is written is finished, one after the other in its slot.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +11,9 @@ import logging
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import CancelledError, Future, wait
 from dataclasses import dataclass, field
+from queue import SimpleQueue
 from typing import Any
 
 from runtime.errors import SportError
@@ -15,6 +21,7 @@ from viewer.messages import Messages
 
 _LOG = logging.getLogger("sport.viewer")
 PATIENCE_S = 0.7  # a file that is read faster needs no word
+Task = tuple["Future[Any]", Callable[[], Any]]
 
 
 class ReadingCancelled(SportError):
@@ -29,12 +36,14 @@ class _Job:
     done: Callable[[Any], None]
     failed: Callable[[Exception], None] | None
     reading: str = ""  # what is read: it can be cancelled, and the end of the program does not wait for it
+    writing: str = ""  # what is written: the end of the program waits for it
+    cancel: Callable[[], None] | None = None  # ends it early
     begun: float = field(default_factory=time.monotonic)
 
 
 @dataclass
 class Jobs:
-    """Named slots, the latest job of a slot wins: an older one's result is dropped.
+    """Named slots, each with its jobs.
 
     With `blocking` every job is done before `submit` returns, so that an offscreen run is deterministic.
     """
@@ -43,7 +52,9 @@ class Jobs:
     blocking: bool = False
     workers: int = 2
     first_error: SportError | None = None
-    _pool: ThreadPoolExecutor | None = None
+    abandoned: bool = False  # a job was still running when the program ended
+    _tasks: SimpleQueue[Task] = field(default_factory=SimpleQueue)
+    _threads: int = 0
     _jobs: list[_Job] = field(default_factory=list)
     _latest: dict[str, int] = field(default_factory=dict)
 
@@ -54,33 +65,57 @@ class Jobs:
         done: Callable[[Any], None],
         failed: Callable[[Exception], None] | None = None,
         reading: str = "",
+        writing: str = "",
+        cancel: Callable[[], None] | None = None,
     ) -> None:
         """Run `work` on a thread, then `done(result)` here; a failure is posted and given to `failed`.
 
-        With `reading`, the name of a file, the job has a thread of its own, and `cancel` ends it.
+        `reading` is the name of a file that is read: `cancel_reading` ends that. `writing` says what is written, in words for
+        the user. `cancel` makes a job that runs end early.
         """
         number = self._latest.get(slot, 0) + 1
         self._latest[slot] = number
-        future = _on_its_own_thread(work) if reading else self._threads().submit(work)
-        self._jobs.append(_Job(slot, number, future, done, failed, reading))
+        before = [job.future for job in self._jobs if job.slot == slot and job.writing]
+        if not writing:
+            self._drop([job for job in self._jobs if job.slot == slot and not job.writing])
+        future: Future[Any] = Future()
+        self._jobs.append(_Job(slot, number, future, done, failed, reading, writing, cancel))
+        if writing:
+            _own_thread("sport writing", future, lambda: (wait(before), work())[1])
+        elif reading:
+            _own_thread("sport reading", future, work)
+        else:
+            self._share(future, work)
         if self.blocking:
-            self._jobs[-1].future.exception()  # waits; `deliver` looks at it
+            wait([future])
             self.deliver()
 
-    def _threads(self) -> ThreadPoolExecutor:
-        if self._pool is None:
-            self._pool = ThreadPoolExecutor(self.workers, thread_name_prefix="sport")
-        return self._pool
+    def _share(self, future: Future[Any], work: Callable[[], Any]) -> None:
+        self._tasks.put((future, work))
+        if self._threads < self.workers:
+            self._threads += 1
+            threading.Thread(target=self._work, daemon=True, name=f"sport {self._threads}").start()
+
+    def _work(self) -> None:
+        while True:
+            _run(*self._tasks.get())
+
+    def _drop(self, jobs: list[_Job]) -> None:
+        """End jobs whose results nobody needs, as far as they let themselves be ended."""
+        for job in jobs:
+            if not job.future.cancel() and job.cancel is not None:
+                job.cancel()
 
     def reading(self) -> str:
         """The file that has been read for longest, once that takes a while; "" for none."""
         late = time.monotonic() - PATIENCE_S
         return next((job.reading for job in self._jobs if job.reading and job.begun < late), "")
 
-    def cancel(self) -> None:
+    def cancel_reading(self) -> None:
         """Drop what is being read: its result comes no more."""
         dropped = [job for job in self._jobs if job.reading]
         self._jobs = [job for job in self._jobs if not job.reading]
+        self._drop(dropped)
         for job in dropped:
             self.messages.note(f"Stopped reading {job.reading}.")
             if job.failed is not None and job.number == self._latest[job.slot]:
@@ -95,7 +130,7 @@ class Jobs:
         finished = [job for job in self._jobs if job.future.done()]
         self._jobs = [job for job in self._jobs if job not in finished]
         for job in finished:
-            if job.number == self._latest[job.slot]:
+            if job.writing or job.number == self._latest[job.slot]:
                 self._hand_over(job)
 
     def _hand_over(self, job: _Job) -> None:
@@ -103,9 +138,15 @@ class Jobs:
             result = job.future.result()
             self.messages.settle(job.slot)
             job.done(result)
+        except CancelledError:
+            return
         except Exception as error:  # whatever a loader meets becomes a message; the window lives on
             if isinstance(error, SportError):
                 known = error
+            elif isinstance(error, MemoryError):
+                known = SportError(
+                    f"{job.slot}: not enough memory.", "Close other programs, or use a smaller file."
+                )
             else:
                 _LOG.exception("job %s failed", job.slot)
                 known = SportError(
@@ -116,28 +157,51 @@ class Jobs:
             if job.failed is not None:
                 job.failed(error)
 
-    def finish(self, prefix: str) -> bool:
-        """Wait for the jobs whose slots begin with `prefix` and hand over what they made; whether none failed."""
-        errors = [job.future.exception() for job in self._jobs if job.slot.startswith(prefix)]
+    # --- the end
+
+    def end(self) -> None:
+        """The program ends: of what is not written yet nothing is begun any more."""
+        self._drop([job for job in self._jobs if not job.writing])
+        self._jobs = [job for job in self._jobs if job.writing or not job.future.cancelled()]
+
+    def finish(self, prefix: str, until: float | None = None) -> bool:
+        """Wait for what is written in slots that begin with `prefix`, hand it over, and say whether none failed.
+
+        What is not done at the time `until` (of `time.monotonic`) is given up.
+        """
+        waiting = [job for job in self._jobs if job.writing and job.slot.startswith(prefix)]
+        names = ", ".join(job.writing for job in waiting if not job.future.done())
+        if names:
+            self.messages.note(f"Waiting for {names}.")
+        left = None if until is None else max(until - time.monotonic(), 0.0)
+        _, late = wait([job.future for job in waiting], left)
+        given_up = [job for job in waiting if job.future in late]
+        self._drop(given_up)
+        wait(late, 0.0 if left is None else 0.2)  # a job that lets itself be ended cleans up
+        for job in given_up:
+            self.messages.warn(f"{job.writing[:1].upper()}{job.writing[1:]} was given up: the program ends.")
+        self._jobs = [job for job in self._jobs if job not in given_up]
+        self.abandoned = self.abandoned or any(not job.future.done() for job in given_up)
+        errors = [job.future.exception() for job in waiting if job not in given_up]
         self.deliver()
-        return not any(errors)
+        return not any(errors) and not given_up
 
     def close(self) -> None:
-        """Finish what was begun, but for files that are read: a clip that is being written, or waits for it, must not be lost."""
-        if self._pool is not None:
-            self._pool.shutdown(wait=True)
-            self._pool = None
+        """Finish what is written; drop everything else."""
+        self.end()
+        wait([job.future for job in self._jobs if job.writing])
+        self.abandoned = self.abandoned or any(job.future.running() for job in self._jobs)
 
 
-def _on_its_own_thread(work: Callable[[], Any]) -> Future[Any]:
-    """A thread that dies with the program: a pipe that nobody writes, or a file without end, must not hold it up."""
-    future: Future[Any] = Future()
+def _run(future: Future[Any], work: Callable[[], Any]) -> None:
+    if not future.set_running_or_notify_cancel():
+        return
+    try:
+        future.set_result(work())
+    except BaseException as error:  # whatever it is, it is raised where the result is requested
+        future.set_exception(error)
 
-    def run() -> None:
-        try:
-            future.set_result(work())
-        except BaseException as error:  # whatever it is, it is raised where the result is asked for
-            future.set_exception(error)
 
-    threading.Thread(target=run, daemon=True, name="sport reading").start()
-    return future
+def _own_thread(name: str, future: Future[Any], work: Callable[[], Any]) -> None:
+    """A thread that dies with the program: a pipe that nobody writes, or a file without end, must not stop its end."""
+    threading.Thread(target=_run, args=(future, work), daemon=True, name=name).start()

@@ -37,4 +37,5 @@ class Screenshots:
                 "screenshot",
                 lambda: save_png(pixels, path, new=True),
                 lambda p: self.messages.note(f"Saved {p}"),
+                writing="a screenshot",
             )

@@ -217,7 +217,7 @@ class Shell:
 
     def _status_line(self) -> None:
         if status.draw(self.messages.current, self._facts(), printable(self.jobs.reading())):
-            self.jobs.cancel()
+            self.jobs.cancel_reading()
         imgui.pop_style_var(2)
 
     def _facts(self) -> list[tuple[str, str]]:

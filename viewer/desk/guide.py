@@ -77,7 +77,7 @@ class Guide:
             self._prompt != self._asked,
             answer is not None and any(arm in answer.edited for arm in ARMS),
             len(items) > self._takes,
-            any(item.saved for item in items[self._takes :]),
+            any(item.saved or item.exported for item in items[self._takes :]),
         )
         for step, sign in enumerate(signs):
             self.done |= sign << step

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -108,7 +108,8 @@ class Exporting:
             return
         try:
             path = self._path()
-            work = self._work(item, path, self.state.form)
+            form, clip = replace(self.state.form), item.clip
+            work, whole = self._work(item, path, form), self._whole(clip, form)
         except SportError as error:
             self.messages.error(_named(error))
             self._failed(_named(error))
@@ -122,7 +123,14 @@ class Exporting:
 
         self.state.report, self.state.progress = "", (0, 0)
         self._cancel.clear()
-        self.jobs.submit(SLOT, named, lambda text: self._done(item, path, text), self._failed)
+        self.jobs.submit(
+            SLOT,
+            named,
+            lambda text: self._done(item, clip, path, text, whole),
+            self._failed,
+            writing=f"the export of {item.name}",
+            cancel=self.cancel,
+        )
 
     def cancel(self) -> None:
         """Give up the film that is being made; nothing of it stays."""
@@ -212,14 +220,21 @@ class Exporting:
 
     # --- what becomes of it
 
-    def _done(self, item: ClipItem, path: Path, text: str) -> None:
+    def _whole(self, clip: Clip, form: ExportForm) -> bool:
+        """Whether a BVH of this form holds every frame as it is, so that the take can be opened again."""
+        options = self._options(form)
+        changed = (
+            options.in_place or options.ground_root or options.at_origin or options.rest_frame or options.loop
+        )
+        cut = options.start_s > 0.0 or options.end_s is not None
+        return form.suffix == ".bvh" and not changed and not cut and options.fps >= clip.fps
+
+    def _done(self, item: ClipItem, clip: Clip, path: Path, text: str, whole: bool) -> None:
         if not text:
             self.state.report, self.state.report_good = "Cancelled: nothing was written.", True
             self.messages.note(f"The export of {item.name} was cancelled.")
             return
-        if self.state.form.format.keeps_motion:
-            item.saved = path
-            item.drop_journal()
+        self.takes.note_file(item, clip, path, whole)
         self.takes.settings.export_folder = str(path.parent)
         self.state.report, self.state.report_good = f"Saved {printable(text)}", True
         self.messages.note(f"Saved {text}")

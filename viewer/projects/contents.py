@@ -89,10 +89,10 @@ class Contents:
         distance = round(float(stage.camera.current.distance), 1)
         return items, settings, id(style), scene, distance, str(stage.state.model_folder)
 
-    def restore(self, project: Project) -> None:
-        """Put a project on the desk in the place of what is there."""
+    def restore(self, project: Project, kept: bool = True) -> None:
+        """Put a project on the desk in the place of what is there; whether that is `kept` elsewhere."""
         takes, stage = self.takes, self.stage
-        takes.clear()
+        takes.clear(kept)
         self._view_of(project)
         items = [item_of(take) for take in project.takes]
         takes.state.items.extend(items)
@@ -112,9 +112,9 @@ class Contents:
         self.match_models()
         takes.select(project.selected)
 
-    def clear(self) -> None:
+    def clear(self, kept: bool = True) -> None:
         """An empty desk on the same ground with the same character."""
-        self.takes.clear()
+        self.takes.clear(kept)
         self.takes.state.counter = 0
         self.waiting.clear()
 

@@ -41,7 +41,8 @@ class Projects:
     folder: Path  # of autosaved sessions
     autosaving: bool = True
     clock: Callable[[], float] = time.monotonic
-    kept: bool = False  # at the end: every take is in the project or in the session
+    kept: bool = False  # at the end: every take is in the project or in the session of a project
+    in_session: bool = False  # at the end: every take is in a session that the next start offers
     _file: AutosaveFile = field(init=False)
     _clean: object = None  # fingerprint of what the project's file holds
     _autosaved: object = None  # fingerprint of what the session's file holds
@@ -69,10 +70,10 @@ class Projects:
     def new(self) -> None:
         """An empty desk; what was not saved can be reopened as the last session."""
         aside = self._put_aside()
-        self.contents.clear()
+        self.contents.clear(kept=aside is not None)
         self.state.path, self._clean = None, None
         self._begin_settling()
-        self.messages.note(f"A new project.{aside}")
+        self.messages.note(f"A new project.{aside or ''}")
 
     def ask_open(self) -> None:
         """Choose a project to open."""
@@ -81,7 +82,10 @@ class Projects:
     def open(self, path: Path) -> None:
         """Open a project; what is on the desk stays until it is read."""
         self.jobs.submit(
-            "project", lambda: load_project(path, StyleNotes()), lambda project: self._opened(path, project)
+            "open project",
+            lambda: load_project(path, StyleNotes()),
+            lambda project: self._opened(path, project),
+            reading=path.name,
         )
 
     def open_last(self) -> None:
@@ -109,15 +113,19 @@ class Projects:
         path = path if path.suffix.lower() == SUFFIX else path.with_name(path.name + SUFFIX)
         project, print_now, items = self.contents.gather(), self.contents.fingerprint(), self._items()
         self.jobs.submit(
-            "project", partial(self._write, project, path), lambda _: self._saved(path, print_now, items)
+            "project",
+            partial(self._write, project, path),
+            lambda _: self._saved(path, print_now, items),
+            writing=f"the project {path.name}",
         )
 
     def reopen(self, left: LeftBehind) -> None:
         """Open a session that another run left behind."""
         self.jobs.submit(
-            "project",
+            "open project",
             lambda: load_project(left.path, StyleNotes()),
             lambda project: self._reopened(left, project),
+            reading=f"the session of {left.describe()}",
         )
 
     def discard(self, left: LeftBehind) -> None:
@@ -130,15 +138,15 @@ class Projects:
 
     def _opened(self, path: Path, project: Project) -> None:
         aside = self._put_aside()
-        self.contents.restore(project)
+        self.contents.restore(project, kept=aside is not None)
         self.state.path = path
         self._remember(path)
         self._begin_settling()
-        self.messages.note(f"{path.name}: {_takes(len(project.takes))}.{aside}")
+        self.messages.note(f"{path.name}: {_takes(len(project.takes))}.{aside or ''}")
 
     def _reopened(self, left: LeftBehind, project: Project) -> None:
-        self._put_aside()
-        self.contents.restore(project)
+        aside = self._put_aside()
+        self.contents.restore(project, kept=aside is not None)
         origin = Path(left.origin) if left.origin else None
         self.state.path = origin if origin is not None and origin.is_file() else None
         self._clean, self._adopted = None, left.path
@@ -225,7 +233,7 @@ class Projects:
                 self._file.written = True
                 self._safe(items)
 
-        self.jobs.submit("autosave", work, done)
+        self.jobs.submit("autosave", work, done, writing="the autosave")
 
     def _begin_settling(self) -> None:
         self._settling = SETTLE_FRAMES
@@ -239,14 +247,14 @@ class Projects:
         if not loading and not self.contents.prompting.state.asked:
             self._settling -= 1
 
-    def _put_aside(self) -> str:
-        """Keep what is on the desk and not saved as the last session; a sentence about it."""
+    def _put_aside(self) -> str | None:
+        """Keep what is on the desk and not saved as the last session; a sentence about it, None where that failed."""
         if not self.state.changed or not self.autosaving:
             self._file.leave(keep=False)
             return ""
         written = self._keep_session()
         self.look()
-        return " What was not saved is under Project: Reopen the last session." if written else ""
+        return " What was not saved is under Project: Reopen the last session." if written else None
 
     def _keep_session(self) -> bool:
         """Write the session as one that ended as planned; whether it is on disk."""
@@ -271,9 +279,12 @@ class Projects:
                 f"Cut off before it was saved: {self.state.cut_off.describe()}. Project: Reopen or Discard."
             )
 
-    def finish(self) -> None:
-        """The program ends: keep what is not saved as the last session; `kept` says whether every take is in a file."""
-        self.jobs.finish("project")
+    def finish(self, until: float | None = None) -> None:
+        """The program ends: keep what is not saved as the last session; `kept` says whether every take is in a file.
+
+        A project that is not written at the time `until` (of `time.monotonic`) is given up: the session holds it.
+        """
+        self.jobs.finish("project", until if self.autosaving else None)
         if not self.autosaving:
             return
         if self.contents.takes.recorder.recording:
@@ -284,7 +295,10 @@ class Projects:
             self.kept = named
             self._file.leave(keep=False)
             return
-        self.kept = self._keep_session() and named
+        if self.jobs.abandoned:
+            self._packed = Packed()  # the other one is in use
+        self.in_session = self._keep_session()
+        self.kept = self.in_session and named
 
 
 def _takes(count: int) -> str:

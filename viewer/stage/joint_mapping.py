@@ -118,7 +118,7 @@ class JointMapping:
             self.messages.note(where)
             self.load(path)
 
-        self.jobs.submit(f"joints {path}", keep, kept, self.refused)
+        self.jobs.submit(f"joints {path}", keep, kept, self.refused, writing=f"the joints of {path.name}")
 
     def refused(self, error: Exception) -> None:
         """The character could not be shown by what was chosen, or that not be kept."""

@@ -149,7 +149,9 @@ def _row(takes: Takes, i: int) -> None:
         _take_menu(takes, i)
         imgui.end_popup()
     if hovered:
-        saved = f"Saved as {printable(item.saved)}" if item.saved else "Not exported yet"
+        saved = f"Saved as {printable(item.saved)}" if item.saved else "Not saved as a whole BVH yet"
+        if item.exported not in (None, item.saved):
+            saved += f"\nExported as {printable(item.exported)}"
         widgets.tooltip("\n".join(filter(None, (saved, RENAME_HINT, item.clip.describe()))))
     if hovered or clips.selected == i:
         fill = theme.ACCENT_DIM if clips.selected == i else theme.FIELD

@@ -27,7 +27,7 @@ class TakeVersion:
 
 @dataclass
 class ClipItem:
-    """One clip in the list; `saved` is where it was last exported to."""
+    """One clip in the list; `saved` is the BVH that holds every frame of the version that is shown."""
 
     clip: Clip
     saved: Path | None = None
@@ -39,12 +39,37 @@ class ClipItem:
     older: list[TakeVersion] = field(default_factory=list)
     newer: list[TakeVersion] = field(default_factory=list)
     given: str = ""  # the name that the user gave it
+    exported: Path | None = None  # the last file that was made of it, whole or not
 
     def drop_journal(self) -> None:
         """The take is exported, or not wanted: nothing is left to recover."""
         journal, self.journal = self.journal, None
         if journal is not None:
             journal.delete()
+
+    def written(self, clip: Clip, path: Path) -> None:
+        """A file holds every frame of the version `clip`; when that is the one shown, its journal is not needed."""
+        self.older = [replace(v, saved=path) if v.clip is clip else v for v in self.older]
+        self.newer = [replace(v, saved=path) if v.clip is clip else v for v in self.newer]
+        if self.clip is clip:
+            self.saved = path
+            self.drop_journal()
+
+    def overwritten(self, path: Path) -> bool:
+        """A file holds something else from now on; whether it was the one of the version that is shown."""
+        self.older = [replace(v, saved=None) if v.saved == path else v for v in self.older]
+        self.newer = [replace(v, saved=None) if v.saved == path else v for v in self.newer]
+        shown = self.saved == path
+        self.saved = None if shown else self.saved
+        return shown
+
+    @property
+    def safe(self) -> bool:
+        """Whether the file that holds the shown version is still there."""
+        try:
+            return self.saved is not None and self.saved.is_file()
+        except OSError:
+            return False
 
     @property
     def name(self) -> str:

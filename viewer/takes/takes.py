@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -51,6 +52,7 @@ class Takes:
     folder: Path  # the state folder: journals, and takes that cannot be written elsewhere
     put_ground: PutGround
     is_safe: Callable[[ClipItem], bool]  # it is in a project's file
+    is_offered: Callable[[ClipItem], bool]  # it is in a session that the next start offers
     trouble: bool = False  # a take was lost, or is elsewhere than asked
     _writers: dict[Path, ClipItem] = field(default_factory=dict)  # whose clip a file of this session holds
     _proposed: str | None = None  # what was put into the export field, until something else is typed
@@ -206,7 +208,7 @@ class Takes:
         gone = clips.removed.pop()
         index = min(gone.index, len(clips.items))
         clips.items.insert(index, gone.item)
-        if gone.item.recorded and gone.item.saved is None:
+        if not gone.item.safe:
             gone.item.journal = self.journals.keep(gone.item.clip)
         if clips.playback is not None and clips.playback.index >= index:
             clips.playback.index += 1
@@ -228,11 +230,14 @@ class Takes:
         clips = self.state
         clips.renaming, clips.new_name, clips.naming_begins = index, clips.items[index].name, True
 
-    def clear(self) -> None:
-        """Take every clip out of the list, for another project."""
+    def clear(self, kept: bool = True) -> None:
+        """Take every clip out of the list, for another project; journals stay where nothing else has `kept` the clips."""
         self.close_playback()
         for item in self.state.items:
-            item.drop_journal()
+            if kept or item.safe or item.journal is None:
+                item.drop_journal()
+            else:
+                item.journal.release()
         self._writers.clear()
         clips = self.state
         clips.items.clear()
@@ -305,10 +310,14 @@ class Takes:
             return
         from runtime.formats.bvh_clip import save_bvh
 
-        write = partial(
-            save_bvh, self._trimmed(item), path, settings.export_fps, settings.export_unit, new=new
+        fps, clip, cut = settings.export_fps, item.clip, self._trimmed(item)
+        whole = len(cut) == len(clip) and fps >= clip.fps
+        self.jobs.submit(
+            f"export {item.name}",
+            partial(save_bvh, cut, path, fps, settings.export_unit, new=new),
+            lambda done: self._exported(item, clip, done, whole),
+            writing=f"the export of {item.name}",
         )
-        self.jobs.submit(f"export {item.name}", write, lambda done: self._exported(item, done))
 
     def _trimmed(self, item: ClipItem) -> Clip:
         playback = self.state.playback
@@ -316,41 +325,53 @@ class Takes:
             return item.named_clip
         return item.named_clip.trim(playback.first, playback.last)
 
-    def _exported(self, item: ClipItem, path: Path) -> None:
-        item.saved = path
-        item.drop_journal()
-        self._writers[path] = item
+    def _exported(self, item: ClipItem, clip: Clip, path: Path, whole: bool) -> None:
+        self.note_file(item, clip, path, whole)
         self.settings.export_folder = str(path.parent)
         self.messages.note(f"Saved {path}")
 
+    def note_file(self, item: ClipItem, clip: Clip, path: Path, whole: bool) -> None:
+        """A file was written from the version `clip` of a take: `whole` when it is a BVH of all its frames.
+
+        A version is saved by such a file only, and no longer once the file is written over.
+        """
+        for other in [*self.state.items, *(gone.item for gone in self.state.removed)]:
+            if other.overwritten(path) and other.journal is None and other in self.state.items:
+                other.journal = self.journals.keep(other.clip)
+        self._writers[path], item.exported = item, path
+        if whole:
+            item.written(clip, path)
+
     def export_all(self) -> None:
         """Write every clip as BVH under its own name into the export folder; no file is replaced."""
-        items, folder = list(self.state.items), Path(self.settings.export_folder).expanduser()
+        items = [(item, item.clip, item.named_clip) for item in self.state.items]
+        folder = Path(self.settings.export_folder).expanduser()
         fps, unit = self.settings.export_fps, self.settings.export_unit
 
         def work() -> list[Path]:
             from runtime.formats.bvh_clip import save_bvh
 
             return [
-                save_bvh(item.named_clip, folder / f"{file_stem(item.name)}.bvh", fps, unit, new=True)
-                for item in items
+                save_bvh(named, folder / f"{file_stem(named.name)}.bvh", fps, unit, new=True)
+                for _, _, named in items
             ]
 
         def done(paths: list[Path]) -> None:
-            for item, path in zip(items, paths, strict=True):
-                item.saved, self._writers[path] = path, item
-                item.drop_journal()
+            for (item, clip, _), path in zip(items, paths, strict=True):
+                self.note_file(item, clip, path, fps >= clip.fps)
             self.messages.note(f"Saved {len(paths)} takes in {folder}")
 
-        self.jobs.submit(EXPORT_ALL, work, done)
+        self.jobs.submit(EXPORT_ALL, work, done, writing="the export of all takes")
 
     @property
     def unsaved(self) -> list[ClipItem]:
-        """Clips that were never exported."""
-        return [item for item in self.state.items if item.saved is None and not self.is_safe(item)]
+        """Clips of which no file holds every frame."""
+        return [item for item in self.state.items if not item.safe and not self.is_safe(item)]
 
-    def rescue(self) -> list[Path]:
+    def rescue(self, until: float | None = None) -> list[Path]:
         """Write every unsaved clip into the export folder, or where there is room: what is recorded outlives the program.
+
+        After the time `until` (of `time.monotonic`) those stay where they are that the next start offers anyway.
 
         `trouble` says afterwards whether anything was lost or went elsewhere than asked.
         """
@@ -360,18 +381,21 @@ class Takes:
             self.messages, lambda: Path(self.settings.export_folder).expanduser(), self.folder, self._save
         )
         for item in self.unsaved:
-            rescue.keep(item)
+            late = until is not None and time.monotonic() > until
+            if late and (self.is_offered(item) or (item.journal is not None and not item.older)):
+                self.messages.note(f"{item.name} is not exported: the next start offers it.")
+            else:
+                rescue.keep(item)
         self.trouble = self.trouble or rescue.trouble
         return rescue.written
 
     def _save(self, item: ClipItem, folder: Path) -> Path:
         from runtime.formats.bvh_clip import save_bvh
 
-        path = folder / f"{file_stem(item.name)}.bvh"
-        fps, unit = self.settings.export_fps, self.settings.export_unit
-        item.saved = save_bvh(item.named_clip, path, fps, unit, new=True)
-        item.drop_journal()
-        return item.saved
+        path, fps = folder / f"{file_stem(item.name)}.bvh", max(self.settings.export_fps, item.clip.fps)
+        path = save_bvh(item.named_clip, path, fps, self.settings.export_unit, new=True)
+        item.written(item.clip, path)
+        return path
 
 
 def export_target(text: str) -> Path:

@@ -171,9 +171,9 @@ class Desk(RuleBasedStateMachine):
         """Whether a file in the folder of exports holds every frame."""
         for path in (self.folder / "clips").glob("*.bvh"):
             found = load_clip_bvh(path)
-            if len(found) >= len(clip) and found.fps >= clip.fps:
-                if np.abs(found.hips_positions[: len(clip)] - clip.hips_positions).max() < 1e-3:
-                    return True
+            as_long = len(found) >= len(clip) and found.fps >= clip.fps
+            if as_long and np.abs(found.hips_positions[: len(clip)] - clip.hips_positions).max() < 1e-3:
+                return True
         return False
 
     @invariant()

@@ -222,7 +222,7 @@ class Exporting:
 
     def _whole(self, clip: Clip, form: ExportForm) -> bool:
         """Whether a BVH of this form holds every frame as it is, so that the take can be opened again."""
-        options = self._options(form)
+        options = self._options(form, clip)
         changed = (
             options.in_place or options.ground_root or options.at_origin or options.rest_frame or options.loop
         )

@@ -78,6 +78,7 @@ class WalkerModel:
     def __post_init__(self):
         self.name, self.provider = "walker", "Test"
         self.noise_shape = (2, 2, features.OUTPUT_SIZE)
+        self.batches = False
         self.style_shape = (6, 64)
         self.neutral = np.zeros(self.style_shape, np.float32)
         self.prompt_path = None

@@ -13,12 +13,12 @@ from runtime.errors import FileError
 from runtime.formats.bvh import format_bvh, parse_bvh
 from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, TOE_HEIGHT, Skeleton
 from training.data import cutting, labels, relief
-from training.data.archives import FREE, credits_of, licence_of
-from training.data.catalog import ClipSource, list_clips
+from training.data.catalog import BY_NAME, FREE, credits_of, licence_of, list_clips, recognise, skeleton_of
 from training.data.clip_files import TrainingClip
 from training.data.foot_cleaning import bridge, clean_feet, stretches
 from training.data.height_patches import Patches, wrapped_height
 from training.data.importer import import_all
+from training.data.record import ClipSource, DataSet
 from training.data.report import Report
 from training.data.retarget import (
     calibrate_feet,
@@ -28,7 +28,9 @@ from training.data.retarget import (
     retarget,
     sample_times,
 )
-from training.data.source_skeletons import known_skeletons, of_capture, recognise
+from training.data.sets import DATA_SETS
+from training.data.sets.walking_stick import read_transforms
+from training.data.source_skeletons import SourceJoint, SourceSkeleton
 
 # a 100STYLE-like rig, 10 % larger than ours, with longer feet; name, parent, offset in cm
 RIG = [
@@ -116,7 +118,7 @@ def pitch(world: np.ndarray, name: str) -> np.ndarray:
 def test_head_lift_tilts_face_and_neck_and_nothing_else() -> None:
     motion = parse_bvh(march())
     plain = recognise(motion, "march")
-    lifted = of_capture(plain, "100style")
+    lifted = BY_NAME["100style"].of_capture(plain, "100style")
     assert (plain.head_lift_degrees, lifted.head_lift_degrees) == (0.0, 16.0)
     feet = calibrate_feet([load_source(motion, plain)])
     before, after = (retarget(load_source(motion, s), feet, None, flex_toes=False) for s in (plain, lifted))
@@ -135,7 +137,7 @@ def test_head_lift_tilts_face_and_neck_and_nothing_else() -> None:
 def test_head_lift_is_local_so_a_turned_head_keeps_its_symmetry() -> None:
     x, y = np.array([1.0, 0, 0]), np.array([0, 1.0, 0])
     motion = parse_bvh(march())
-    source = load_source(motion, of_capture(recognise(motion, "march"), "100style"))
+    source = load_source(motion, BY_NAME["100style"].of_capture(recognise(motion, "march"), "100style"))
     feet = calibrate_feet([source])
     neck, head = (
         rotations.from_axis_angle(y, np.array(a)) for a in (0.5, 0.9)
@@ -153,20 +155,69 @@ def test_head_lift_is_local_so_a_turned_head_keeps_its_symmetry() -> None:
 
 
 def test_head_lift_belongs_to_the_capture(tmp_path: Path) -> None:
-    skeletons = {s.name: s for s in known_skeletons()}
-    expected = {
-        ("100style", "100style_Angry_FW", "100style"): 16.0,
-        ("bandai_namco", "bandai1_walk_normal_001", "bandai_namco"): 0.0,
-        ("bandai_namco", "bandai2_walk_normal_001", "bandai_namco"): 7.0,
-        ("cmu", "cmu_02_01", "cmu_daz"): 0.0,
-        ("cmu", "cmu_131_01", "cmu_plain"): 0.0,
-        ("jlpm", "jlpm_a", "jlpm"): 5.0,
-        ("pfnn", "pfnn_a", "pfnn"): 20.0,
-        ("pfnn_rollouts", "rollout_a", "pfnn"): 0.0,
-    }
-    for (source, name, skeleton), degrees in expected.items():
-        clip = ClipSource(tmp_path / f"{name}.bvh", name, source, "neutral", "walk forward")
-        assert of_capture(skeletons[skeleton], clip.capture).head_lift_degrees == degrees, name
+    """Whichever archive a clip comes with: one more style of 100STYLE has the tilt of 100STYLE."""
+    (tmp_path / "Angry_FW.bvh").write_text(march(), encoding="utf-8")
+    (clip,), _ = BY_NAME["100style_more"].clips(tmp_path)
+    motion = parse_bvh(march())
+    assert skeleton_of(clip, motion).head_lift_degrees == 16.0
+    lifts = {capture: d for record in DATA_SETS for capture, d in record.head_lift_degrees.items()}
+    assert lifts == {
+        "100style": 16.0, "bandai2": 7.0, "jlpm": 5.0, "pfnn": 20.0, "o3de": 10.0, "accad_male1": 8.0,
+    }  # fmt: skip
+
+
+def test_every_data_set_is_one_record_with_a_licence() -> None:
+    bound = {record.name for record in DATA_SETS if not record.free}
+    assert bound == {"bandai_namco", "pfnn", "pfnn_rollouts", "walking_stick"}
+    assert len(BY_NAME) == len(DATA_SETS) == 13
+    assert all(record.credit.endswith(")") or "mocap.cs.cmu.edu" in record.credit for record in DATA_SETS)
+    signatures = [s.signature for record in DATA_SETS for s in record.skeletons]
+    assert len(set(signatures)) == len(signatures)
+
+
+def test_a_data_set_is_added_by_one_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What CONTRIBUTING shows: its files are listed, credited, read by its reader, and left out where it is bound."""
+    skeleton = SourceSkeleton("mine", frozenset({"MyRoot"}), {"Hips": SourceJoint("MyRoot")})
+
+    def clips(folder: Path) -> tuple[list[ClipSource], list]:
+        return [ClipSource(p, p.stem, "mine", "neutral", "walk forward") for p in folder.glob("*.txt")], []
+
+    record = DataSet("mine", "Me (MIT)", clips, (skeleton,), free=False, first_frame=2)
+    monkeypatch.setattr("training.data.catalog.DATA_SETS", (*DATA_SETS, record))
+    monkeypatch.setitem(BY_NAME, "mine", record)
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "walk.txt").write_text("", encoding="utf-8")
+    found, _ = list_clips(tmp_path)
+    assert [(clip.name, clip.capture) for clip in found] == [("walk", "mine")]
+    assert credits_of({"mine"}) == ["Me (MIT)"]
+    root = Skeleton(("MyRoot",), (-1,), np.zeros((1, 3), np.float32))
+    motion = parse_bvh(format_bvh(root, np.zeros((2, 3)), rotations.identity((2, 1)), 60))
+    assert skeleton_of(found[0], motion).name == "mine"
+    with pytest.raises(FileError, match="none of"):
+        list_clips(tmp_path, free_only=True)
+
+
+def test_transforms_are_read_as_a_hierarchy(tmp_path: Path) -> None:
+    """Global transforms of a take come back as they are, by way of bones and local rotations."""
+    random = np.random.default_rng(0)
+    frames, parents = 4, [-1, 0, 1]
+    world = rotations.normalize(random.normal(size=(frames, 3, 4)))
+    bones = random.normal(size=(3, 3))
+    positions = random.normal(size=(frames, 3, 3))
+    for joint in (1, 2):
+        positions[:, joint] = positions[:, joint - 1] + rotations.rotate(world[:, joint - 1], bones[joint])
+    np.savez(
+        tmp_path / "take.npz", positions=positions, quaternions=world[..., [1, 2, 3, 0]], bone_names=np.array(["a", "b", "c"]),
+        parent_indices=np.array(parents), framerate=60.0,
+    )  # fmt: skip
+    motion = read_transforms(tmp_path / "take.npz")
+    found, turned = motion.world()
+    np.testing.assert_allclose(found, positions, atol=1e-9)
+    assert rotations.angle_between(turned, world).max() < 1e-6
+    np.testing.assert_allclose(motion.skeleton.offsets[1:], bones[1:], atol=1e-9)
+    (tmp_path / "none.npz").write_bytes(b"")
+    with pytest.raises(FileError, match=r"none\.npz"):
+        read_transforms(tmp_path / "none.npz")
 
 
 def test_root_travel_scales_with_leg_length() -> None:
@@ -192,7 +243,7 @@ def test_resampling_hits_source_frames() -> None:
 
 def test_every_axis_map_is_a_rotation() -> None:
     motion = parse_bvh(march())
-    for skeleton in known_skeletons():
+    for skeleton in (s for record in DATA_SETS for s in record.skeletons):
         for target, joint in skeleton.joints.items():
             assert target in SPORT_SKELETON.names
             if joint.axes:

@@ -41,7 +41,7 @@ def test_a_lane_that_predicts_the_truth_moves_by_its_velocity(frames, monkeypatc
         truth = frames.outputs(rows + k, lanes.patch)
         moved = truth[:, OUTPUT["joint_positions"]] - lanes.previous_joints().flatten(1)
         assert torch.allclose(moved * features.FPS, truth[:, OUTPUT["joint_velocities"]], atol=0.15)
-        lanes.advance(truth)
+        lanes.advance(truth, truth)
 
 
 def walk(speed: float, sideways: float = 0.0, frames: int = 240) -> tuple[np.ndarray, np.ndarray]:  # noqa: F811
@@ -58,7 +58,7 @@ def table(items: list[tuple[str, str, float, float]]) -> FrameTable:
     count = len(items)
     nothing = np.zeros((len(x), 1), np.float32)
     return FrameTable(
-        x, y, np.zeros((len(x), 1, 36), np.float16), nothing, nothing,
+        x, y, np.zeros((len(x), 1, 36), np.float16), nothing, nothing, np.zeros((len(x), 20, 6), np.int16),
         np.repeat(np.arange(count, dtype=np.int32), 240), 240 * np.arange(count + 1),
         [style for style, *_ in items], ["100style"] * count, [content for _, content, *_ in items],
         [str(k) for k in range(count)], np.zeros(count, bool), np.zeros(count, bool), np.ones(count, int),

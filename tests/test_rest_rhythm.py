@@ -59,7 +59,7 @@ def test_the_rhythm_of_standing_clips_is_read_off_their_words():
     nothing = np.zeros((len(x), 1), np.float32)
     table = FrameTable(
         x=x, y=np.zeros((len(x), OUTPUT_SIZE), np.float16), heights=nothing, ground=nothing,
-        previous_ground=nothing, clip=np.repeat(np.arange(clips), frames), start=np.arange(clips + 1) * frames,
+        previous_ground=nothing, upper=nothing, clip=np.repeat(np.arange(clips), frames), start=np.arange(clips + 1) * frames,
         styles=["a", "b", "c"], sources=["made"] * clips, contents=["stand"] * clips, names=["a", "b", "c"],
         mirrored=np.zeros(clips, bool), held_out=np.zeros(clips, bool), patches=np.ones(clips, int),
     )  # fmt: skip

@@ -97,9 +97,9 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.setattr(stage_motion, "measure", functools.partial(stage_motion.measure, count=2000))
         for stage in (pipeline.stage_phase, pipeline.stage_content):
             patch.setattr(stage, "run", functools.partial(stage.run, batch=16))
-        rows = stage_motion.random_rows
+        rows = stage_motion.RandomRows
         patch.setattr(
-            stage_motion, "random_rows", lambda weights, batch, *more: rows(weights, min(batch, 64), *more)
+            stage_motion, "RandomRows", lambda weights, batch, *more: rows(weights, min(batch, 64), *more)
         )
         patch.setattr(torch.onnx, "export", quickly)
         patch.setattr(export_module, "_export_motion", motion_once)

@@ -20,11 +20,11 @@ from runtime.motion.model import load_model  # noqa: E402
 from runtime.skeleton import PART_NAMES, REST_HIPS_HEIGHT  # noqa: E402
 from runtime.terrain.height_map import Terrain  # noqa: E402
 from training.batches import Frames  # noqa: E402
-from training.frames import clip_frames, load_frames, sampling_weights  # noqa: E402
+from training.frames import clip_frames, load_frames  # noqa: E402
 from training.layering.longer_phrases import longer_sentences  # noqa: E402
-from training.part_swaps import NOTHING  # noqa: E402
 from training.pipeline import main  # noqa: E402
 from training.rollouts import RolloutLanes  # noqa: E402
+from training.sampling import sampling_weights  # noqa: E402
 from training.stages import motion as stage_motion  # noqa: E402
 
 
@@ -96,7 +96,8 @@ def test_a_lane_that_predicts_the_truth_sees_captured_frames(frames, monkeypatch
         ours = lanes.inputs()
         pose = slice(0, INPUT["gait"].stop)
         assert torch.allclose(ours[:, pose], expected[:, pose], atol=2e-3)
-        lanes.advance(frames.outputs(rows + k, lanes.patch))
+        truth = frames.outputs(rows + k, lanes.patch)
+        lanes.advance(truth, truth)
 
 
 def test_lanes_can_begin_in_the_pose_of_another_clip(frames, monkeypatch):
@@ -110,20 +111,10 @@ def test_lanes_can_begin_in_the_pose_of_another_clip(frames, monkeypatch):
     assert torch.allclose(begun.sum(0), own.sum(0), atol=0.1)  # the same poses in another order
 
 
-def test_lanes_swap_a_part_only_where_they_are_asked_to(frames):
-    torch.manual_seed(0)
-    rows = torch.arange(100, 164)
-    swapped = RolloutLanes(frames, 64, 1e9, iter([rows])).swaps
-    assert (swapped.part != NOTHING).any()
-    assert set(swapped.clip.tolist()) <= set(frames.clip[rows].tolist())
-    left = RolloutLanes(frames, 64, 1e9, iter([rows]), part_swaps=False).swaps
-    assert (left.part == NOTHING).all()
-
-
 def test_lanes_restart_at_the_end_of_their_clip(frames):
     end = int(frames.last[0])
     lanes = RolloutLanes(frames, 1, 1e9, iter([torch.tensor([end - 1]), torch.tensor([50])]))
-    lanes.advance(torch.zeros(1, 473))
+    lanes.advance(torch.zeros(1, 473), torch.zeros(1, 473))
     assert lanes.rows.tolist() == [50]
 
 

@@ -34,7 +34,7 @@ SHARED: dict[str, tuple[str, ...]] = {
     "two-sided-words": _PHASE,
     "no-pose-statistics": _PHASE,
     "no-measures": _PHASE,
-    "no-part-swaps": _PHASE + _CONTENT,
+    "no-composition": _PHASE,
     "no-longer-sentences": _PHASE,
 }
 

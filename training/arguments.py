@@ -10,7 +10,7 @@ from training.presets import ABLATIONS, PRESETS
 
 STAGES = ("import", "layer", "phase", "content", "words", "stage2", "stage3", "export")
 DECODERS = ("diffusion", "mixture")
-COUNT = 4600  # layered clips
+COUNT = 4600  # edited clips
 WORD_STEPS = 2000
 
 
@@ -18,11 +18,11 @@ WORD_STEPS = 2000
 class Steps:
     """Optimiser steps (0: skip by loading what exists) and time limits in minutes of each stage."""
 
-    phase: int = 1200
-    content: int = 1200
+    phase: int = 2000
+    content: int = 3000
     words: int = WORD_STEPS
-    stage2: int = 18000
-    stage3: int = 5500
+    stage2: int = 30000
+    stage3: int = 8000
     batch: int = 1024
 
 

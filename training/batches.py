@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,7 +11,8 @@ from torch import Tensor
 from runtime.motion import features
 from runtime.motion.features import INPUT, OUTPUT
 from runtime.skeleton import PART_JOINTS, SPORT_SKELETON, J
-from training.frames import FrameTable
+from training.composition.composer import Composer, Plan, Pose
+from training.frames import FIRST_OF_UPPER, FrameTable
 
 
 @dataclass
@@ -29,6 +29,7 @@ class Frames:
     last: Tensor  # (N,)
     patches: Tensor  # (N,) number of terrain patches
     clip: Tensor  # (N,) each frame's clip
+    composer: Composer | None = None  # puts parts of other clips on a base
 
     @staticmethod
     def of(table: FrameTable, phase: np.ndarray, device: torch.device) -> Frames:
@@ -63,24 +64,81 @@ class Frames:
         x[:, INPUT["joint_positions"]][:, 1::3] -= self.previous_ground[rows, patch][:, None]
         return torch.cat([x, self._window(rows - 1, features.PHASE_OFFSETS)], dim=1)
 
-    def outputs(self, rows: Tensor, patch: Tensor) -> Tensor:
-        """y `(B, 473)`."""
+    def outputs(self, rows: Tensor, patch: Tensor, plan: Plan | None = None) -> Tensor:
+        """y `(B, 473)`, with parts of other clips where `plan` has them."""
         y = self.y[rows].float()
-        y[:, OUTPUT["joint_positions"]][:, 1::3] -= self.ground[rows, patch][:, None]
         y[:, OUTPUT["phase"]] = self._window(rows, features.FUTURE_PHASE_OFFSETS)
+        if plan is not None and self.composer is not None:
+            at = plan.changed.any(1).nonzero()[:, 0]
+            _put(y, at, self.composer.poses(rows[at], plan[at])[0])
+        y[:, OUTPUT["joint_positions"]][:, 1::3] -= self.ground[rows, patch][:, None]
         return y
 
+    def pairs(self, rows: Tensor, patch: Tensor, plan: Plan | None = None) -> tuple[Tensor, Tensor]:
+        """x and y of the same frames, both with parts of other clips where `plan` has them."""
+        x, y = self.inputs(rows, patch), self.outputs(rows, patch)
+        if plan is not None and self.composer is not None:
+            at = plan.changed.any(1).nonzero()[:, 0]
+            now, previous = self.composer.poses(rows[at], plan[at], before=1)
+            _put(y, at, now, self.ground[rows[at], patch[at]])
+            for name, values in (
+                ("joint_positions", previous.positions),
+                ("joint_velocities", previous.velocities),
+            ):
+                if name == "joint_positions":
+                    values = _above(values, self.previous_ground[rows[at], patch[at]])
+                start = INPUT[name].start + 3 * FIRST_OF_UPPER
+                x[at, start : INPUT[name].stop] = values.flatten(1)
+        return x, y
 
-def random_rows(
-    weights: np.ndarray, batch: int, ahead: int, last: Tensor, generator: torch.Generator
-) -> Iterator[Tensor]:
+    def plan(self, rows: Tensor, ahead: int = 0) -> Plan:
+        """What is put on the bases `rows`: nothing without a composer."""
+        if self.composer is None:
+            return Plan.nothing(len(rows), rows.device)
+        return self.composer.draw(rows, ahead)
+
+
+def _put(y: Tensor, at: Tensor, pose: Pose, ground: Tensor | None = None) -> None:
+    """Write composed upper bodies into rows `at` of y `(B, 473)`, in place."""
+    positions = pose.positions if ground is None else _above(pose.positions, ground)
+    for name, values, size in (
+        ("joint_positions", positions, 3),
+        ("joint_velocities", pose.velocities, 3),
+        ("joint_rotations", pose.rotations, 6),
+    ):
+        y[at, OUTPUT[name].start + size * FIRST_OF_UPPER : OUTPUT[name].stop] = values.flatten(1)
+
+
+def _above(positions: Tensor, ground: Tensor) -> Tensor:
+    """Positions `(B, n, 3)` with their heights over `ground` `(B,)`."""
+    return torch.stack([positions[..., 0], positions[..., 1] - ground[:, None], positions[..., 2]], dim=-1)
+
+
+class RandomRows:
     """Endless batches of row indices drawn by weight that leave `ahead` frames to the end of their clip."""
-    cumulative = torch.as_tensor(np.cumsum(weights), dtype=torch.float64)
-    end = last.cpu()
-    while True:
-        draw = torch.rand(batch, generator=generator, dtype=torch.float64) * cumulative[-1]
-        rows = torch.searchsorted(cumulative, draw).clamp_max(len(cumulative) - 1)
-        yield torch.minimum(rows, end[rows] - ahead).to(last.device)
+
+    def __init__(
+        self, weights: np.ndarray, batch: int, ahead: int, last: Tensor, generator: torch.Generator
+    ) -> None:
+        self._cumulative = torch.as_tensor(np.cumsum(weights), dtype=torch.float64)
+        self._end, self._device = last.cpu(), last.device
+        self._batch, self._ahead, self._generator = batch, ahead, generator
+
+    def __iter__(self) -> RandomRows:
+        return self
+
+    def __next__(self) -> Tensor:
+        draw = torch.rand(self._batch, generator=self._generator, dtype=torch.float64) * self._cumulative[-1]
+        rows = torch.searchsorted(self._cumulative, draw).clamp_max(len(self._cumulative) - 1)
+        return torch.minimum(rows, self._end[rows] - self._ahead).to(self._device)
+
+    def state_dict(self) -> dict[str, Tensor]:
+        """Where the random numbers are."""
+        return {"generator": self._generator.get_state()}
+
+    def load_state_dict(self, state: dict[str, Tensor]) -> None:
+        """Go on from there."""
+        self._generator.set_state(state["generator"])
 
 
 @dataclass

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.controls import Gait
+from runtime import rotations
+from runtime.atomic import write_atomic
 from runtime.errors import FileError
 from runtime.motion import features
 from runtime.motion.features import FPS, InputParts, OutputParts
-from runtime.skeleton import SPORT_SKELETON
+from runtime.skeleton import PART_JOINTS, SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
@@ -22,6 +28,8 @@ PAD = 61  # frames of extrapolated root path at each end of a clip
 FACING_SIGMA = 12.0  # frames; the root faces the forward direction smoothed by this Gaussian
 MAX_PATCHES = 3
 LAYERED = "layered"  # content of clips made by training.layering
+FIRST_OF_UPPER = 11  # joints from LowerBack on are the upper body
+FIXED_POINT = 32767.0  # of rotations stored in 16 bits: 16 times finer than half floats near 1
 PLAIN = "neutral"  # of the neutral styles the one that "a person walking normally" describes
 
 
@@ -34,6 +42,7 @@ class ClipFrames:
     heights: Array  # (T, K, 36) relative to `ground`
     ground: Array  # (T, K) reference ground of frame i
     previous_ground: Array  # (T, K)
+    upper: Array  # (T, 20, 6) fixed point, `_upper`
     style: str
     content: str
     source: str
@@ -126,6 +135,7 @@ def clip_frames(path: Path) -> ClipFrames:
         heights=heights.astype(np.float16),
         ground=ground.astype(np.float32),
         previous_ground=ground[previous].astype(np.float32),
+        upper=np.rint(_upper(world, course.yaw) * FIXED_POINT).astype(np.int16),
         style=str(clip["style"]),
         content=str(clip["content"]),
         source=str(clip["source"]),
@@ -198,6 +208,14 @@ def _outputs(course: _Course, joints: Array, velocity: Array, contacts: Array, w
     return features.build_output(parts)
 
 
+def _upper(world: Array, yaw: Array) -> Array:
+    """6D `(T, 20, 6)` of the upper body's world rotations: arms and head against the chest, the torso against the facing."""
+    upper = world[:, FIRST_OF_UPPER:]
+    against = np.repeat(world[:, None, SPORT_SKELETON.index("Spine1")], upper.shape[1], axis=1)
+    against[:, [j - FIRST_OF_UPPER for j in PART_JOINTS["torso"] if j]] = rotations.from_yaw(yaw)[:, None]
+    return rotations.to_6d(rotations.multiply(rotations.inverse(against), upper))
+
+
 @dataclass
 class FrameTable:
     """All clips one after the other. `clip` `(N,)` is each frame's clip, `start` `(clips + 1,)` their bounds."""
@@ -207,6 +225,7 @@ class FrameTable:
     heights: Array  # (N, K, 36) float16
     ground: Array  # (N, K) float32
     previous_ground: Array  # (N, K) float32
+    upper: Array  # (N, 20, 6) int16: upper bodies for training.composition
     clip: Array  # (N,) int32
     start: Array  # (clips + 1,) int64
     styles: list[str]  # per clip
@@ -226,84 +245,86 @@ class FrameTable:
         return self.y[:, features.OUTPUT["joint_velocities"]].reshape(len(self), -1, 3)
 
 
-def load_frames(clips: Path, workers: int = 2, limit: int | None = None) -> FrameTable:
-    """Build the table from every `*.npz` under `clips`; FileError when there is none."""
+_ARRAYS = {
+    "x": (np.float16, (features.MOTION_INPUT_SIZE,)),
+    "y": (np.float16, (features.OUTPUT_SIZE,)),
+    "heights": (np.float16, (MAX_PATCHES, 3 * features.L)),
+    "ground": (np.float32, (MAX_PATCHES,)),
+    "previous_ground": (np.float32, (MAX_PATCHES,)),
+    "upper": (np.int16, (len(SPORT_SKELETON.names) - FIRST_OF_UPPER, 6)),
+}
+
+
+def load_frames(
+    clips: Path, folder: Path | None = None, workers: int = 2, limit: int | None = None
+) -> FrameTable:
+    """The table of every `*.npz` under `clips`; FileError when there is none.
+
+    With `folder` the arrays are written there once, and mapped into memory from then on: the table is gigabytes, and a
+    run that goes on, or another beside it, begins at once.
+    """
     paths = sorted(clips.glob("*.npz"))[:limit]
     if not paths:
         raise FileError(f"{clips}: no clips (*.npz).", "Run `sport train import --data DIR --out DIR` first.")
-    if workers > 1:
-        with ProcessPoolExecutor(workers) as pool:
-            parts = list(pool.map(clip_frames, paths, chunksize=16))
-    else:
-        parts = [clip_frames(p) for p in paths]
-    count = np.array([len(p.x) for p in parts])
-    k = max(p.patches for p in parts)
-    fields = ("x", "y", "heights", "ground", "previous_ground")
+    if folder is None:
+        with TemporaryDirectory() as temporary:
+            table = load_frames(clips, Path(temporary), workers, limit)
+            return replace(table, **{name: np.array(getattr(table, name)) for name in _ARRAYS})
+    files = [[path.name, path.stat().st_size] for path in paths]
+    if _stored_files(folder) != files:
+        _write_table(paths, files, folder, workers)
+    return _mapped(folder)
 
-    def stack(name: str) -> Array:
-        arrays = [getattr(p, name) for p in parts]
-        if name in ("heights", "ground", "previous_ground"):  # clips with fewer patches repeat their first
-            arrays = [a[:, np.minimum(np.arange(k), a.shape[1] - 1)] for a in arrays]
-        for part in parts:  # free each field as it is joined: the table is gigabytes
-            setattr(part, name, None)
-        return np.concatenate(arrays)
 
+def _stored_files(folder: Path) -> object:
+    """Names and sizes of the clips that a stored table was made of; None where there is none."""
+    try:
+        return json.loads((folder / "table.json").read_text("utf-8"))["files"]
+    except (OSError, ValueError, KeyError):
+        return None
+
+
+def _write_table(paths: list[Path], files: list[list[Any]], folder: Path, workers: int) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "table.json").unlink(missing_ok=True)
+    clips: list[dict[str, Any]] = []
+    with ExitStack() as stack:
+        outputs = {name: stack.enter_context((folder / f"{name}.bin").open("wb")) for name in _ARRAYS}
+        if workers > 1:
+            pool = stack.enter_context(ProcessPoolExecutor(workers))
+            parts: Iterable[ClipFrames] = pool.map(clip_frames, paths, chunksize=16)
+        else:
+            parts = map(clip_frames, paths)
+        for part in parts:
+            for name, output in outputs.items():
+                array = getattr(part, name)
+                if name in ("heights", "ground", "previous_ground"):  # fewer patches: the first is repeated
+                    array = array[:, np.minimum(np.arange(MAX_PATCHES), array.shape[1] - 1)]
+                output.write(np.ascontiguousarray(array, _ARRAYS[name][0]).tobytes())
+            clips.append({"frames": len(part.x)} | {name: getattr(part, name) for name in _OF_CLIP})
+    write_atomic(folder / "table.json", json.dumps({"files": files, "clips": clips}))
+
+
+_OF_CLIP = ("style", "source", "content", "name", "mirrored", "held_out", "patches")
+
+
+def _mapped(folder: Path) -> FrameTable:
+    clips = json.loads((folder / "table.json").read_text("utf-8"))["clips"]
+    count = np.array([clip["frames"] for clip in clips])
+    arrays = {
+        # "c": pages are read when they are needed, and nothing is written back
+        name: np.memmap(folder / f"{name}.bin", dtype, "c", shape=(int(count.sum()), *shape))
+        for name, (dtype, shape) in _ARRAYS.items()
+    }
     return FrameTable(
-        **{n: stack(n) for n in fields},
-        clip=np.repeat(np.arange(len(parts), dtype=np.int32), count),
+        **arrays,
+        clip=np.repeat(np.arange(len(clips), dtype=np.int32), count),
         start=np.concatenate([[0], np.cumsum(count)]),
-        styles=[p.style for p in parts],
-        sources=[p.source for p in parts],
-        contents=[p.content for p in parts],
-        names=[p.name for p in parts],
-        mirrored=np.array([p.mirrored for p in parts]),
-        held_out=np.array([p.held_out for p in parts]),
-        patches=np.array([p.patches for p in parts]),
+        styles=[clip["style"] for clip in clips],
+        sources=[clip["source"] for clip in clips],
+        contents=[clip["content"] for clip in clips],
+        names=[clip["name"] for clip in clips],
+        mirrored=np.array([clip["mirrored"] for clip in clips]),
+        held_out=np.array([clip["held_out"] for clip in clips]),
+        patches=np.array([clip["patches"] for clip in clips]),
     )
-
-
-FAVOUR = 3.0
-TERRAIN_SHARE, LAYERED_SHARE = 0.22, 0.42  # of the frames drawn; the rest is capture
-
-
-def sampling_weights(
-    table: FrameTable,
-    terrain_share: float = TERRAIN_SHARE,
-    layered_share: float = LAYERED_SHARE,
-    favoured: NDArray[np.bool_] | None = None,
-) -> Array:
-    """Per-frame weight `(N,)`: shares for the terrain rollouts and layered clips, the rest equal over styles by root.
-
-    Frames of `favoured` clips `(clips,)` count FAVOUR times. Held-out frames and each clip's first frame (it has no
-    previous pose) weigh nothing.
-    """
-    weights = np.zeros(len(table))
-    styles = np.array(table.styles)[table.clip]
-    layered = np.array([c == LAYERED for c in table.contents])[table.clip]
-    rollouts = np.array([s == "pfnn_rollouts" for s in table.sources])[table.clip] & ~layered
-    usable = ~table.held_out[table.clip]
-    usable[table.start[:-1]] = False
-    captured = usable & ~rollouts & ~layered
-    for style in np.unique(styles):
-        chosen = captured & (styles == style)
-        if chosen.any():
-            weights[chosen] = 1.0 / np.sqrt(chosen.sum())
-    groups = [(captured, 1.0 - terrain_share - layered_share), (usable & rollouts, terrain_share)]
-    for chosen, share in [*groups, (usable & layered, layered_share)]:
-        if chosen.any():
-            own = np.where(weights[chosen] > 0, weights[chosen], 1.0)
-            if favoured is not None:
-                own *= np.where(favoured[table.clip[chosen]], FAVOUR, 1.0)
-            weights[chosen] = share * own / own.sum()
-    weights *= np.where(_starts_or_stops(table), TRANSITION_BOOST, 1.0)
-    return weights / weights.sum()
-
-
-TRANSITION_BOOST = 4.0  # starting and stopping is a small part of the capture and much of what a player does
-
-
-def _starts_or_stops(table: FrameTable) -> NDArray[np.bool_]:
-    """Frames `(N,)` whose ±1 s window holds both standing and moving."""
-    gait = table.x[:, features.INPUT["gait"]].reshape(len(table), features.L, features.GAITS)
-    standing = gait[:, :, Gait.STAND]
-    return (standing.min(1) < 0.3) & (standing.max(1) > 0.7)

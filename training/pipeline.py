@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 import logging
-from dataclasses import replace
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -18,11 +18,12 @@ from runtime.prompts.text_encoder import SHIPPED, TextEncoder
 from training import parallel
 from training.arguments import STAGES, build_parser
 from training.batches import Frames, Normalisation
-from training.data import archives
+from training.composition.composer import Composer
+from training.data import catalog
 from training.export.half_storage import store_model_in_half
 from training.export.model import Trained, export_model
 from training.export.quantize import quantize_model
-from training.frames import FrameTable, load_frames, sampling_weights
+from training.frames import FrameTable, load_frames
 from training.history import History
 from training.layering.build import LAYERS, build_layers
 from training.natural_pace import neutral_style, start_state, style_speeds
@@ -31,6 +32,7 @@ from training.networks.diffusion import Schedule, reverse_steps
 from training.networks.generator import Generator
 from training.presets import OPEN, ModelConfig, ablation, preset
 from training.rest_rhythm import rest_rhythm
+from training.sampling import moments, sampling_weights
 from training.session import Session, load_checkpoint, save_checkpoint
 from training.stages import (
     content as stage_content,
@@ -72,8 +74,8 @@ def _import(args: argparse.Namespace) -> None:
     from training.data.importer import import_all
 
     if args.data is None:
-        raise FileError("--data: missing.", "Name the folder that holds the motion data archives.")
-    if not (args.out / "clips").exists():
+        raise FileError("--data: missing.", "Name the folder that holds the motion data catalog.")
+    if not (args.out / "report.json").exists():  # written last
         import_all(args.data, args.out, free_only=args.preset == OPEN)
 
 
@@ -89,44 +91,225 @@ def _layer(args: argparse.Namespace) -> None:
 
 
 def _train(args: argparse.Namespace, wanted: set[str]) -> None:
-    encoder = TextEncoder(args.text_encoder)
-    config = replace(preset(args.preset), text_encoder=encoder.name, text_size=encoder.dimensions)
-    if args.ablation:
-        config = ablation(config, args.ablation)
-    session = Session(args.out, half=not args.no_half, seed=args.seed)
-    device = parallel.join(args.stage)
-    if device is not None:
-        session.device = device
-    elif args.device:
-        session.device = torch.device(args.device)
-    clips = args.clips or args.out / "clips"
-    table = _load(clips, args.limit)
-    _check_data(config, clips, table)
-    words = config.direction_words, config.one_sided_words
-    texts = load_style_texts(table, args.styles or asset_path("prompts/styles.json"), encoder, clips, *words)
-    weights = sampling_weights(table, favoured=texts.of_rhythm())
-    phase = _phase(args, session, config, table, weights, "phase" in wanted)
-    if wanted == {"phase"}:
-        return
-    content = _content(args, session, config, table, weights, texts, "content" in wanted)
-    if "words" in wanted and content is not None and config.longer_sentences:
-        _words(args, content, config, texts, encoder)
-    if not wanted & {"stage2", "stage3", "export"}:
-        return
-    frames = Frames.of(table, phase, session.device)
-    scales = _scales(session, frames, weights, content, texts)
-    normal = Normalisation(**{k: scales[k] for k in Normalisation.__dataclass_fields__})
-    scale = scales["style_centre"], scales["style_deviation"]
-    z = stage_content.style_table(content, texts, *scale)
-    data = stage_motion.MotionData(frames, normal, z, weights)
-    if "stage2" in wanted:
-        stage_motion.run_stage2(session, config, data, args.stage2, args.batch, args.max_minutes)
-    if "stage3" in wanted:
-        generator = _generator(args.out / "stage2_final.pt", config).to(session.device)
-        stage_motion.run_stage3(session, config, data, generator, args.stage3, args.batch, args.max_minutes)
-        save_checkpoint(args.out / "stage3_final.pt", {"module": generator.state_dict()})
-    if "export" in wanted:
-        _export(args, session, config, data, content, table, phase, scale)
+    """The stages after import and layering that are `wanted`, in their order."""
+    run = Run.of(args)
+    for stage in STAGES:
+        if stage in wanted and stage not in ("import", "layer"):
+            getattr(run, f"train_{stage}" if stage != "export" else "export")()
+
+
+@dataclass
+class Run:
+    """One run: its options, and what the stages share, each made or read when it is first needed."""
+
+    args: argparse.Namespace
+    session: Session
+    config: ModelConfig
+    encoder: TextEncoder
+
+    @staticmethod
+    def of(args: argparse.Namespace) -> Run:
+        """From the options of the command. FileError for clips that must not enter the model."""
+        encoder = TextEncoder(args.text_encoder)
+        config = replace(preset(args.preset), text_encoder=encoder.name, text_size=encoder.dimensions)
+        if args.ablation:
+            config = ablation(config, args.ablation)
+        session = Session(args.out, half=not args.no_half, seed=args.seed)
+        device = parallel.join(args.stage)
+        if device is not None:
+            session.device = device
+        elif args.device:
+            session.device = torch.device(args.device)
+        run = Run(args, session, config, encoder)
+        _check_data(config, run.clips, run.table)
+        return run
+
+    @property
+    def clips(self) -> Path:
+        """Folder of the imported clips."""
+        return self.args.clips or self.args.out / "clips"
+
+    @cached_property
+    def table(self) -> FrameTable:
+        """All frames of the clips."""
+        return _load(self.clips, self.args.out / "frames", self.args.limit)
+
+    @cached_property
+    def texts(self) -> StyleTexts:
+        """The clips' descriptions."""
+        words = self.config.direction_words, self.config.one_sided_words
+        styles = self.args.styles or asset_path("prompts/styles.json")
+        return load_style_texts(self.table, styles, self.encoder, self.clips, *words)
+
+    @cached_property
+    def weights(self) -> np.ndarray:
+        """How often each frame is drawn."""
+        return sampling_weights(self.table, favoured=self.texts.of_rhythm())
+
+    @cached_property
+    def phase(self) -> np.ndarray:
+        """Phases of all frames. FileError before stage 0."""
+        stored = self.args.out / "phase.npy"
+        if stored.exists():
+            phase = np.load(stored, allow_pickle=False)
+            if len(phase) == len(self.table):
+                return phase
+            log.info("%s belongs to another set of clips: encoding these", stored)
+        if not (self.args.out / "phase_final.pt").exists():
+            raise FileError(f"{stored}: missing.", "Train stage 'phase' first.")
+        return stage_phase.encode_table(self.session, self.config, self.table)
+
+    @cached_property
+    def frames(self) -> Frames:
+        """The frames as tensors, with what composes them."""
+        frames = Frames.of(self.table, self.phase, self.session.device)
+        if self.config.composition:
+            frames.composer = Composer(
+                self.table, self.texts, frames.y, moments(self.table), self.session.device
+            )
+        return frames
+
+    @cached_property
+    def content(self) -> ContentEncoder | None:
+        """The trained content encoder; None where the model has none. FileError before stage 1."""
+        if not self.config.content_encoder:
+            return None
+        stored = load_checkpoint(self.content_path)
+        trained_with = stored["config"].get("text_encoder", SHIPPED["name"])
+        if trained_with != self.config.text_encoder:
+            raise FileError(
+                f"{self.content_path}: trained with the text encoder {trained_with!r}, not"
+                f" {self.config.text_encoder!r}.",
+                "Name its folder with --text-encoder, or another --out.",
+            )
+        module = ContentEncoder(self.config)
+        stage_content.begin_with(module, stored["module"])
+        return module.to(self.session.device).eval()
+
+    @property
+    def content_path(self) -> Path:
+        """File of the content encoder."""
+        return self.args.out / "content_final.pt"
+
+    @cached_property
+    def scales(self) -> dict[str, torch.Tensor]:
+        """Normalisation of x, y and Z^t: measured once per run, so that a resumed stage goes on with the same."""
+        path = self.args.out / "scales.pt"
+        if not path.exists():
+            centre, deviation = stage_content.style_scale(self.content, self.texts)
+            normal = stage_motion.measure(self.frames, self.weights, self.session)
+            save_checkpoint(path, normal.tensors() | {"style_centre": centre, "style_deviation": deviation})
+        parallel.wait()
+        return {name: value.to(self.session.device) for name, value in load_checkpoint(path).items()}
+
+    @property
+    def style_scale(self) -> tuple[torch.Tensor, torch.Tensor]:
+        """Centre and deviation of Z^t."""
+        return self.scales["style_centre"], self.scales["style_deviation"]
+
+    @cached_property
+    def data(self) -> stage_motion.MotionData:
+        """What stages 2 and 3 train on."""
+        normal = Normalisation(**{k: self.scales[k] for k in Normalisation.__dataclass_fields__})
+        z = stage_content.style_table(self.content, self.texts, *self.style_scale)
+        return stage_motion.MotionData(self.frames, normal, z, self.weights)
+
+    def generator(self, stage: str) -> Generator:
+        """The motion generator as a stage left it."""
+        module = Generator(self.config)
+        module.load_state_dict(load_checkpoint(self.args.out / f"{stage}_final.pt")["module"])
+        return module.to(self.session.device)
+
+    # --- stages -------------------------------------------------------------------------------------------------------
+
+    def train_phase(self) -> None:
+        """Stage 0, once."""
+        if not (self.args.out / "phase_final.pt").exists():
+            options = self.args.phase, PHASE_BATCH, self.args.max_minutes
+            stage_phase.run(self.session, self.config, self.table, self.weights, *options)
+
+    def train_content(self) -> None:
+        """Stage 1, once."""
+        if self.config.content_encoder and not self.content_path.exists():
+            stage_content.run(
+                self.session,
+                self.config,
+                self.table,
+                self.frames,
+                self.weights,
+                self.texts,
+                self.args.content,
+                max_minutes=self.args.max_minutes,
+                clips=self.clips,
+            )
+
+    def train_words(self) -> None:
+        """Longer sentences, once for a content encoder."""
+        content = self.content
+        if content is None or not self.config.longer_sentences:
+            return
+        stored = load_checkpoint(self.content_path)
+        if "longer_sentences" in stored:
+            return
+        learnt = stage_words.learn_longer_sentences(
+            content, self.config, self.texts, self.encoder, self.args.words, self.args.seed
+        )
+        distances = "  ".join(f"{name} {value:.3f}" for name, value in learnt.items())
+        logs = self.args.out / "logs"
+        logs.mkdir(parents=True, exist_ok=True)
+        (logs / "words.txt").write_text(
+            f"step {self.args.words} of {self.args.words}, distances {distances}", encoding="utf-8"
+        )
+        save_checkpoint(
+            self.content_path, stored | {"module": content.state_dict(), "longer_sentences": learnt}
+        )
+        content.to(self.session.device)
+
+    def train_stage2(self) -> None:
+        """Stage 2, resumed where it was left."""
+        options = self.args.stage2, self.args.batch, self.args.max_minutes
+        stage_motion.run_stage2(self.session, self.config, self.data, *options)
+
+    def train_stage3(self) -> None:
+        """Stage 3, resumed where it was left."""
+        options = self.args.stage3, self.args.batch, self.args.max_minutes
+        generator = stage_motion.run_stage3(
+            self.session, self.config, self.data, self.generator("stage2"), *options
+        )
+        save_checkpoint(self.args.out / "stage3_final.pt", {"module": generator.state_dict()})
+
+    def export(self) -> None:
+        """Graphs, metadata and card of the run."""
+        mixture = self.args.decoder == "mixture"
+        generator = self.generator("stage2" if mixture else "stage3")
+        config, data, table = self.config, self.data, self.table
+        sigma = np.zeros(config.inference_steps)
+        if not mixture:
+            sigma = stage_motion.estimate_variance(self.session, config, data, generator)
+        schedule = Schedule.linear(config.diffusion_steps)
+        history = History.of_run(self.args.out)
+        trained = Trained(
+            config=config,
+            content=self.content,
+            generator=generator,
+            normal=data.normal,
+            style_centre=self.style_scale[0],
+            style_deviation=self.style_scale[1],
+            speeds=torch.as_tensor(_paces_and_rhythm(table, self.phase, data)),
+            steps=reverse_steps(schedule, schedule.subsequence(config.inference_steps), sigma),
+            sigma_bar_squared=sigma,
+            start=start_state(table, self.phase),
+            credits=catalog.credits_of(set(table.sources)),
+            notes=_notes(self.args, table, history),
+            curves=history.losses,
+            neutral=neutral_style(table, data.style),
+            sequence_scales=_sequence_scales(self.content_path, table) if self.content is not None else {},
+            decoder=self.args.decoder,
+        )
+        _write_model(trained, self.args, self.args.out / ("model-mixture" if mixture else "model"))
+
+
+PHASE_BATCH = 128
 
 
 def _refuse_table_one(config: ModelConfig) -> None:
@@ -141,53 +324,13 @@ def _refuse_table_one(config: ModelConfig) -> None:
 
 def _check_data(config: ModelConfig, clips: Path, table: FrameTable) -> None:
     """FileError for clips that must not enter a model which anybody may publish; else says how much there is."""
-    bound = sorted(name for name in set(table.sources) if not archives.BY_NAME[name].free)
+    bound = sorted(name for name in set(table.sources) if not catalog.BY_NAME[name].free)
     if bound and config.name == OPEN:
         raise FileError(
             f"{clips}: holds clips of {', '.join(bound)}, whose licence is non-commercial.",
             f"Import with --preset {OPEN} into another --out.",
         )
     log.info("%d clips, %d frames, %d styles", len(table.styles), len(table), len(set(table.styles)))
-
-
-def _export(
-    args: argparse.Namespace,
-    session: Session,
-    config: ModelConfig,
-    data: stage_motion.MotionData,
-    content: ContentEncoder | None,
-    table: FrameTable,
-    phase: np.ndarray,
-    scale: tuple[torch.Tensor, torch.Tensor],
-) -> None:
-    """Graphs, metadata and card of the run; `scale` are centre and deviation of Z^t."""
-    mixture = args.decoder == "mixture"
-    weights_of = "stage2_final.pt" if mixture else "stage3_final.pt"
-    generator = _generator(args.out / weights_of, config).to(session.device)
-    sigma = np.zeros(config.inference_steps)
-    if not mixture:
-        sigma = stage_motion.estimate_variance(session, config, data, generator)
-    schedule = Schedule.linear(config.diffusion_steps)
-    history = History.of_run(args.out)
-    trained = Trained(
-        config=config,
-        content=content,
-        generator=generator,
-        normal=data.normal,
-        style_centre=scale[0],
-        style_deviation=scale[1],
-        speeds=torch.as_tensor(_paces_and_rhythm(table, phase, data)),
-        steps=reverse_steps(schedule, schedule.subsequence(config.inference_steps), sigma),
-        sigma_bar_squared=sigma,
-        start=start_state(table, phase),
-        credits=archives.credits_of(set(table.sources)),
-        notes=_notes(args, table, history),
-        curves=history.losses,
-        neutral=neutral_style(table, data.style),
-        sequence_scales=_sequence_scales(args.out / "content_final.pt", table) if content is not None else {},
-        decoder=args.decoder,
-    )
-    _write_model(trained, args, args.out / ("model-mixture" if mixture else "model"))
 
 
 def _paces_and_rhythm(table: FrameTable, phase: np.ndarray, data: stage_motion.MotionData) -> np.ndarray:
@@ -205,114 +348,15 @@ def _write_model(trained: Trained, args: argparse.Namespace, folder: Path) -> No
 
 
 @lru_cache(1)
-def _load(clips: Path, limit: int | None) -> FrameTable:
+def _load(clips: Path, folder: Path, limit: int | None) -> FrameTable:
     """The frames, kept for the next variant of an ablation."""
-    return load_frames(clips, limit=limit)
-
-
-def _scales(
-    session: Session, frames: Frames, weights: np.ndarray, content: ContentEncoder | None, texts: StyleTexts
-) -> dict[str, torch.Tensor]:
-    """Normalisation of x, y and Z^t: measured once per run, so that a resumed stage goes on with the same."""
-    path = session.out / "scales.pt"
-    if not path.exists():
-        centre, deviation = stage_content.style_scale(content, texts)
-        normal = stage_motion.measure(frames, weights, session)
-        save_checkpoint(path, normal.tensors() | {"style_centre": centre, "style_deviation": deviation})
-    parallel.wait()
-    return {name: value.to(session.device) for name, value in load_checkpoint(path).items()}
-
-
-def _phase(
-    args: argparse.Namespace,
-    session: Session,
-    config: ModelConfig,
-    table: FrameTable,
-    weights: np.ndarray,
-    wanted: bool,
-) -> np.ndarray:
-    stored = args.out / "phase.npy"
-    if stored.exists():
-        phase = np.load(stored, allow_pickle=False)
-        if len(phase) == len(table):
-            return phase
-        log.info("%s belongs to another set of clips: encoding these", stored)
-    if (args.out / "phase_final.pt").exists():
-        return stage_phase.encode_table(session, config, table)
-    if not wanted:
-        raise FileError(f"{stored}: missing.", "Train stage 'phase' first.")
-    return stage_phase.run(session, config, table, weights, args.phase, max_minutes=args.max_minutes)
-
-
-def _content(
-    args: argparse.Namespace,
-    session: Session,
-    config: ModelConfig,
-    table: FrameTable,
-    weights: np.ndarray,
-    texts: StyleTexts,
-    wanted: bool,
-) -> ContentEncoder | None:
-    if not config.content_encoder:
-        return None
-    path = args.out / "content_final.pt"
-    if wanted and not path.exists():
-        return stage_content.run(
-            session,
-            config,
-            table,
-            weights,
-            texts,
-            args.content,
-            max_minutes=args.max_minutes,
-            clips=args.clips or args.out / "clips",
-        )
-    stored = load_checkpoint(path)
-    trained_with = stored["config"].get("text_encoder", SHIPPED["name"])
-    if trained_with != config.text_encoder:
-        raise FileError(
-            f"{path}: trained with the text encoder {trained_with!r}, not {config.text_encoder!r}.",
-            "Name its folder with --text-encoder, or another --out.",
-        )
-    module = ContentEncoder(config)
-    stage_content.begin_with(module, stored["module"])
-    return module.to(session.device).eval()
-
-
-def _words(
-    args: argparse.Namespace,
-    content: ContentEncoder,
-    config: ModelConfig,
-    texts: StyleTexts,
-    encoder: TextEncoder,
-) -> None:
-    """Longer sentences, once for a content encoder."""
-    path = args.out / "content_final.pt"
-    stored = load_checkpoint(path)
-    if "longer_sentences" in stored:
-        return
-    device = next(content.parameters()).device
-    learnt = stage_words.learn_longer_sentences(content, config, texts, encoder, args.words, args.seed)
-    distances = "  ".join(f"{name} {value:.3f}" for name, value in learnt.items())
-    logs = args.out / "logs"
-    logs.mkdir(parents=True, exist_ok=True)
-    (logs / "words.txt").write_text(
-        f"step {args.words} of {args.words}, distances {distances}", encoding="utf-8"
-    )
-    save_checkpoint(path, stored | {"module": content.state_dict(), "longer_sentences": learnt})
-    content.to(device)
+    return load_frames(clips, folder, limit=limit)
 
 
 def _sequence_scales(path: Path, table: FrameTable) -> dict[str, torch.Tensor]:
     """What the motion encoder's input was normalised by; a checkpoint that lacks it was trained on the same table."""
     stored: dict[str, torch.Tensor] | None = load_checkpoint(path).get("scales")
     return stored or stage_content.Sequences(table, torch.device("cpu")).scales
-
-
-def _generator(path: Path, config: ModelConfig) -> Generator:
-    module = Generator(config)
-    module.load_state_dict(load_checkpoint(path)["module"])
-    return module
 
 
 def _notes(args: argparse.Namespace, table: FrameTable, history: History) -> dict[str, object]:
@@ -322,7 +366,7 @@ def _notes(args: argparse.Namespace, table: FrameTable, history: History) -> dic
         "styles": sorted(set(table.styles)),
         "steps": {stage: history.steps[stage] for stage in STAGES if stage in history.steps},
         "seed": args.seed,
-        "licence": archives.licence_of(set(table.sources)),
+        "licence": catalog.licence_of(set(table.sources)),
     }
 
 

@@ -50,8 +50,8 @@ class ModelConfig:
     # Eq. 14 with the captured motion in place of E_d's own codes, and the denoiser's output added to these codes
     # (paper: the codes alone, which the denoiser learns from nothing)
     residual_diffusion: bool = True
-    # stages 2 and 3 also see rollouts in which one part follows the words of another clip (paper: no)
-    part_swaps: bool = True
+    # arms, torso and head of other clips are put on the captured body while training (paper: no)
+    composition: bool = True
     # after stage 1 the text network learns phrases in longer sentences, `training.stages.words` (paper: no)
     longer_sentences: bool = True
 
@@ -79,7 +79,7 @@ _PAPER = ModelConfig(
     pose_statistics=False,
     measures=False,
     residual_diffusion=False,
-    part_swaps=False,
+    composition=False,
     longer_sentences=False,
 )
 OPEN = "open"  # sizes of compact, trained on archives alone that allow commercial use
@@ -120,7 +120,7 @@ ABLATIONS: dict[str, dict[str, Any]] = {
     "two-sided-words": {"one_sided_words": False},
     "no-pose-statistics": {"pose_statistics": False},
     "no-measures": {"measures": False},
-    "no-part-swaps": {"part_swaps": False},
+    "no-composition": {"composition": False},
     "no-longer-sentences": {"longer_sentences": False},
 }
 

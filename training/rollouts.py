@@ -8,15 +8,16 @@ The forward pass that trains a lane also moves it on, so that rollouts of any le
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from runtime.motion import features
 from runtime.motion.features import INPUT, OUTPUT
-from training.batches import Frames
+from training.batches import Frames, RandomRows
+from training.composition.composer import Plan
 from training.kinematics import TURNS, shown_joints, turns
-from training.part_swaps import Swaps
 
 PRESENT = 60
 _POSE = ("joint_positions", "joint_velocities")
@@ -25,13 +26,14 @@ _POSE = ("joint_positions", "joint_velocities")
 FOREIGN_POSE = 0.35
 ENERGY_FRAMES = 45  # most of a gait cycle: over so many a lane is compared with its own clip
 MOVEMENTS = 93 + TURNS  # coordinates of the joints, then turns of trunk, head and feet
+PLANNED_FRAMES = 60  # that a part of another clip goes on at least
 SWING_FRAMES = 15  # about a quarter of a gait cycle: over so many frames a swing is compared with the clip's
 
 
 class RolloutLanes:
     """`lanes` rollouts; each ends by chance after `mean_frames` on average, or with its clip.
 
-    With `part_swaps` some are told of another clip's part, see `training.part_swaps`.
+    Some carry parts of other clips all along, see `training.composition`.
     """
 
     def __init__(
@@ -40,7 +42,6 @@ class RolloutLanes:
         lanes: int,
         mean_frames: float,
         fresh: Iterator[Tensor],
-        part_swaps: bool = True,
     ) -> None:
         self.frames = frames
         self.mean_frames = mean_frames
@@ -51,28 +52,26 @@ class RolloutLanes:
         self.pose = {name: torch.zeros(lanes, 93, device=device) for name in _POSE}
         self.phase = torch.zeros(lanes, 2 * PRESENT + 1, 2 * features.C, device=device)
         self.age = torch.zeros(lanes, dtype=torch.long, device=device)  # frames since it began
-        self._history = torch.zeros(SWING_FRAMES, lanes, MOVEMENTS, device=device)  # oldest first
+        # movements of the last frames, oldest first: the lanes' and the clips'
+        self._history = torch.zeros(2, SWING_FRAMES, lanes, MOVEMENTS, device=device)
         self._energy = torch.zeros(2, lanes, MOVEMENTS, device=device)  # of swings, the lanes' and the clips'
         self._offset = torch.zeros(lanes, MOVEMENTS, device=device)  # mean of the lanes' less the clips'
-        self.swaps = Swaps.none(lanes, device)
-        self._part_swaps = part_swaps
+        self.plan = Plan.nothing(lanes, device)
         self._restart(torch.ones(lanes, dtype=torch.bool, device=device))
 
     def _restart(self, ended: Tensor) -> None:
         count = int(ended.sum())
         if not count:
             return
-        drawn = next(self._fresh)
-        rows = drawn[:count]
+        rows = next(self._fresh)[:count]
         ended = ended.nonzero()[:, 0][: len(rows)]
-        if self._part_swaps:
-            self.swaps.draw(ended, self.frames.clip[drawn.roll(-count)[: len(rows)]])
+        self.plan[ended] = self.frames.plan(rows, PLANNED_FRAMES)
         self.rows[ended] = rows
         self.age[ended] = 0
         self._energy[:, ended] = 0.0
         self._offset[ended] = 0.0
         self.patch[ended] = (torch.rand(len(rows), device=rows.device) * self.frames.patches[rows]).long()
-        x = self.frames.inputs(rows, self.patch[ended])
+        x, _ = self.frames.pairs(rows, self.patch[ended], self.plan[ended])
         foreign = torch.rand(len(rows), device=rows.device) < FOREIGN_POSE
         order = torch.arange(len(rows), device=rows.device)
         order = torch.where(foreign, order[torch.randperm(len(rows), device=rows.device)], order)
@@ -106,14 +105,9 @@ class RolloutLanes:
         c, s = turn.cos(), turn.sin()
         return torch.stack([c * x - s * z, y + ground[:, None], s * x + c * z], -1)
 
-    def movements(self, y: Tensor, joints: Tensor) -> tuple[Tensor, Tensor]:
-        """Of the lanes' real-valued y `(lanes, 473)` and joints, and of their clips: `(lanes, 102)` each."""
-        return movements(y, joints), self._captured(self.rows)
-
     def swings(self, own: Tensor, captured: Tensor) -> tuple[Tensor, Tensor]:
-        """How far both `movements` have gone in `SWING_FRAMES`. Of no meaning for lanes younger than that."""
-        before = (self.rows - SWING_FRAMES).clamp_min(0)
-        return own - self._history[0], captured - self._captured(before)
+        """How far `movements` of lanes and clips have gone in `SWING_FRAMES`. Of no meaning for younger lanes."""
+        return own - self._history[0, 0], captured - self._history[1, 0]
 
     @torch.no_grad()
     def offsets(self, own: Tensor, captured: Tensor, since: int) -> Tensor:
@@ -135,31 +129,59 @@ class RolloutLanes:
         self._energy += (squares - self._energy) / ENERGY_FRAMES
         return self._energy
 
-    def _captured(self, rows: Tensor) -> Tensor:
-        y = self.frames.y[rows].float()
-        joints = y[:, OUTPUT["joint_positions"]].unflatten(1, (-1, 3)).clone()
-        joints[:, :, 1] -= self.frames.ground[rows, self.patch][:, None]
-        return movements(y, joints)
-
     @torch.no_grad()
-    def advance(self, y: Tensor) -> None:
-        """Move every lane on by one frame with the network's real-valued y `(lanes, 473)`.
+    def advance(self, y: Tensor, target: Tensor) -> None:
+        """Move every lane on by one frame with the network's real-valued y `(lanes, 473)`; `target` is their clips'.
 
         As in the runtime, what is fed back is the pose shown: forward kinematics of the rotations.
         """
         shown = shown_joints(y)
         self.pose["joint_positions"] = shown.flatten(1)
         self.pose["joint_velocities"] = y[:, OUTPUT["joint_velocities"]].detach().clone()
-        self._history = torch.cat([self._history[1:], movements(y, shown)[None]])
+        moved = torch.stack([movements(y, shown), movements(target, captured_joints(target))])
+        self._history = torch.cat([self._history[:, 1:], moved[:, None]], dim=1)
         samples = y[:, OUTPUT["phase"]].detach().unflatten(1, (-1, 2 * features.C))
-        moved = torch.cat([self.phase[:, 1:], self.phase[:, -1:]], dim=1)
-        moved[:, PRESENT:] = _dense(samples)
-        self.phase = moved
+        phase = torch.cat([self.phase[:, 1:], self.phase[:, -1:]], dim=1)
+        phase[:, PRESENT:] = _dense(samples)
+        self.phase = phase
         self.rows, self.age = self.rows + 1, self.age + 1
-        ended = self.rows >= self.frames.last[self.rows.clamp_max(len(self.frames.last) - 1)]
-        chance = torch.rand(len(self.rows), device=self.rows.device) < 1.0 / self.mean_frames
+        self._restart(self._ended(y))
+
+    def _ended(self, y: Tensor) -> Tensor:
+        """By chance, with the clip or a part's clip, or because the pose is lost; `(lanes,)`."""
+        rows = self.rows.clamp_max(len(self.frames.last) - 1)
+        ended = self.rows >= self.frames.last[rows]
+        if self.frames.composer is not None:
+            ended |= ~self.frames.composer.lasts(rows, self.plan)
+        chance = torch.rand(len(rows), device=rows.device) < 1.0 / self.mean_frames
         lost = ~torch.isfinite(y).all(1) | (self.pose["joint_positions"].abs().amax(1) > 4.0)
-        self._restart(ended | chance | lost)
+        return ended | chance | lost
+
+    def state_dict(self) -> dict[str, object]:
+        """Everything that the next steps depend on."""
+        return {name: getattr(self, name) for name in _STATE} | {
+            "pose": self.pose,
+            "plan": vars(self.plan),
+            "fresh": self._fresh.state_dict() if isinstance(self._fresh, RandomRows) else {},
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Go on from there."""
+        device = self.rows.device
+        for name in _STATE:
+            setattr(self, name, state[name].to(device))
+        self.pose = {name: value.to(device) for name, value in state["pose"].items()}
+        self.plan = Plan(**{name: value.to(device) for name, value in state["plan"].items()})
+        if isinstance(self._fresh, RandomRows):
+            self._fresh.load_state_dict(state["fresh"])
+
+
+_STATE = ("rows", "patch", "phase", "age", "_history", "_energy", "_offset")
+
+
+def captured_joints(y: Tensor) -> Tensor:
+    """The joints `(B, 31, 3)` that real-valued y `(B, 473)` states."""
+    return y[:, OUTPUT["joint_positions"]].unflatten(1, (-1, 3))
 
 
 def movements(y: Tensor, joints: Tensor) -> Tensor:

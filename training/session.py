@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import os
 import time
-from collections.abc import Callable, Iterator
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Protocol
 
 import torch
 from torch import Tensor, nn
 
+from runtime.atomic import write_atomic
 from runtime.errors import FileError
 from training import parallel
 
@@ -33,9 +36,14 @@ class Session:
     )
     half: bool = True  # bf16 autocast
     seed: int = 0
-    checkpoint_seconds: float = 120.0
+    checkpoint_seconds: float = 240.0
 
-    def autocast(self) -> object:
+    def __post_init__(self) -> None:
+        # a processor without bf16 products computes them many times slower than those of single precision
+        if self.device.type == "cpu" and not torch.ops.mkldnn._is_mkldnn_bf16_supported():
+            self.half = False
+
+    def autocast(self) -> AbstractContextManager[object]:
         """bf16 mixed precision, or nothing."""
         return torch.autocast(self.device.type, torch.bfloat16) if self.half else nullcontext()
 
@@ -86,6 +94,14 @@ def load_checkpoint(path: Path) -> dict:
         ) from error
 
 
+class Resumable(Protocol):
+    """What a stage draws its samples from, kept in its checkpoints."""
+
+    def state_dict(self) -> Mapping[str, Any]: ...
+
+    def load_state_dict(self, state: Any) -> object: ...
+
+
 @dataclass
 class StageState:
     """A stage's module with its optimiser and moving average, saved and restored together."""
@@ -95,8 +111,8 @@ class StageState:
     average: MovingAverage
     step: int = 0
 
-    def restore(self, path: Path) -> bool:
-        """Go on from a checkpoint when there is one."""
+    def restore(self, path: Path, kept: Mapping[str, Resumable]) -> bool:
+        """Go on from a checkpoint when there is one, `kept` and random numbers included."""
         if not path.exists():
             return False
         saved = load_checkpoint(path)
@@ -104,9 +120,15 @@ class StageState:
         self.optimizer.load_state_dict(saved["optimizer"])
         self.average.values = {k: v.to(self.average.values[k]) for k, v in saved["average"].items()}
         self.step = int(saved["step"])
+        for name, part in kept.items():
+            part.load_state_dict(saved["kept"][name])
+        torch.set_rng_state(saved["random"])
+        if torch.cuda.is_available():
+            torch.cuda.set_rng_state_all(saved["random_cuda"])
         return True
 
-    def save(self, path: Path) -> None:
+    def save(self, path: Path, kept: Mapping[str, Resumable]) -> None:
+        """Write everything that the next step depends on."""
         save_checkpoint(
             path,
             {
@@ -114,6 +136,9 @@ class StageState:
                 "optimizer": self.optimizer.state_dict(),
                 "average": self.average.values,
                 "step": self.step,
+                "kept": {name: part.state_dict() for name, part in kept.items()},
+                "random": torch.get_rng_state(),
+                "random_cuda": torch.cuda.get_rng_state_all() if torch.cuda.is_available() else [],
             },
         )
 
@@ -189,13 +214,15 @@ def train(
     learning_rate: Callable[[int], float],
     batch_size: int,
     max_minutes: float | None = None,
+    kept: Mapping[str, Resumable] = MappingProxyType({}),
 ) -> None:
     """Optimise until `steps` (or `max_minutes`); `losses` returns named terms of which "total" is minimised.
 
-    Logs samples/s and the time left, writes TensorBoard scalars, and a checkpoint `name.pt` every two minutes.
+    Logs samples/s and the time left, writes TensorBoard scalars, and a checkpoint `name.pt` every four minutes. `kept`
+    is what samples are drawn from: a run that goes on from a checkpoint gives the same bytes as one without a break.
     """
     checkpoint = session.out / f"{name}.pt"
-    if state.restore(checkpoint):
+    if state.restore(checkpoint, kept):
         log.info("%s: resumed at step %d", name, state.step)
     parallel.same_weights(state.module)
     if parallel.rank():
@@ -206,19 +233,31 @@ def train(
     while state.step < steps:
         for group in state.optimizer.param_groups:
             group["lr"] = learning_rate(state.step)
-        with session.autocast():  # type: ignore[attr-defined]
+        with session.autocast():
             terms = losses(next(batches), state.step)
         _optimise(state, terms["total"])
         progress.add(terms, state.step)
         now = time.monotonic()
         if now - saved > session.checkpoint_seconds:
+            state.save(checkpoint, kept)
+            _add_hours(session.out, name, now - saved)
             saved = now
-            state.save(checkpoint)
         if max_minutes is not None and parallel.anyone(now - started > 60 * max_minutes):
             log.info("%s: stopped after %.1f minutes at step %d", name, max_minutes, state.step)
             break
     progress.close()
-    state.save(checkpoint)
+    state.save(checkpoint, kept)
+    _add_hours(session.out, name, time.monotonic() - saved)
+
+
+def _add_hours(out: Path, name: str, seconds: float) -> None:
+    """Sum up what each stage has taken, over all its interruptions, in `hours.json`."""
+    if parallel.rank():
+        return
+    path = out / "hours.json"
+    hours = json.loads(path.read_text("utf-8")) if path.exists() else {}
+    hours[name] = round(hours.get(name, 0.0) + seconds / 3600, 4)
+    write_atomic(path, json.dumps(hours, indent=1) + "\n")
 
 
 def _writer(folder: Path) -> SummaryWriter | None:

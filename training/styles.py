@@ -16,6 +16,7 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.sentence_inputs import part_inputs
 from runtime.prompts.text_encoder import TextEncoderLike
 from runtime.skeleton import PART_NAMES
+from training.data.sets import DATA_SETS
 from training.frames import FrameTable
 from training.layering.catalog import EDITS
 
@@ -56,8 +57,9 @@ class StyleTexts:
 
 
 def pick_paraphrases(index: Tensor, clips: Tensor, generator: torch.Generator | None = None) -> Tensor:
-    """Sentence indices `(B, 6)` out of `index` `(clips, P, 6)`."""
+    """Sentence indices `(B, 6)` out of `index` `(clips, P, 6)` for clips `(B,)`, or `(B, 6)` of every part's own."""
     count, parts = index.shape[1:]
+    whose = clips if clips.ndim == 2 else clips[:, None]
 
     def random(*shape: int) -> Tensor:
         return torch.rand(shape, generator=generator).to(clips.device)
@@ -65,7 +67,7 @@ def pick_paraphrases(index: Tensor, clips: Tensor, generator: torch.Generator | 
     own = (random(len(clips), parts) * count).long()
     same = own[:, :1].expand(-1, parts)
     choice = torch.where(random(len(clips), 1) < MIX, own, same)
-    return index[clips[:, None], choice, torch.arange(parts, device=clips.device)]
+    return index[whose, choice, torch.arange(parts, device=clips.device)]
 
 
 @dataclass
@@ -100,7 +102,7 @@ def load_style_texts(
     `clips` is the folder of the clips: its `layers.json` holds the descriptions of layered clips, its
     `captions.json`, if there, sentences measured on each captured one. `words` appends the direction words, `side` describes every limb as the left one.
     """
-    library = _read(path, "Restore assets/prompts/styles.json.")
+    library = style_library(path)
     layers = _optional(clips, LAYERS)
     captions = _optional(clips, CAPTIONS)
     random = np.random.default_rng(0)
@@ -121,6 +123,14 @@ def load_style_texts(
         descriptions.append([d.mirrored() for d in chosen] if mirrored else chosen)
         keys.append([style + ("_m" if mirrored else "")] * len(PART_NAMES))
     return _indexed(descriptions, keys, encoder, words, side)
+
+
+def style_library(path: Path) -> dict[str, Any]:
+    """The written descriptions by style, those of the data sets' records included. FileError where `path` is damaged."""
+    own = {
+        style: {"descriptions": list(d)} for record in DATA_SETS for style, d in record.descriptions.items()
+    }
+    return own | _read(path, "Restore assets/prompts/styles.json.")
 
 
 def _indexed(

@@ -30,7 +30,7 @@ from runtime.motion.model import load_model
 from runtime.motion.model_files import read_metadata
 from runtime.prompts.prompter import Prompter
 from runtime.skeleton import SPORT_SKELETON
-from training.data.archives import BY_NAME
+from training.data.catalog import BY_NAME
 from training.evaluation.metrics.motion import original_clips
 from training.evaluation.motion.subject import style_texts
 from training.frames import LAYERED, ClipFrames, clip_frames

@@ -10,29 +10,19 @@ from numpy.typing import NDArray
 
 from runtime.controls import Gait
 from runtime.errors import FileError, SportError
-from runtime.formats.bvh import read_bvh
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON
 from training.data import cutting, height_patches, labels, relief
-from training.data.catalog import ClipSource, Refusal
+from training.data.catalog import BY_NAME, skeleton_of
 from training.data.clip_files import TrainingClip
 from training.data.foot_cleaning import clean_feet
 from training.data.height_patches import Patches
+from training.data.record import ClipSource, Refusal
 from training.data.report import ClipSummary, summarise
 from training.data.retarget import FPS, FootCalibration, SourceMotion, load_source, retarget
-from training.data.source_skeletons import SourceSkeleton, of_capture, recognise
+from training.data.source_skeletons import SourceSkeleton
 
 Array = NDArray[np.floating]
 
-# Frame 0 is a T-pose, in CMU smeared over the next two by the resampling to 60 Hz.
-FIRST_FRAMES = {"cmu": 3, "cmu91": 1}
-LONG_TAKES = (
-    "100style",
-    "jlpm",
-    "o3de",
-)  # unique in their style and content: they give their tails to evaluation
-SLIDING_SOURCES = {
-    "jlpm": 2.5
-}  # inertial capture: feet slide in stance, so contact is granted at higher speeds
 _PFNN_GAITS = (Gait.STAND, Gait.WALK, Gait.JOG, Gait.JOG, Gait.CROUCH, Gait.JUMP, Gait.CROUCH, Gait.OTHER)
 
 
@@ -69,10 +59,11 @@ class _Motion:
 
 def load(clip: ClipSource) -> tuple[SourceSkeleton, SourceMotion]:
     """Read a file and bring it to 60 Hz; FileError when it cannot be read or its skeleton is unknown."""
-    motion = read_bvh(clip.path)
-    skeleton = of_capture(recognise(motion, clip.path.name), clip.capture)
-    reference = read_bvh(clip.path.with_name(skeleton.reference)) if skeleton.reference else None
-    return skeleton, load_source(motion, skeleton, FIRST_FRAMES.get(clip.source, 0), reference)
+    record = BY_NAME[clip.source]
+    motion = record.read(clip.path)
+    skeleton = skeleton_of(clip, motion)
+    reference = record.read(clip.path.with_name(skeleton.reference)) if skeleton.reference else None
+    return skeleton, load_source(motion, skeleton, record.first_frame, reference)
 
 
 def import_clip(job: ImportJob) -> tuple[list[ClipSummary], list[Refusal]]:
@@ -93,7 +84,7 @@ def _import_clip(job: ImportJob) -> tuple[list[ClipSummary], list[Refusal]]:
     contacts, gait = _label(clip, positions, rollout)
     motion = _Motion(retargeted.hips, retargeted.local, contacts, gait, positions)
 
-    start, end = cutting.lead_in(positions, clip.content, has_tpose=clip.source == "100style")
+    start, end = cutting.lead_in(positions, clip.content, has_tpose=BY_NAME[clip.source].has_tpose)
     bad = cutting.spikes(motion.hips, motion.local, positions, clip.tier)
     parts = _split(job, cutting.segments(start, end, bad))
     summaries: list[ClipSummary] = []
@@ -121,7 +112,7 @@ def _versions(
     else:
         motion = motion.moved(*clean_feet(motion.hips, motion.local, motion.contacts, _level))
         patches = relief.fit_around_steps(motion.positions, motion.contacts, generator)
-        if _travels(motion) and clip.source not in SLIDING_SOURCES:
+        if _travels(motion) and BY_NAME[clip.source].slide == 1.0:
             on_terrain = _on_terrain(motion, generator)
     result = [_training_clip(clip, name, split, motion, patches)]
     if on_terrain is not None:
@@ -166,7 +157,7 @@ def _on_terrain(motion: _Motion, generator: np.random.Generator) -> tuple[_Motio
 
 def _split(job: ImportJob, parts: list[tuple[int, int]]) -> list[tuple[int, int, str]]:
     """Give each part its split; a long take that is unique in its style and content gives its tail to evaluation."""
-    if job.clip.source not in LONG_TAKES:
+    if not BY_NAME[job.clip.source].long_takes:
         return [(a, b, "held_out" if job.held_out else "train") for a, b in parts]
     result = []
     for a, b in parts:
@@ -225,9 +216,7 @@ def _label(clip: ClipSource, positions: Array, rollout: _Rollout | None) -> tupl
         contacts = labels.contacts_without_ground(positions)
         ground = labels.smooth(positions[:, labels.FOOT_JOINTS, 1].min(1), 1.0)
     else:
-        contacts = labels.foot_contacts(
-            positions, np.zeros((len(positions), 4)), SLIDING_SOURCES.get(clip.source, 1.0)
-        )
+        contacts = labels.foot_contacts(positions, np.zeros((len(positions), 4)), BY_NAME[clip.source].slide)
         ground = np.zeros(len(positions))
     if clip.source == "pfnn":
         return contacts, _pfnn_gait(clip.path.with_suffix(".gait"), len(positions))

@@ -13,8 +13,9 @@ import numpy as np
 from runtime import rotations
 from runtime.errors import FileError, SportError, run_command
 from training.data import cutting
-from training.data.catalog import SOURCES, ClipSource, Refusal, list_clips, source_folder
+from training.data.catalog import BY_NAME, list_clips, source_folder
 from training.data.clip_import import ImportJob, import_clip, load
+from training.data.record import ClipSource, Refusal
 from training.data.report import ClipSummary, Report
 from training.data.retarget import FootCalibration, calibrate_feet
 from training.data.source_comparison import section
@@ -47,7 +48,7 @@ def unpack(data: Path, folder: Path) -> Path:
     """`data` itself when its archives lie there unpacked, else `folder` with every `NAME.tar.xz` unpacked into it."""
     import tarfile
 
-    archives = [a for a in (data / f"{s}.tar.xz" for s in SOURCES) if a.is_file()]
+    archives = [a for a in (data / f"{s}.tar.xz" for s in BY_NAME) if a.is_file()]
     if not archives or all(source_folder(data, a.name.removesuffix(".tar.xz")) for a in archives):
         return data
     for archive in archives:

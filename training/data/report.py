@@ -12,11 +12,11 @@ import numpy as np
 
 from runtime.controls import Gait
 from runtime.skeleton import SPORT_SKELETON
-from training.data.catalog import Refusal
 from training.data.clip_files import TrainingClip
 from training.data.labels import FOOT_JOINTS
+from training.data.record import Refusal
 from training.data.retarget import FPS
-from training.data.source_skeletons import HEAD_LIFT_DEGREES
+from training.data.sets import DATA_SETS
 
 
 @dataclass(frozen=True)
@@ -133,18 +133,20 @@ The root translation of some `100style` clips (tier `estimated_root`) was estima
 **Held out.** Takes of 100STYLE and JLPM longer than 20 s give their last 8 % (2 s apart from the rest); elsewhere whole
 clips, about 8 %, never the only one of its style and content. Copies and mirror images follow their original.
 
-**Credits.** Copyright (c) Contributors to the Open 3D Engine Project (Apache-2.0 or MIT). ACCAD, The Ohio State University
-(CC BY 3.0). fair_zombie: Copyright (c) Meta Platforms, Inc. and affiliates (MIT). The 100STYLE Dataset - Ian Mason (CC BY 4.0). Bandai Namco Research Motiondataset (CC BY-NC 4.0). CMU: the
-data used in this project was obtained from mocap.cs.cmu.edu; the database was created with funding from NSF
-EIA-0196217. JLPM: José Luis Pontón (MIT). PFNN: Holden et al. 2017 (academic and non-commercial).
+**Credits.** {credits}.
 """
 _CALIBRATION = """Calibration of the feet (left; the right mirrors it), measured where they stand flat:
 """
 
 
 def _preface() -> str:
-    lifts = ", ".join(f"`{capture}` {degrees:g}" for capture, degrees in HEAD_LIFT_DEGREES.items())
-    return _PREFACE.replace("{head_lifts}", lifts)
+    lifts = ", ".join(
+        f"`{capture}` {degrees:g}"
+        for record in DATA_SETS
+        for capture, degrees in record.head_lift_degrees.items()
+    )
+    credits = ". ".join(dict.fromkeys(record.credit for record in DATA_SETS))
+    return _PREFACE.replace("{head_lifts}", lifts).replace("{credits}", credits)
 
 
 def _kind(reason: str) -> str:

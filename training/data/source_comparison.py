@@ -12,8 +12,7 @@ from runtime.errors import FileError
 from runtime.formats.bvh_clip import save_bvh
 from runtime.takes.clip import Clip
 from training.data import gait
-from training.data.catalog import list_clips
-from training.data.clip_import import FIRST_FRAMES
+from training.data.catalog import BY_NAME, list_clips
 
 FILES = 4  # of each source and style at most, evenly spread
 BEGIN, END = "<!-- raw:begin -->", "<!-- raw:end -->"
@@ -36,7 +35,7 @@ def compare(data: Path, clips: Path) -> dict[tuple[str, str], tuple[Measures, Me
             imported = clips / f"{source.name}_0.npz"
         if source.terrain == "flat" and imported.exists() and source.content.startswith(_WALKS):
             key = source.source, source.style
-            files[key].append((source.path, imported, FIRST_FRAMES.get(source.source, 0)))
+            files[key].append((source.path, imported, BY_NAME[source.source].first_frame))
     result = {}
     with tempfile.TemporaryDirectory() as folder:
         for key, paths in sorted(files.items()):

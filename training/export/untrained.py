@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +70,8 @@ def main(argv: list[str] | None = None) -> int:
     config = preset(options.preset)
     if options.model is not None:
         stored = read_metadata(options.model)["config"]
+        known = {field.name for field in fields(ModelConfig)}
+        stored = {name: value for name, value in stored.items() if name in known}
         config = ModelConfig(**{**stored, "front": tuple(stored["front"])})
     export_untrained(config, options.folder)
     return 0

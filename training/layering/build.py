@@ -1,4 +1,4 @@
-"""`sport train layer`: layered clips from imported ones, each with six descriptions of its own.
+"""`sport train layer`: edited clips from imported ones, each with six descriptions of its own.
 
     python -m training.layering.build --clips DIR --out DIR
 
@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from runtime.assets import asset_path
+from runtime.atomic import write_atomic
 from runtime.controls import Gait
 from runtime.errors import run_command
 from runtime.motion import features
@@ -34,14 +35,13 @@ from training.layering.catalog import EDITS
 from training.layering.cycle import axes, cycle_frames, cycle_mean
 from training.layering.effects import rhythm_section
 from training.layering.pool import NEUTRAL, Pool, Source
-from training.layering.pose_edits import Motion
-from training.layering.recombine import UPPER_PARTS, cut, recombine
+from training.layering.pose_edits import Motion, cut
+from training.styles import style_library
 
 log = logging.getLogger("sport.train")
 
 SECONDS = (4.0, 7.0)
 PARAPHRASES = 4
-RECOMBINED = 0.3  # share of clips that first take parts of another style
 LAYERS = "layers.json"
 LEVEL = 0.015  # m: ground under all contacts of a floor
 WALKED = 0.5  # share of a clip's frames that walk, for edits of steps
@@ -64,8 +64,6 @@ class _Draft:
     motion: Motion
     texts: dict[str, list[str]]
     keys: dict[str, str]
-    donor: Source | None = None
-    parts: tuple[str, ...] = ()  # that come from the donor
     edits: tuple[str, ...] = ()
 
     @staticmethod
@@ -81,36 +79,14 @@ def build_layer(
     source = pool.draw(random)
     start, end = _segment(source, random)
     draft = _Draft.of(styles, source, cut(source.motion, start, end), random)
-    donor = pool.draw(random, 0.15) if random.random() < RECOMBINED else None
-    if donor is not None and not _recombined(draft, donor, styles, random):
+    standing = bool(source.gait[start:end, Gait.STAND].mean() > 0.5)
+    edited = _with_edits(draft, pool, styles, standing, random)
+    if edited is None:
         return None
-    if donor is None or random.random() < 0.35:
-        standing = bool(source.gait[start:end, Gait.STAND].mean() > 0.5)
-        edited = _with_edits(draft, pool, styles, standing, random)
-        if edited is None:
-            return None
-        draft = edited
-    if not draft.edits and donor is None:
-        return None
+    draft = edited
     for edit_name in draft.edits:
         _apply_edit(draft, edit_name, random)
     return _finished(draft, name, random)
-
-
-def _recombined(draft: _Draft, donor: Source, styles: dict[str, dict], random: np.random.Generator) -> bool:
-    """Give the draft parts of another clip; False where they do not fit together."""
-    if donor.style == draft.source.style:
-        return False
-    parts = _parts(random)
-    a, b = _segment(donor, random)
-    mixed = recombine(draft.motion, cut(donor.motion, a, max(b, min(a + 420, len(donor.gait)))), parts)
-    if mixed is None:
-        return False
-    draft.motion, draft.donor, draft.parts = mixed, donor, parts
-    for part in parts:
-        draft.texts[part] = _style_texts(styles, donor, part, random)
-        draft.keys[part] = donor.key
-    return True
 
 
 def _with_edits(
@@ -118,10 +94,8 @@ def _with_edits(
 ) -> _Draft | None:
     """The draft with edits drawn for it, of another clip where its own cannot show them; None where none can."""
     edits = recipes.draw(random, standing).edits
-    if draft.donor is not None:
-        edits = tuple(e for e in edits if not EDITS[e].phrases.keys() & set(draft.parts))
     if not _suits(draft.source, draft.motion, edits):
-        found = None if draft.donor is not None else _suitable(pool, edits, random)
+        found = _suitable(pool, edits, random)
         if found is None:
             return None
         draft = _Draft.of(styles, *found, random)
@@ -160,21 +134,9 @@ def _finished(
         "descriptions": [{p: texts[p][k % len(texts[p])] for p in PART_NAMES} for k in range(PARAPHRASES)],
         "keys": [draft.keys[p] for p in PART_NAMES],
         "base": source.name,
-        "donor": draft.donor.name if draft.donor is not None else None,
-        "recombined": list(draft.parts),
         "edits": list(draft.edits),
     }
     return clip, entry
-
-
-def _parts(random: np.random.Generator) -> tuple[str, ...]:
-    groups = (("left_arm", "right_arm"), ("torso",), ("head",), ("left_arm",), ("right_arm",))
-    chosen: set[str] = set()
-    while not chosen:
-        for group in groups:
-            if random.random() < 0.35:
-                chosen |= set(group)
-    return tuple(p for p in UPPER_PARTS if p in chosen)
 
 
 def _style_texts(
@@ -246,42 +208,65 @@ def _near(patches: Patches, hips: np.ndarray, margin: float = 2.5) -> Patches:
 
 
 def build_layers(clips: Path, out: Path, count: int, seed: int = 0) -> dict[str, dict]:
-    """Write `count` layered clips and `layers.json` into `out`; returns the entries by clip name."""
-    random = np.random.default_rng(seed)
+    """Write `count` layered clips and `layers.json` into `out`; returns the entries by clip name.
+
+    Each has random numbers of its own, so that a build that was interrupted goes on to the same clips.
+    """
     pool = Pool(clips)
-    styles = json.loads(asset_path("prompts/styles.json").read_text("utf-8"))
+    styles = style_library(asset_path("prompts/styles.json"))
     out.mkdir(parents=True, exist_ok=True)
-    entries: dict[str, dict] = {}
-    while len(entries) < count:
-        built = build_layer(pool, styles, f"layer_{len(entries):05d}", random)
-        if built is None or not np.isfinite(built[0].local).all():
-            continue
-        clip, entry = built
-        clip.save(out)
-        entries[clip.name] = entry
-        if len(entries) % 200 == 0:
-            log.info("%d of %d layered clips", len(entries), count)
-    (out / LAYERS).write_text(json.dumps(entries) + "\n", encoding="utf-8")
+    made = out / _MADE
+    entries = _made_so_far(made)
+    with made.open("a", encoding="utf-8") as lines:
+        for number in range(len(entries), count):
+            clip, entry = _one_layer(pool, styles, number, seed)
+            clip.save(out)
+            entries[clip.name] = entry
+            lines.write(json.dumps([clip.name, entry]) + "\n")
+            lines.flush()
+            if len(entries) % 200 == 0:
+                log.info("%d of %d layered clips", len(entries), count)
+    write_atomic(out / LAYERS, json.dumps(entries) + "\n")
+    made.unlink()
     return entries
 
 
+_MADE = "layers.jsonl"  # of a build that has not come to its end: a line for each clip
+
+
+def _made_so_far(path: Path) -> dict[str, dict]:
+    """The entries of an interrupted build; a last line that was cut off does not count."""
+    if not path.exists():
+        return {}
+    whole = [line for line in path.read_text("utf-8").splitlines(keepends=True) if line.endswith("\n")]
+    path.write_text("".join(whole), "utf-8")
+    return dict(json.loads(line) for line in whole)
+
+
+def _one_layer(
+    pool: Pool, styles: dict[str, dict], number: int, seed: int
+) -> tuple[TrainingClip, dict[str, object]]:
+    random = np.random.default_rng([seed, number])
+    while True:
+        built = build_layer(pool, styles, f"layer_{number:05d}", random)
+        if built is not None and np.isfinite(built[0].local).all():
+            return built
+
+
 def report(entries: dict[str, dict], captured: int, rhythm: str = "") -> str:
-    """How many styles are captured, recombined and parametric, and how often each occurs, as Markdown."""
+    """How many styles are captured, which edits were made, and how often, as Markdown."""
     edits = Counter(e for entry in entries.values() for e in entry["edits"])
-    mixed = Counter(" + ".join(e["recombined"]) for e in entries.values() if e["recombined"])
-    pairs = {tuple(e["keys"]) for e in entries.values() if e["recombined"] and not e["edits"]}
     combinations = {tuple(e["keys"]) for e in entries.values()}
     lines = [
         "# Layered styles",
         "",
-        "Written by `python -m training.layering.build --clips DIR --report docs/results/layering.md`. Layered clips are made of imported"
-        " ones: parts of another style at matching step phase (*recombined*), and edits with exact descriptions"
-        " (*parametric*), the feet kept by inverse kinematics. Every clip has six descriptions of its own. The edits"
+        "Written by `python -m training.layering.build --clips DIR --report docs/results/layering.md`. Layered clips are imported"
+        " ones with edits whose descriptions are exact, the feet kept by inverse kinematics; while training their parts are"
+        " put on other clips, and those of other clips on them (`training/composition`). Every clip has six descriptions of its own. The edits"
         " are defined in `training/layering/catalog*.py`; those marked there as held out never enter training.",
         "",
         f"- {captured} captured styles",
         f"- {len(edits)} parametric part edits of {len(EDITS)} ({len(EDITS) - len(edits)} held out)",
-        f"- {len(pairs)} different recombinations of captured styles without an edit",
         f"- {len(combinations)} different combinations of part contents in {len(entries)} clips",
         "",
         "| Parametric edit | clips | in its words |",
@@ -289,9 +274,6 @@ def report(entries: dict[str, dict], captured: int, rhythm: str = "") -> str:
         *(f"| {k} | {v} | {next(iter(EDITS[k].phrases.values()))[0]} |" for k, v in sorted(edits.items())),
         "",
         rhythm,
-        "| Recombined parts | clips |",
-        "| --- | --- |",
-        *(f"| {k} | {v} |" for k, v in sorted(mixed.items())),
         "",
     ]
     return "\n".join(lines)
@@ -299,7 +281,7 @@ def report(entries: dict[str, dict], captured: int, rhythm: str = "") -> str:
 
 def main(argv: list[str] | None = None) -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(description="Layer styles: recombine parts and edit them by numbers.")
+    parser = argparse.ArgumentParser(description="Edit parts of clips by numbers.")
     parser.add_argument("--clips", type=Path, required=True, help="folder of imported clips (*.npz)")
     parser.add_argument("--out", type=Path, help="folder to write (default: the same)")
     parser.add_argument("--count", type=int, default=COUNT)

@@ -16,8 +16,7 @@ from runtime.skeleton import SPORT_SKELETON
 from training.layering.apply import apply
 from training.layering.catalog import EDITS
 from training.layering.pool import load_source
-from training.layering.pose_edits import Motion
-from training.layering.recombine import cut
+from training.layering.pose_edits import Motion, cut
 from training.text.measure import BodyMeasures, measure, smoothed_facing
 
 Array = NDArray[np.floating]

@@ -55,6 +55,18 @@ class Motion:
         return step_phase(self.contacts)
 
 
+def cut(motion: Motion, start: int, end: int) -> Motion:
+    """Frames `start` to `end` of a motion."""
+    piece = slice(start, end)
+    return replace(
+        motion,
+        hips=motion.hips[piece],
+        local=motion.local[piece],
+        contacts=motion.contacts[piece],
+        gait=None if motion.gait is None else motion.gait[piece],
+    )
+
+
 # --- Torso and head ---------------------------------------------------------------------------------------------------
 
 

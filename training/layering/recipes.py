@@ -1,4 +1,4 @@
-"""Which parts of a layered clip are edited, recombined or left: drawn at random, never what is held out."""
+"""Which parts of a layered clip are edited or left: drawn at random, never what is held out."""
 
 from __future__ import annotations
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -12,7 +11,9 @@ from torch import Tensor
 
 from runtime.motion.features import OUTPUT
 from training import losses as terms
-from training.frames import FrameTable
+from training.batches import Frames, RandomRows
+from training.composition.composer import Composer, Plan
+from training.frames import FIRST_OF_UPPER, FrameTable
 from training.networks.content import (
     SEQUENCE_LENGTH,
     ContentEncoder,
@@ -51,7 +52,8 @@ MEASURED_NOISE = (0.0, 0.012)  # of words held to measures: sentences of opposit
 class Sequences:
     """Windows of 40 samples: joints `(B, 40, 31, 9)` and root displacement `(B, 40, 3)`, normalised."""
 
-    def __init__(self, table: FrameTable, device: torch.device) -> None:
+    def __init__(self, table: FrameTable, device: torch.device, composer: Composer | None = None) -> None:
+        self.composer = composer
         self.y = torch.as_tensor(table.y).to(device)
         self.ground = torch.as_tensor(table.ground[:, 0]).to(device)
         probe = self.y[:: max(1, len(table) // 20000)].float()
@@ -72,27 +74,60 @@ class Sequences:
         rotations = y[..., OUTPUT["joint_rotations"]].unflatten(-1, (-1, 6))
         return torch.cat([positions, rotations], -1), y[..., OUTPUT["root"]]
 
-    def __call__(self, start: Tensor) -> tuple[Tensor, Tensor]:
+    def __call__(self, start: Tensor, plan: Plan | None = None) -> tuple[Tensor, Tensor]:
+        """Windows that begin at frames `start` `(B,)`, with parts of other clips where `plan` has them."""
         index = start[:, None] + STRIDE * torch.arange(SEQUENCE_LENGTH, device=start.device)
         joints, root = self._split(self.y[index].float(), self.ground[index])
+        if plan is not None and self.composer is not None:
+            at = plan.changed.any(1).nonzero()[:, 0]
+            pose = self.composer.poses(index[at].flatten(), plan[at].repeated(SEQUENCE_LENGTH))[0]
+            heights = self.ground[index[at]].flatten()
+            pose.positions[..., 1] -= heights[:, None]
+            upper = torch.cat([pose.positions, pose.rotations], dim=-1)
+            joints[at, :, FIRST_OF_UPPER:] = upper.unflatten(0, (len(at), SEQUENCE_LENGTH))
         return (joints - self.joint_mean) / self.joint_deviation, root / self.root_deviation
 
 
-def _windows(
-    table: FrameTable, weights: np.ndarray, batch: int, generator: torch.Generator, device: torch.device
-) -> Iterator[tuple[Tensor, Tensor]]:
-    """Endless batches of first frames of windows inside one clip, and these clips."""
-    clip = torch.as_tensor(table.clip.astype(np.int64))
-    last = torch.as_tensor(table.start[table.clip + 1] - 1)
-    first = torch.as_tensor(table.start[table.clip])
-    span = STRIDE * (SEQUENCE_LENGTH - 1)
-    usable = weights * ((last - first).numpy() >= span)
-    cumulative = torch.as_tensor(np.cumsum(usable / usable.sum()))
-    while True:
-        draw = torch.rand(batch, generator=generator, dtype=torch.float64)
-        rows = torch.searchsorted(cumulative, draw).clamp_max(len(table) - 1)
-        start = torch.maximum(torch.minimum(rows, last[rows] - span), first[rows])
-        yield start.to(device), clip[rows].to(device)
+SPAN = STRIDE * (SEQUENCE_LENGTH - 1)  # frames from a window's first to its last
+
+
+@dataclass
+class Windows:
+    """First frames of windows `(B,)`, what is put on them, and whose words every part has, clips `(B, 6)`."""
+
+    start: Tensor
+    plan: Plan
+    clips: Tensor
+
+
+class DrawnWindows:
+    """Endless batches of windows inside one clip."""
+
+    def __init__(
+        self,
+        frames: Frames,
+        weights: np.ndarray,
+        batch: int,
+        generator: torch.Generator,
+    ) -> None:
+        long_enough = (frames.last - frames.first).cpu().numpy() >= SPAN
+        self._rows = RandomRows(weights * long_enough, batch, 0, frames.last, generator)
+        self._frames = frames
+
+    def __iter__(self) -> DrawnWindows:
+        return self
+
+    def __next__(self) -> Windows:
+        frames, rows = self._frames, next(self._rows)
+        start = torch.maximum(torch.minimum(rows, frames.last[rows] - SPAN), frames.first[rows])
+        plan = frames.plan(start, SPAN)
+        return Windows(start, plan, plan.words(frames.clip[start]))
+
+    def state_dict(self) -> dict[str, Tensor]:
+        return self._rows.state_dict()
+
+    def load_state_dict(self, state: dict[str, Tensor]) -> None:
+        self._rows.load_state_dict(state)
 
 
 @dataclass
@@ -110,8 +145,8 @@ class Measured:
         return Measured(values, torch.as_tensor(share, dtype=torch.float32, device=device))
 
     def of(self, clips: Tensor) -> list[Tensor]:
-        """The values of clips `(B,)`."""
-        return [v[clips] for v in self.values]
+        """The values of clips `(B,)`, or `(B, 6)` of every part's own."""
+        return [v[clips if clips.ndim == 1 else clips[:, k]] for k, v in enumerate(self.values)]
 
 
 class ContentLosses:
@@ -123,7 +158,7 @@ class ContentLosses:
         config: ModelConfig,
         sequences: Sequences,
         texts: StyleTexts,
-        batches: Iterator[tuple[Tensor, Tensor]],
+        batches: DrawnWindows,
         measured: Measured | None = None,
     ) -> None:
         self.measured = measured
@@ -134,8 +169,9 @@ class ContentLosses:
         self.keys = torch.as_tensor(texts.keys).to(device)
 
     def __call__(self, item: object, step: int) -> dict[str, Tensor]:
-        start, clips = item  # type: ignore[misc]
-        joints, root = self.sequences(start)
+        assert isinstance(item, Windows)
+        clips = item.clips
+        joints, root = self.sequences(item.start, item.plan)
         target = torch.cat([joints.flatten(-2), root], -1)
         motion, text = self.module.motion(joints, root), self.text(clips)
         z_motion, z_text = motion.sample(), text.sample()
@@ -167,7 +203,8 @@ class ContentLosses:
 
     def _contrasts(self, motion: Gaussian, text: Gaussian, clips: Tensor) -> tuple[Tensor, Tensor]:
         """Eq. 2 of whole bodies, and the mean of the parts'."""
-        same = self.keys[clips][:, None] == self.keys[clips][None, :]  # (B, B, 6)
+        keys = self.keys[clips, torch.arange(clips.shape[1], device=clips.device)]
+        same = keys[:, None] == keys[None, :]  # (B, B, 6)
         m, t = motion.parameters_flat().float(), text.parameters_flat().float()
         whole = terms.contrastive(m.flatten(1), t.flatten(1), same.all(-1))
         if not self.config.part_contrast:
@@ -187,8 +224,9 @@ class ContentLosses:
         """Of motion, and of words on windows of their own: many, for nothing has to be encoded or decoded."""
         own = terms.statistics(reader.standardised(joints), reader(motion.mean))
         drawn = [next(self.batches) for _ in range(TEXT_BATCHES)]
-        targets = reader.standardised(self.sequences(torch.cat([start for start, _ in drawn]))[0])
-        read = reader(self.text(torch.cat([clips for _, clips in drawn])).mean)
+        joints = torch.cat([self.sequences(d.start, d.plan)[0] for d in drawn])
+        read = reader(self.text(torch.cat([d.clips for d in drawn])).mean)
+        targets = reader.standardised(joints)
         return {"statistics": own, "text_statistics": terms.statistics(targets, read)}
 
 
@@ -196,6 +234,7 @@ def run(
     session: Session,
     config: ModelConfig,
     table: FrameTable,
+    frames: Frames,
     weights: np.ndarray,
     texts: StyleTexts,
     steps: int = 3000,
@@ -206,8 +245,8 @@ def run(
     """Train the content encoder on clips in the folder `clips`; its EMA weights, also in `content_final.pt`."""
     device = session.device
     torch.manual_seed(session.seed + 1)
-    sequences = Sequences(table, device)
-    batches = _windows(table, weights, batch, session.batch_generator(2), device)
+    sequences = Sequences(table, device, frames.composer)
+    batches = DrawnWindows(frames, weights, batch, session.batch_generator(2))
     module = ContentEncoder(config).to(device)
     if (session.out / CONTENT_START).exists():
         begin_with(module, load_checkpoint(session.out / CONTENT_START)["module"])
@@ -225,6 +264,7 @@ def run(
         lambda s: 5e-4 * min(1.0, (s + 1) / 100, (steps - s) / (0.3 * steps) + 0.02),
         batch,
         max_minutes,
+        {"windows": batches},
     )
     module.load_state_dict(state.average.values)
     save_checkpoint(
@@ -244,12 +284,12 @@ def _measured(
 
 
 def _measure_statistics(
-    module: ContentEncoder, sequences: Sequences, batches: Iterator[tuple[Tensor, Tensor]], batch: int
+    module: ContentEncoder, sequences: Sequences, batches: DrawnWindows, batch: int
 ) -> None:
     """Centre and spread of the pose statistics, where the module reads these, from some 4096 windows."""
     if module.statistics is not None:
-        rows = torch.cat([next(batches)[0] for _ in range(max(1, 4096 // batch))])
-        module.statistics.measure(torch.cat([sequences(r)[0] for r in rows.split(256)]))
+        drawn = [next(batches) for _ in range(max(1, 4096 // batch))]
+        module.statistics.measure(torch.cat([sequences(d.start, d.plan)[0] for d in drawn]))
 
 
 def begin_with(module: ContentEncoder, start: dict[str, Tensor]) -> None:

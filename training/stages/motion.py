@@ -13,7 +13,8 @@ from torch import Tensor
 from runtime.feet.skating import SOLE_POINTS
 from runtime.motion.features import INPUT, OUTPUT
 from training import losses as terms
-from training.batches import Frames, Normalisation, loss_weights, random_rows
+from training.batches import Frames, Normalisation, RandomRows, loss_weights
+from training.composition.composer import Plan
 from training.networks.decoder import blend_codes
 from training.networks.diffusion import Schedule, add_noise, analytic_variance, noise_estimate
 from training.networks.generator import Generator
@@ -46,7 +47,7 @@ class MotionData:
     weights: np.ndarray
 
     def styles(self, clips: Tensor) -> Tensor:
-        """Z^t `(B, 384)` of clips: random paraphrases, and half of the time a blend towards others of the clip."""
+        """Z^t `(B, 384)` of clips `(B,)`, or `(B, 6)` of every part's own: random paraphrases, and half of the time a blend towards others of the clip."""
         t = torch.rand(len(clips), 1, device=clips.device)
         t = t * (torch.rand(len(clips), 1, device=clips.device) < 0.5)
         z = (1 - t) * self.style.draw(clips) + t * self.style.draw(clips)
@@ -57,21 +58,28 @@ class MotionData:
         random = (torch.rand(len(rows), device=rows.device) * self.frames.patches[rows]).long()
         return torch.where(torch.rand(len(rows), device=rows.device) < 0.5, random, torch.zeros_like(random))
 
-    def input(self, rows: Tensor, patch: Tensor, paths_as_captured: bool = True) -> Tensor:
-        """Normalised x; the paths as a stick gives them where they are not asked for as captured."""
-        x = self.frames.inputs(rows, patch)
-        return self.normal.normalised(x if paths_as_captured else steered(x))
+    def input(self, rows: Tensor, patch: Tensor) -> Tensor:
+        """Normalised x of captured frames, their paths as a stick gives them."""
+        return self.normal.normalised(steered(self.frames.inputs(rows, patch)))
 
-    def output(self, rows: Tensor, patch: Tensor) -> Tensor:
-        """Normalised y."""
-        return (self.frames.outputs(rows, patch) - self.normal.y_mean) / self.normal.y_deviation
+    def output(self, rows: Tensor, patch: Tensor, plan: Plan | None = None) -> Tensor:
+        """Normalised y, with parts of other clips where `plan` has them."""
+        return self._standardised(self.frames.outputs(rows, patch, plan))
+
+    def pairs(self, rows: Tensor, patch: Tensor, plan: Plan) -> tuple[Tensor, Tensor]:
+        """Normalised x, its paths as a stick gives them, and y."""
+        x, y = self.frames.pairs(rows, patch, plan)
+        return self.normal.normalised(steered(x)), self._standardised(y)
+
+    def _standardised(self, y: Tensor) -> Tensor:
+        return (y - self.normal.y_mean) / self.normal.y_deviation
 
 
 def measure(frames: Frames, weights: np.ndarray, session: Session, count: int = 40000) -> Normalisation:
-    """Normalisation from `count` weighted frames."""
-    rows = next(random_rows(weights, count, 0, frames.last, session.generator(3)))
-    patch = torch.zeros_like(rows)
-    return Normalisation.measure(frames.inputs(rows, patch), frames.outputs(rows, patch))
+    """Normalisation from `count` weighted frames, composed as training sees them."""
+    torch.manual_seed(session.seed + 1)
+    rows = next(RandomRows(weights, count, 0, frames.last, session.generator(3)))
+    return Normalisation.measure(*frames.pairs(rows, torch.zeros_like(rows), frames.plan(rows)))
 
 
 def _corrupt(x: Tensor, level: float) -> Tensor:
@@ -87,12 +95,9 @@ def _corrupt(x: Tensor, level: float) -> Tensor:
     return x + noise
 
 
-def stage2_loss(data: MotionData, target: Tensor, predicted: Tensor, supervised: Tensor) -> dict[str, Tensor]:
-    """Eq. 10 to 13: weighted MSE of M and the contact term; the squared foot velocity is that of the predicted j^v.
-
-    `supervised` `(B, n)` is one, or zero where the target says nothing.
-    """
-    reconstruction = terms.motion(target, predicted, loss_weights(target.device) * supervised)
+def stage2_loss(data: MotionData, target: Tensor, predicted: Tensor) -> dict[str, Tensor]:
+    """Eq. 10 to 13: weighted MSE of M and the contact term; the squared foot velocity is that of the predicted j^v."""
+    reconstruction = terms.motion(target, predicted, loss_weights(target.device))
     normal = data.normal
     field = OUTPUT["joint_velocities"]
     velocity = predicted[:, field] * normal.y_deviation[field] + normal.y_mean[field]
@@ -119,30 +124,23 @@ LANE_FRAMES = 90.0  # mean length of such a rollout
 class MixedBatch:
     """Captured frames with noise, then rollout lanes."""
 
-    rows: Tensor
-    patch: Tensor
     z: Tensor
     x: Tensor  # normalised
     target: Tensor  # normalised y
-    supervised: Tensor  # one, or zero where a swapped part moves y: see training.part_swaps
 
 
 def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes, noise: float) -> MixedBatch:
-    """The first part of `rows` as captured, the rest replaced by the lanes."""
+    """The first part of `rows` as captured or composed, the rest replaced by the lanes."""
     fresh = rows[: len(rows) - len(lanes.rows)]
-    patch = data.patch(fresh)
-    x = torch.cat(
-        [
-            _corrupt(data.input(fresh, patch, paths_as_captured=False), noise),
-            _corrupt(data.normal.normalised(steered(lanes.inputs())), 0.2 * noise),
-        ]
+    patch, plan = data.patch(fresh), data.frames.plan(fresh)
+    x, y = data.pairs(fresh, patch, plan)
+    in_lanes = data.normal.normalised(steered(lanes.inputs()))
+    clips = [plan.words(data.frames.clip[fresh]), lanes.plan.words(data.frames.clip[lanes.rows])]
+    return MixedBatch(
+        z=data.styles(torch.cat(clips)),
+        x=torch.cat([_corrupt(x, noise), _corrupt(in_lanes, 0.2 * noise)]),
+        target=torch.cat([y, data.output(lanes.rows, lanes.patch, lanes.plan)]),
     )
-    rows, patch = torch.cat([fresh, lanes.rows]), torch.cat([patch, lanes.patch])
-    z, target = data.styles(data.frames.clip[rows]), data.output(rows, patch)
-    swaps = lanes.swaps
-    z = torch.cat([z[: len(fresh)], swaps.mixed(z[len(fresh) :], data.styles(swaps.clip))])
-    supervised = torch.cat([torch.ones_like(target[: len(fresh)]), swaps.supervised()])
-    return MixedBatch(rows, patch, z, x, target, supervised)
 
 
 def _full_precision(device: torch.device) -> torch.autocast:
@@ -152,9 +150,12 @@ def _full_precision(device: torch.device) -> torch.autocast:
 
 def _motion_losses(data: MotionData, lanes: RolloutLanes, mixed: MixedBatch, y: Tensor) -> Losses:
     """Those of stage 2, of normalised y `(B, n)`; the lanes move on by it."""
-    result = stage2_loss(data, mixed.target, y, mixed.supervised)
-    result |= shown_losses(data.normal, lanes, mixed.target, mixed.supervised, y)
-    lanes.advance(y[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean)
+    result = stage2_loss(data, mixed.target, y) | shown_losses(data.normal, lanes, mixed.target, y)
+    with torch.no_grad():
+        both = (
+            v[-len(lanes.rows) :] * data.normal.y_deviation + data.normal.y_mean for v in (y, mixed.target)
+        )
+        lanes.advance(*both)
     return result
 
 
@@ -173,10 +174,10 @@ def _total(result: Losses) -> Tensor:
     )
 
 
-def _lanes(session: Session, config: ModelConfig, data: MotionData, batch: int, salt: int) -> RolloutLanes:
+def _lanes(session: Session, data: MotionData, batch: int, salt: int) -> RolloutLanes:
     """Rollouts beside a batch, begun at random frames."""
-    fresh = random_rows(data.weights, batch, 2, data.frames.last, session.batch_generator(salt))
-    return RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh, config.part_swaps)
+    fresh = RandomRows(data.weights, batch, 2, data.frames.last, session.batch_generator(salt))
+    return RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh)
 
 
 def run_stage2(
@@ -197,8 +198,8 @@ def run_stage2(
     parameters = [p for n, p in module.named_parameters() if not n.startswith("denoiser")]
     optimizer = torch.optim.AdamW(parameters, lr=1e-3, weight_decay=1e-4)
     state = StageState(module, optimizer, MovingAverage(module, _decay(steps)))
-    rows = random_rows(data.weights, batch, 1, data.frames.last, session.batch_generator(4))
-    lanes = _lanes(session, config, data, batch, 8)
+    rows = RandomRows(data.weights, batch, 1, data.frames.last, session.batch_generator(4))
+    lanes = _lanes(session, data, batch, 8)
 
     def losses(item: object, step: int) -> dict[str, Tensor]:
         assert isinstance(item, Tensor)
@@ -211,7 +212,8 @@ def run_stage2(
 
     cycles = 3 if steps >= SHORT_STEPS else 1
     rate = _warm_restarts(steps, 5e-4 if fine_tuned else 1e-3, cycles)
-    train(session, "stage2", state, rows, losses, steps, rate, batch, max_minutes)
+    kept = {"rows": rows, "lanes": lanes}
+    train(session, "stage2", state, rows, losses, steps, rate, batch, max_minutes, kept)
     module.load_state_dict(state.average.values)
     save_checkpoint(
         session.out / "stage2_final.pt", {"module": module.state_dict(), "config": asdict(config)}
@@ -257,7 +259,7 @@ def measure_codes(module: Generator, data: MotionData, session: Session, batches
     module.eval()
     module.code_mean.zero_()
     module.code_deviation.fill_(1.0)
-    rows = random_rows(data.weights, 2048, 0, data.frames.last, session.generator(5))
+    rows = RandomRows(data.weights, 2048, 0, data.frames.last, session.generator(5))
     codes = []
     for _ in range(batches):
         item = next(rows)
@@ -315,8 +317,8 @@ def run_stage3(
     state = _denoiser_state(session, config, module, steps)
     schedule = Schedule.linear(config.diffusion_steps)
     tau = torch.as_tensor(schedule.subsequence(config.inference_steps), device=session.device)
-    rows = random_rows(data.weights, batch, 1, data.frames.last, session.batch_generator(6))
-    lanes = _lanes(session, config, data, batch, 9)
+    rows = RandomRows(data.weights, batch, 1, data.frames.last, session.batch_generator(6))
+    lanes = _lanes(session, data, batch, 9)
 
     def losses(item: object, step: int) -> Losses:
         assert isinstance(item, Tensor)
@@ -331,13 +333,14 @@ def run_stage3(
         with _full_precision(e.device):
             y = blend_codes(module.clean_codes(predicted, e.float()), alpha.float())
             motion = _motion_losses(data, lanes, mixed, y)
-            total = terms.codes(codes.float(), predicted, mixed.supervised[:, None])
+            total = terms.codes(codes.float(), predicted)
             result = {"codes": total}
             if step > 0.25 * steps:
                 result, total = result | motion, 0.1 * total + _total(motion)
             return result | {"total": total}
 
-    train(session, "stage3", state, rows, losses, steps, _cosine(steps), batch, max_minutes)
+    kept = {"rows": rows, "lanes": lanes}
+    train(session, "stage3", state, rows, losses, steps, _cosine(steps), batch, max_minutes, kept)
     module.load_state_dict(state.average.values)
     return module.eval()
 
@@ -360,7 +363,7 @@ def estimate_variance(
     """
     schedule = Schedule.linear(config.diffusion_steps)
     tau = schedule.subsequence(config.inference_steps)
-    rows = random_rows(data.weights, 1024, 0, data.frames.last, session.generator(7))
+    rows = RandomRows(data.weights, 1024, 0, data.frames.last, session.generator(7))
     norms: list[list[Tensor]] = [[] for _ in tau]
     spread: list[float] = []
     module.eval()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
 from dataclasses import asdict
 
 import numpy as np
@@ -11,6 +10,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import mse_loss
 
+from training.batches import RandomRows
 from training.frames import FrameTable
 from training.networks.phase import WINDOW, PeriodicAutoencoder
 from training.presets import ModelConfig
@@ -34,26 +34,30 @@ def _windows(velocities: Tensor, rows: Tensor, first: Tensor, last: Tensor) -> T
     return velocities[index].float()
 
 
-def _batches(
-    session: Session, table: FrameTable, weights: np.ndarray, batch: int
-) -> tuple[Tensor, Iterator[Tensor]]:
-    """Scale of the velocities, and endless windows `(batch, 121, 31, 3)` divided by it."""
-    device = session.device
-    velocities = torch.as_tensor(table.velocities).to(device)
-    first = torch.as_tensor(table.start[table.clip]).to(device)
-    last = torch.as_tensor(table.start[table.clip + 1] - 1).to(device)
-    cumulative = torch.as_tensor(np.cumsum(weights))
-    generator = session.generator(1)
-    probe = torch.searchsorted(cumulative, torch.rand(20000, generator=generator, dtype=torch.float64))
-    scale = velocities[probe.clamp_max(len(table) - 1).to(device)].float().std((0, 2)).mean()
+class _Windows:
+    """Endless windows `(batch, 121, 31, 3)` of velocities, divided by their `scale`."""
 
-    def windows() -> Iterator[Tensor]:
-        while True:
-            draw = torch.rand(batch, generator=generator, dtype=torch.float64)
-            rows = torch.searchsorted(cumulative, draw).clamp_max(len(table) - 1)
-            yield _windows(velocities, rows.to(device), first, last) / scale
+    def __init__(self, session: Session, table: FrameTable, weights: np.ndarray, batch: int) -> None:
+        device = session.device
+        self._velocities = torch.as_tensor(table.velocities).to(device)
+        first, last = torch.as_tensor(table.start[:-1]), torch.as_tensor(table.start[1:] - 1)
+        clip = torch.as_tensor(table.clip.astype(np.int64))
+        self._first, self._last = first[clip].to(device), last[clip].to(device)
+        self._rows = RandomRows(weights, batch, 0, self._last, session.generator(1))
+        probe = next(RandomRows(weights, 20000, 0, self._last, session.generator(11)))
+        self.scale = self._velocities[probe].float().std((0, 2)).mean()
 
-    return scale, windows()
+    def __iter__(self) -> _Windows:
+        return self
+
+    def __next__(self) -> Tensor:
+        return _windows(self._velocities, next(self._rows), self._first, self._last) / self.scale
+
+    def state_dict(self) -> dict[str, Tensor]:
+        return self._rows.state_dict()
+
+    def load_state_dict(self, state: dict[str, Tensor]) -> None:
+        self._rows.load_state_dict(state)
 
 
 def run(
@@ -67,7 +71,7 @@ def run(
 ) -> np.ndarray:
     """Phase vectors `(N, 5, 2)` of every frame; also written to `phase.npy` beside the checkpoint."""
     torch.manual_seed(session.seed)
-    scale, batches = _batches(session, table, weights, batch)
+    batches = _Windows(session, table, weights, batch)
     module = PeriodicAutoencoder(config).to(session.device)
     optimizer = torch.optim.AdamW(module.parameters(), lr=1e-3, weight_decay=1e-4)
     state = StageState(module, optimizer, MovingAverage(module, 0.99))
@@ -87,10 +91,11 @@ def run(
         lambda s: 1e-3 * min(1.0, (steps - s) / (0.3 * steps) + 0.02),
         batch,
         max_minutes,
+        {"windows": batches},
     )
     save_checkpoint(
         session.out / "phase_final.pt",
-        {"module": state.average.values, "scale": scale.cpu(), "config": asdict(config)},
+        {"module": state.average.values, "scale": batches.scale.cpu(), "config": asdict(config)},
     )
     return encode_table(session, config, table)
 
@@ -127,7 +132,7 @@ def encode_all(
     rows = torch.arange(0, count, stride, device=velocities.device)
     parts = []
     for k, chunk in enumerate(rows.split(batch)):
-        with session.autocast():  # type: ignore[attr-defined]
+        with session.autocast():
             parts.append(module.phase_vectors(_windows(velocities, chunk, first, last) / scale).float().cpu())
         if k % 200 == 0:
             log.info("phase: encoded %d of %d frames", k * batch * stride, count)

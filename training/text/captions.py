@@ -14,6 +14,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from runtime.atomic import write_atomic
 from runtime.errors import UsageError, run_command
 from training.text.clip_measures import measure_clips, styles_of
 from training.text.measure import BodyMeasures
@@ -74,7 +75,7 @@ def write_clip_captions(clips: Path, path: Path) -> int:
 
 
 def _write(path: Path, value: dict[str, Any]) -> None:
-    path.write_text(json.dumps(value, indent=1, ensure_ascii=False) + "\n", "utf-8")
+    write_atomic(path, json.dumps(value, indent=1, ensure_ascii=False) + "\n")
 
 
 if __name__ == "__main__":

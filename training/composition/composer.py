@@ -1,0 +1,306 @@
+"""Composition while training: a base clip with arms, torso and head of other clips at matching phase.
+
+Stored layered clips show some thousand combinations of parts; here every sample is one of its own. What is drawn is a
+`Plan`: of every sample which parts are changed, the clip that gives each, and how its clock is set against the base's.
+Contacts, root, legs and phases stay the base's. Edits of posture come as parts of edited clips; edits of rhythm and
+weight move hips and feet, so such clips serve as bases and their torso is never given away or replaced.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from runtime.motion.features import FPS, OUTPUT
+from runtime.skeleton import PART_NAMES, SPORT_SKELETON, J
+from training.composition.upper_body import CHEST, CLIP_SPAN, FIRST, JOINTS_OF, PARTS, TORSO, UPPER, UpperBody
+from training.frames import FIXED_POINT, LAYERED, FrameTable
+from training.kinematics import matrices
+from training.layering.catalog import EDITS, HELD_OUT_PAIRS, PartEdit
+from training.styles import StyleTexts
+
+COMPOSED = 0.5  # share of samples with at least one part of another clip
+COMPOSED_MOMENTS = 0.8  # of those near a start, stop, turn or change of gait: captured in neutral mostly
+CHANGED = 0.5  # chance of each part of a composed sample
+SAME_CLIP = 0.4  # share of composed samples whose parts all come from one clip, as a style's upper body
+EDITED = 0.5  # share of single parts that are exact edits; the others are captured
+MAX_TEMPO = 1.6  # ratio of two cadences up to which a part may be sped up or slowed down
+SHORTEST = FPS  # frames of a clip that gives parts
+_OF_HIPS = ("sway", "bounce")  # edits of posture that move the hips too
+_COLUMN = [PART_NAMES.index(part) for part in PARTS]
+
+
+def acts_on_base(edit: PartEdit) -> bool:
+    """Whether a torso edit moves hips or feet, and so cannot be given to another body."""
+    return edit.kind in _OF_HIPS or (edit.of_steps and edit.kind != "shoulders")
+
+
+@dataclass
+class Plan:
+    """Of every sample `(B,)`: which of `PARTS` are changed `(B, 4)`, their clips `(B, 4)`, what is added to the base's
+    clock (or to its seconds, for clips that do not step) to get the clip's `(B, 4)`."""
+
+    changed: Tensor
+    clips: Tensor
+    shift: Tensor
+
+    @staticmethod
+    def nothing(count: int, device: torch.device) -> Plan:
+        """No part of `count` samples is changed."""
+        whole = torch.zeros(count, len(PARTS), device=device)
+        return Plan(whole.bool(), whole.long(), whole.double())
+
+    def __getitem__(self, rows: Tensor) -> Plan:
+        return Plan(self.changed[rows], self.clips[rows], self.shift[rows])
+
+    def __setitem__(self, rows: Tensor, other: Plan) -> None:
+        self.changed[rows], self.clips[rows], self.shift[rows] = other.changed, other.clips, other.shift
+
+    def repeated(self, times: int) -> Plan:
+        """Every sample `times` times, one after the other."""
+        return Plan(*(value.repeat_interleave(times, 0) for value in vars(self).values()))
+
+    def words(self, base: Tensor) -> Tensor:
+        """Whose words each body part has: clips `(B, 6)` in the order of `PART_NAMES`."""
+        clips = base[:, None].repeat(1, len(PART_NAMES))
+        clips[:, _COLUMN] = torch.where(self.changed, self.clips, clips[:, _COLUMN])
+        return clips
+
+
+@dataclass
+class Pose:
+    """The upper body as its root sees it: 6D rotations `(B, 20, 6)`, positions and velocities `(B, 20, 3)`."""
+
+    rotations: Tensor
+    positions: Tensor
+    velocities: Tensor
+
+
+class Composer:
+    """Draws plans and composes poses by them, on the device of `frames`; see the module."""
+
+    def __init__(
+        self, table: FrameTable, texts: StyleTexts, y: Tensor, moments: np.ndarray, device: torch.device
+    ) -> None:
+        """`y` `(N, 473)` are the table's outputs on `device`; `moments` `(N,)` marks frames near changes of gait."""
+        self.upper = UpperBody.of(table).to(device)
+        self.y = y
+        self.clip = torch.as_tensor(table.clip.astype(np.int64), device=device)
+        self.first = torch.as_tensor(table.start[:-1], device=device)
+        self.last = torch.as_tensor(table.start[1:] - 1, device=device)
+        self.moments = torch.as_tensor(moments, device=device)
+        self.keys = torch.as_tensor(texts.keys, device=device)
+        self.fixed_torso = torch.as_tensor(_fixed_torsos(texts), device=device)
+        self.forbidden = _forbidden(texts)
+        self._captured, self._edited = _givers(table, texts, device)
+        chains, offsets, parents = _upper_chains(device)
+        self._chains, self._offsets, self._parents = chains, offsets, parents
+
+    # --- plans --------------------------------------------------------------------------------------------------------
+
+    def draw(self, rows: Tensor, ahead: int = 0) -> Plan:
+        """A plan for base frames `rows` `(B,)` whose clips last for `ahead` frames more, or as long as their bases do."""
+        count, device = len(rows), rows.device
+        share = torch.where(self.moments[rows], COMPOSED_MOMENTS, COMPOSED)
+        composed = torch.rand(count, device=device) < share
+        changed = torch.rand(count, len(PARTS), device=device) < CHANGED
+        changed |= (~changed.any(1, keepdim=True)) & (
+            torch.arange(len(PARTS), device=device) == torch.randint(len(PARTS), (count, 1), device=device)
+        )
+        changed &= composed[:, None] & (rows >= self.first[self.clip[rows]] + 2)[:, None]
+        plan = Plan(changed, self._draw_clips(count, device), torch.zeros(count, len(PARTS), device=device))
+        return self._allowed(rows, self._matched(rows, plan, ahead))
+
+    def _draw_clips(self, count: int, device: torch.device) -> Tensor:
+        captured = _weighted(self._captured, (count, len(PARTS)))
+        edited = torch.stack([_weighted(own, (count,)) for own in self._edited], dim=1)
+        clips = torch.where(torch.rand(count, len(PARTS), device=device) < EDITED, edited, captured)
+        same = torch.rand(count, 1, device=device) < SAME_CLIP
+        return torch.where(same, captured[:, :1], clips)
+
+    def _matched(self, rows: Tensor, plan: Plan, ahead: int) -> Plan:
+        """The plan with its clocks set, without parts whose cadence or length does not fit."""
+        upper, base = self.upper, self.clip[rows]
+        ending = torch.minimum(rows + ahead, self.last[base])
+        now, then = (self._base_clock(r, plan.clips) for r in (rows, ending))
+        low = upper.clock[self.first[plan.clips]] - plan.clips * CLIP_SPAN
+        high = upper.clock[self.last[plan.clips]] - plan.clips * CLIP_SPAN
+        stepping = upper.steps[plan.clips]
+        least, most = low - now, high - then
+        random = torch.rand(now.shape, dtype=torch.float64, device=rows.device)
+        free = least + random * (most - least)
+        whole = least.ceil() + (random * (most.floor() - least.ceil() + 1)).floor()
+        shift = torch.where(stepping, whole, free)
+        tempo = upper.cadence[base][:, None] / upper.cadence[plan.clips]
+        alike = (tempo < MAX_TEMPO) & (tempo > 1.0 / MAX_TEMPO) | ~upper.steps[base][:, None] | ~stepping
+        fits = alike & (shift >= least) & (shift <= most)
+        return replace(plan, changed=plan.changed & fits, shift=shift)
+
+    def _base_clock(self, rows: Tensor, clips: Tensor) -> Tensor:
+        """Of base frames `(B,)` the clock `(B, n)` that each of `clips` `(B, n)` follows: cycles, or seconds."""
+        base = self.clip[rows]
+        cycles = self.upper.clock[rows] - base * CLIP_SPAN
+        seconds = (rows - self.first[base]).double() / FPS
+        return torch.where(self.upper.steps[clips], cycles[:, None], seconds[:, None])
+
+    def _allowed(self, rows: Tensor, plan: Plan) -> Plan:
+        """Without torsos that cannot be given or replaced, and without pairs of edits that are held out."""
+        torso = PARTS.index("torso")
+        base = self.clip[rows]
+        changed = plan.changed.clone()
+        changed[:, torso] &= ~(self.fixed_torso[base] | self.fixed_torso[plan.clips[:, torso]])
+        plan = replace(plan, changed=changed)
+        for (a, key_a), (b, key_b) in self.forbidden:
+            clips = plan.words(base)
+            both = (self.keys[clips[:, a], a] == key_a) & (self.keys[clips[:, b], b] == key_b)
+            changed[both] = False  # the base itself holds no such pair
+        return plan
+
+    def lasts(self, rows: Tensor, plan: Plan) -> Tensor:
+        """Whether every changed part goes on at the base frames `rows`, `(B,)`."""
+        clock = self._base_clock(rows, plan.clips) + plan.shift
+        high = self.upper.clock[self.last[plan.clips]] - plan.clips * CLIP_SPAN
+        return (~plan.changed | (clock <= high)).all(1)
+
+    # --- poses --------------------------------------------------------------------------------------------------------
+
+    def poses(self, rows: Tensor, plan: Plan, before: int = 0) -> list[Pose]:
+        """Of base frames `rows` and the `before` frames ahead of them, latest first. All joints by forward kinematics."""
+        with torch.autocast(rows.device.type, enabled=False):  # velocities are small differences
+            return self._poses(rows, plan, before)
+
+    def _poses(self, rows: Tensor, plan: Plan, before: int) -> list[Pose]:
+        count = before + 2
+        index = torch.cat([rows - k for k in range(count)])
+        whole = Plan(*(torch.cat([value] * count) for value in vars(plan).values()))
+        turned, positions = self._posed(index, whole)
+        from_hips = (positions - positions[:, :1]).unflatten(0, (count, len(rows)))  # joint 0 here: the hips
+        result = []
+        for k in range(before + 1):
+            at = slice(k * len(rows), (k + 1) * len(rows))
+            y = self.y[rows - k].float()
+            turn = self.y[rows - k - 1][:, OUTPUT["root"]][:, 2].float() / FPS
+            moved = (from_hips[k] - _turned_back(from_hips[k + 1], turn)) * FPS
+            velocities = moved + y[:, OUTPUT["joint_velocities"]][:, None, :3]
+            result.append(Pose(turned[at], positions[at, 1:], velocities[:, 1:]))
+        return result
+
+    def rotations(self, rows: Tensor, plan: Plan) -> Tensor:
+        """Facing-relative rotation matrices `(B, 20, 3, 3)` of the upper body at base frames `rows`."""
+        upper = self.upper
+        hung = upper.hung[rows].float() / FIXED_POINT
+        for k, joints in enumerate(JOINTS_OF):
+            at = plan.changed[:, k].nonzero()[:, 0]
+            if len(at):
+                hung[at[:, None], torch.as_tensor(joints, device=rows.device)] = self._given(
+                    rows[at], plan.clips[at, k], plan.shift[at, k], joints
+                )
+        turned = matrices(hung)
+        chest = turned[:, CHEST, None]
+        hangs = [j for j in range(UPPER) if j not in TORSO]
+        result = turned.clone()
+        result[:, hangs] = chest @ turned[:, hangs]
+        return result
+
+    def _given(self, rows: Tensor, clips: Tensor, shift: Tensor, joints: tuple[int, ...]) -> Tensor:
+        """What clips `(n,)` give at base frames `rows`: their pose there, nearer to its mean where a base stands."""
+        upper = self.upper
+        wanted = self._base_clock(rows, clips[:, None])[:, 0] + shift + clips * CLIP_SPAN
+        high = torch.searchsorted(upper.clock, wanted)
+        high = torch.minimum(torch.maximum(high, self.first[clips] + 1), self.last[clips])
+        low = high - 1
+        share = (wanted - upper.clock[low]) / (upper.clock[high] - upper.clock[low])
+        given = upper.at(low, high, share.clamp(0.0, 1.0), joints)
+        swings = torch.where(upper.steps[clips], upper.activity[rows], 1.0)[:, None, None]
+        swings = torch.where(
+            upper.steps[self.clip[rows]][:, None, None] | ~upper.steps[clips][:, None, None], swings, 0.0
+        )
+        return torch.lerp(upper.mean[clips][:, list(joints)], given, swings)
+
+    def _posed(self, rows: Tensor, plan: Plan) -> tuple[Tensor, Tensor]:
+        """6D rotations `(B, 20, 6)` and positions of the hips and these joints `(B, 21, 3)`, as the root sees them."""
+        turned = self.rotations(rows, plan)
+        y = self.y[rows]
+        hips = y[:, OUTPUT["joint_positions"]][:, :3].float()
+        pelvis = matrices(y[:, OUTPUT["joint_rotations"]][:, None, :6].float())
+        world = torch.cat([pelvis, turned], dim=1)
+        bones = (world[:, self._parents] @ self._offsets[:, :, None])[..., 0]
+        positions = hips[:, None] + torch.cat([torch.zeros_like(bones[:, :1]), self._chains @ bones], dim=1)
+        return torch.cat([turned[..., 0], turned[..., 1]], dim=-1), positions
+
+
+def _turned_back(vectors: Tensor, turn: Tensor) -> Tensor:
+    """Vectors `(B, n, 3)` seen from a root that has turned by `turn` `(B,)` meanwhile."""
+    c, s = turn.cos()[:, None], turn.sin()[:, None]
+    x, y, z = vectors.unbind(-1)
+    return torch.stack([c * x - s * z, y, s * x + c * z], dim=-1)
+
+
+def _upper_chains(device: torch.device) -> tuple[Tensor, Tensor, Tensor]:
+    """Which bones `(20, 20)` lead from the hips to each upper joint, their offsets `(20, 3)`, and their parents among
+    the hips (0) and the upper joints (from 1)."""
+    chains = torch.zeros(UPPER, UPPER)
+    parents = []
+    for joint in range(FIRST, J):
+        parent = SPORT_SKELETON.parents[joint]
+        if parent >= FIRST:
+            chains[joint - FIRST] = chains[parent - FIRST]
+        chains[joint - FIRST, joint - FIRST] = 1.0
+        parents.append(max(parent - FIRST + 1, 0))
+    offsets = torch.as_tensor(SPORT_SKELETON.offsets[FIRST:], dtype=torch.float32)
+    return chains.to(device), offsets.to(device), torch.as_tensor(parents, device=device)
+
+
+def _weighted(cumulative: Tensor, size: tuple[int, ...]) -> Tensor:
+    """Random indices by cumulative weights."""
+    draw = torch.rand(size, dtype=torch.float64, device=cumulative.device) * cumulative[-1]
+    return torch.searchsorted(cumulative, draw).clamp_max(len(cumulative) - 1)
+
+
+def _edit(name: str) -> PartEdit | None:
+    """The edit that a key names, with or without the part that its words describe."""
+    return EDITS.get(".".join(name.split(".")[:2]))
+
+
+def _fixed_torsos(texts: StyleTexts) -> np.ndarray:
+    """`(clips,)` bool: whose torso has the words of an edit that moves hips or feet."""
+    edits = [_edit(name) for name in texts.names]
+    fixed = np.array([edit is not None and acts_on_base(edit) for edit in edits], bool)
+    return fixed[texts.keys[:, PART_NAMES.index("torso")]]
+
+
+def _forbidden(texts: StyleTexts) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """Pairs of (part, key) that never enter training together."""
+    number = {name: k for k, name in enumerate(texts.names)}
+    pairs = [
+        [(PART_NAMES.index(e.split(".")[0]), number.get(e, -1)) for e in pair]
+        for pair in HELD_OUT_PAIRS.values()
+    ]
+    return [(a, b) for a, b in pairs if a[1] >= 0 and b[1] >= 0]
+
+
+def _givers(table: FrameTable, texts: StyleTexts, device: torch.device) -> tuple[Tensor, list[Tensor]]:
+    """Cumulative weights `(clips,)` of captured clips, styles alike, and of `PARTS` those of clips in which it is edited.
+
+    Held-out clips weigh nothing. Where no clip edits a part the captured ones stand for them.
+    """
+    length = np.diff(table.start)
+    usable = ~table.held_out & (length >= SHORTEST)
+    layered = np.array([content == LAYERED for content in table.contents])
+    captured = usable & ~layered & (np.array(table.sources) != "pfnn_rollouts")
+    captured = captured if captured.any() else usable
+    weights = np.zeros(len(length))
+    styles = np.array(table.styles)
+    for style in np.unique(styles[captured]):
+        own = captured & (styles == style)
+        weights[own] = length[own] / length[own].sum()
+    is_edit = np.array([_edit(name) is not None for name in texts.names], bool)
+    edited = []
+    for column in _COLUMN:
+        own = usable & layered & is_edit[texts.keys[:, column]]
+        edited.append((own if own.any() else weights).astype(np.float64))
+    cumulative = [torch.as_tensor(np.cumsum(w), device=device) for w in (weights, *edited)]
+    return cumulative[0], cumulative[1:]

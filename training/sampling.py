@@ -1,0 +1,84 @@
+"""How often every frame is drawn: styles alike, terrain and edits by shares, changes of movement oftener."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.controls import Gait
+from runtime.motion import features
+from runtime.motion.features import FPS, INPUT, OUTPUT
+from runtime.skeleton import SPORT_SKELETON
+from training.frames import LAYERED, FrameTable
+
+Array = NDArray[np.floating]
+
+FAVOUR = 3.0
+TERRAIN_SHARE, LAYERED_SHARE = 0.18, 0.36  # of the frames drawn; the rest is capture
+# A style with a sixteenth of another's frames is drawn half as often: some have one short take.
+STYLE_POWER = 0.25
+# Starts, stops, turns and changes of gait are a small part of the capture and much of what a player does.
+MOMENT_BOOST = 4.0
+TURN = np.deg2rad(50.0)  # within a second
+SPRINT_TILT = np.deg2rad(24.0)  # of the trunk, forward
+SPRINT_SPEED = 2.2  # m/s within the second after a stand
+_SPRINTING = ("accad", "o3de")  # captures whose runs from a stand are sprint starts
+
+
+def sampling_weights(table: FrameTable, favoured: NDArray[np.bool_] | None = None) -> Array:
+    """Per-frame weight `(N,)`, shares for terrain rollouts and layered clips, the rest by style; sums to one.
+
+    Frames of `favoured` clips `(clips,)` count FAVOUR times. Held-out frames, sprint starts and each clip's first frame
+    (it has no previous pose) weigh nothing.
+    """
+    weights = np.zeros(len(table))
+    styles = np.array(table.styles)[table.clip]
+    layered = np.array([c == LAYERED for c in table.contents])[table.clip]
+    rollouts = np.array([s == "pfnn_rollouts" for s in table.sources])[table.clip] & ~layered
+    usable = ~table.held_out[table.clip] & ~sprint_starts(table)
+    usable[table.start[:-1]] = False
+    captured = usable & ~rollouts & ~layered
+    for style in np.unique(styles):
+        chosen = captured & (styles == style)
+        if chosen.any():
+            weights[chosen] = float(chosen.sum()) ** (STYLE_POWER - 1.0)
+    groups = [(captured, 1.0 - TERRAIN_SHARE - LAYERED_SHARE), (usable & rollouts, TERRAIN_SHARE)]
+    for chosen, share in [*groups, (usable & layered, LAYERED_SHARE)]:
+        if chosen.any():
+            own = np.where(weights[chosen] > 0, weights[chosen], 1.0)
+            if favoured is not None:
+                own *= np.where(favoured[table.clip[chosen]], FAVOUR, 1.0)
+            weights[chosen] = share * own / own.sum()
+    weights *= np.where(moments(table), MOMENT_BOOST, 1.0)
+    return weights / weights.sum()
+
+
+def moments(table: FrameTable) -> NDArray[np.bool_]:
+    """Frames `(N,)` whose ±1 s window holds a start, a stop, a change between walk and jog, or a turn."""
+    gait = _gaits(table)
+    changes = np.zeros(len(table), bool)
+    for kind in (Gait.STAND, Gait.JOG):
+        own = gait[:, :, kind]
+        changes |= (own.min(1) < 0.3) & (own.max(1) > 0.7)
+    facing = np.asarray(table.x[:, INPUT["trajectory_directions"]], np.float32).reshape(-1, features.L, 2)
+    yaw = np.arctan2(facing[..., 0], facing[..., 1])
+    turned = np.angle(np.exp(1j * (yaw[:, features.L * 3 // 4] - yaw[:, features.L // 4])))
+    return changes | (np.abs(turned) > TURN)
+
+
+def sprint_starts(table: FrameTable) -> NDArray[np.bool_]:
+    """Frames `(N,)` of a run from a stand with the trunk far forward: nobody jogs off like that."""
+    captured = np.isin(np.array(table.sources), _SPRINTING)[table.clip]
+    joints = table.y[:, OUTPUT["joint_positions"]].reshape(len(table), -1, 3)
+    trunk = joints[:, SPORT_SKELETON.index("Neck")] - joints[:, 0].astype(np.float32)
+    tilted = np.arctan2(trunk[:, 2], trunk[:, 1]) > SPRINT_TILT
+    gait = _gaits(table)
+    stood = gait[:, : features.L // 2 + 2, Gait.STAND].max(1) > 0.5
+    path = np.asarray(table.x[:, INPUT["trajectory_positions"]], np.float32).reshape(-1, features.L, 2)
+    runs = np.linalg.norm(path[:, -1] - path[:, -2], axis=1) * FPS / features.SAMPLE_STEP > SPRINT_SPEED
+    return captured & tilted & stood & runs
+
+
+def _gaits(table: FrameTable) -> Array:
+    """Gait weights `(N, 12, 6)` of the trajectory's samples."""
+    return table.x[:, INPUT["gait"]].reshape(len(table), features.L, features.GAITS)

@@ -24,7 +24,13 @@ _EXAMPLES = """examples:
   sport train all --preset compact --data DIR --out DIR     needs pip install -e '.[train]'
 """
 # parameters of functions whose argument on the command line has another name
-_FLAGS = {"transition_seconds": "transition", "start_s": "range", "ground": "ground-out"}
+_FLAGS = {
+    "transition_seconds": "transition",
+    "start_s": "range",
+    "ground": "ground-out",
+    "engine": "for",
+    "with_takes": "with-take",
+}
 MAX_MESSAGE = 400  # characters of what a parser says
 
 

@@ -81,3 +81,18 @@ def _local(gltf: GLTF2, n: int, tracks: dict[tuple[int, str], np.ndarray], frame
     result[:, :3, :3] = matrix * scale[:, None, :]
     result[:, :3, 3] = tracks.get((n, "translation"), np.array([node.translation or (0, 0, 0)]))
     return result
+
+
+def skinned(played: Played, frame: int) -> np.ndarray:
+    """Vertices `(V, 3)` of the first skinned mesh in a frame, by the skin's joints and inverse bind matrices."""
+    gltf = played.gltf
+    node = next(node for node in gltf.nodes if node.skin is not None)
+    skin, primitive = gltf.skins[node.skin], gltf.meshes[node.mesh].primitives[0]
+    binds = read_accessor(gltf, skin.inverseBindMatrices).reshape(-1, 4, 4).swapaxes(1, 2)
+    moved = played.worlds[frame, skin.joints] @ binds
+    at = read_accessor(gltf, primitive.attributes.POSITION).astype(float)
+    joints = read_accessor(gltf, primitive.attributes.JOINTS_0)
+    weights = read_accessor(gltf, primitive.attributes.WEIGHTS_0).astype(float)
+    weights /= weights.sum(axis=1, keepdims=True)
+    points = np.einsum("vjab,vb->vja", moved[joints], np.column_stack([at, np.ones(len(at))]))
+    return np.einsum("vj,vja->va", weights, points)[:, :3]

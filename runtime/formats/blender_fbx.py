@@ -1,6 +1,7 @@
-"""Run inside Blender, or by a Python that has `bpy`: a GLB of a take becomes an FBX. Arguments: GLB, FBX, frames a second.
+"""Run inside Blender, or by a Python that has `bpy`: a GLB of a take becomes an FBX. Arguments: GLB, FBX, frames a second,
+unit of the FBX (cm or m), name of the take.
 
-blender --background --factory-startup --python blender_fbx.py -- take.glb take.fbx 60
+blender --background --factory-startup --python blender_fbx.py -- take.glb take.fbx 60 m walk
 """
 
 from __future__ import annotations
@@ -10,12 +11,17 @@ import sys
 from typing import Any
 
 
-def convert(source: str, target: str, fps: float) -> None:
-    """Import `source` at the take's rate and export it with a key in every frame and its textures inside."""
+def convert(source: str, target: str, fps: float, unit: str, name: str) -> None:
+    """Import `source` at the take's rate and export it with a key in every frame and its textures inside.
+
+    `unit` is that of the file ("cm" or "m"), in which nothing is scaled; takes are named as in the source.
+    """
     import bpy
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
+    scene.name = name
+    scene.unit_settings.scale_length = 0.01 if unit == "cm" else 1.0
     scene.render.fps = max(1, math.ceil(fps - 1e-6))
     scene.render.fps_base = scene.render.fps / fps
     # bones keep the axes of the character's own joints, and no shape is drawn for them
@@ -23,20 +29,34 @@ def convert(source: str, target: str, fps: float) -> None:
     _note_markers(bpy.data.objects, scene)
     last = max((action.frame_range[1] for action in bpy.data.actions), default=0.0)
     scene.frame_start, scene.frame_end = 0, round(last)
+    several = _name_takes(bpy.data.objects)
     bpy.ops.export_scene.fbx(
         filepath=target,
         object_types={"ARMATURE", "MESH", "EMPTY"},
+        apply_scale_options="FBX_SCALE_NONE" if unit == "cm" else "FBX_SCALE_ALL",
         add_leaf_bones=False,
         use_custom_props=True,
         bake_anim=True,
         bake_anim_use_all_bones=True,
-        bake_anim_use_nla_strips=False,
+        bake_anim_use_nla_strips=several,
         bake_anim_use_all_actions=False,
         bake_anim_step=1.0,
         bake_anim_simplify_factor=0.0,
         path_mode="COPY",
         embed_textures=True,
     )
+
+
+def _name_takes(objects: Any) -> bool:
+    """Name the strips of several takes as their tracks; whether there are several, which then are exported one by one."""
+    several = False
+    for thing in objects:
+        tracks = [] if thing.animation_data is None else list(thing.animation_data.nla_tracks)
+        several = several or len(tracks) > 1
+        for track in tracks:
+            for strip in track.strips:
+                strip.name = track.name
+    return several
 
 
 def _note_markers(objects: Any, scene: Any) -> None:
@@ -53,4 +73,4 @@ def _note_markers(objects: Any, scene: Any) -> None:
 
 if __name__ == "__main__":
     arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
-    convert(arguments[0], arguments[1], float(arguments[2]))
+    convert(arguments[0], arguments[1], float(arguments[2]), arguments[3], arguments[4])

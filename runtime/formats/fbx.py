@@ -8,10 +8,12 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 from runtime.atomic import atomic_path
 from runtime.errors import FileError, UsageError
+from runtime.formats.engines import engine_of
 from runtime.formats.glb import save_glb
 from runtime.formats.prepare import ExportOptions, PreparedTake
 from runtime.terrain.height_map import Terrain
@@ -52,14 +54,24 @@ def check_fbx(path: Path) -> list[str]:
     return command
 
 
-def save_fbx(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None = None) -> Path:
+def save_fbx(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None = None) -> None:
     """Write a prepared take as FBX; UsageError without Blender, FileError when it fails."""
     command = check_fbx(path)
     with tempfile.TemporaryDirectory(prefix="sport-fbx-") as folder, atomic_path(path) as target:
         glb, fbx = Path(folder) / "take.glb", Path(folder) / "take.fbx"
-        save_glb(take, glb, options, terrain)
+        save_glb(take, glb, replace(options, plain=True), terrain)
+        unit = engine_of(options.engine).fbx_unit if options.engine else "m"
         separator = ["--"] if len(command) > 1 else []
-        arguments = [*command, str(_SCRIPT), *separator, str(glb), str(fbx), repr(take.clip.fps)]
+        arguments = [
+            *command,
+            str(_SCRIPT),
+            *separator,
+            str(glb),
+            str(fbx),
+            repr(take.clip.fps),
+            unit,
+            take.clip.name,
+        ]
         try:
             done = subprocess.run(
                 arguments, capture_output=True, text=True, errors="replace", timeout=TIMEOUT_S, check=False
@@ -72,4 +84,3 @@ def save_fbx(take: PreparedTake, path: Path, options: ExportOptions, terrain: Te
             said = (done.stderr or done.stdout).strip().splitlines() or ["it said nothing"]
             raise FileError(f"{path}: Blender wrote no FBX ({said[-1][:200]}).", "Write a .glb instead.")
         target.write_bytes(fbx.read_bytes())
-    return path

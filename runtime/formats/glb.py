@@ -13,10 +13,19 @@ from runtime.character.character import load_character
 from runtime.character.joint_map import read_joint_map
 from runtime.character.mesh import read_meshes
 from runtime.character.read import open_gltf
+from runtime.formats.engines import engine_of, rename_bones
 from runtime.formats.glb_buffer import GlbBuffer
-from runtime.formats.glb_skeleton import Rig, joint_worlds, local_rest, nearest_rotation, open_rig, set_local
+from runtime.formats.glb_skeleton import (
+    Rig,
+    joint_worlds,
+    local_rest,
+    nearest_rotation,
+    open_rig,
+    set_local,
+    written,
+)
 from runtime.formats.ground import add_ground
-from runtime.formats.prepare import ExportOptions, PreparedTake
+from runtime.formats.prepare import ExportOptions, PreparedTake, prepare
 from runtime.formats.sidecar import take_extras
 from runtime.terrain.height_map import Terrain
 
@@ -27,30 +36,57 @@ CHUNK = 1800  # frames worked on at once, so that an hour does not fill the memo
 STILL = 1e-6  # metres: a joint that moves less against its parent has no translation track
 
 
-def save_glb(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None = None) -> Path:
+def save_glb(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None = None) -> None:
     """Write a prepared take as GLB with the character of `options`, and with the `terrain` where they ask for it.
 
     FileError when the character cannot be used or the file not be written.
     """
     source = asset_path(MANNEQUIN) if options.character is None else Path(options.character)
-    joint_map = None if options.joint_map is None else read_joint_map(options.joint_map)
-    character = load_character(source, joint_map)
+    character = load_character(
+        source, None if options.joint_map is None else read_joint_map(options.joint_map)
+    )
     file = open_gltf(source)
-    data = read_meshes(file)
     buffer = GlbBuffer.of_file(file)
-    gltf = buffer.gltf
-    gltf.asset.generator = "SPORT viewer"
-    rig = open_rig(buffer, file, character, data, options.ground_root)
-    _animate(rig, buffer, take)
+    buffer.gltf.asset.generator = "SPORT viewer"
+    plain = options.plain or options.engine is not None
+    rig = open_rig(buffer, file, character, read_meshes(file), options.rooted, plain)
+    takes = [take, *(_other(other, options, terrain) for other in options.with_takes)]
+    buffer.gltf.animations = []
+    for one, name in zip(takes, _names([one.clip.name for one in takes]), strict=True):
+        _animate(rig, buffer, one, name)
+    if options.engine is not None and options.humanoid_names:
+        rename_bones(rig, engine_of(options.engine))
+    if options.animation_only:
+        _drop_meshes(buffer)
     if options.with_ground and terrain is not None:
         add_ground(buffer, terrain, take)
-    gltf.scenes[0].extras = {"sport": take_extras(take)}
+    buffer.gltf.scenes[0].extras = {"sport": take_extras(take)}
     buffer.save(path)
-    return path
 
 
-def _animate(rig: Rig, buffer: GlbBuffer, take: PreparedTake) -> None:
-    """Put the take as the only animation into the document."""
+def _other(path: Path, options: ExportOptions, terrain: Terrain | None) -> PreparedTake:
+    """Another take of the same file, as its options ask for it."""
+    from runtime.formats.reference import open_take
+
+    return prepare(open_take(path).clip, options, terrain)
+
+
+def _names(names: list[str]) -> list[str]:
+    """The names of takes, each of them once."""
+    return [name if name not in names[:k] else f"{name}-{k + 1}" for k, name in enumerate(names)]
+
+
+def _drop_meshes(buffer: GlbBuffer) -> None:
+    """Only the skeleton and its animations stay; a skin without a mesh keeps the joints a skeleton."""
+    gltf = buffer.gltf
+    for node in gltf.nodes:
+        node.mesh = node.skin = None
+    gltf.meshes, gltf.materials, gltf.textures, gltf.images, gltf.samplers = [], [], [], [], []
+    buffer.keep_only_animations()
+
+
+def _animate(rig: Rig, buffer: GlbBuffer, take: PreparedTake, name: str) -> None:
+    """Add the take as an animation to the document."""
     import pygltflib as g
 
     nodes = buffer.gltf.nodes
@@ -59,7 +95,7 @@ def _animate(rig: Rig, buffer: GlbBuffer, take: PreparedTake) -> None:
     tracks = _tracks(rig, take, scales)
     frames = len(take.clip)
     times = buffer.add((np.arange(frames) / take.clip.fps).astype(np.float32)[:, None], bounds=True)
-    animation = g.Animation(name=take.clip.name, extras={"sport": take_extras(take)})
+    animation = g.Animation(name=name, extras={"sport": take_extras(take)})
 
     def add(node: int, path: str, values: Array) -> None:
         sampler = g.AnimationSampler(input=times, output=buffer.add(values), interpolation="LINEAR")
@@ -70,13 +106,13 @@ def _animate(rig: Rig, buffer: GlbBuffer, take: PreparedTake) -> None:
     for node, (translations, quaternions) in tracks.items():
         add(node, "rotation", quaternions[:, [1, 2, 3, 0]])
         unit = (
-            float(np.abs(np.linalg.det(rig.rest[rig.parents[node], :3, :3]))) ** (1 / 3)
+            float(np.abs(np.linalg.det(written(rig, rig.rest[rig.parents[node]])[:3, :3]))) ** (1 / 3)
             if rig.parents[node] >= 0
             else 1.0
         )
         if np.abs(translations - np.array(nodes[node].translation)).max() * unit > STILL:
             add(node, "translation", translations)
-    buffer.gltf.animations = [animation]
+    buffer.gltf.animations.append(animation)
 
 
 def _tracks(rig: Rig, take: PreparedTake, scales: dict[int, Array]) -> dict[int, tuple[Array, Array]]:
@@ -104,4 +140,4 @@ def _world(rig: Rig, node: int, worlds: dict[int, Array]) -> Array:
     if node in worlds:
         return worlds[node]
     parent = rig.parents[node]
-    return rig.rest[node] if parent < 0 else _world(rig, parent, worlds) @ local_rest(rig, node)
+    return local_rest(rig, node) if parent < 0 else _world(rig, parent, worlds) @ local_rest(rig, node)

@@ -126,6 +126,23 @@ class GlbBuffer:
         self.gltf.accessors.append(accessor)
         return len(self.gltf.accessors) - 1
 
+    def keep_only_animations(self) -> None:
+        """Take out what only meshes and images used: accessors, buffer views and their bytes."""
+        gltf = self.gltf
+        gltf.skins = []
+        samplers = [sampler for animation in gltf.animations for sampler in animation.samplers]
+        used = sorted({index for sampler in samplers for index in (sampler.input, sampler.output)})
+        place = {index: k for k, index in enumerate(used)}
+        accessors, views, old = [gltf.accessors[index] for index in used], gltf.bufferViews, self._blob
+        self._blob, gltf.bufferViews, gltf.accessors = bytearray(), [], accessors
+        for accessor in accessors:
+            view = views[accessor.bufferView]
+            accessor.bufferView = self.add_view(
+                bytes(old[view.byteOffset : view.byteOffset + view.byteLength])
+            )
+        for sampler in samplers:
+            sampler.input, sampler.output = place[sampler.input], place[sampler.output]
+
     def save(self, path: Path) -> None:
         """Write the GLB whole or not at all; FileError when it cannot be written."""
         import pygltflib as g

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +20,7 @@ from runtime.formats.prepare import PreparedTake
 from runtime.skeleton import SPORT_SKELETON
 
 if TYPE_CHECKING:
-    from pygltflib import GLTF2, Node
+    from pygltflib import GLTF2, Node, Skin
 
 Array = NDArray[np.floating]
 
@@ -44,12 +44,24 @@ class Rig:
     space: Array
     ground_point: Array  # (3,) under the hips on the level of the soles, rest pose, take's space
     root_node: int = -1  # the node on the ground, where there is one
+    plain: bool = False  # written without scales and without nodes above the joints
+    binds: dict[int, Array] = field(
+        default_factory=dict
+    )  # inverse bind matrices (n, 4, 4) of skins, as written
 
 
 def open_rig(
-    buffer: GlbBuffer, file: GltfFile, character: Character, data: MeshData, ground_root: bool
+    buffer: GlbBuffer,
+    file: GltfFile,
+    character: Character,
+    data: MeshData,
+    ground_root: bool,
+    plain: bool = False,
 ) -> Rig:
-    """The rig of a character's document: its scene holds the character alone, in the take's space."""
+    """The rig of a character's document: its scene holds the character alone, in the take's space.
+
+    `plain`: joints have no scales and nothing but one node above them, as engines expect it.
+    """
     joints: dict[int, int] = {}
     for k, node in enumerate(data.joint_nodes):
         joints.setdefault(node, k)  # a joint of several skins moves as the first of them
@@ -63,10 +75,85 @@ def open_rig(
     soles = float((data.rest_positions() @ space[:3, :3].T)[:, 1].min())
     x, _, z = rest[data.joint_nodes[hips], :3, 3]
     rig = Rig(character, buffer.gltf, joints, parents, rest, space, np.array([x, soles, z]))
-    _set_scene(rig)
+    for index, skin in enumerate(rig.gltf.skins):
+        rig.binds[index] = _inverse_binds(file, skin, index)
+    (_set_plain_scene if plain else _set_scene)(rig)
     if ground_root:
-        _add_root(rig, buffer, file, data.joint_nodes[hips])
+        _add_root(rig, data.joint_nodes[hips])
+    for index, skin in enumerate(rig.gltf.skins):
+        if plain or ground_root:
+            flat = rig.binds[index].swapaxes(1, 2).reshape(-1, 16)
+            skin.inverseBindMatrices = buffer.add(flat.astype(np.float32))
     return rig
+
+
+def _inverse_binds(file: GltfFile, skin: Skin, index: int) -> Array:
+    if skin.inverseBindMatrices is None:
+        return np.tile(np.eye(4), (len(skin.joints), 1, 1))
+    flat = read_accessor(file, skin.inverseBindMatrices, f"inverse bind matrices of skin {index}")
+    return flat[: len(skin.joints)].reshape(-1, 4, 4).swapaxes(1, 2).astype(np.float64)
+
+
+def _set_plain_scene(rig: Rig) -> None:
+    """One node, the joints without scales below it, and the meshes: skins are bound to what the joints are now."""
+    import pygltflib as g
+
+    gltf, parents = rig.gltf, rig.parents
+    count, rest = len(parents), rig.rest
+    moving = {n for joint in rig.joints for n in _line(parents, joint) if _under_joint(rig, n)}
+    rig.plain, rig.space = True, np.eye(4)
+    for index, skin in enumerate(gltf.skins):
+        joints = [rest[node] for node in skin.joints]
+        binds = [
+            np.linalg.inv(written(rig, at)) @ at @ b for at, b in zip(joints, rig.binds[index], strict=True)
+        ]
+        rig.binds[index] = np.stack(binds)
+        rig.binds[index][:, 3] = (0.0, 0.0, 0.0, 1.0)
+        skin.skeleton = None
+    heads = [n for n in sorted(moving) if parents[n] not in moving]
+    loose = [n for n in range(count) if gltf.nodes[n].mesh is not None and not _under_joint(rig, n)]
+    loose = [
+        n
+        for n in loose
+        if gltf.nodes[n].skin is not None or _within(parents, heads[0], _line(parents, n)[-1])
+    ]
+    for node in (*heads, *loose):
+        if parents[node] >= 0:
+            gltf.nodes[parents[node]].children.remove(node)
+        parents[node] = count
+    parents.append(-1)
+    rig.rest = np.concatenate([rest, np.eye(4)[None]])
+    gltf.nodes.append(g.Node(name="Armature", children=[*heads, *loose]))
+    for node in range(count):
+        if node in moving:
+            set_local(gltf.nodes[node], local_rest(rig, node))
+        elif node in loose:
+            set_local(gltf.nodes[node], np.eye(4) if gltf.nodes[node].skin is not None else rest[node])
+        elif parents[node] in moving:
+            set_local(gltf.nodes[node], np.linalg.inv(written(rig, rest[parents[node]])) @ rest[node])
+    gltf.scenes, gltf.scene = [g.Scene(name="take", nodes=[count])], 0
+
+
+def _line(parents: Sequence[int], node: int) -> list[int]:
+    """A node and those above it, the uppermost last."""
+    found = [node]
+    while parents[found[-1]] >= 0:
+        found.append(parents[found[-1]])
+    return found
+
+
+def _under_joint(rig: Rig, node: int) -> bool:
+    """Whether a node is a joint or below one."""
+    return any(above in rig.joints for above in _line(rig.parents, node))
+
+
+def written(rig: Rig, world: Array) -> Array:
+    """World matrices `(..., 4, 4)` of joints as the file has them: of a plain rig without their scale."""
+    if not rig.plain:
+        return world
+    result = world.copy()
+    result[..., :3, :3] = rotations.to_matrix(nearest_rotation(world[..., :3, :3]))
+    return result
 
 
 def _set_scene(rig: Rig) -> None:
@@ -101,14 +188,11 @@ def _within(parents: Sequence[int], node: int, top: int) -> bool:
     return node == top
 
 
-def _add_root(rig: Rig, buffer: GlbBuffer, file: GltfFile, hips: int) -> None:
+def _add_root(rig: Rig, hips: int) -> None:
     """A joint above the hips that stays on the ground: the character's own uppermost joint, or a new one."""
     import pygltflib as g
 
-    top = node = hips
-    while node >= 0:
-        top = node if node in rig.joints else top
-        node = rig.parents[node]
+    top = [node for node in _line(rig.parents, hips) if node in rig.joints][-1]
     if top != hips:
         rig.root_node = top
         return
@@ -127,30 +211,20 @@ def _add_root(rig: Rig, buffer: GlbBuffer, file: GltfFile, hips: int) -> None:
     rig.rest = np.concatenate([rig.rest, frame[None]])
     for node in (rig.root_node, hips):
         set_local(gltf.nodes[node], local_rest(rig, node))
+    inverse_bind = np.linalg.inv(np.linalg.inv(rig.space) @ written(rig, frame))
+    inverse_bind[3] = (0.0, 0.0, 0.0, 1.0)
     for index, skin in enumerate(gltf.skins):
         if hips in skin.joints:
-            _add_joint(buffer, file, index, rig.root_node, np.linalg.inv(np.linalg.inv(rig.space) @ frame))
-
-
-def _add_joint(buffer: GlbBuffer, file: GltfFile, skin_index: int, node: int, inverse_bind: Array) -> None:
-    skin = buffer.gltf.skins[skin_index]
-    if skin.inverseBindMatrices is None:
-        matrices = np.tile(np.eye(4).reshape(1, 16), (len(skin.joints), 1))
-    else:
-        matrices = read_accessor(
-            file, skin.inverseBindMatrices, f"inverse bind matrices of skin {skin_index}"
-        )
-    inverse_bind[3] = (0.0, 0.0, 0.0, 1.0)
-    matrices = np.concatenate([matrices[: len(skin.joints)], inverse_bind.T.reshape(1, 16)])
-    skin.inverseBindMatrices = buffer.add(matrices.astype(np.float32))
-    skin.joints.append(node)
-    skin.skeleton = None
+            rig.binds[index] = np.concatenate([rig.binds[index], inverse_bind[None]])
+            skin.joints.append(rig.root_node)
+            skin.skeleton = None
 
 
 def local_rest(rig: Rig, node: int) -> Array:
     """Rest transform `(4, 4)` of a node relative to its parent."""
     parent = rig.parents[node]
-    return rig.rest[node] if parent < 0 else np.linalg.inv(rig.rest[parent]) @ rig.rest[node]
+    world = written(rig, rig.rest[node])
+    return world if parent < 0 else np.linalg.inv(written(rig, rig.rest[parent])) @ world
 
 
 def set_local(node: Node, matrix: Array) -> tuple[Array, Array]:
@@ -198,7 +272,7 @@ def joint_worlds(rig: Rig, take: PreparedTake, frames: slice) -> dict[int, Array
         result[node] = matrices
     if rig.root_node >= 0:
         result[rig.root_node] = _root_worlds(rig, take, frames)
-    return result
+    return {node: written(rig, matrices) for node, matrices in result.items()}
 
 
 def _rest_place(rig: Rig, take: PreparedTake) -> Array:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.errors import UsageError
+from runtime.formats.engines import engine_of
 from runtime.skeleton import REST_HIPS_HEIGHT, J
 from runtime.takes.clip import MAX_FPS, Clip
 from runtime.takes.loop import LoopReport, make_loop
@@ -41,10 +42,28 @@ class ExportOptions:
     end_s: float | None = None  # None: to the last frame
     with_ground: bool = False  # the ground as a second node (GLB, FBX)
     character: Path | None = None  # of GLB, FBX and film; None: the mannequin
+    engine: str | None = None  # a key of `engines.ENGINES`: what its files must be like (GLB, FBX)
+    humanoid_names: bool = False  # the bone names of the engine's humanoid
+    animation_only: bool = False  # without meshes
+    with_takes: tuple[Path, ...] = ()  # further takes of the same file
+    plain: bool = False  # joints without scales, and one node above them
     joint_map: Path | None = None  # names of its joints, see `runtime.character.joint_map.read_joint_map`
+
+    @property
+    def rooted(self) -> bool:
+        """Whether there is a root joint on the ground: by itself, or since the engine wants it."""
+        return self.ground_root or (self.engine is not None and engine_of(self.engine).ground_root)
 
     def check(self) -> None:
         """UsageError names the option that cannot be used."""
+        if self.engine is not None:
+            engine_of(self.engine)
+        if self.humanoid_names and (self.engine is None or not engine_of(self.engine).bones):
+            raise UsageError(
+                ": these names are those of an engine.",
+                "Add --for unreal, unity, godot or maya.",
+                "humanoid_names",
+            )
         if not 1.0 <= self.fps <= MAX_FPS:
             raise UsageError(
                 f" {self.fps:g}: expected 1 to {MAX_FPS:.0f} frames per second.", "Try 60 or 30.", "fps"

@@ -47,6 +47,20 @@ def _check_fbx(path: Path) -> None:
     check_fbx(path)
 
 
+def _write_npz(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None) -> str:
+    from runtime.formats.arrays import save_npz
+
+    save_npz(take, path)
+    return describe(take, path)
+
+
+def _write_csv(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None) -> str:
+    from runtime.formats.arrays import save_csv
+
+    save_csv(take, path)
+    return describe(take, path)
+
+
 def _write_ground(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None) -> str:
     from runtime.formats.ground import save_ground
 
@@ -86,12 +100,15 @@ class Format:
         return self.write is None
 
 
+_ARRAYS = frozenset({"fps", "loop", "in_place", "at_origin"})
 _FILM = frozenset({"loop"}) | CHARACTER
-_SKINNED = MOTION | CHARACTER | {"with_ground"}
+_SKINNED = MOTION | CHARACTER | {"with_ground", "engine", "humanoid_names", "animation_only", "with_takes"}
 _TABLE = (
     Format(".bvh", "BVH: motion", "motion of the 31-joint skeleton", MOTION | {"unit", "euler_order"}, _write_bvh, keeps_motion=True),
     Format(".glb", "GLB: character with motion", "character with motion (glTF binary)", _SKINNED, _write_glb, keeps_motion=True),
     Format(".fbx", "FBX: through Blender", "character with motion, through Blender", _SKINNED, _write_fbx, _check_fbx, keeps_motion=True),
+    Format(".npz", "NPZ: arrays", "positions, rotations, root, contacts, phase as NumPy arrays", _ARRAYS, _write_npz, ignores=MOTION),
+    Format(".csv", "CSV: table", "the same, a row a frame", _ARRAYS, _write_csv, ignores=MOTION),
     Format(".mp4", "MP4: film", "film (H.264)", _FILM),
     Format(".png", "PNG: numbered frames", "film as numbered frames, name_00000.png and on", _FILM),
     Format(".webp", "WebP: animation", "animated WebP", _FILM),

@@ -40,6 +40,10 @@ def export_options(arguments: argparse.Namespace) -> ExportOptions:
         with_ground=arguments.with_ground,
         character=arguments.character,
         joint_map=arguments.joint_map,
+        engine=arguments.engine,
+        humanoid_names=arguments.humanoid_names,
+        animation_only=arguments.animation_only,
+        with_takes=tuple(arguments.with_take),
     )
     options.check()
     return options

@@ -30,6 +30,22 @@ def add_export_arguments(parser: argparse.ArgumentParser) -> None:
     form.add_argument(
         "--joint-map", type=Path, metavar="JSON", help="names of its joints, in place of the file beside it"
     )
+    form.add_argument(
+        "--for",
+        dest="engine",
+        metavar="ENGINE",
+        help="GLB or FBX as unreal, unity, godot, maya or blender takes it",
+    )
+    form.add_argument("--humanoid-names", action="store_true", help="bones named as in the engine's humanoid")
+    form.add_argument("--animation-only", action="store_true", help="GLB or FBX without meshes")
+    form.add_argument(
+        "--with-take",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="BVH",
+        help="a further take in the same GLB or FBX",
+    )
     form.add_argument("--range", default="", metavar="A:B", help="only these seconds, e.g. 2:6.5")
     form.add_argument(
         "--loop", action="store_true", help="only the best cycle of a steady walk, without a seam"

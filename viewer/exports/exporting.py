@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runtime.errors import SportError, UsageError
+from runtime.formats.engines import ENGINES
 from runtime.formats.prepare import ExportOptions
 from runtime.formats.table import FORMATS
 from runtime.safe_read import printable
@@ -172,10 +173,12 @@ class Exporting:
         chosen: dict[str, Any] = {
             "fps": form.fps or clip.fps,
             "euler_order": form.euler_order or None,
+            "engine": form.engine or None,
+            "humanoid_names": form.humanoid_names and bool(form.engine) and bool(ENGINES[form.engine].bones),
             "with_ground": form.ground == "inside",
             "character": self.stage.character_path if form.own_character else None,
         }
-        names = ("unit", "in_place", "ground_root", "at_origin", "rest_frame", "loop")
+        names = ("unit", "animation_only", "in_place", "ground_root", "at_origin", "rest_frame", "loop")
         chosen |= {name: getattr(form, name) for name in names}
         has = form.format.options
         options = ExportOptions(

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
+from runtime.formats.engines import ENGINES
 from runtime.formats.prepare import ROTATION_ORDERS
 from runtime.formats.table import FORMATS
 from runtime.takes.clip import VIDEO_RATES
@@ -88,6 +89,8 @@ TOGGLES = (
     ("Root on the ground", "ground_root", "A root joint on the ground, above the hips"),
     ("At the origin", "at_origin", "Begin at the origin on height 0, facing +Z"),
     ("Rest pose first", "rest_frame", "Frame 0 is the rest pose"),
+    ("Animation only", "animation_only", "The skeleton and its motion, without meshes"),
+    ("Humanoid names", "humanoid_names", "Bones named as in the humanoid of that program"),
 )
 
 
@@ -107,6 +110,10 @@ def _motion(form: ExportForm) -> None:
         )
         orders = (("", "YXZ at the hips, ZYX else"), *((order, order) for order in ROTATION_ORDERS))
         form.euler_order = str(overlay.combo("##export order", orders, form.euler_order))
+    if "engine" in has:
+        overlay.row("For", "Unit, scale, root joint and names of takes as that program expects them")
+        engines = (("", "any program"), *((name, name.capitalize()) for name in ENGINES))
+        form.engine = str(overlay.combo("##export engine", engines, form.engine))
     if form.format.keeps_motion:
         overlay.row("Ground", "As a second node of the file, or as a file beside it, in the same coordinates")
         inside = "with_ground" in has
@@ -117,7 +124,7 @@ def _motion(form: ExportForm) -> None:
         [
             (text, getattr(form, name), hint, partial(_set, form, name))
             for text, name, hint in TOGGLES
-            if name in has
+            if name in has and (name != "humanoid_names" or (form.engine and ENGINES[form.engine].bones))
         ]
     )
 

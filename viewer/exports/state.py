@@ -18,6 +18,9 @@ class ExportForm:
     fps: float = 0.0  # 0: as the take
     unit: str = "cm"
     euler_order: str = ""  # "": as `format_bvh` chooses
+    engine: str = ""  # "": any program
+    humanoid_names: bool = False
+    animation_only: bool = False
     trimmed: bool = True  # only what lies between the trim marks
     loop: bool = False
     in_place: bool = False

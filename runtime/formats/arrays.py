@@ -1,0 +1,106 @@
+"""A take as plain arrays: NPZ for programs that compute, CSV for tables."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.atomic import atomic_path, write_atomic
+from runtime.controls import Gait
+from runtime.formats.prepare import PreparedTake
+from runtime.formats.sidecar import markers
+from runtime.skeleton import SPORT_SKELETON
+
+CONTACTS = ("left_heel", "left_toe", "right_heel", "right_toe")
+SOLES = ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")
+STANDING_M_PER_S, STANDING_M = 0.25, 0.04  # of a joint that bears: its speed, and its height over its lowest
+
+
+def take_arrays(take: PreparedTake) -> dict[str, NDArray[Any]]:
+    """Named arrays of a prepared take; metres, radians, seconds, quaternions w, x, y, z.
+
+    `positions` `(T, J, 3)`, `rotations` and `local_rotations` `(T, J, 4)`, `root_positions` `(T, 3)`, `root_yaw` `(T,)`,
+    `contacts` `(T, 4)`, `phase` `(T, 2)` (radians of each foot's cycle, NaN while it has none), `gaits` `(T,)` (names),
+    `seconds` `(T,)`, `fps`, `names` `(J,)`, `parents` `(J,)`, `offsets` `(J, 3)`, `contact_names`, `prompts` and
+    `origin` (JSON texts).
+    """
+    clip = take.clip
+    positions, world = clip.world()
+    contacts = clip.contacts if clip.contacts.any() else _contacts(positions, clip.fps)
+    known = {int(gait): gait.name.lower() for gait in Gait}
+    gaits = np.full(len(clip), -1) if clip.gaits is None else clip.gaits
+    return {
+        "positions": positions.astype(np.float32),
+        "rotations": world.astype(np.float32),
+        "local_rotations": clip.local_rotations,
+        "root_positions": take.root.positions.astype(np.float32),
+        "root_yaw": take.root.yaw.astype(np.float32),
+        "contacts": contacts.astype(np.float32),
+        "phase": np.stack([_phase(contacts[:, side : side + 2].max(axis=1)) for side in (0, 2)], axis=1),
+        "gaits": np.array([known.get(int(gait), "") for gait in gaits]),
+        "seconds": np.arange(len(clip)) / clip.fps,
+        "fps": np.array(clip.fps),
+        "names": np.array(SPORT_SKELETON.names),
+        "parents": np.array(SPORT_SKELETON.parents),
+        "offsets": SPORT_SKELETON.offsets,
+        "contact_names": np.array(CONTACTS),
+        "prompts": np.array(json.dumps(markers(clip), ensure_ascii=False)),
+        "origin": np.array(json.dumps({"ground": Path(clip.terrain).name, **asdict(clip.origin)})),
+    }
+
+
+def _contacts(positions: NDArray[np.floating], fps: float) -> NDArray[np.float32]:
+    """Contacts `(T, 4)` of heels and toes from the motion alone: a BVH has none."""
+    feet = positions[:, [SPORT_SKELETON.index(name) for name in SOLES]].astype(np.float64)
+    speed = (
+        np.linalg.norm(np.gradient(feet, axis=0), axis=-1) * fps
+        if len(feet) > 1
+        else np.zeros(feet.shape[:2])
+    )
+    low = feet[..., 1] - feet[..., 1].min(axis=0) < STANDING_M
+    return ((speed < STANDING_M_PER_S) & low).astype(np.float32)
+
+
+def _phase(contact: NDArray[np.floating]) -> NDArray[np.float32]:
+    """The phase `(T,)` of a foot: 0 where it comes down, 2 pi where it does so again; NaN before, after, and at rest."""
+    down = contact > 0.5
+    begins = np.flatnonzero(down[1:] & ~down[:-1]) + 1
+    phase = np.full(len(contact), np.nan, np.float32)
+    for first, last in itertools.pairwise(begins):
+        phase[first:last] = 2.0 * np.pi * np.arange(last - first) / (last - first)
+    return phase
+
+
+def save_npz(take: PreparedTake, path: Path) -> None:
+    """Write the arrays of `take_arrays` as a compressed archive; FileError."""
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, **take_arrays(take))  # type: ignore[arg-type]
+
+
+def save_csv(take: PreparedTake, path: Path) -> None:
+    """Write a row a frame: time, root, contacts, phase, gait, prompt, joint positions and rotations; FileError."""
+    arrays = take_arrays(take)
+    columns: list[tuple[str, NDArray[Any]]] = [("seconds", arrays["seconds"])]
+    columns += [(f"root_{axis}", arrays["root_positions"][:, k]) for k, axis in enumerate("xyz")]
+    columns += [("root_yaw", arrays["root_yaw"])]
+    columns += [(name, arrays["contacts"][:, k]) for k, name in enumerate(CONTACTS)]
+    columns += [(f"phase_{side}", arrays["phase"][:, k]) for k, side in enumerate(("left", "right"))]
+    for j, name in enumerate(SPORT_SKELETON.names):
+        columns += [(f"{name}_{axis}", arrays["positions"][:, j, k]) for k, axis in enumerate("xyz")]
+        columns += [(f"{name}_q{axis}", arrays["rotations"][:, j, k]) for k, axis in enumerate("wxyz")]
+    table = np.column_stack([values for _, values in columns])
+    prompts = [marker for marker in markers(take.clip) if marker["kind"] == "prompt"]
+    lines = [",".join([name for name, _ in columns] + ["gait", "prompt"])]
+    for row, seconds, gait in zip(
+        table.tolist(), arrays["seconds"].tolist(), arrays["gaits"].tolist(), strict=True
+    ):
+        begun = [marker["name"] for marker in prompts if marker["seconds"] <= seconds + 1e-6]
+        words = begun[-1].replace('"', '""') if begun else ""
+        lines.append(",".join("" if v != v else f"{v:.7g}" for v in row) + f',{gait},"{words}"')
+    write_atomic(path, "\n".join(lines) + "\n")

@@ -1,0 +1,98 @@
+"""What the programs that a take goes to expect of a file: unit, root joint, and names of a humanoid's bones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from runtime.errors import UsageError
+from runtime.skeleton import SPORT_SKELETON
+
+if TYPE_CHECKING:
+    from runtime.formats.glb_skeleton import Rig
+
+
+@dataclass(frozen=True)
+class Engine:
+    """A program: the unit of its FBX files, whether the way belongs to a root joint, and its names for our joints."""
+
+    name: str
+    fbx_unit: str  # "cm" or "m"
+    ground_root: bool
+    bones: Mapping[str, str]  # of SPORT joints; `Root` is the joint on the ground
+
+
+def _sided(names: Mapping[str, str], left: str, right: str) -> dict[str, str]:
+    """Names of both sides; `{}` stands for the side in ours ("Left") and in theirs."""
+    sided = {}
+    for ours, theirs in names.items():
+        for our_side, their_side in (("Left", left), ("Right", right)):
+            sided[ours.format(our_side)] = theirs.format(their_side)
+    return sided
+
+
+_UNREAL = {
+    "Root": "root", "Hips": "pelvis", "LowerBack": "spine_01", "Spine": "spine_02", "Spine1": "spine_03",
+    "Neck": "neck_01", "Neck1": "neck_02", "Head": "head",
+    **_sided(
+        {"{}UpLeg": "thigh_{}", "{}Leg": "calf_{}", "{}Foot": "foot_{}", "{}ToeBase": "ball_{}",
+         "{}Shoulder": "clavicle_{}", "{}Arm": "upperarm_{}", "{}ForeArm": "lowerarm_{}", "{}Hand": "hand_{}"},
+        "l", "r",
+    ),
+}  # fmt: skip
+_HUMANOID = {  # the names of Unity's Humanoid and of Godot's SkeletonProfileHumanoid
+    "Root": "Root", "Hips": "Hips", "LowerBack": "Spine", "Spine": "Chest", "Spine1": "UpperChest",
+    "Neck1": "Neck", "Head": "Head",
+    **_sided(
+        {"{}UpLeg": "{}UpperLeg", "{}Leg": "{}LowerLeg", "{}Foot": "{}Foot", "{}ToeBase": "{}Toes",
+         "{}Shoulder": "{}Shoulder", "{}Arm": "{}UpperArm", "{}ForeArm": "{}LowerArm", "{}Hand": "{}Hand"},
+        "Left", "Right",
+    ),
+}  # fmt: skip
+_HUMAN_IK = {  # Maya's HumanIK
+    "Root": "Reference", "Hips": "Hips", "LowerBack": "Spine", "Spine": "Spine1", "Spine1": "Spine2",
+    "Neck1": "Neck", "Head": "Head",
+    **_sided(
+        {f"{{}}{part}": f"{{}}{part}" for part in
+         ("UpLeg", "Leg", "Foot", "ToeBase", "Shoulder", "Arm", "ForeArm", "Hand")},
+        "Left", "Right",
+    ),
+}  # fmt: skip
+ENGINES = {
+    engine.name: engine
+    for engine in (
+        Engine("unreal", "cm", True, _UNREAL),
+        Engine("unity", "m", True, _HUMANOID),
+        Engine("godot", "m", True, _HUMANOID),
+        Engine("maya", "cm", False, _HUMAN_IK),
+        Engine("blender", "m", False, {}),
+    )
+}
+
+
+def engine_of(name: str) -> Engine:
+    """The engine of a name; UsageError lists the names."""
+    if name not in ENGINES:
+        raise UsageError(f" {name[:40]}: unknown.", f"Choose {', '.join(ENGINES)}.", "engine")
+    return ENGINES[name]
+
+
+def rename_bones(rig: Rig, engine: Engine) -> None:
+    """Give the joints of a rig the names of an engine's humanoid, those that it has none for keep theirs."""
+    nodes = rig.gltf.nodes
+    wanted: dict[int, str] = {}
+    for name, bone in engine.bones.items():
+        if name == "Root":
+            node = rig.root_node
+        else:
+            index = SPORT_SKELETON.index(name)
+            node = next((n for n, k in rig.joints.items() if rig.character.sport_joints[k] == index), -1)
+        if node >= 0 and node not in wanted:
+            wanted[node] = bone
+    taken = set(wanted.values())
+    for number, node in enumerate(nodes):
+        if number not in wanted and node.name in taken:
+            node.name = f"{node.name}_{number}"
+    for number, bone in wanted.items():
+        nodes[number].name = bone

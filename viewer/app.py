@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 from runtime.controls import Controls
+from runtime.atomic import sweep
 from runtime.errors import SportError
 from runtime.motion.stick_script import parse_stick
 from runtime.pose import Pose
@@ -237,11 +238,18 @@ class App:
         if options.clip is not None:
             self.takes.opening.open(options.clip, keep_ground=options.terrain is not None)
         if not options.offscreen:
+            self.jobs.submit("sweep", self._sweep, lambda _: None)
             self.takes.journals.look()
         self.desk.begin(options.project, autosaving=not options.offscreen)
         failure = self.jobs.first_error or self.prompting.first_error
         if options.offscreen and failure is not None:
             raise failure  # nobody would read a message
+
+    def _sweep(self) -> None:
+        """Remove what a killed program has left half written in the folders that are written to."""
+        folders = {Path(self.state.settings.export_folder).expanduser(), self.state_folder / "sessions"}
+        for folder in folders | {path.parent for path in self.desk.projects.recent}:
+            sweep(folder)
 
     def load_model(self, directory: Path | None, seed: int) -> None:
         """Load an exported model, the shipped one for None; the one in use stays until it is there."""

@@ -28,9 +28,13 @@ _FORMAT = "sport-take"
 _LOG = logging.getLogger("sport.clip")
 
 
+MAX_NAME = 250  # bytes of a file name, less those of ".json"
+
+
 def sidecar_path(bvh: Path) -> Path:
     """Where the metadata of a BVH file stand."""
-    return bvh.with_name(bvh.name + ".json")
+    name = bvh.name.encode(errors="surrogateescape")[:MAX_NAME].decode(errors="surrogateescape")
+    return bvh.with_name(name + ".json")
 
 
 def format_metadata(clip: Clip, bvh_text: str) -> str:

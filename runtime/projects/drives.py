@@ -17,6 +17,7 @@ from runtime.motion.style_mix import StyleMix
 from runtime.projects.archive import REMEDY, ArchiveReader, ArchiveWriter
 from runtime.projects.motion import packed_table, unpacked_table
 from runtime.safe_read import is_text, parse_json, printable
+from runtime.takes.clip import MAX_DISTANCE_M
 from runtime.takes.drive import Change, Drive, DrivenFrame, GroundChange, Keyframe, Restart, StyleChange
 from runtime.takes.metadata import PromptEvent, event_from
 from runtime.terrain.files import MAX_HEIGHT_M
@@ -27,7 +28,6 @@ CODE = (6, 64)
 STICK_BYTES = 7 * 8  # of a frame
 # in memory, about
 FRAME_BYTES, STATE_BYTES, CHANGE_BYTES = 400, 65_536, 4096
-MAX_DISTANCE_M = 100_000.0
 Json = Any
 Note = Callable[[Any], Json]  # packs what a program keeps with a style, or unpacks it
 

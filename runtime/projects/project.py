@@ -20,7 +20,7 @@ from runtime.projects.drives import DriveReader, DriveWriter, Json, read_ground,
 from runtime.projects.motion import BYTES, CLIP_BYTES, packed_frames, pieces, unpacked_frames
 from runtime.safe_read import is_text, printable, reason
 from runtime.skeleton import J
-from runtime.takes.clip import MAX_DISTANCE_M, Clip
+from runtime.takes.clip import Clip, are_poses
 from runtime.takes.drive import Drive
 from runtime.takes.metadata import event_from, gait_seconds, origin_from
 from runtime.terrain.height_map import Terrain
@@ -30,7 +30,6 @@ FORMAT, VERSION = "sport-project", 2
 MAX_TAKES = 10_000
 MAX_FRAMES = 2_000_000  # of a take: nine hours
 MAX_TEXT = 4096  # characters of a name
-MAX_NORM_ERROR = 0.01  # of a quaternion
 # what JSON of another shape raises where it is unpacked
 STRUCTURE_ERRORS = (
     KeyError,
@@ -300,15 +299,8 @@ def _frames(numbers: Json, count: int, archive: ArchiveReader) -> tuple[Any, ...
 
 def check_motion(clip: Clip, path: Path | str = "a take") -> None:
     """FileError unless every frame can be shown."""
-    hips, gaits = clip.hips_positions, clip.gaits
-    norms = np.linalg.norm(clip.local_rotations, axis=-1)
-    good = (
-        bool((np.abs(hips) <= MAX_DISTANCE_M).all())
-        and bool((np.abs(norms - 1.0) <= MAX_NORM_ERROR).all())
-        and bool(((clip.contacts >= -0.5) & (clip.contacts <= 1.5)).all())
-        and (gaits is None or bool(((gaits >= -1) & (gaits < 10)).all()))
-    )
-    if not good:
+    known = clip.gaits is None or bool(((clip.gaits >= -1) & (clip.gaits < 10)).all())
+    if not known or not are_poses(clip.hips_positions, clip.local_rotations, clip.contacts):
         raise FileError(f"{path}: a take whose frames are no poses.", REMEDY)
 
 

@@ -18,6 +18,7 @@ Array = NDArray[np.floating]
 
 MAX_FPS = 1000.0
 VIDEO_RATES = (24000 / 1001, 24.0, 25.0, 30000 / 1001, 30.0, 48.0, 50.0, 60000 / 1001, 60.0, 120.0)
+MAX_NORM_ERROR = 0.01  # of a quaternion
 MAX_DISTANCE_M = 100_000.0  # of a clip's hips from the origin; float32 is then 8 mm fine
 
 
@@ -142,6 +143,16 @@ def video_rate(fps: float) -> float:
     """The frame rate of video that a rounded rate stands for (29.97 is 30000 / 1001), else the rate to a thousandth."""
     nearest = min(VIDEO_RATES, key=lambda rate: abs(fps - rate))
     return nearest if abs(fps - nearest) < 2e-4 * nearest else float(round(fps, 3))
+
+
+def are_poses(hips: Array, rotations: Array, contacts: Array) -> bool:
+    """Whether every frame can be shown: hips `(T, 3)`, local rotations `(T, 31, 4)` and contacts `(T, 4)`; nor NaN."""
+    norms = np.linalg.norm(rotations, axis=-1)
+    return bool(
+        (np.abs(hips) <= MAX_DISTANCE_M).all()
+        and (np.abs(norms - 1.0) <= MAX_NORM_ERROR).all()
+        and ((contacts >= -0.5) & (contacts <= 1.5)).all()
+    )
 
 
 def shift_prompts(events: tuple[PromptEvent, ...], start: float, length: float) -> tuple[PromptEvent, ...]:

@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.controls import Controls
+from runtime.errors import FileError
 from runtime.motion.features import FPS
 from runtime.motion.snapshot import Snapshot, take_snapshot
 from runtime.motion.style_mix import StyleMix
 from runtime.pose import Pose
-from runtime.takes.clip import Clip, shift_prompts
+from runtime.takes.clip import Clip, are_poses, shift_prompts
 from runtime.takes.metadata import PromptEvent, gait_of, gait_seconds
 from runtime.takes.recorder import LIVE_SECONDS
 from runtime.terrain.height_map import Terrain
@@ -219,6 +220,7 @@ def _step(controller: Drivable, frame: DrivenFrame) -> Pose:
 def played_again(clip: Clip, drive: Drive, controller: Drivable, first_frame: int) -> tuple[Clip, Drive]:
     """The take of an edited drive: frames before `first_frame` from `clip`, the rest by the recorded stick."""
     poses, keyframes = redrive(drive, controller, first_frame)
+    _check_driven(poses)
     made = replace(drive, keyframes=keyframes)
     gaits = made.gaits()
     return (
@@ -233,6 +235,21 @@ def played_again(clip: Clip, drive: Drive, controller: Drivable, first_frame: in
         ),
         made,
     )
+
+
+def _check_driven(poses: Sequence[Pose]) -> None:
+    """FileError unless every pose can be shown: a damaged state of a controller may lead anywhere."""
+    if not poses:
+        return
+    hips, rotations, contacts = (
+        np.stack([getattr(pose, name) for pose in poses])
+        for name in ("hips_position", "local_rotations", "contacts")
+    )
+    if not are_poses(hips, rotations, contacts):
+        raise FileError(
+            "The take cannot be driven again: what it was driven by leads to poses that are none.",
+            "Edit it at another place, or record it again.",
+        )
 
 
 def _joined(old: Array, first: int, new: Sequence[Array]) -> Array:

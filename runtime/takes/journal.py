@@ -26,7 +26,7 @@ from runtime.errors import FileError, SportError
 from runtime.file_lock import open_locked
 from runtime.safe_read import is_text, parse_json, printable
 from runtime.skeleton import J
-from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, Clip
+from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, MAX_NORM_ERROR, Clip
 from runtime.takes.metadata import Origin, PromptEvent, event_from, origin_from
 from runtime.takes.recorder import ClipRecorder
 
@@ -37,7 +37,6 @@ MAX_EVENT = 1 << 20  # bytes
 MAX_BYTES = 1 << 30  # of a journal: nine hours; what is recorded after that is in memory only
 WRITE_SECONDS = 0.25  # between two writes: what a killed process loses
 SYNC_SECONDS = 1.0  # between two fsyncs: what a machine without power loses
-MAX_NORM_ERROR = 0.01  # of a quaternion
 _FORMAT, _VERSION = "sport-journal", 1
 _FRAME, _PROMPT = b"F", b"P"
 
@@ -105,6 +104,7 @@ class TakeJournal:
                 _write(handle, data)
                 size += len(data)
                 if ended or time.monotonic() - synced >= SYNC_SECONDS:
+                    handle = self._still_there(handle)
                     os.fsync(handle)
                     synced = time.monotonic()
                 self.cpu_seconds = time.thread_time()
@@ -130,6 +130,24 @@ class TakeJournal:
         _write(handle, json.dumps(head).encode("ascii") + b"\n")
         os.fsync(handle)
         return handle
+
+    def _still_there(self, handle: int) -> int:
+        """The descriptor of a file under this name: one that somebody has removed is written again."""
+        try:
+            if os.path.samestat(os.fstat(handle), os.stat(self.path)):
+                return handle
+        except FileNotFoundError:
+            pass
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        again = open_locked(self.path, create=True)
+        if again is None:
+            raise FileError(f"{self.path}: it cannot be locked.", "Export the take.")
+        os.lseek(handle, 0, os.SEEK_SET)
+        while piece := os.read(handle, 1 << 20):  # what has no name any more can still be read
+            _write(again, piece)
+        os.close(handle)
+        self._handle = again
+        return again
 
     def _drained(self) -> bytes:
         parts = []

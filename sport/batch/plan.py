@@ -21,6 +21,7 @@ STYLES = (
     "prompts",
     "parts",
 )  # a row that gives one of them has none of the others from the command
+MAX_HASHED_BYTES = 1 << 29  # of a file that a row names; no reader takes a larger one
 _FILES = ("terrain", "parts", "character", "joint_map")
 _TRUE, _FALSE = ("true", "yes", "on", "1", "x"), ("false", "no", "off", "0")
 
@@ -135,5 +136,9 @@ def _print(path: Path, prints: dict[Path, str]) -> str:
             OSError, ValueError
         ):  # a name of the library, or a file that the row will miss
             if path.is_file():
-                prints[path] = hashlib.sha256(path.read_bytes()).hexdigest()
+                size = path.stat().st_size  # what is larger than any file that is read is refused by its row
+                prints[path] = f"{size} bytes"
+                if size <= MAX_HASHED_BYTES:
+                    with path.open("rb") as file:
+                        prints[path] = hashlib.file_digest(file, "sha256").hexdigest()
     return prints[path]

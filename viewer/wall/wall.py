@@ -116,7 +116,7 @@ class Wall:
     def add(self) -> None:
         """One more with the prompt that holds and the next seed."""
         seeds = [candidate.seed for candidate in self.state.candidates]
-        more = self._candidate(self.prompting.state.edit, max(seeds) + 1)
+        more = self._candidate(self.prompting.state.edit, max(seeds, default=self._seed - 1) + 1)
         if len(seeds) < MOST:
             self._open([*self.state.candidates, more])
 

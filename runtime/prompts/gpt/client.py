@@ -20,7 +20,7 @@ from runtime.errors import PromptError
 from runtime.prompts.expander import PromptCancelledError
 from runtime.prompts.gpt.bounded_http import AnswerError, Waiting, bounded_client
 from runtime.prompts.gpt.settings import KEY, MODEL, TIMEOUT, URL, GptSettings
-from runtime.safe_read import parse_json
+from runtime.safe_read import is_text, parse_json
 
 if TYPE_CHECKING:
     from openai import OpenAI
@@ -167,6 +167,8 @@ class ChatClient:
             raise self._error("answers with something that is no chat completion.", f"Check {URL}.") from None
         if refusal:
             raise self._error(f"refuses the prompt: “{self._clean(refusal)}”.", "Ask in other words.")
+        if isinstance(content, str) and not is_text(content):
+            raise self._error("answers with characters that are none.", "Try again, or choose another model.")
         if not isinstance(content, str):
             raise self._error("answers without text.", f"Choose another model by {MODEL}.")
         return content

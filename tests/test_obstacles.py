@@ -41,11 +41,11 @@ def test_heights_of_the_way_end_at_what_one_can_climb():
     heights = np.zeros((12, 3))
     heights[8:] = 8.0
     heights[2, 2] = 0.4
-    seen = within_steps(heights, 6)
+    seen = within_steps(heights[None], 6)[0]
     assert seen.max() == 0.4  # nobody gets behind a cliff: it is level there
     assert seen[2, 2] == 0.4
     slope = np.repeat(np.maximum(np.arange(12.0) - 6.0, 0.0)[:, None], 3, axis=1)  # 1 m a sample
-    assert within_steps(slope, 6).tolist() == np.minimum(slope, 1.5).tolist()
+    assert within_steps(slope[None], 6)[0].tolist() == np.minimum(slope, 1.5).tolist()
 
 
 @pytest.mark.parametrize("height", [-8.0, 6.0, 8.0, 20.0])

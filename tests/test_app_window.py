@@ -122,7 +122,7 @@ def test_without_a_display_the_error_names_the_remedy(
     ],
 )
 def test_options_are_checked_before_a_window_opens(options: dict[str, Any]) -> None:
-    with pytest.raises(UsageError, match="--|^controls: "):
+    with pytest.raises(UsageError, match=r"--|^controls: "):
         App(ViewOptions(**options), fake_services())
 
 

@@ -18,7 +18,16 @@ from runtime.motion.snapshot import take_snapshot
 from runtime.motion.style_mix import StyleMix
 from runtime.takes import drive_edits
 from runtime.takes.clip import Clip
-from runtime.takes.drive import KEYFRAME_STEPS, Drive, DrivenFrame, DriveRecorder, Keyframe, StyleChange, played_again, redrive
+from runtime.takes.drive import (
+    KEYFRAME_STEPS,
+    Drive,
+    DrivenFrame,
+    DriveRecorder,
+    Keyframe,
+    StyleChange,
+    played_again,
+    redrive,
+)
 from runtime.takes.metadata import PromptEvent, gait_of
 from runtime.takes.recorder import ClipRecorder
 from runtime.terrain.height_map import Terrain

@@ -9,8 +9,8 @@ import sys
 import time
 from pathlib import Path
 
-from runtime.controls import Controls
 from runtime.atomic import sweep
+from runtime.controls import Controls
 from runtime.errors import SportError
 from runtime.motion.stick_script import parse_stick
 from runtime.pose import Pose

@@ -20,7 +20,19 @@ from runtime.formats.bvh import MAX_FILE_BYTES
 from runtime.formats.prepare import PreparedTake
 from runtime.safe_read import parse_json, printable, read_bounded
 from runtime.takes.clip import Clip
-from runtime.takes.metadata import MAX_EVENTS, UNKNOWN, UNMOVED, Origin, PromptEvent, event_from, gait_changes, number_field, origin_from, text_field, title
+from runtime.takes.metadata import (
+    MAX_EVENTS,
+    UNKNOWN,
+    UNMOVED,
+    Origin,
+    PromptEvent,
+    event_from,
+    gait_changes,
+    number_field,
+    origin_from,
+    text_field,
+    title,
+)
 
 MAX_BYTES = 16 * 1024 * 1024
 MARKERS_VERSION = 1

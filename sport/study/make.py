@@ -249,10 +249,9 @@ def _in_style(subject: Subject, style: str, path: Motion | None, seconds: float)
     script = control_script("forward", "walk")
     poses = simulate(Controller(subject.model, ground), script, [(0.0, subject.style(style, 0))], frames)
     shown = poses[2 * FPS :]
-    parts = (
-        np.stack([getattr(p, n) for p in shown]) for n in ("hips_position", "local_rotations", "contacts")
-    )
-    return Clip("clip", FPS, *parts), ground
+    hips = np.stack([pose.hips_position for pose in shown])
+    local = np.stack([pose.local_rotations for pose in shown])
+    return Clip("clip", FPS, hips, local, np.stack([pose.contacts for pose in shown])), ground
 
 
 def _captured_walks(clips: Path, styles: Sequence[str]) -> dict[str, Motion]:

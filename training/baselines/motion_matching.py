@@ -99,11 +99,11 @@ def build(clips: Iterable[ClipRows], codes: dict[str, list[Array]]) -> Database:
         styles=styles,
         codes=np.concatenate([np.stack(codes[s]) for s in styles]).astype(np.float32),
         code_style=np.repeat(np.arange(len(styles)), [len(codes[s]) for s in styles]),
-        speeds=_speeds(joined("root"), joined("gait").astype(int), label, len(styles)),
+        speeds=speeds(joined("root"), joined("gait").astype(int), label, len(styles)),
     )
 
 
-def _speeds(root: Array, gait: NDArray[np.integer], label: NDArray[np.integer], styles: int) -> Array:
+def speeds(root: Array, gait: NDArray[np.integer], label: NDArray[np.integer], styles: int) -> Array:
     """Median walking and jogging speed `(S, 2)` of each style, where it has none a usual one."""
     speed = np.linalg.norm(root[:, :2], axis=1)
     result = np.zeros((styles, 2), np.float32)

@@ -69,6 +69,8 @@ def count_parameters(metadata: dict[str, Any]) -> int:
 
     Of motion matching, which trains nothing, the values of its database. The MoE decoder is counted in the diffusion model too, as the paper's totals do.
     """
+    if "parameters" in metadata:  # of another method
+        return int(metadata["parameters"])
     if "rows" in metadata:  # a database: what it holds for each row
         return int(metadata["rows"]) * VALUES_OF_A_ROW
     from training.networks.generator import Generator

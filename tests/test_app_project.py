@@ -194,3 +194,26 @@ def test_a_killed_process_leaves_its_project_whole_and_an_autosave(tmp_path: Pat
     (left,) = find_sessions(tmp_path / "config" / "sessions")
     assert (left.takes, left.ended) == (3, False)
     assert Path(left.origin) == tmp_path / "walks.sport"
+
+
+def test_a_take_plays_on_the_ground_that_it_was_made_on(start: Start, tmp_path: Path) -> None:
+    app = start()
+    record(app)
+    flat = app.state.stage.terrain
+    app.stage.load_terrain("stairs")
+    record(app)
+    run(app, 2)
+    app.takes.play(0)
+    run(app)
+    assert app.stage.renderer.terrain is flat
+    app.takes.play(1)
+    run(app)
+    assert app.stage.renderer.terrain.name == "stairs"
+    app.takes.play(0)
+    app.takes.close_playback()
+    run(app)
+    assert app.stage.renderer.terrain is app.state.stage.terrain
+    app.takes.play(0)
+    app.stage.load_terrain("hills")  # chosen while it plays: to see it there
+    run(app)
+    assert app.stage.renderer.terrain.name == "hills"

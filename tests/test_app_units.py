@@ -182,7 +182,7 @@ def test_playback_loops_between_its_marks() -> None:
     fake, recorder = FakeController(Terrain.flat()), ClipRecorder()
     for _ in range(61):
         recorder.add(fake.step(Controls(move=(0.0, 1.0))))
-    playback = Playback(recorder.last(10.0), Terrain.flat(), 0)
+    playback = Playback(recorder.last(10.0), Terrain.flat(), Terrain.flat(), 0)
     playback.seek(15)
     playback.trim_in()
     playback.seek(45)

@@ -87,7 +87,7 @@ def test_a_foreign_file_is_dropped_and_plays_on_flat_ground(start: Start, tmp_pa
     run(app, 2)
     assert app.state.takes.playback is not None
     assert "another skeleton" in message(app)
-    assert app.state.stage.terrain_spec == "flat"
+    assert app.takes.ground_to_show().name == "flat"
     names = tuple("tail" if "Leg" in name else f"m{k}" for k, name in enumerate(SPORT_SKELETON.names))
     path = tmp_path / "worm.bvh"
     skeleton = Skeleton(names, (-1, *range(30)), np.tile(np.float32([0, 0, 0.1]), (31, 1)))
@@ -114,11 +114,15 @@ def test_an_opened_take_lies_on_its_ground(start: Start, tmp_path: Path) -> None
         app.stage.load_terrain("flat")
         app.open_files([take(tmp_path / f"up{moved}.bvh", "hills", moved)])
         run(app, 2)
-        assert app.state.stage.terrain_spec == "hills"
         assert "on the ground hills" in message(app)
         playback = app.state.takes.playback
         assert playback is not None
-        assert playback.terrain is app.state.stage.terrain
+        assert playback.terrain.name == "hills"
+        assert app.stage.renderer.terrain is playback.terrain
+        app.takes.close_playback()
+        run(app)
+        assert app.stage.renderer.terrain is app.state.stage.terrain  # the live one is back
+        assert app.state.stage.terrain_spec == "flat"
         assert np.allclose(playback.clip.hips_positions, walk(60)[0], atol=1e-3)
     assert app.state.settings.terrain == "flat"  # the next start
 
@@ -139,15 +143,16 @@ def test_a_ground_from_a_file_is_looked_for_beside_the_take(start: Start, tmp_pa
     write_height_png(tmp_path / "bowl.png", np.zeros((32, 32), np.float32))
     app.open_files([path])
     run(app, 2)
-    assert app.state.stage.terrain_spec == str(tmp_path / "bowl.png")
+    assert app.state.takes.playback.terrain.name == "bowl"
 
 
 def test_the_command_shows_a_clip_on_its_ground_or_the_one_asked_for(start: Start, tmp_path: Path) -> None:
     path = take(tmp_path / "up.bvh", "hills")
     app = start(clip=path, terrain=None)
-    assert app.state.stage.terrain_spec == "hills"
+    assert app.takes.ground_to_show().name == "hills"
     app.close()
     app = start(clip=path, terrain="stairs")
+    assert app.takes.ground_to_show().name == app.state.stage.terrain.name
     assert app.state.stage.terrain_spec == "stairs"
     assert load_clip_bvh(path).terrain == "hills"
 

@@ -165,7 +165,7 @@ class App:
         )
         self.takes = Takes(
             state.takes, settings, messages, stage, jobs, ClipRecorder(), drives, self.state_folder,
-            self.stage.put_ground, is_safe=lambda _: self.desk.projects.kept,
+            self.stage.read_ground, is_safe=lambda _: self.desk.projects.kept,
             is_offered=lambda _: self.desk.projects.in_session,
         )  # fmt: skip
         self.prompting = Prompting(
@@ -361,12 +361,13 @@ class App:
         return simulation.current if self.options.offscreen else simulation.shown()
 
     def _move_camera(self, pose: Pose, intent: Intent, dt: float) -> None:
-        camera = self.stage.camera
-        drawing = self.stage.path.use_mouse(camera.current, self.state.stage.terrain)
+        camera, ground = self.stage.camera, self.takes.ground_to_show()
+        self.stage.draw_ground(ground)
+        drawing = self.stage.path.use_mouse(camera.current, ground)
         wheel, dragging = camera.use_mouse(drawing)
         moving = intent.move != (0.0, 0.0) and not intent.strafe and not dragging
         zoom = intent.zoom * dt + wheel
-        camera.update(pose, dt, intent.look, zoom, self.state.stage.terrain, moving)
+        camera.update(pose, dt, intent.look, zoom, ground, moving)
         self.wall.frame_all(camera, self.shell.aspect, dt)
         camera.frame_in(self.shell.framing, dt)
 

@@ -200,8 +200,9 @@ class Exporting:
     def _ground_of(self, item: ClipItem) -> Callable[[], Terrain]:
         """What finds the ground that a take was made on."""
         driven = item.drive.ground(0) if item.drive is not None else None
-        if driven is not None:
-            return lambda: driven.terrain
+        own = item.ground if driven is None else driven.terrain
+        if own is not None:
+            return lambda: own
         if item.clip.terrain == self.stage.state.terrain_spec or not item.recorded:
             shown = self.stage.state.terrain
             return lambda: shown

@@ -152,6 +152,10 @@ class Projects:
         self._clean, self._adopted = None, left.path
         if left in self.state.left:
             self.state.left.remove(left)
+        journals = self.contents.takes.journals
+        if not left.ended:  # what was recorded when it was cut off belongs to it
+            for found in list(journals.state.cut_off):
+                journals.recover(found)
         self.messages.note(f"Reopened: {left.describe()}. Save writes it to a file of your own.")
 
     def _saved(self, path: Path, fingerprint: object, items: list[ClipItem]) -> None:
@@ -275,8 +279,15 @@ class Projects:
         """Find the sessions of runs that are over; `tell` of one that was cut off."""
         self.state.left = autosave.find_sessions(self.folder)
         if tell and self.state.cut_off is not None:
+            more = len(self.contents.takes.state.cut_off)
+            recording = (
+                ""
+                if not more
+                else f", and {_takes(more)} that {'was' if more == 1 else 'were'} not in it yet"
+            )
             self.messages.warn(
-                f"Cut off before it was saved: {self.state.cut_off.describe()}. Project: Reopen or Discard."
+                f"Cut off before it was saved: {self.state.cut_off.describe()}{recording}."
+                " Project: Reopen or Discard."
             )
 
     def finish(self, until: float | None = None) -> None:

@@ -52,6 +52,7 @@ class Stage:
     character_path: Path | None = None
     _character: Any = None
     _first_view: str = ""
+    _drawn: Terrain | None = None
     _slow_s: float = 0.0
     path: PathTool = field(init=False)
     joints: JointMapping = field(init=False)
@@ -161,19 +162,17 @@ class Stage:
             reading=Path(spec).name,
         )
 
-    def put_ground(self, spec: str, then: Callable[[], None]) -> None:
-        """Show the ground of a take, by name or file, and go on with `then`; the next start has the one before."""
-        self.state.loading = spec
-        cell, height = self.settings.height_map_cell_m, self.settings.height_map_height_m
+    def read_ground(self, spec: str) -> Terrain:
+        """A ground by name or file, on any thread; TerrainError, FileError."""
+        return self.services.load_terrain(
+            spec, self.settings.height_map_cell_m, self.settings.height_map_height_m
+        )
 
-        def show(terrain: Terrain) -> None:
-            self._stop_loading()
-            self.show_ground(spec, terrain)
-            self.reset_character()
-            then()
-
-        load = partial(self.services.load_terrain, spec, cell, height)
-        self.jobs.submit("terrain", load, show, lambda _: self._stop_loading(), reading=Path(spec).name)
+    def draw_ground(self, terrain: Terrain) -> None:
+        """Draw a ground, that of a take while it plays; the one under the character stays what it is."""
+        if terrain is not self._drawn:
+            self.renderer.set_terrain(terrain)
+            self._drawn = terrain
 
     def _load_ground(self, path: Path) -> None:
         self.load_terrain(str(path))
@@ -190,7 +189,7 @@ class Stage:
 
     def show_ground(self, spec: str, terrain: Terrain) -> None:
         """Put a ground under the character where it stands."""
-        self.renderer.set_terrain(terrain)
+        self.draw_ground(terrain)
         self.state.terrain, self.state.terrain_spec = terrain, spec
         self.drives.mark_ground(spec, terrain)
         if self.state.controller is not None:

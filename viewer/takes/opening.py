@@ -11,11 +11,10 @@ from runtime.errors import FileError
 from viewer.jobs import Jobs
 from viewer.messages import Messages
 from viewer.stage.state import StageState
+from viewer.takes.state import ClipItem
 
 if TYPE_CHECKING:
     from runtime.takes.clip import Clip
-
-PutGround = Callable[[str, Callable[[], None]], None]  # by name or file; what to do when it is there
 
 
 @dataclass(frozen=True)
@@ -48,14 +47,13 @@ def read_clip(path: Path) -> Opened:
 
 @dataclass
 class Opening:
-    """Opens files; `take` puts a clip into the list and plays it, `put_ground` loads a ground, `lay` puts it on that."""
+    """Opens files; `take` puts a clip into the list and plays it, `lay` puts it on a ground by name or file, and says so."""
 
     messages: Messages
     jobs: Jobs
     stage: StageState
-    take: Callable[[Path, Clip], None]
-    lay: Callable[[Clip], None]
-    put_ground: PutGround
+    take: Callable[[Path, Clip], ClipItem]
+    lay: Callable[[ClipItem, str, str], None]
 
     def open(self, path: Path, keep_ground: bool = False) -> None:
         """Add a BVH file to the list and play it, on its own ground unless `keep_ground`."""
@@ -69,16 +67,11 @@ class Opening:
     def _opened(self, path: Path, opened: Opened, keep_ground: bool) -> None:
         clip, ground = opened.clip, opened.ground
         text = f"{path.name}: {len(clip)} frames at {clip.fps:g} fps{opened.said}"
-        self.take(path, clip)
+        item = self.take(path, clip)
         self.messages.note(f"{text}.")
         if opened.problem:
             self.messages.warn(
                 f"{opened.problem} It plays on {self.stage.terrain.name}. Put that file beside it and open it again."
             )
-        elif ground and not keep_ground and ground != self.stage.terrain_spec:
-
-            def lie() -> None:
-                self.lay(clip)
-                self.messages.note(f"{text}, on the ground {Path(ground).name}.")
-
-            self.put_ground(ground, lie)
+        elif ground and not keep_ground:
+            self.lay(item, ground, f"{text}, on the ground {Path(ground).name}.")

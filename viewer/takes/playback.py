@@ -23,7 +23,8 @@ class Playback:
     """One clip at a time `time_s`, between the trim marks `first` and `last` (frames, both included)."""
 
     clip: Clip
-    terrain: Terrain
+    terrain: Terrain  # its own, or the live one
+    live: Terrain  # the one under the live character when it began to play
     index: int  # in the clip list
     time_s: float = 0.0
     playing: bool = True

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from runtime.takes.clip import Clip
     from runtime.takes.drive import Drive
     from runtime.takes.journal import FoundJournal, TakeJournal
+    from runtime.terrain.height_map import Terrain
     from viewer.services import ControllerLike
     from viewer.takes.playback import Playback
     from viewer.takes.tracks import Tracks
@@ -39,6 +40,7 @@ class ClipItem:
     older: list[TakeVersion] = field(default_factory=list)
     newer: list[TakeVersion] = field(default_factory=list)
     given: str = ""  # the name that the user gave it
+    ground: Terrain | None = None  # that it was made on, where that is known
     exported: Path | None = None  # the last file that was made of it, whole or not
 
     def drop_journal(self) -> None:

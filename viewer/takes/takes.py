@@ -23,7 +23,7 @@ from viewer.prompt.style_edit import StyleEdit
 from viewer.settings import Settings
 from viewer.stage.state import StageState
 from viewer.takes.journals import Journals
-from viewer.takes.opening import Opening, PutGround
+from viewer.takes.opening import Opening
 from viewer.takes.playback import Playback
 from viewer.takes.rescue import Rescue
 from viewer.takes.state import ClipItem, Removed, TakesState
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from runtime.takes.clip import Clip
     from runtime.takes.drive import DriveRecorder, StyleChange
     from runtime.takes.recorder import ClipRecorder
+    from runtime.terrain.height_map import Terrain
 
 MAX_NAME = 60
 EXPORT_ALL = "export all"
@@ -50,7 +51,7 @@ class Takes:
     recorder: ClipRecorder
     drives: DriveRecorder
     folder: Path  # the state folder: journals, and takes that cannot be written elsewhere
-    put_ground: PutGround
+    load_ground: Callable[[str], Terrain]  # by name or file
     is_safe: Callable[[ClipItem], bool]  # it is in a project's file
     is_offered: Callable[[ClipItem], bool]  # it is in a session that the next start offers
     trouble: bool = False  # a take was lost, or is elsewhere than asked
@@ -60,9 +61,7 @@ class Takes:
 
     def __post_init__(self) -> None:
         self.journals = Journals(self.state, self.messages, self.jobs, self.folder / "journals", self._add)
-        self.opening = Opening(
-            self.messages, self.jobs, self.stage, self._take_opened, self._lay, self.put_ground
-        )
+        self.opening = Opening(self.messages, self.jobs, self.stage, self._take_opened, self.lay)
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
@@ -148,7 +147,8 @@ class Takes:
             return None
         clips.counter += 1
         drive = self.drives.cut(self.recorder.next_frame - len(clip))
-        self._add(item := ClipItem(clip, None, True, drive=drive, maker=self.stage.controller))
+        item = ClipItem(clip, None, True, drive=drive, maker=self.stage.controller, ground=self.stage.terrain)
+        self._add(item)
         self.messages.note(f"{clip.name}: {clip.seconds:.1f} s in the clip list. Export writes it as BVH.")
         return item
 
@@ -156,14 +156,10 @@ class Takes:
         self.state.items.append(item)
         self.select(len(self.state.items) - 1)
 
-    def _take_opened(self, path: Path, clip: Clip) -> None:
-        self.state.items.append(ClipItem(clip, path))
+    def _take_opened(self, path: Path, clip: Clip) -> ClipItem:
+        self.state.items.append(item := ClipItem(clip, path))
         self.play(len(self.state.items) - 1)
-
-    def _lay(self, clip: Clip) -> None:
-        """The ground on the stage is the one under a clip that plays."""
-        if self.state.playback is not None and self.state.playback.clip is clip:
-            self.state.playback.terrain = self.stage.terrain
+        return item
 
     def select(self, index: int) -> None:
         """Make a clip the current one and propose where to export it."""
@@ -251,14 +247,45 @@ class Takes:
         """Show a clip instead of the live character."""
         clips = self.state
         if 0 <= index < len(clips.items):
-            item, ground = clips.items[index], self.stage.terrain_spec
-            if item.recorded and item.clip.terrain != ground:
-                self.messages.note(
-                    f"{item.name} was recorded on the ground {item.clip.terrain!r}, not on this one."
-                )
-            clips.playback = Playback(clips.items[index].clip, self.stage.terrain, index)
+            item, live = clips.items[index], self.stage.terrain
+            clips.playback = Playback(item.clip, item.ground or live, live, index)
+            driven = item.drive is not None and item.drive.ground(0) is not None
+            if item.recorded and item.ground is None and not driven:
+                self.lay(item, item.clip.terrain)
             clips.timeline.shown = clips.timeline.drag = None
             self.select(index)
+
+    def lay(self, item: ClipItem, spec: str, said: str = "") -> None:
+        """Put the ground of a name or file under a take; `said` of it then. The live ground stays."""
+        if spec == self.stage.terrain_spec:
+            self._laid(item, self.stage.terrain, said)
+        else:
+            load = partial(self.load_ground, spec)
+            self.jobs.submit(
+                f"ground of {id(item)}", load, lambda t: self._laid(item, t, said), reading=Path(spec).name
+            )
+
+    def _laid(self, item: ClipItem, ground: Terrain, said: str) -> None:
+        item.ground = ground
+        playback = self.state.playback
+        if playback is not None and self.state.played is item:
+            playback.terrain = ground
+        if said:
+            self.messages.note(said)
+
+    def ground_to_show(self) -> Terrain:
+        """The ground to draw: that of the take that plays, in the frame that is shown, or the live one."""
+        playback, item = self.state.playback, self.state.played
+        if playback is None:
+            return self.stage.terrain
+        if (
+            playback.live is not self.stage.terrain
+        ):  # another one was chosen meanwhile: the take is shown on that
+            playback.terrain = self.stage.terrain
+        elif item is not None and item.drive is not None:
+            change = item.drive.ground(playback.frame)
+            playback.terrain = playback.terrain if change is None else change.terrain
+        return playback.terrain
 
     def play_row(self, index: int) -> None:
         """Play a clip of the list, or pause it when it is the one that plays."""

@@ -21,6 +21,10 @@ void main() {
     float m = dot(middle, LUMA);
     float low = min(m, min(min(nw, ne), min(sw, se)));
     float high = max(m, max(max(nw, ne), max(sw, se)));
+    if (high - low < 0.04) {
+        color = vec4(middle, 1.0);
+        return;
+    }
 
     vec2 along = vec2(sw + se - nw - ne, nw + sw - ne - se);
     along.y = -along.y;
@@ -30,5 +34,5 @@ void main() {
     vec3 far = 0.5 * near + 0.25 * (at(-0.5 * along) + at(0.5 * along));
     float luma = dot(far, LUMA);
     vec3 blended = luma < low || luma > high ? near : far;
-    color = vec4(high - low < 0.04 ? middle : blended, 1.0);
+    color = vec4(blended, 1.0);
 }

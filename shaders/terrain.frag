@@ -11,10 +11,11 @@ in vec3 normal;
 in float relief;
 out vec4 color;
 
-const vec3 GROUND = vec3(0.215, 0.232, 0.245);
-const vec3 HIGH_GROUND = vec3(0.400, 0.360, 0.290);
-const vec3 LOW_GROUND = vec3(0.105, 0.155, 0.195);
-const vec3 LINE = vec3(0.075, 0.095, 0.120);
+// darker and cooler than any skin or mannequin, relief from teal in the hollows to ochre on the heights
+const vec3 GROUND = vec3(0.146, 0.170, 0.186);
+const vec3 HIGH_GROUND = vec3(0.430, 0.325, 0.170);
+const vec3 LOW_GROUND = vec3(0.020, 0.078, 0.110);
+const vec3 LINE = vec3(0.006, 0.011, 0.018);
 const float WALL = 0.68;      // of the light on what is too steep to stand on, so that edges read in the sun too
 const float STEEPER = 1.7;  // slopes are lit as if they were so much steeper
 

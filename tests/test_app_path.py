@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from app_driver import Start, click, click_on, controller, message, press, run
+from app_driver import Start, click, click_on, controller, message, press, run, run_until
 
 from runtime.controls import Gait
 from viewer.app import App
@@ -17,6 +17,26 @@ def screen(app: App, x: float, z: float) -> tuple[float, float]:
     found = on_screen(app.stage.camera.current, point, imgui.get_io().display_size)
     assert found is not None
     return found
+
+
+def test_a_drag_draws_a_path(start: Start) -> None:
+    app = start()
+    app.stage.camera.current.yaw = 0.0
+    run(app, 5)
+    click_on(app, "Draw a path")
+    app.window.inject_mouse(*screen(app, -1.0, 2.0))
+    run(app, 2)
+    app.window.inject_mouse(*screen(app, -1.0, 2.0), 0, True)
+    for x in np.linspace(-1.0, 1.2, 23):
+        app.window.inject_mouse(*screen(app, float(x), 2.0 + 0.5 * (float(x) + 1.0)))
+        run(app)
+    app.window.inject_mouse(*screen(app, 1.2, 3.1), 0, False)
+    run(app, 2)
+    points = np.array([(p.x, p.z) for p in app.stage.path.points])
+    assert 3 <= len(points) <= 5
+    gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    assert np.all((gaps > 0.65) & (gaps < 1.0))
+    assert np.allclose(points[:, 1], 2.0 + 0.5 * (points[:, 0] + 1.0), atol=0.1)
 
 
 def test_a_path_is_drawn_changed_and_walked(start: Start) -> None:
@@ -48,7 +68,7 @@ def test_a_path_is_drawn_changed_and_walked(start: Start) -> None:
     press(app, "delete")
     assert len(tool.points) == 2
     click_on(app, "Walk it")
-    run(app, 300)
+    run_until(app, lambda: tool.walk is None)
     assert message(app) == "The path is walked."
     assert np.hypot(controller(app).x + 0.5, controller(app).z - 3.5) < 0.5
     click_on(app, "Walk it")

@@ -3,10 +3,23 @@
 from __future__ import annotations
 
 import threading
+from typing import Any
 
 import numpy as np
 import pytest
-from app_driver import Start, click_on, drawn, message, place, press, prompt, run, run_until, type_prompt
+from app_driver import (
+    Start,
+    click_on,
+    controller,
+    drawn,
+    message,
+    place,
+    press,
+    prompt,
+    run,
+    run_until,
+    type_prompt,
+)
 
 from runtime.controls import Gait
 from runtime.takes import drive
@@ -90,6 +103,61 @@ def test_single_steps_speed_and_loop(start: Start) -> None:
     press(app, "p")
     run(app, 18)
     assert frame(app) == 2
+
+
+def test_the_keys_of_a_take(start: Start) -> None:
+    app = start()
+    record(app)
+    playback = app.state.takes.playback
+    assert playback is not None
+    look = app.stage.camera.current.yaw
+    for key, shown in (("right", 1), ("right", 2), ("left", 1), ("end", 79), ("home", 0)):
+        press(app, key)
+        assert frame(app) == shown, key
+    assert app.stage.camera.current.yaw == look  # the arrows are the take's
+    press(app, "space")
+    assert playback.playing
+    press(app, "space")
+    assert not playback.playing
+    press(app, "escape")
+    press(app, "space")
+    assert controller(app).steps > 0
+    assert app.state.takes.playback is None
+
+
+def test_trims_are_undone_and_done_again(start: Start) -> None:
+    app = start()
+    record(app)
+    playback = app.state.takes.playback
+    assert playback is not None
+    seek(app, 20)
+    click_on(app, "[ In")
+    seek(app, 60)
+    click_on(app, "Out ]")
+    assert (playback.first, playback.last) == (20, 60)
+    press(app, "ctrl", "z")
+    assert (playback.first, playback.last) == (20, 79)
+    app.editing.reword(1, "a goose")  # an edit comes between
+    run(app, 2)
+    press(app, "ctrl", "z")
+    assert "words" in message(app)
+    press(app, "ctrl", "z")
+    assert (playback.first, playback.last) == (0, 79)
+    press(app, "ctrl", "y")
+    assert (playback.first, playback.last) == (20, 79)
+
+
+@pytest.mark.parametrize(("size", "least"), [((1280, 720), 15.0), ((1920, 1080), 22.0)])
+def test_tracks_are_taller_where_there_is_room(start: Start, size: tuple[int, int], least: float) -> None:
+    app = start(width=size[0], height=size[1])
+    record(app, 20)
+    for parts in (False, True):
+        app.state.takes.timeline.part_tracks = parts
+        run(app, 2)
+        rows = {label: box for label, box in drawn(app) if label in ("##gaits", "##feet")}
+        _, top, _, bottom = rows["##gaits"]
+        assert bottom - top >= least
+        assert rows["##feet"][3] <= app.shell._layout.transport.y + app.shell._layout.transport.height  # type: ignore[union-attr]
 
 
 def test_the_words_shown_are_those_of_the_take_that_plays(start: Start) -> None:
@@ -266,10 +334,17 @@ def test_a_span_stays_where_it_was_dropped_while_the_take_is_driven(
     app = start()
     record(app)
     go, real = threading.Event(), drive.played_again
-    monkeypatch.setattr(drive, "played_again", lambda *asked: (go.wait(10), real(*asked))[1])
+
+    def slow(*given: Any) -> Any:
+        given[-1](0.25)  # the progress
+        go.wait(10)
+        return real(*given)
+
+    monkeypatch.setattr(drive, "played_again", slow)
     app.jobs.blocking = False
     drag(app, "##prompts", 0.5, 0.25)
     assert app.editing.busy
+    run_until(app, lambda: app.editing.progress == 0.25)
     held = app.state.takes.timeline.drag
     assert held is not None
     assert held.dropped

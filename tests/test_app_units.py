@@ -13,8 +13,10 @@ import pytest
 from app_driver import Start, run
 from viewer_fakes import FakeController
 
+from runtime.controls import Controls
 from runtime.errors import UsageError
 from runtime.terrain.height_map import Terrain
+from viewer.app import simulated_seconds
 from viewer.gui.layout import Rect, arrange, framing
 from viewer.gui.status import Stats
 from viewer.gui.widgets import clock
@@ -239,3 +241,17 @@ def test_a_length_in_the_list_is_the_one_that_messages_say() -> None:
         seconds = frames / 60
         minutes, rest = divmod(float(f"{seconds:.1f}"), 60)
         assert clock(seconds) == f"{minutes:.0f}:{rest:04.1f}"
+
+
+def test_long_frames_drop_pictures_and_keep_time() -> None:
+    assert simulated_seconds(0.02, 0.02) == 0.02
+    assert simulated_seconds(5.0, 0.02) == 0.25  # a pause
+    assert simulated_seconds(0.35, 0.33) == 0.35  # three frames a second, always
+    assert simulated_seconds(5.0, 5.0) == 1.0
+    controller = FakeController(Terrain.flat())
+    simulation = Simulation.standing(Terrain.flat())
+    simulation.use(controller)
+    begun = controller.steps
+    for _ in range(10):
+        simulation.advance(0.4, Controls())
+    assert controller.steps - begun == 240  # 4 s

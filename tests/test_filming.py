@@ -17,10 +17,12 @@ from walker import walk
 
 from runtime.character.character import load_character
 from runtime.errors import FileError, UsageError
+from runtime.formats.prepare import ExportOptions, prepare
 from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import load_terrain
+from viewer.filming.beside import film_beside
 from viewer.filming.captions import Captions, caption
 from viewer.filming.film import FilmOptions, FilmResult, count_frames, make_film
 from viewer.filming.shots import CAMERAS, camera_path
@@ -128,6 +130,21 @@ def test_a_film_is_made_on_a_worker_thread_too(tmp_path: Path) -> None:
     worker.join(60)
     assert done
     assert len(decoded(tmp_path / "a.mp4")[0]) == done[0].frames == 10
+
+
+def test_a_film_is_made_beside_the_window_in_a_process_of_its_own(tmp_path: Path) -> None:
+    path, seen = tmp_path / "walk.mp4", []
+    take, film = prepare(CLIP, ExportOptions(), FLAT), FilmOptions(48, 32, 4.0, quality="software")
+    text = film_beside(
+        take, FLAT, path, ExportOptions(), film, lambda *at: seen.append(at), threading.Event()
+    )
+    assert seen[-1] == (6, 6)
+    assert "6 frames" in text
+    assert len(decoded(path)[0]) == 6
+    with pytest.raises(FileError, match="nowhere"):
+        film_beside(
+            take, FLAT, tmp_path / "nowhere" / "a.xyz", ExportOptions(), film, print, threading.Event()
+        )
 
 
 def test_what_the_writer_meets_ends_the_film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

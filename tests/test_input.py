@@ -15,6 +15,7 @@ from runtime.controls import Gait
 from runtime.errors import UsageError
 from viewer.input.bindings import (
     BINDINGS,
+    TAKE_BINDINGS,
     HOLD_SECONDS,
     JUMP_SECONDS,
     Action,
@@ -154,7 +155,18 @@ def test_no_key_or_button_does_two_things() -> None:
     assert len(set(keys)) == len(keys)
     assert len(set(buttons)) == len(buttons)
     assert set(buttons) <= set(BUTTONS)
-    assert {binding.action for binding in BINDINGS} == set(Action)
+    assert {binding.action for binding in (*BINDINGS, *TAKE_BINDINGS)} == set(Action)
+    take_keys = [key for binding in TAKE_BINDINGS for key in binding.keys]
+    assert len(set(take_keys)) == len(take_keys)
+
+
+def test_a_take_has_some_keys_while_it_is_shown() -> None:
+    keys = pressed_keys("space", "left", "home", "w")
+    intent = InputMapper().read(keys, None, DT, take=True)
+    assert set(intent.pressed) == {Action.PLAY, Action.FRAME_BACK, Action.FIRST_FRAME, Action.FORWARD}
+    assert intent.look == (0.0, 0.0)
+    assert intent.gait is Gait.WALK
+    assert intent.move == (0.0, 1.0)
 
 
 def test_script_holds_chords_for_their_time() -> None:

@@ -53,6 +53,16 @@ def test_the_seam_closes(fps: float) -> None:
     assert report.step_cm <= 1.5 * report.usual_step_cm, "no jerk at the seam"
 
 
+@pytest.mark.parametrize("strides", [2, 3])
+def test_a_loop_of_several_strides(strides: int) -> None:
+    take = prepare(uneven_walk(), ExportOptions(loop=True, strides=strides), FLAT)
+    assert take.loop is not None
+    assert abs(len(take.clip) - 1 - strides * CYCLE_FRAMES) <= 0.1 * CYCLE_FRAMES
+    assert take.loop.seam_cm < 0.01
+    with pytest.raises(UsageError, match="loop"):
+        prepare(uneven_walk(100), ExportOptions(loop=True, strides=8), FLAT)
+
+
 def feet_way(positions: np.ndarray) -> np.ndarray:
     """How far each ankle goes over the ground from frame to frame `(T - 1, 2)`."""
     return np.linalg.norm(np.diff(positions[:, LEG_FEET].astype(float), axis=0)[..., [0, 2]], axis=-1)

@@ -39,8 +39,9 @@ from viewer.prompt.room import PromptRoom
 from viewer.prompt.style_edit import Side
 from viewer.prompt.suggester import Suggester
 from viewer.render.capture import save_png
+from viewer.render.overlays import Overlays
 from viewer.screenshots import Screenshots
-from viewer.services import Services
+from viewer.services import ControllerLike, Services
 from viewer.settings import (
     MAPPINGS_NAME,
     config_directory,
@@ -60,6 +61,7 @@ from viewer.state import AppState
 from viewer.takes import panel as clips_panel
 from viewer.takes import transport, words_panel
 from viewer.takes.editing import TakeEditing
+from viewer.takes.ghosts import Trails, ghosts
 from viewer.takes.takes import Takes
 from viewer.wall import labels
 from viewer.wall import panel as wall_panel
@@ -69,7 +71,9 @@ from viewer.window import KEY_CODES, Window, WindowEvents
 __all__ = ["App", "ViewOptions", "run"]
 
 TITLE = "SPORT viewer"
-LONGEST_FRAME_S = 0.25  # a longer pause (a dragged window, a suspended laptop) is not simulated
+# A pause (a dragged window, a suspended laptop) is not simulated, but frames that are always long are: pictures are
+# dropped and the motion keeps its time.
+LONGEST_PAUSE_S, LONGEST_FRAME_S = 0.25, 1.0
 MINIMISED_WAIT_S = 0.1
 END_S = 1.5  # what is written when the program ends may take so long; what is kept otherwise is then given up
 
@@ -179,6 +183,7 @@ class App:
         self.prompt = PromptRoom(
             prompt, settings, self.prompting, self.expanders, self.suggester, self.wall.toggle
         )
+        self.trails = Trails()
         self.screenshots = Screenshots(settings, messages, jobs, options.frames_directory)
         self.desk = Desk(
             state.desk, settings, messages, jobs, self.takes, self.stage, self.prompting,
@@ -299,7 +304,7 @@ class App:
         self.shell.draw()
         imgui.render()
         live = None if state.takes.playback is not None or others else state.stage.controller
-        overlays = make_overlays(state.settings, live, self.stage.path.overlay(), others)
+        overlays = self._overlays(live, others)
         self.stage.renderer.render(window.framebuffer, self.stage.camera.current, pose, overlays)
         window.draw_interface()
         self.screenshots.capture(window, self.frames_shown)
@@ -308,13 +313,15 @@ class App:
     def _tick(self) -> float:
         """Seconds since the last frame; offscreen every frame is one simulation step."""
         now = time.perf_counter()
-        self._interval_s, self._last_s = now - self._last_s, now
-        return STEP_SECONDS if self.options.offscreen else min(self._interval_s, LONGEST_FRAME_S)
+        before, self._interval_s, self._last_s = self._interval_s, now - self._last_s, now
+        return STEP_SECONDS if self.options.offscreen else simulated_seconds(self._interval_s, before)
 
     def _read_devices(self, dt: float) -> Intent:
         self.devices.play_script(self._scripted_seconds)
         self._script_s += dt
-        intent, changed = self.devices.read(dt, self._typing, self.state.settings)
+        intent, changed = self.devices.read(
+            dt, self._typing, self.state.settings, self.state.takes.playback is not None
+        )
         self.state.shell.device = self.devices.name
         if changed:
             self.state.messages.note(changed)
@@ -352,6 +359,16 @@ class App:
         poses = self.stage.advance(dt, controls)
         self._steps = len(poses)
         self.takes.add_poses(poses, controls)
+
+    def _overlays(self, live: ControllerLike | None, others: list[Pose]) -> Overlays:
+        settings, playback = self.state.settings, self.state.takes.playback
+        around: list[Pose] = []
+        trails = None
+        if playback is not None and settings.show_ghosts:
+            around = ghosts(playback, round(settings.ghost_frames))
+        if playback is not None and settings.show_trails:
+            trails = self.trails.around(playback)
+        return make_overlays(settings, live, self.stage.path.overlay(), others, around, trails)
 
     def _shown_pose(self) -> Pose:
         playback = self.state.takes.playback
@@ -472,3 +489,8 @@ class App:
         if self.window.handle is not None:
             self.stage.renderer.release()
         self.window.destroy()
+
+
+def simulated_seconds(interval_s: float, before_s: float) -> float:
+    """How much time a frame simulates that comes so long after the last one, which came so long after its own last one."""
+    return min(interval_s, max(LONGEST_PAUSE_S, min(1.5 * before_s, LONGEST_FRAME_S)))

@@ -149,9 +149,7 @@ class Jobs:
                 )
             else:
                 _LOG.exception("job %s failed", job.slot)
-                known = SportError(
-                    f"{job.slot}: {type(error).__name__}: {error}.", "Please report this defect."
-                )
+                known = _for_animators(job, error)
             self.messages.error(known, job.slot)
             self.first_error = self.first_error or known
             if job.failed is not None:
@@ -200,6 +198,19 @@ def _run(future: Future[Any], work: Callable[[], Any]) -> None:
         future.set_result(work())
     except BaseException as error:  # whatever it is, it is raised where the result is requested
         future.set_exception(error)
+
+
+def _for_animators(job: _Job, error: Exception) -> SportError:
+    """What to say of an error that nobody foresaw; its own words are in the log."""
+    if job.reading:
+        return SportError(
+            f"{job.reading} cannot be read: it is damaged, empty, or not what its ending says.",
+            "Write it again with the program that made it.",
+        )
+    return SportError(
+        f"{job.slot.capitalize()}: this failed inside the program ({type(error).__name__}).",
+        "Please report this defect with the log.",
+    )
 
 
 def _own_thread(name: str, future: Future[Any], work: Callable[[], Any]) -> None:

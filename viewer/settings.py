@@ -104,6 +104,15 @@ class Settings:
     show_contacts: bool = specified(
         False, label="Contacts", hint="Which heels and toes stand on the ground (F4)"
     )
+    show_ghosts: bool = specified(
+        False, label="Ghosts", hint="Poses of the take before and after the one shown"
+    )
+    show_trails: bool = specified(
+        False, label="Trails", hint="Lines of hands, feet, head and hips, blue where slow, red where fast"
+    )
+    ghost_frames: float = specified(
+        10.0, 2.0, 60.0, label="a ghost every %.0f frames", whole=True, logarithmic=True
+    )
     temperature: float = specified(
         TEMPERATURE, 0.0, 2.0, label="%.2f",
         hint="Temperature of the sampler: 0 always moves alike, 1 as widely as the capture, more is livelier",

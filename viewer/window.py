@@ -23,7 +23,7 @@ PASS_SECONDS = 1e-4
 TEXT_FRAMES = 4  # that characters wait for their field
 
 _PLAIN_KEYS = (
-    "SPACE", "ENTER", "ESCAPE", "BACKSPACE", "TAB", "LEFT", "RIGHT", "UP", "DOWN", "HOME", "PAGE_UP", "PAGE_DOWN",
+    "SPACE", "ENTER", "ESCAPE", "BACKSPACE", "TAB", "LEFT", "RIGHT", "UP", "DOWN", "HOME", "END", "PAGE_UP", "PAGE_DOWN",
     "EQUAL", "MINUS", "COMMA", "PERIOD", "DELETE",
 )  # fmt: skip
 KEY_NAMES: dict[int, str] = {
@@ -36,6 +36,7 @@ KEY_NAMES: dict[int, str] = {
     **{getattr(glfw, f"KEY_{side}_CONTROL"): "ctrl" for side in ("LEFT", "RIGHT")},
 }  # fmt: skip
 _LETTERS = frozenset(chr(ord("a") + i) for i in range(26))
+REPEATED_KEYS = frozenset({"left", "right", "comma", "period"})  # held, they go on from frame to frame
 _MODIFIERS = {"ctrl": imgui.Key.mod_ctrl, "shift": imgui.Key.mod_shift, "alt": imgui.Key.mod_alt}
 KEY_CODES: dict[str, int] = {name: code for code, name in reversed(KEY_NAMES.items())}
 
@@ -291,8 +292,8 @@ class Window:
 
     def _on_key(self, _window: Any, code: int, _scancode: int, action: int, _mods: int) -> None:
         name = KEY_NAMES.get(code)
-        if name is not None and action != glfw.REPEAT:
-            self._events.key(name, action == glfw.PRESS)
+        if name is not None and (action != glfw.REPEAT or name in REPEATED_KEYS):
+            self._events.key(name, action != glfw.RELEASE)
 
     def _on_mouse_move(self, _window: Any, x: float, y: float) -> None:
         self._mouse = x, y

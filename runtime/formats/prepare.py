@@ -23,6 +23,8 @@ Array = NDArray[np.floating]
 UNITS_PER_METRE = {"cm": 100.0, "m": 1.0}
 ROTATION_ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 
+MAX_STRIDES = 16  # of a loop
+
 
 @dataclass(frozen=True)
 class ExportOptions:
@@ -38,6 +40,7 @@ class ExportOptions:
     at_origin: bool = False  # begin at x = z = 0 on height 0, facing +Z
     rest_frame: bool = False  # the rest pose as first frame
     loop: bool = False  # only the best cycle of a steady walk
+    strides: int = 1  # of that cycle
     start_s: float = 0.0
     end_s: float | None = None  # None: to the last frame
     with_ground: bool = False  # the ground as a second node (GLB, FBX)
@@ -81,6 +84,12 @@ class ExportOptions:
                 "Write seconds, such as 2:6.5.",
                 "start_s",
             )
+        if not 1 <= self.strides <= MAX_STRIDES or (self.strides > 1 and not self.loop):
+            raise UsageError(
+                f" {self.strides}: expected 1 to {MAX_STRIDES}, of a loop.",
+                "Add --loop, or leave it out.",
+                "strides",
+            )
         if self.in_place and self.with_ground:
             raise UsageError(
                 " with a ground: the character would not move over it.",
@@ -114,7 +123,7 @@ def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) 
     if (first, last) != (0, len(at_rate) - 1):
         taken, track = at_rate.trim(first, last), track.cut(first, last)
     if options.loop:
-        taken, track, report = make_loop(taken, track)
+        taken, track, report = make_loop(taken, track, options.strides)
     placement = _to_origin(track) if options.at_origin else there
     if not placement.identity:
         taken, track = placement.clip(taken), track.moved(placement)

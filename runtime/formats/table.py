@@ -70,7 +70,7 @@ def _write_ground(take: PreparedTake, path: Path, options: ExportOptions, terrai
     return f"{path}: ground {terrain.name} in {options.unit}"
 
 
-MOTION = frozenset({"fps", "loop", "in_place", "ground_root", "at_origin", "rest_frame"})
+MOTION = frozenset({"fps", "loop", "strides", "in_place", "ground_root", "at_origin", "rest_frame"})
 CHARACTER = frozenset({"character", "joint_map"})
 # without effect on a format that lacks them: a command may write several files, and only some have them
 INDIFFERENT = frozenset({"fps", "unit", "euler_order", "start_s", "end_s", *CHARACTER})
@@ -100,8 +100,8 @@ class Format:
         return self.write is None
 
 
-_ARRAYS = frozenset({"fps", "loop", "in_place", "at_origin"})
-_FILM = frozenset({"loop"}) | CHARACTER
+_ARRAYS = frozenset({"fps", "loop", "strides", "in_place", "at_origin"})
+_FILM = frozenset({"loop", "strides"}) | CHARACTER
 _SKINNED = MOTION | CHARACTER | {"with_ground", "engine", "humanoid_names", "animation_only", "with_takes"}
 _TABLE = (
     Format(".bvh", "BVH: motion", "motion of the 31-joint skeleton", MOTION | {"unit", "euler_order"}, _write_bvh, keeps_motion=True),

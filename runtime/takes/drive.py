@@ -8,7 +8,7 @@ no take has to be made again from its start.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any, Protocol
@@ -171,12 +171,16 @@ def follows_live(before: tuple[int, PromptEvent], change: StyleChange) -> bool:
 
 
 def redrive(
-    drive: Drive, controller: Drivable, first_frame: int, last_frame: int | None = None
+    drive: Drive,
+    controller: Drivable,
+    first_frame: int,
+    last_frame: int | None = None,
+    progress: Callable[[float], None] = lambda _: None,
 ) -> tuple[list[Pose], tuple[Keyframe, ...]]:
     """Poses of the frames `first_frame` to `last_frame` (the end by default), and the drive's keyframes with new ones.
 
     Nothing of `drive` may have been changed before `first_frame`. `controller` has the model of the take and is left
-    after the last frame. About 1 ms a frame, and up to `KEYFRAME_STEPS` frames before the first.
+    after the last frame. `progress` hears the share that is done. About 1 ms a frame, and up to `KEYFRAME_STEPS` frames before the first.
     """
     key = keyframe_for(drive, first_frame)
     end = len(drive) if last_frame is None else last_frame + 1
@@ -200,6 +204,7 @@ def redrive(
         pose = _step(controller, drive.frame(number))
         if number >= first_frame:
             poses.append(pose)
+        progress((number + 1 - key.frame) / (end - key.frame))
     return poses, tuple(keyframes)
 
 
@@ -217,9 +222,15 @@ def _step(controller: Drivable, frame: DrivenFrame) -> Pose:
     return controller.step(frame.controls)
 
 
-def played_again(clip: Clip, drive: Drive, controller: Drivable, first_frame: int) -> tuple[Clip, Drive]:
+def played_again(
+    clip: Clip,
+    drive: Drive,
+    controller: Drivable,
+    first_frame: int,
+    progress: Callable[[float], None] = lambda _: None,
+) -> tuple[Clip, Drive]:
     """The take of an edited drive: frames before `first_frame` from `clip`, the rest by the recorded stick."""
-    poses, keyframes = redrive(drive, controller, first_frame)
+    poses, keyframes = redrive(drive, controller, first_frame, progress=progress)
     _check_driven(poses)
     made = replace(drive, keyframes=keyframes)
     gaits = made.gaits()

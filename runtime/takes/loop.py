@@ -21,6 +21,7 @@ MIN_CYCLE_S, MAX_CYCLE_S = 0.5, 3.0
 MIN_SPEED = 0.15  # metres a second of the root in a cycle
 VELOCITY_S = 0.1  # a metre a second of difference counts as much as this many metres
 SOLE_WEIGHT = 4.0  # of the height of ankles and toes: a foot that stands is to stand as high at both ends
+NEAR_CYCLE = 1.15  # cycles whose lengths differ by less have as many strides
 NEARLY = 1.25  # the shortest cycle within this factor of the best one is taken: one cycle, not two
 MAX_ENDS_M, MAX_ENDS_RADIANS = 0.15, np.deg2rad(40.0)  # of ends that can be blended
 MAX_STARTS = 1800  # first frames that are compared
@@ -56,9 +57,12 @@ class LoopReport:
         )
 
 
-def make_loop(clip: Clip, root: RootTrack) -> tuple[Clip, RootTrack, LoopReport]:
-    """The best cycle as a clip whose last frame is its first one, moved along; UsageError when there is no steady walk."""
-    first, last = find_cycle(clip, root)
+def make_loop(clip: Clip, root: RootTrack, strides: int = 1) -> tuple[Clip, RootTrack, LoopReport]:
+    """The best cycle of so many strides as a clip whose last frame is its first one, moved along.
+
+    UsageError when there is no steady walk, or too little of it.
+    """
+    first, last = find_cycle(clip, root, strides)
     cycle, track = clip.trim(first, last), root.cut(first, last)
     ends_m, ends_radians = seam_error(cycle, track)
     if ends_m > MAX_ENDS_M or ends_radians > MAX_ENDS_RADIANS:
@@ -85,11 +89,28 @@ def make_loop(clip: Clip, root: RootTrack) -> tuple[Clip, RootTrack, LoopReport]
     return closed, track, report
 
 
-def find_cycle(clip: Clip, root: RootTrack) -> tuple[int, int]:
-    """First and last frame of the cycle whose ends are most alike; UsageError when the clip is too short or stands."""
-    lags = np.arange(round(MIN_CYCLE_S * clip.fps), min(round(MAX_CYCLE_S * clip.fps), len(clip) - 3) + 1)
+def find_cycle(clip: Clip, root: RootTrack, strides: int = 1) -> tuple[int, int]:
+    """First and last frame of the cycle whose ends are most alike; UsageError when the clip is too short or stands.
+
+    With several `strides` it lasts so many times as long as the best single one, within `NEAR_CYCLE`.
+    """
+    cycle = _best_cycle(clip, root, round(MIN_CYCLE_S * clip.fps), round(MAX_CYCLE_S * clip.fps), NEARLY)
+    if strides == 1:
+        return cycle
+    lag = strides * (cycle[1] - cycle[0])
+    spare = round(lag * (NEAR_CYCLE - 1.0) / strides)
+    return _best_cycle(clip, root, lag - spare, lag + spare, 1.0)
+
+
+def _best_cycle(clip: Clip, root: RootTrack, least: int, most: int, nearly: float) -> tuple[int, int]:
+    """The shortest cycle of `least` to `most` frames whose cost is at most `nearly` times the best one's."""
+    lags = np.arange(least, min(most, len(clip) - 3) + 1)
     if len(lags) == 0:
-        raise UsageError(f": the range lasts {clip.seconds:.1f} s.", _REMEDY, "loop")
+        raise UsageError(
+            f": the range lasts {clip.seconds:.1f} s, and {least / clip.fps:.1f} s are needed.",
+            _REMEDY,
+            "loop",
+        )
     shape = _shape(clip, root)
     path = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(root.positions, axis=0), axis=1))])
     costs, starts = np.full(len(lags), np.inf), np.zeros(len(lags), np.int64)
@@ -103,9 +124,9 @@ def find_cycle(clip: Clip, root: RootTrack) -> tuple[int, int]:
             costs[k], starts[k] = cost.min(), a[np.argmin(cost)]
     if not np.isfinite(costs).any():
         raise UsageError(": the character does not walk in this range.", _REMEDY, "loop")
-    good = costs <= costs.min() * NEARLY + 1e-4
+    good = costs <= costs.min() * nearly + 1e-4
     shortest = np.flatnonzero(good)[0]
-    near = np.flatnonzero(good & (lags <= lags[shortest] * 1.15))  # the best of that cycle's neighbours
+    near = np.flatnonzero(good & (lags <= lags[shortest] * NEAR_CYCLE))  # the best of that cycle's neighbours
     best = near[np.argmin(costs[near])]
     return int(starts[best]), int(starts[best] + lags[best])
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import FileError
-from runtime.safe_read import decode_text, read_bounded, reason
+from runtime.safe_read import decode_text, read_bounded
 
 Array = NDArray[np.floating]
 
@@ -37,7 +37,9 @@ def read_mesh(path: Path, cell_m: float) -> tuple[Array, tuple[float, float]]:
     except (FileError, MemoryError):
         raise
     except Exception as error:  # trimesh's readers raise whatever their parsers meet
-        raise FileError(f"{path}: not a readable mesh ({reason(error)}).", _REMEDY) from error
+        raise FileError(
+            f"{path}: not a readable mesh: it has no faces, or it is damaged.", _REMEDY
+        ) from error
     _check(path, vertices, faces)
     low, high = vertices[:, [0, 2]].min(0), vertices[:, [0, 2]].max(0)
     shape = np.ceil((high - low) / cell_m - 1e-6).astype(int) + 1
@@ -63,6 +65,8 @@ def read_mesh(path: Path, cell_m: float) -> tuple[Array, tuple[float, float]]:
 
 
 def _check(path: Path, vertices: Array, faces: NDArray[np.int64]) -> None:
+    if not len(faces):
+        raise FileError(f"{path}: this {path.suffix[1:].upper()} has no faces.", _REMEDY)
     sized = vertices.ndim == faces.ndim == 2 and vertices.shape[1] == faces.shape[1] == 3
     if not sized or not 1 <= len(faces) <= MAX_TRIANGLES or len(vertices) > MAX_VERTICES:
         raise FileError(

@@ -35,6 +35,7 @@ def export_options(arguments: argparse.Namespace) -> ExportOptions:
         at_origin=arguments.at_origin,
         rest_frame=arguments.rest_frame,
         loop=arguments.loop,
+        strides=arguments.strides,
         start_s=start,
         end_s=end,
         with_ground=arguments.with_ground,

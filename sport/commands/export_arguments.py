@@ -50,6 +50,7 @@ def add_export_arguments(parser: argparse.ArgumentParser) -> None:
     form.add_argument(
         "--loop", action="store_true", help="only the best cycle of a steady walk, without a seam"
     )
+    form.add_argument("--strides", type=int, default=1, metavar="N", help="of the loop (default: 1)")
     form.add_argument("--in-place", action="store_true", help="take the way over the ground out")
     form.add_argument("--ground-root", action="store_true", help="a root joint on the ground, above the hips")
     form.add_argument("--at-origin", action="store_true", help="begin at the origin, facing +Z")

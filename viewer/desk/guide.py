@@ -25,7 +25,7 @@ STEPS = (
     ("Record", "R starts a take, R ends it"),
     ("Export", "Under Clips, or Ctrl+E for every format"),
 )
-WIDTH, MARGIN = 210.0, 10.0  # pixels at scale 1
+WIDTH, SMALL_WIDTH, MARGIN = 210.0, 150.0, 10.0  # pixels at scale 1
 BELOW_BAR = 50.0
 SMALL_VIEW = 560.0
 MIN_HEIGHT = 330.0  # a lower view keeps its room
@@ -95,8 +95,13 @@ def draw(guide: Guide, view: Rect) -> None:
     """The card under the project's bar; nothing where the view is too low for it."""
     if not guide.shown or view.height < px(MIN_HEIGHT) or view.width < px(WIDTH + 4 * MARGIN):
         return
-    imgui.set_next_window_pos(imgui.ImVec2(view.x + px(MARGIN), view.y + px(MARGIN + BELOW_BAR)))
-    imgui.set_next_window_size(imgui.ImVec2(px(WIDTH), 0))
+    small = min(view.height, view.width) < px(SMALL_VIEW)
+    if small:  # beside the feet, where it covers no head
+        corner = imgui.ImVec2(view.x + px(MARGIN), view.y + view.height - px(MARGIN))
+        imgui.set_next_window_pos(corner, imgui.Cond_.always, imgui.ImVec2(0.0, 1.0))
+    else:
+        imgui.set_next_window_pos(imgui.ImVec2(view.x + px(MARGIN), view.y + px(MARGIN + BELOW_BAR)))
+    imgui.set_next_window_size(imgui.ImVec2(px(SMALL_WIDTH if small else WIDTH), 0))
     flags = (
         imgui.WindowFlags_.no_decoration
         | imgui.WindowFlags_.no_move
@@ -107,7 +112,7 @@ def draw(guide: Guide, view: Rect) -> None:
     imgui.push_style_var(imgui.StyleVar_.window_padding, imgui.ImVec2(px(10), px(8)))
     imgui.begin("First minute", None, flags)
     imgui.pop_style_var()
-    _steps(guide, small=min(view.height, view.width) < px(SMALL_VIEW))
+    _steps(guide, small)
     imgui.end()
 
 
@@ -115,8 +120,13 @@ def _steps(guide: Guide, small: bool) -> None:
     """All steps, or the next one alone where a small view needs its room."""
     finished = all(guide.is_done(step) for step in range(len(STEPS)))
     now = next((step for step in range(len(STEPS)) if not guide.is_done(step)), -1)
-    title = f"The first minute, step {now + 1} of {len(STEPS)}"
-    widgets.label("That is all. The project menu saves it." if finished else title, theme.ACCENT)
+    title = (
+        f"Step {now + 1} of {len(STEPS)}" if small else f"The first minute, step {now + 1} of {len(STEPS)}"
+    )
+    if finished:
+        widgets.muted("That is all. The project menu saves it.", wrap=True)
+    else:
+        widgets.label(title, theme.ACCENT)
     for step, (name, how) in enumerate(STEPS):
         if small and step != now:
             continue

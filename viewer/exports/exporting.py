@@ -31,6 +31,7 @@ NAMES = {
     "fps": "Frames a second",
     "unit": "Unit",
     "start_s": "Range",
+    "strides": "Strides",
     "in_place": "In place",
     "ground_root": "Root on the ground",
     "at_origin": "At the origin",
@@ -179,6 +180,7 @@ class Exporting:
             "character": self.stage.character_path if form.own_character else None,
         }
         names = ("unit", "animation_only", "in_place", "ground_root", "at_origin", "rest_frame", "loop")
+        chosen["strides"] = form.strides if form.loop else 1
         chosen |= {name: getattr(form, name) for name in names}
         has = form.format.options
         options = ExportOptions(
@@ -214,13 +216,15 @@ class Exporting:
         from dataclasses import replace
 
         from runtime.formats.prepare import on_its_ground, prepare
+        from viewer.filming.beside import film_beside
         from viewer.filming.film import film_of_take
 
         def progress(done: int, total: int) -> None:
             self.state.progress = (done, total)
 
         take = prepare(on_its_ground(clip), replace(export, fps=clip.fps), terrain)
-        return film_of_take(take, terrain, path, export, film, progress, self._cancel)
+        make = film_of_take if self.jobs.blocking else film_beside
+        return make(take, terrain, path, export, film, progress, self._cancel)
 
     # --- what becomes of it
 

@@ -169,6 +169,9 @@ def _common(exporting: Exporting, form: ExportForm, trimmed: bool) -> None:
         entries.append(("My character", form.own_character, hint, partial(_set, form, "own_character")))
     if entries:
         overlay.toggles(entries)
+    if form.loop and "loop" in form.format.options:
+        overlay.row("Strides of the loop", "A stride is a step with each foot")
+        form.strides = int(widgets.segmented("strides", [(n, str(n)) for n in (1, 2, 3, 4, 8)], form.strides))
 
 
 def _end(exporting: Exporting) -> None:

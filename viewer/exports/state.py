@@ -23,6 +23,7 @@ class ExportForm:
     animation_only: bool = False
     trimmed: bool = True  # only what lies between the trim marks
     loop: bool = False
+    strides: int = 1  # of the loop
     in_place: bool = False
     ground_root: bool = False
     at_origin: bool = False

@@ -9,7 +9,9 @@ STATUS_HEIGHT = 30.0
 LEFT_WIDTH, RIGHT_WIDTH = 316.0, 296.0
 SCENE_MIN_WIDTH = 240.0  # of the free view between the columns
 TIMELINE_HEIGHT = 196.0  # two rows of buttons, the ruler and the tracks
+TRACKS_HEIGHT = 84.0  # of that, the tracks
 PART_TRACKS_HEIGHT = 110.0  # more, with a track for each body part
+TALL_FROM, TALL_TO, TALLER = 700.0, 1000.0, 0.6  # in views of such heights the tracks grow by this share
 MAX_TIMELINE_SHARE = 0.45  # of the height above the status line
 SCENE_PANEL_HEIGHT = 384.0  # with its sections folded; they scroll where there is no more room
 CLIPS_MIN_HEIGHT, CLIPS_MAX_HEIGHT = 210.0, 460.0
@@ -103,7 +105,9 @@ def framing(layout: Layout) -> tuple[float, float, float]:
 def _timeline(view: Rect, scale: float, part_tracks: bool) -> Rect | None:
     """Under the view, which it takes from: `framing` shows the character above it."""
     m = MARGIN * scale
-    wanted = (TIMELINE_HEIGHT + (PART_TRACKS_HEIGHT if part_tracks else 0.0)) * scale
+    parts = PART_TRACKS_HEIGHT if part_tracks else 0.0
+    room = min(max((view.height / scale - TALL_FROM) / (TALL_TO - TALL_FROM), 0.0), 1.0)
+    wanted = (TIMELINE_HEIGHT + parts + room * TALLER * (TRACKS_HEIGHT + parts)) * scale
     height = min(wanted, MAX_TIMELINE_SHARE * view.height)
     width = view.width - 2 * m
     if width < 180 * scale or height < 88 * scale:

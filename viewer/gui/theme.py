@@ -160,7 +160,7 @@ def _set_colors(style: Any) -> None:
         c.separator: LINE, c.tab: CLEAR, c.tab_hovered: FIELD_HOVER, c.tab_selected: FIELD,
         c.tab_selected_overline: ACCENT, c.text_selected_bg: _hex("4FC3A1", 0.35),
         c.input_text_cursor: ACCENT, c.nav_cursor: ACCENT, c.modal_window_dim_bg: _hex("000000", 0.55),
-        c.drag_drop_target: ACCENT, c.plot_histogram: ACCENT,
+        c.drag_drop_target: ACCENT, c.plot_histogram: _hex("2F6B5B"),
     }  # fmt: skip
     for role, color in table.items():
         style.set_color_(role, imgui.ImVec4(*color))

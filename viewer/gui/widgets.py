@@ -12,7 +12,8 @@ from viewer.gui import theme
 from viewer.gui.layout import Rect
 from viewer.gui.theme import Color
 
-TOOLTIP_WIDTH, TOOLTIP_MIN_WIDTH = 380.0, 200.0  # pixels at scale 1
+TOOLTIP_WIDTH, TOOLTIP_MIN_WIDTH = 290.0, 180.0  # pixels at scale 1
+TOOLTIP_LENGTH = 360  # characters
 TOOLTIP_EDGE = 40.0  # a column is at most so far from the edge of the window
 
 
@@ -61,6 +62,7 @@ def tooltip(text: str) -> None:
     if text and imgui.is_item_hovered(
         imgui.HoveredFlags_.delay_normal | imgui.HoveredFlags_.allow_when_disabled
     ):
+        text = text if len(text) <= TOOLTIP_LENGTH else text[: TOOLTIP_LENGTH - 1].rstrip() + "…"
         width = _place_beside()
         imgui.begin_tooltip()
         imgui.push_text_wrap_pos(width)

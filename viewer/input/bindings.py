@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Set
 from dataclasses import dataclass, field
 from enum import Enum, auto
 
@@ -38,6 +39,8 @@ class Action(Enum):
     PLAY = auto()
     FRAME_BACK = auto()
     FRAME_ON = auto()
+    FIRST_FRAME = auto()
+    LAST_FRAME = auto()
     RESET = auto()
     CAMERA = auto()
     FRAME = auto()
@@ -113,6 +116,16 @@ BINDINGS = (
     Binding(Action.NEXT_PANEL, ("f6", "tab")),
 )
 
+# Before those above while a take plays.
+TAKE_BINDINGS = (
+    Binding(Action.PLAY, ("space",)),
+    Binding(Action.FRAME_BACK, ("left",)),
+    Binding(Action.FRAME_ON, ("right",)),
+    Binding(Action.FIRST_FRAME, ("home",)),
+    Binding(Action.LAST_FRAME, ("end",)),
+)
+_TAKE_KEYS = frozenset(key for binding in TAKE_BINDINGS for key in binding.keys)
+
 # What the help overlay prints: heading, then rows of (what, keyboard and mouse, gamepad).
 HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
     ("Move", (
@@ -133,8 +146,9 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
     ("Record", (
         ("Start or stop", "R", "Y"),
         ("Keep the last seconds", "T", "X"),
-        ("Play or pause the clip", "P", ""),
-        ("One frame back, one on", "Comma, full stop", ""),
+        ("Play or pause the clip", "P, or Space while it plays", ""),
+        ("One frame back, one on", "Left, Right, or comma, full stop", ""),
+        ("First frame, last frame", "Home, End", ""),
         ("Screenshot", "F12", ""),
     )),
     ("Show", (
@@ -186,10 +200,11 @@ class InputMapper:
         dt: float,
         dead_zone: float = 0.15,
         invert: bool = False,
+        take: bool = False,
     ) -> Intent:
-        """The intent of this frame of `dt` seconds."""
-        held = _held_actions(keyboard, pad)
-        pressed = self._pressed(keyboard, pad)
+        """The intent of this frame of `dt` seconds; `take`: one is shown, and some keys are its."""
+        held = _held_actions(keyboard.held - _TAKE_KEYS if take else keyboard.held, pad)
+        pressed = self._pressed(keyboard, pad, take)
         move, look = _key_axes(held)
         if pad is not None:
             stick = radial_dead_zone(pad.left, dead_zone)
@@ -205,12 +220,17 @@ class InputMapper:
             pressed=pressed,
         )
 
-    def _pressed(self, keyboard: Keyboard, pad: GamepadState | None) -> tuple[Action, ...]:
+    def _pressed(self, keyboard: Keyboard, pad: GamepadState | None, take: bool) -> tuple[Action, ...]:
         keys = keyboard.take_pressed()
         buttons = pad.buttons if pad is not None else frozenset()
         fresh = buttons - self._last_buttons
         self._last_buttons = buttons
-        from_keys = [b.action for key in keys for b in BINDINGS if key in b.keys]
+        from_keys = [
+            b.action
+            for key in keys
+            for b in (TAKE_BINDINGS if take and key in _TAKE_KEYS else BINDINGS)
+            if key in b.keys
+        ]
         from_pad = [b.action for b in BINDINGS if b.button in fresh]
         return tuple(from_keys + from_pad)
 
@@ -239,11 +259,9 @@ class InputMapper:
         self._crouch_held_s = self._crouch_held_s + dt if held else 0.0
 
 
-def _held_actions(keyboard: Keyboard, pad: GamepadState | None) -> frozenset[Action]:
+def _held_actions(held: Set[str], pad: GamepadState | None) -> frozenset[Action]:
     buttons = pad.buttons if pad is not None else frozenset()
-    return frozenset(
-        b.action for b in BINDINGS if b.button in buttons or not keyboard.held.isdisjoint(b.keys)
-    )
+    return frozenset(b.action for b in BINDINGS if b.button in buttons or not held.isdisjoint(b.keys))
 
 
 def _key_axes(held: frozenset[Action]) -> tuple[tuple[float, float], tuple[float, float]]:

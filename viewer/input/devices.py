@@ -40,12 +40,15 @@ class Devices:
             self.press(name, True)
         self._scripted = keys
 
-    def read(self, dt: float, typing: bool, settings: Settings) -> tuple[Intent, str]:
-        """The intent of a frame of `dt` seconds, and what there is to say of a pad that came or went."""
+    def read(self, dt: float, typing: bool, settings: Settings, take: bool) -> tuple[Intent, str]:
+        """The intent of a frame of `dt` seconds, and what there is to say of a pad that came or went.
+
+        `take`: one is shown, and some keys are its.
+        """
         if typing:
             self.keyboard.release_all()
         pad = self.pads.poll()
         before, self.name = self.name, KEYBOARD if pad is None else pad.name
         changed = f"{self.name} connected." if pad else "Gamepad gone: keyboard and mouse drive."
-        intent = self.mapper.read(self.keyboard, pad, dt, settings.dead_zone, settings.invert_look)
+        intent = self.mapper.read(self.keyboard, pad, dt, settings.dead_zone, settings.invert_look, take)
         return intent, changed if self.name != before else ""

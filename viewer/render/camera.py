@@ -20,6 +20,8 @@ FOV_Y = math.radians(38.0)
 NEAR_M = 0.1
 FAR_M = 300.0
 ORBIT_RADIANS_PER_PIXEL = 0.006
+FOOT_M, STANDING_M = 0.15, 2.0  # a foot over the ground, and the highest that a camera looks at a character
+MAX_LIFT_SHARE = 0.6  # of the distance, to see feet behind a step
 ZOOM_PER_STEP = 0.88
 STICK_TURN_SPEED = 2.6  # radians per second at full stick
 STICK_TILT_SPEED = 1.6
@@ -137,6 +139,18 @@ class OrbitCamera(Camera):
         distance = self.distance * ZOOM_PER_STEP**steps
         self.distance = min(max(distance, self.MIN_DISTANCE), self.MAX_DISTANCE)
 
+    def _lift_over_feet(self, terrain: Terrain) -> float:
+        """Metres to lift the eye so that steps before the feet under the target do not hide them."""
+        x, y, z = (float(v) for v in self.target)
+        foot = float(terrain.height(x, z)) + FOOT_M
+        if y - foot > STANDING_M:  # the target is not somebody who stands there
+            return 0.0
+        eye = super().position
+        share = np.linspace(0.15, 0.9, 16)
+        over = terrain.height(x + share * (eye[0] - x), z + share * (eye[2] - z)) + FOOT_M / 3
+        lift = (over - foot - share * (eye[1] - foot)) / share
+        return min(float(np.max(lift)), MAX_LIFT_SHARE * self.distance)
+
     def keep_above(self, terrain: Terrain | None, dt: float) -> None:
         """Glide to where the boom clears the ground."""
         goal = 0.0
@@ -144,7 +158,7 @@ class OrbitCamera(Camera):
             share = np.linspace(0.25, 1.0, 12)
             points = self.target - share[:, None] * self.distance * self.forward
             ground = terrain.height(points[:, 0], points[:, 2]) + self.CLEARANCE_M
-            goal = max(0.0, float(np.max((ground - points[:, 1]) / share)))
+            goal = max(0.0, float(np.max((ground - points[:, 1]) / share)), self._lift_over_feet(terrain))
         lift, velocity = spring(
             np.array(self._lift_m), np.array(self._lift_velocity), np.array(goal), LIFT_HALF_LIFE, dt
         )

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from runtime.pose import Pose
 from runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
-from viewer.render.overlays import PathOverlay, TrajectoryOverlay
+from viewer.render.overlays import PathOverlay, TrailOverlay, TrajectoryOverlay
 
 Array = NDArray[np.floating]
 Strokes = NDArray[np.void]
@@ -31,6 +31,7 @@ PATH_STEP_M = 0.25
 BONE_RADIUS_PX = 1.6
 JOINT_RADIUS_PX = 3.2
 OUTLINE_PX = 1.3
+TRAIL_RADIUS_PX = 1.4
 REFERENCE_HEIGHT_PX = 720
 
 PAST = (0.36, 0.40, 0.45)
@@ -41,6 +42,14 @@ MIDDLE = (0.20, 0.24, 0.30)
 OUTLINE = (1.0, 1.0, 1.0, 0.85)
 FREE = (0.45, 0.48, 0.52)
 TOUCHING = (0.10, 0.76, 0.30)
+SPEED_COLORS = (
+    (0.13, 0.38, 0.92),
+    (0.10, 0.72, 0.66),
+    (0.62, 0.80, 0.16),
+    (0.98, 0.62, 0.10),
+    (0.92, 0.18, 0.14),
+)
+FAST_MPS = 4.0  # metres per second of the last of them
 
 CONTACT_JOINTS = ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")  # in the order of Pose.contacts
 SOLE_HEIGHTS = np.array([ANKLE_HEIGHT, TOE_HEIGHT, ANKLE_HEIGHT, TOE_HEIGHT], np.float32)
@@ -137,6 +146,21 @@ def skeleton_strokes(pose: Pose, pixel_scale: float) -> Strokes:
             make_strokes(joints, joints, dot, colors[child]),
         ]
     )
+
+
+def trail_strokes(trails: TrailOverlay, pixel_scale: float) -> Strokes:
+    """A line for each joint over everything: blue where it rests, over green to red where it is fast; ahead paler."""
+    points, speeds = np.asarray(trails.points, np.float32), np.asarray(trails.speeds, np.float32)
+    steps, joints = len(points) - 1, points.shape[1]
+    if steps < 1:
+        return make_strokes(np.zeros((0, 3)), np.zeros((0, 3)), 1.0, OUTLINE)
+    stops = np.linspace(0.0, FAST_MPS, len(SPEED_COLORS))
+    rgb = [np.interp(speeds[1:], stops, np.array(SPEED_COLORS)[:, k]) for k in range(3)]
+    ahead = (np.arange(steps) >= trails.now)[:, None]
+    alpha = np.where(ahead, 0.45, 0.95) * np.ones((1, joints))
+    colors = np.stack([*rgb, alpha], -1).reshape(-1, 4)
+    start, end = points[:-1].reshape(-1, 3), points[1:].reshape(-1, 3)
+    return make_strokes(start, end, TRAIL_RADIUS_PX * pixel_scale, colors)
 
 
 def feet_of(poses: list[Pose]) -> Array:

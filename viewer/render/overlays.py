@@ -30,6 +30,15 @@ class PathOverlay:
 
 
 @dataclass(frozen=True)
+class TrailOverlay:
+    """Where joints were and will be, with their speeds."""
+
+    points: Array  # (T, J, 3) metres
+    speeds: Array  # (T, J) metres per second
+    now: int  # which of the T is shown
+
+
+@dataclass(frozen=True)
 class Overlays:
     """Toggles and extra figures of one frame; `Overlays()` shows the grid and nothing else."""
 
@@ -39,5 +48,6 @@ class Overlays:
     show_contacts: bool = False
     show_grid: bool = True
     path: PathOverlay | None = None
+    trails: TrailOverlay | None = None
     ghosts: list[Pose] = field(default_factory=list)  # translucent, for comparison
     extra_poses: list[Pose] = field(default_factory=list)  # drawn like the main character

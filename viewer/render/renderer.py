@@ -18,6 +18,7 @@ from viewer.render.marks import (
     feet_of,
     path_strokes,
     skeleton_strokes,
+    trail_strokes,
     trajectory_strokes,
 )
 from viewer.render.overlay_pass import OverlayPass
@@ -108,6 +109,8 @@ class Renderer:
 
     def _draw_top_overlays(self, frame: Frame, pose: Pose | None, overlays: Overlays) -> None:
         pixel_scale = max(frame.size[1] / REFERENCE_HEIGHT_PX, 0.5)
+        if overlays.trails is not None:
+            self._overlays.draw_on_top(trail_strokes(overlays.trails, pixel_scale))
         if overlays.show_skeleton and pose is not None:
             self._overlays.draw_on_top(skeleton_strokes(pose, pixel_scale))
         if overlays.show_contacts and pose is not None:

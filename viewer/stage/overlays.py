@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from runtime.pose import Pose
-from viewer.render.overlays import Overlays, PathOverlay, TrajectoryOverlay
+from viewer.render.overlays import Overlays, PathOverlay, TrailOverlay, TrajectoryOverlay
 from viewer.services import ControllerLike
 from viewer.settings import Settings
 
@@ -19,8 +19,13 @@ def make_overlays(
     controller: ControllerLike | None,
     path: PathOverlay | None = None,
     others: Sequence[Pose] = (),
+    ghosts: Sequence[Pose] = (),
+    trails: TrailOverlay | None = None,
 ) -> Overlays:
-    """Overlays of the live character; without a controller there is no trajectory. `others` are drawn beside it."""
+    """Overlays of the live character; without a controller there is no trajectory. `others` are drawn beside it.
+
+    `ghosts` are translucent, `trails` the lines of its joints.
+    """
     trajectory = None
     if settings.show_trajectory and controller is not None:
         view = controller.trajectory
@@ -34,4 +39,6 @@ def make_overlays(
         show_grid=settings.show_grid,
         path=path,
         extra_poses=list(others),
+        ghosts=list(ghosts),
+        trails=trails,
     )

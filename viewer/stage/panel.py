@@ -16,6 +16,8 @@ from viewer.settings import CAMERAS, QUALITIES, VIEWS, Settings
 from viewer.stage import path_panel
 from viewer.stage.stage import Stage
 
+_SHOWN = ("show_trajectory", "show_skeleton", "show_contacts", "show_grid", "show_ghosts", "show_trails")
+
 
 def panel(stage: Stage, open_files: Callable[[list[Path]], None], browse: Callable[[], None]) -> Panel:
     """The scene panel."""
@@ -106,11 +108,15 @@ def _views(stage: Stage) -> None:
 
 def _toggles(settings: Settings) -> None:
     spacing = px(4)
-    width = (imgui.get_content_region_avail().x - spacing) / 2
-    for i, name in enumerate(("show_trajectory", "show_skeleton", "show_contacts", "show_grid")):
-        if i % 2:
+    width = (imgui.get_content_region_avail().x - 2 * spacing) / 3
+    for i, name in enumerate(_SHOWN):
+        if i % 3:
             imgui.same_line(0, spacing)
         setting_widgets.toggle(settings, name, width)
+        if name == "show_ghosts" and imgui.begin_popup_context_item("ghost frames"):
+            imgui.set_next_item_width(px(200))
+            setting_widgets.slider(settings, "ghost_frames")
+            imgui.end_popup()
 
 
 def _drawing(stage: Stage) -> None:

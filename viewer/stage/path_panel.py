@@ -18,7 +18,7 @@ def draw(stage: Stage) -> None:
     """Contents of this part."""
     tool = stage.path
     half = (imgui.get_content_region_avail().x - px(4)) / 2
-    hint = "Click on the ground: a point. Drag moves one, Delete removes it."
+    hint = "A drag on the ground draws the path, a click adds a point. Drag a point to move it, Delete removes it."
     tool.active = widgets.toggle("Draw a path", tool.active, half, hint)
     imgui.same_line(0, px(4))
     imgui.begin_disabled(not tool.points)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from runtime.motion.point_path import PathWalk, Waypoint
 
 GRAB_PX = 16.0  # at scale 1: a click nearer to a point takes it
+DRAWN_M = 0.7  # between two points of a path that is drawn by a drag
 REACH_M = 80.0  # clicks on ground farther away are none
 RAY_STEPS = 400
 
@@ -37,6 +38,7 @@ class PathTool:
     begun: bool = False  # since the last `take_begun`
     _time_s: float = 0.0
     _held: bool = False  # the mouse drags the selected point
+    _drawing: bool = False  # the drag began with a new point and sets more
 
     def overlay(self) -> PathOverlay | None:
         """What is drawn on the ground."""
@@ -84,6 +86,7 @@ class PathTool:
         place = ground_under(camera, terrain, io.mouse_pos, io.display_size)
         if imgui.is_mouse_clicked(0) and not io.want_capture_mouse and place is not None:
             near = self._point_at(camera, terrain)
+            self._drawing = near < 0
             if near >= 0:
                 self.selected = near
             else:
@@ -91,11 +94,19 @@ class PathTool:
             self._held = True
         elif self._held and imgui.is_mouse_down(0):
             moved = io.mouse_delta.x or io.mouse_delta.y
-            if place is not None and moved:
+            if place is not None and moved and self._drawing:
+                self._draw_to(*place)
+            elif place is not None and moved:
                 self.change(x=place[0], z=place[1])
         else:
             self._held = False
         return True
+
+    def _draw_to(self, x: float, z: float) -> None:
+        """Another point where the mouse has gone far enough from the last one."""
+        last = self.points[-1]
+        if math.hypot(x - last.x, z - last.z) >= DRAWN_M:
+            self.add(x, z)
 
     def _point_at(self, camera: Camera, terrain: Terrain) -> int:
         """The point under the mouse; -1 for none."""

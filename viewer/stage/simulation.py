@@ -19,9 +19,9 @@ from runtime.terrain.height_map import Terrain
 from viewer.services import ControllerLike
 
 STEP_SECONDS = 1.0 / FPS
-# per displayed frame: motion keeps its own time down to 4 frames a second, but where the model itself is slow the
+# per displayed frame: motion keeps its own time down to one frame a second, but where the model itself is slow the
 # character slows down instead of falling behind for ever
-MIN_STEPS, MAX_STEPS = 6, 15
+MIN_STEPS, MAX_STEPS = 6, 60
 MODEL_SHARE = 0.5  # of a frame's time that its steps may take
 _STANDS = "The character stands until you reset it (Home)."
 MAX_FAILURES = 3  # in a row; then the character stands still until it is reset

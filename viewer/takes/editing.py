@@ -42,6 +42,7 @@ class TakeEditing:
     takes: Takes
     stage: Stage
     prompting: Prompting
+    progress: float = 0.0  # share of the frames that were driven again; written by the worker
 
     @property
     def state(self) -> TakesState:
@@ -68,7 +69,7 @@ class TakeEditing:
             return (
                 "This motion comes from a file: it can be trimmed and exported."
                 if not item.recorded
-                else "This take cannot be driven again: a model was loaded or failed, or a take was gone on from, in it."
+                else "This take cannot be driven again: a model was loaded or failed, or a take was gone on from, in it; or it is a mirror image."
             )
         return "It is being driven again…" if self.busy else ""
 
@@ -177,14 +178,18 @@ class TakeEditing:
             self.messages.warn(self.fixed)
             return
         clip, drive, maker = item.clip, item.drive, item.maker
+        self.progress = 0.0
 
         def work() -> Edited:
             from runtime.takes.drive import played_again
 
             made = edit(drive)
-            return played_again(clip, made.drive, maker.twin(), made.first)
+            return played_again(clip, made.drive, maker.twin(), made.first, self._note_progress)
 
         self.takes.jobs.submit(SLOT, work, lambda made: self._take(item, clip, made, label))
+
+    def _note_progress(self, share: float) -> None:
+        self.progress = share
 
     def _take(self, item: ClipItem, before: Clip, made: Edited, label: str) -> None:
         if item.clip is before:  # not undone meanwhile
@@ -192,19 +197,43 @@ class TakeEditing:
             self._shown(item)
             self.messages.note(f"{item.name}: {label}. Ctrl+Z brings the version before back.")
 
+    def keep_trim(self) -> None:
+        """Make what the trim marks became a step of undo."""
+        item, playback = self.state.played, self.state.playback
+        if item is not None and playback is not None and playback.keep_trim(len(item.older)):
+            self.messages.note(
+                f"{item.name}: frames {playback.first} to {playback.last} play and are exported. Ctrl+Z undoes it."
+            )
+
+    @property
+    def undo_labels(self) -> tuple[str, str]:
+        """What undo would take back and redo do again; "" for nothing."""
+        item, playback = self.state.played, self.state.playback
+        if item is None or playback is None:
+            return "", ""
+        count = len(item.older)
+        trims, undone = (
+            steps and steps[-1].versions == count for steps in (playback.trims, playback.undone_trims)
+        )
+        return "trim" if trims else item.undo_label, "trim" if undone else item.redo_label
+
     def undo(self) -> None:
-        """Back to the version before the last edit of the take that plays."""
-        item = self.state.played
-        if item is not None and item.undo_label:
+        """Back to the trim or version before the last edit of the take that plays."""
+        item, playback = self.state.played, self.state.playback
+        if item is not None and playback is not None and playback.undo_trim(len(item.older)):
+            self.messages.note(f"{item.name}: undone: trim.")
+        elif item is not None and item.undo_label:
             label = item.undo_label
             item.undo()
             self._shown(item)
             self.messages.note(f"{item.name}: undone: {label}.")
 
     def redo(self) -> None:
-        """On to the version that was undone last."""
-        item = self.state.played
-        if item is not None and item.redo_label:
+        """On to the trim or version that was undone last."""
+        item, playback = self.state.played, self.state.playback
+        if item is not None and playback is not None and playback.redo_trim(len(item.older)):
+            self.messages.note(f"{item.name}: done again: trim.")
+        elif item is not None and item.redo_label:
             item.redo()
             self._shown(item)
             self.messages.note(f"{item.name}: done again: {item.label}.")

@@ -180,6 +180,9 @@ def _row(takes: Takes, i: int) -> None:
 def _take_menu(takes: Takes, i: int) -> None:
     if imgui.menu_item("Rename", "", False)[0]:
         takes.begin_rename(i)
+    if imgui.menu_item("Mirror", "", False)[0]:
+        takes.mirror(i)
+    widgets.tooltip("A second take with left and right exchanged")
     if imgui.menu_item("Remove", "", False)[0]:
         takes.remove(i)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +16,15 @@ if TYPE_CHECKING:
     from runtime.takes.clip import Clip
 
 MIN_FRAMES = 2
+
+
+@dataclass(frozen=True)
+class Trim:
+    """A change of the trim marks, made when the take had so many older versions."""
+
+    before: tuple[int, int]
+    after: tuple[int, int]
+    versions: int
 
 
 @dataclass
@@ -32,10 +41,14 @@ class Playback:
     speed: float = 1.0
     first: int = 0
     last: int = -1
+    trims: list[Trim] = field(default_factory=list)  # newest last
+    undone_trims: list[Trim] = field(default_factory=list)
+    _marks: tuple[int, int] = (0, -1)  # after the last of them
 
     def __post_init__(self) -> None:
         if self.last < 0:
             self.last = self.frames - 1
+        self._marks = self.first, self.last
 
     @property
     def frames(self) -> int:
@@ -108,9 +121,41 @@ class Playback:
         wanted = self.frame if frame is None else frame
         self.last = min(max(wanted, self.first + MIN_FRAMES - 1), self.frames - 1)
 
+    def keep_trim(self, versions: int) -> bool:
+        """Make the marks a step of undo; whether they are others than before."""
+        now = self.first, self.last
+        if now == self._marks:
+            return False
+        self.trims.append(Trim(self._marks, now, versions))
+        self.undone_trims.clear()
+        self._marks = now
+        return True
+
+    def undo_trim(self, versions: int) -> bool:
+        """Take the last change of the marks back, if the take was not edited since; whether there was one."""
+        return self._go_over(self.trims, self.undone_trims, versions, back=True)
+
+    def redo_trim(self, versions: int) -> bool:
+        """Change the marks again as before the last undo; whether there was one."""
+        return self._go_over(self.undone_trims, self.trims, versions, back=False)
+
+    def _go_over(self, steps: list[Trim], other: list[Trim], versions: int, back: bool) -> bool:
+        if not steps or steps[-1].versions != versions:
+            return False
+        step = steps.pop()
+        other.append(step)
+        self._marks = self.first, self.last = step.before if back else step.after
+        return True
+
     def pose(self) -> Pose:
         """The pose at the current time, standing on the terrain shown."""
-        pose = self.clip.sample(self.time_s)
+        return self._standing(self.clip.sample(self.time_s))
+
+    def pose_at(self, frame: int) -> Pose:
+        """The pose of a frame, standing on the terrain shown."""
+        return self._standing(self.clip.pose(frame))
+
+    def _standing(self, pose: Pose) -> Pose:
         x, _, z = (float(v) for v in pose.hips_position)
         ground = np.array([x, float(self.terrain.height(x, z)), z], np.float32)
         return dataclasses.replace(pose, root_position=ground)

@@ -11,6 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from runtime.controls import Controls
 from runtime.errors import SportError, UsageError
 from runtime.pose import Pose
@@ -72,6 +74,8 @@ class Takes:
             Action.PLAY: self.play_or_pause,
             Action.FRAME_BACK: lambda: self.step(-1),
             Action.FRAME_ON: lambda: self.step(1),
+            Action.FIRST_FRAME: lambda: self.seek_end(first=True),
+            Action.LAST_FRAME: lambda: self.seek_end(first=False),
         }
 
     @property
@@ -221,6 +225,20 @@ class Takes:
             if index == self.state.selected:
                 self._propose(item)
 
+    def mirror(self, index: int) -> None:
+        """Put the mirror image of a clip into the list, and play it."""
+        from runtime.takes.mirror import mirrored
+
+        item = self.state.items[index]
+        made = ClipItem(mirrored(item.named_clip), recorded=True)
+        made.journal = self.journals.keep(made.clip)
+        self._add(made)
+        self.play(len(self.state.items) - 1)
+        over = (
+            "" if np.ptp(self.stage.terrain.heights) < 0.01 else " Its feet fit level ground, not this one."
+        )
+        self.messages.note(f"{made.name} is in the list.{over}")
+
     def begin_rename(self, index: int) -> None:
         """Let the name of a clip be typed in its row."""
         clips = self.state
@@ -307,6 +325,12 @@ class Takes:
         """Go so many frames on in the clip that plays, or back."""
         if self.state.playback is not None:
             self.state.playback.step(frames)
+
+    def seek_end(self, first: bool) -> None:
+        """Go to the first or the last frame that is kept of the clip that plays."""
+        playback = self.state.playback
+        if playback is not None:
+            playback.seek(playback.first if first else playback.last)
 
     def close_playback(self) -> None:
         """Back to the live character."""

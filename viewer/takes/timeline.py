@@ -17,14 +17,17 @@ from viewer.takes.playback import Playback
 from viewer.takes.state import Drag
 from viewer.takes.tracks import Bar, Tracks
 
-NAMES_WIDTH = 62.0  # pixels at scale 1
+NAMES_WIDTH = 70.0  # pixels at scale 1
 NAMES_FROM = 420.0  # in a narrower bar the tracks have no names
-RULER, PROMPTS, ROW, FEET = 26.0, 21.0, 15.0, 6.0  # heights at scale 1
+RULER, PROMPTS, ROW, FEET = 26.0, 21.0, 15.0, 6.0  # heights at scale 1, where there is no more room
+SPACING = 3.0
+TALLEST = 1.6  # of these heights, where there is
 EDGE = 4.0  # beside both ends of a row, for half a handle
 GRIP = 7.0  # how near to an end of a span or to a handle the mouse takes it
 TICK_STEPS = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 3600, 7200, 18000, 36000)
 TICK_WIDTH = 56.0  # at least, between two numbers
-SMALL = theme.FONT_SIZE * 0.8
+NAME_SIZE = theme.FONT_SIZE * 0.87  # letters of the names
+SMALL, TEXT_SHARE = theme.FONT_SIZE * 0.8, 0.76  # letters: at least, and of a row's height
 PROMPT_TINTS = (theme.ACCENT_FILL, (0.36, 0.55, 0.78, 0.42))
 GAIT_TINT: Color = (0.78, 0.62, 0.34, 0.42)
 GROUND_TINT: Color = (0.55, 0.58, 0.62, 0.35)
@@ -52,24 +55,26 @@ class _Row:
 
 
 def draw(editing: TakeEditing, playback: Playback) -> None:
-    """The tracks, one below the other; in less height than they need they scroll."""
+    """The tracks, one below the other, as tall as there is room; in less height than they need they scroll."""
     tracks = editing.tracks
     if tracks is None:
         return
-    imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(3)))
+    parts = PART_NAMES if editing.state.timeline.part_tracks else ()
+    tall = _growth(len(parts))
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(SPACING)))
     # the ruler above the tracks is as wide as they are, also where they scroll (known from the frame before)
     storage, key = imgui.get_state_storage(), imgui.get_id("tracks scroll")
     _ruler(playback, imgui.get_style().scrollbar_size if storage.get_bool(key) else 0.0)
     scrolls = False
     if imgui.begin_child("tracks", imgui.ImVec2(0, 0)):
         top = imgui.get_cursor_screen_pos().y
-        _spans("Prompts", "prompts", tracks.prompts, PROMPTS, editing, playback)
-        if editing.state.timeline.part_tracks:
-            for part in PART_NAMES:
-                _still(part.replace("_", " ").capitalize(), tracks.parts[part], PART_TINT, playback)
-        _spans("Gait", "gaits", tracks.gaits, ROW, editing, playback)
-        _still("Ground", tracks.grounds, GROUND_TINT, playback)
-        _feet(tracks, playback)
+        _spans("Prompts", "prompts", tracks.prompts, PROMPTS * tall, editing, playback)
+        for part in parts:
+            name = part.replace("_", " ").capitalize()
+            _still(name, tracks.parts[part], ROW * tall, PART_TINT, playback)
+        _spans("Gait", "gaits", tracks.gaits, ROW * tall, editing, playback)
+        _still("Ground", tracks.grounds, ROW * tall, GROUND_TINT, playback)
+        _feet(tracks, FEET * tall, playback)
         bottom = imgui.get_cursor_screen_pos().y
         row = _row("", 0.0, playback.frames)
         _rect(_at(row, playback), top, _at(row, playback) + px(1), bottom, theme.TEXT, 0.0)
@@ -77,6 +82,16 @@ def draw(editing: TakeEditing, playback: Playback) -> None:
     imgui.end_child()
     storage.set_bool(key, scrolls)
     imgui.pop_style_var()
+    if not imgui.is_mouse_down(0):
+        editing.keep_trim()
+
+
+def _growth(parts: int) -> float:
+    """How many times taller the tracks may be; `parts` is how many body parts have one."""
+    rows = 4 + parts
+    heights = PROMPTS + (2 + parts) * ROW + 2 * FEET + 2.0
+    free = imgui.get_content_region_avail().y / px(1.0) - RULER - (rows + 2) * SPACING
+    return min(max(free / heights, 1.0), TALLEST)
 
 
 def _row(name: str, height: float, frames: int, less: float = 0.0) -> _Row:
@@ -84,8 +99,7 @@ def _row(name: str, height: float, frames: int, less: float = 0.0) -> _Row:
     width, corner = imgui.get_content_region_avail().x - less, imgui.get_cursor_screen_pos()
     names = px(NAMES_WIDTH) if width + less >= px(NAMES_FROM) else 0.0
     if names and name:
-        y = corner.y + (px(height) - SMALL * imgui.get_style().font_scale_dpi) / 2
-        _text(corner.x, y, name, theme.MUTED, names - px(4))
+        _text(corner.x, corner.y, name, theme.MUTED, names - px(4), px(height), NAME_SIZE)
     edge = px(EDGE)
     return _Row(corner.x + names + edge, corner.y, width - names - 2 * edge, px(height), frames)
 
@@ -114,7 +128,7 @@ def _ruler(playback: Playback, less: float) -> None:
         x = row.x(number)
         _rect(x, base - px(4), x + 1, base, theme.MUTED, 0.0)
         if x + px(28) < row.left + row.width or not number:
-            _text(x + px(3), row.top, str(number), theme.MUTED, px(60))
+            _text(x + px(3), row.top, str(number), theme.MUTED, px(60), px(SMALL) / TEXT_SHARE)
     for frame, side in ((playback.first, 1), (playback.last, -1)):
         x = row.x(frame)
         _rect(min(x, x + side * px(5)), base - px(1), max(x, x + side * px(5)), bottom, theme.ACCENT, px(2))
@@ -158,36 +172,47 @@ def _spans(
     name: str, key: str, bars: Sequence[Bar], height: float, editing: TakeEditing, playback: Playback
 ) -> None:
     """A track whose spans can be dragged; a click goes to its frame."""
-    row = _row(name, height, playback.frames)
+    state, row = editing.state.timeline, _row(name, height, playback.frames)
     _button(key, row)
-    state = editing.state.timeline
-    hovered, mouse = imgui.is_item_hovered(), imgui.get_io().mouse_pos
-    found = _grabbed(row, bars, mouse.x)
+    mouse_x, hovered = imgui.get_io().mouse_pos.x, imgui.is_item_hovered()
+    frame, grabbed = row.frame_at(mouse_x), _grabbed(row, bars, mouse_x)
     if state.drag is not None and state.drag.dropped and not editing.busy:
         state.drag = None  # the tracks are those of the edit, or it failed
-    if imgui.is_item_activated() and found is not None:
-        if state.drag is not None and state.drag.dropped:
-            playback.seek(row.frame_at(mouse.x))
-        else:
-            index, part = found
-            span = bars[index].span
-            state.drag = Drag(key, index, part, row.frame_at(mouse.x), span.start, span.end)
+    if imgui.is_item_activated() and grabbed is not None:
+        _press(key, bars, *grabbed, frame, editing, playback)
     drag = state.drag if state.drag is not None and state.drag.track == key else None
     if drag is not None and not drag.dropped:
-        drag = state.drag = _dragged(
-            drag, row.frame_at(mouse.x), [bar.span for bar in bars], bool(editing.fixed)
-        )
-        if imgui.is_item_deactivated():
-            drag = state.drag = _drop(drag, row.frame_at(mouse.x), bars, editing, playback)
-    elif hovered and found is not None:
-        widgets.tooltip(bars[found[0]].hint or bars[found[0]].text)
-    if (hovered and found is not None and found[1] != "body" and not editing.fixed) or (
-        drag and drag.moved and not drag.dropped
-    ):
+        drag = state.drag = _carry(drag, frame, bars, editing, playback)
+    elif hovered and grabbed is not None:
+        widgets.tooltip(bars[grabbed[0]].hint or bars[grabbed[0]].text)
+    over_end = hovered and grabbed is not None and grabbed[1] != "body" and not editing.fixed
+    if over_end or (drag is not None and drag.moved and not drag.dropped):
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
     for i, bar in enumerate(_moved(bars, drag)):
         tint = GAIT_TINT if key == "gaits" else PROMPT_TINTS[i % 2]
         _bar(row, bar, tint, bar.span.start <= playback.frame < bar.span.end)
+
+
+def _press(
+    key: str, bars: Sequence[Bar], index: int, part: str, frame: int, editing: TakeEditing, playback: Playback
+) -> None:
+    """The mouse was pressed on a part of a span: begin to drag it; while a take is driven again, go to the frame."""
+    state = editing.state.timeline
+    if state.drag is not None and state.drag.dropped:
+        playback.seek(frame)
+    else:
+        span = bars[index].span
+        state.drag = Drag(key, index, part, frame, span.start, span.end)
+
+
+def _carry(
+    drag: Drag, frame: int, bars: Sequence[Bar], editing: TakeEditing, playback: Playback
+) -> Drag | None:
+    """The drag after this frame: moved by the mouse, and let go of when its button is."""
+    drag = _dragged(drag, frame, [bar.span for bar in bars], bool(editing.fixed))
+    if imgui.is_item_deactivated():
+        return _drop(drag, frame, bars, editing, playback)
+    return drag
 
 
 def _grabbed(row: _Row, bars: Sequence[Bar], x: float) -> tuple[int, str] | None:
@@ -246,9 +271,9 @@ def _moved(bars: Sequence[Bar], drag: Drag | None) -> list[Bar]:
     return shown
 
 
-def _still(name: str, bars: Sequence[Bar], tint: Color, playback: Playback) -> None:
+def _still(name: str, bars: Sequence[Bar], height: float, tint: Color, playback: Playback) -> None:
     """A track that is only looked at."""
-    row = _row(name, ROW, playback.frames)
+    row = _row(name, height, playback.frames)
     _button(f"track {name}", row)
     if imgui.is_item_hovered():
         found = _grabbed(row, bars, imgui.get_io().mouse_pos.x)
@@ -258,17 +283,17 @@ def _still(name: str, bars: Sequence[Bar], tint: Color, playback: Playback) -> N
         _bar(row, bar, tint, False)
 
 
-def _feet(tracks: Tracks, playback: Playback) -> None:
+def _feet(tracks: Tracks, height: float, playback: Playback) -> None:
     """When the left foot (above) and the right one bear the character."""
-    row = _row("Feet", 2 * FEET + 2, playback.frames)
+    row = _row("Feet", 2 * height + 2, playback.frames)
     _button("feet", row)
     widgets.tooltip("When a foot bears the character: the left one above, the right one below")
     for i, spans in enumerate(tracks.contacts):
-        top = row.top + i * px(FEET + 2)
-        _rect(row.left, top, row.left + row.width, top + px(FEET), theme.FIELD, px(1))
+        top = row.top + i * px(height + 2)
+        _rect(row.left, top, row.left + row.width, top + px(height), theme.FIELD, px(1))
         for span in spans:
             right = min(row.x(span.end), row.left + row.width)
-            _rect(row.x(span.start), top, right, top + px(FEET), theme.ACCENT, px(1))
+            _rect(row.x(span.start), top, right, top + px(height), theme.ACCENT, px(1))
 
 
 # --- drawing
@@ -282,11 +307,10 @@ def _at(row: _Row, playback: Playback) -> float:
 def _bar(row: _Row, bar: Bar, tint: Color, lit: bool) -> None:
     left, right = row.x(bar.span.start), min(row.x(bar.span.end), row.left + row.width)
     right = max(right - px(1), left + 1)
-    fill = (*tint[:3], min(tint[3] + (0.25 if lit else 0.0), 1.0))
+    fill = (*tint[:3], min(tint[3] + (0.12 if lit else 0.0), 1.0))
     _rect(left, row.top, right, row.top + row.height, theme.FIELD, px(3))
     _rect(left, row.top, right, row.top + row.height, fill, px(3))
-    y = row.top + (row.height - SMALL * imgui.get_style().font_scale_dpi) / 2
-    _text(left + px(5), y, bar.text, theme.TEXT, right - left - px(8))
+    _text(left + px(5), row.top, bar.text, theme.TEXT, right - left - px(8), row.height)
 
 
 def _rect(left: float, top: float, right: float, bottom: float, tint: Color, rounding: float = 2.0) -> None:
@@ -294,11 +318,15 @@ def _rect(left: float, top: float, right: float, bottom: float, tint: Color, rou
     imgui.get_window_draw_list().add_rect_filled(low, high, widgets.packed(tint), rounding)
 
 
-def _text(x: float, y: float, text: str, tint: Color, width: float) -> None:
-    """Small words, cut to a width; none where not even the first fits."""
+def _text(
+    x: float, top: float, text: str, tint: Color, width: float, height: float, size: float = 0.0
+) -> None:
+    """Words in the middle of a height and of a size that fits it, cut to a width; none where not even the first fits."""
     if width < px(12):
         return
-    imgui.push_font(None, SMALL)
+    size = size or min(max(TEXT_SHARE * height / px(1.0), SMALL), theme.FONT_SIZE)
+    imgui.push_font(None, size)
+    y = top + (height - imgui.get_text_line_height()) / 2
     imgui.get_window_draw_list().add_text(
         imgui.ImVec2(x, y), widgets.packed(tint), widgets.elided(text, width)
     )

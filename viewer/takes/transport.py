@@ -47,17 +47,17 @@ def draw(editing: TakeEditing) -> None:
 def _playing(playback: Playback, editing: TakeEditing, wide: bool, tiny: bool) -> None:
     """Time: play, single steps, loop, speed, the frame, and back to live."""
     square, gap = px(30), px(4)
-    if widgets.button(ICON.start, square, "To the first frame kept"):
+    if widgets.button(ICON.start, square, "To the first frame kept (Home)"):
         playback.seek(playback.first)
     imgui.same_line(0, gap)
-    if widgets.button(f"{ICON.back}##frame back", square, "One frame back (comma key)"):
+    if widgets.button(f"{ICON.back}##frame back", square, "One frame back (Left, comma)"):
         playback.step(-1)
     imgui.same_line(0, gap)
     icon = ICON.pause if playback.playing else ICON.play
-    if widgets.button(f"{icon}###play", square, "Play or pause (P)", primary=True):
+    if widgets.button(f"{icon}###play", square, "Play or pause (Space, P)", primary=True):
         playback.toggle()
     imgui.same_line(0, gap)
-    if widgets.button(f"{ICON.on}##frame on", square, "One frame on (full stop key)"):
+    if widgets.button(f"{ICON.on}##frame on", square, "One frame on (Right, full stop)"):
         playback.step(1)
     if not tiny:
         imgui.same_line(0, gap)
@@ -78,7 +78,10 @@ def _playing(playback: Playback, editing: TakeEditing, wide: bool, tiny: bool) -
 
 
 def _time(playback: Playback, editing: TakeEditing, space: float) -> None:
-    """The frame, then as much more as there is space for."""
+    """The frame, then as much more as there is space for; while the take is driven again, how far that is."""
+    if editing.busy and space > px(60):
+        imgui.progress_bar(editing.progress, imgui.ImVec2(space, 0), f"Driving again {editing.progress:.0%}")
+        return
     frame = f"{playback.frame} / {playback.frames - 1}"
     clock = widgets.clock(playback.time_s)
     item = editing.state.played
@@ -90,7 +93,7 @@ def _time(playback: Playback, editing: TakeEditing, space: float) -> None:
 
 def _editing(playback: Playback, editing: TakeEditing, wide: bool, tiny: bool) -> None:
     """What lies on the tracks: trim, new spans, undo, and going on from here."""
-    gap, item, fixed = px(4), editing.state.played, editing.fixed
+    gap, fixed = px(4), editing.fixed
     if not tiny:  # the handles of the ruler do the same
         if widgets.button("[ In", px(44), "Keep the clip from this frame"):
             playback.trim_in()
@@ -110,7 +113,7 @@ def _editing(playback: Playback, editing: TakeEditing, wide: bool, tiny: bool) -
     imgui.end_disabled()
     _popups(editing)
     imgui.same_line(0, gap)
-    undo, redo = (item.undo_label, item.redo_label) if item is not None else ("", "")
+    undo, redo = editing.undo_labels
     if widgets.icon_button(ICON.undo, "take undo", f"Undo {undo} (Ctrl+Z)", theme.TEXT, bool(undo)):
         editing.undo()
     imgui.same_line(0, 0)

@@ -24,6 +24,7 @@ OVER_HEAD_M = 0.34
 HALF_WIDTH_M = 0.4  # of a character, to be clicked
 WIDEST, NARROWEST = 190.0, 60.0  # pixels at scale 1
 PAD, LEAST_NAME = 6.0, 56.0
+NUMBERS_ALONE = 110.0  # where there is less room for a name
 
 
 def panel(wall: Wall) -> Panel:
@@ -50,8 +51,13 @@ def draw(state: WallState, poses: list[Pose], camera: Camera, view: Rect) -> int
             texts = ("…", "") if state.candidates[i].asked else (name, seed)
             # of two rows the first has its names under the feet: over the heads they would cover the second
             foot = feet[i] if i < (len(poses) + 1) // 2 and len(poses) > LONGEST_ROW else None
-            text = _fitted(f"{i + 1}", *texts, widths - 2 * px(PAD))
-            _label(text, _below(foot) or head, i == state.hovered, view)
+            hovered = i == state.hovered
+            if widths < px(NUMBERS_ALONE) and not hovered:  # the panel has the names
+                text = f"{i + 1}"
+            else:
+                room = px(WIDEST) if hovered else widths
+                text = _fitted(f"{i + 1}", *texts, room - 2 * px(PAD))
+            _label(text, _below(foot) or head, hovered, view)
     if state.hovered >= 0:
         imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
     return state.hovered if free and imgui.is_mouse_clicked(0) else -1

@@ -22,7 +22,7 @@ from viewer.prompt.style_edit import Side, StyleEdit
 from viewer.services import ControllerLike, CrowdLike
 from viewer.settings import Settings
 from viewer.stage.camera_control import CameraControl
-from viewer.stage.simulation import MAX_STEPS, STEP_SECONDS, interpolate
+from viewer.stage.simulation import STEP_SECONDS, interpolate
 from viewer.stage.stage import Stage
 from viewer.takes.takes import Takes
 from viewer.wall.lineup import centre_of, distance_to, places
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from runtime.terrain.height_map import Terrain
 
 FIRST_COUNT = 3  # characters of a wall that was just opened
+MAX_STEPS = 15  # per displayed frame
 LOWEST_PITCH = 0.3  # rad; from lower, a second row hides behind the first
 GLIDE_HALF_LIFE = 0.25  # seconds, of target and distance
 _LOG = logging.getLogger("sport.viewer")

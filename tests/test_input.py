@@ -15,9 +15,9 @@ from runtime.controls import Gait
 from runtime.errors import UsageError
 from viewer.input.bindings import (
     BINDINGS,
-    TAKE_BINDINGS,
     HOLD_SECONDS,
     JUMP_SECONDS,
+    TAKE_BINDINGS,
     Action,
     InputMapper,
     Intent,

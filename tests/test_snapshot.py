@@ -142,3 +142,13 @@ def two_characters(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None
 def test_a_damaged_state_is_refused_by_name(walked: Controller, damage: Any, says: str) -> None:
     with pytest.raises(FileError, match=says):
         Snapshot.from_bytes(written(take_snapshot(walked), damage), "take.state")
+
+
+def test_a_blend_that_began_within_another_goes_on_alike(walked: Controller, model: MotionModel) -> None:
+    walked.set_style(model.neutral, 0.6)
+    play(walked, 110, 120)
+    data = take_snapshot(walked).to_bytes()
+    once = play(walked, 120, 150)
+    other = Controller(model, make_terrain("hills"))
+    Snapshot.from_bytes(data).restore(other)
+    assert same(play(other, 120, 150), once)

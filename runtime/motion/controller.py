@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,7 +114,7 @@ class Controller:
         if value == self.strength:  # set in every frame: a blend under way goes on as it is
             return
         self._folder = StyleFolder(self.model.fold_style, value)
-        self._restyle(StyleBlend.of(replace(self._state.styles[0].codes, strength=value), self._folder.fold))
+        self._restyle(self._state.styles[0].at_strength(value, self._folder.fold))
 
     def settle(self, gait: Gait = Gait.WALK, seconds: float = SETTLE_SECONDS) -> Pose:
         """Come to rest in the present style, in place, in frames that nobody sees; returns the pose to begin from.

@@ -20,15 +20,17 @@ import numpy as np
 from runtime.crossing.crossing import is_possible
 from runtime.errors import FileError, ModelError
 from runtime.motion.controller import Controller
+from runtime.motion.model import Style
 from runtime.motion.state import CharacterState
 from runtime.motion.style_blend import StyleCodes
 from runtime.motion.style_mix import StyleMix
 from runtime.records import REMEDY, copied, read_record, write_record
 
 VERSION = 3
-MAX_BYTES = 4 * 1024 * 1024
+MAX_BYTES = 16 * 1024 * 1024  # a folded style has 2 MB
 MOST_CODES, LARGEST_SHARE, LARGEST_CODE = 64, 64.0, 1e4
-LONGEST_BLEND_S, LARGEST_STRENGTH = 1e6, 16.0
+LONGEST_BLEND_S, LARGEST_STRENGTH, FASTEST = 1e6, 16.0, 100.0
+FOLDED_FIELDS = ("z", "front_bias", "content_weight", "content_bias", "rest")
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +45,13 @@ class Snapshot:
 
         FileError when the state belongs to another model.
         """
+        start = self.codes.start
         try:
+            now = controller.style
+            if isinstance(start, Style) and any(
+                getattr(start, name).shape != getattr(now, name).shape for name in FOLDED_FIELDS
+            ):
+                raise FileError("state of a controller: a style of another model.", REMEDY)
             controller.put(self.state, self.codes)
         except ModelError as error:
             raise FileError(f"state of a controller: {error.problem}", REMEDY) from error
@@ -116,7 +124,10 @@ def take_snapshot(controller: Controller) -> Snapshot:
     return Snapshot(state, blend.codes)
 
 
-def _written(mix: StyleMix, arrays: list[np.ndarray]) -> dict[str, Any]:
+def _written(style: StyleMix | Style, arrays: list[np.ndarray]) -> dict[str, Any]:
+    if isinstance(style, Style):
+        return write_record(style, arrays)
+    mix = style
     arrays.append(np.stack(mix.codes))
     return {"codes": len(arrays) - 1, "shares": list(mix.shares)}
 
@@ -126,7 +137,19 @@ def _codes(tree: Any, arrays: list[np.ndarray]) -> StyleCodes:
     numbers = [_number(tree[name], most) for name, most in limits]
     if (numbers[1] < 1.0 and numbers[0] <= 0.0) or numbers[1] < 0.0:
         raise ValueError("a blend that takes no time")
-    return StyleCodes(_mix(tree["start"], arrays), _mix(tree["goal"], arrays), *numbers)
+    start = tree["start"]
+    begun = _mix(start, arrays) if "codes" in start else _folded(start, arrays)
+    return StyleCodes(begun, _mix(tree["goal"], arrays), *numbers)
+
+
+def _folded(tree: Any, arrays: list[np.ndarray]) -> Style:
+    """A folded style; whether its shapes are those of a model shows when it is restored."""
+    folded = [arrays[int(tree[name])] for name in FOLDED_FIELDS]
+    if any(array.dtype != np.float32 or not (np.abs(array) <= LARGEST_CODE).all() for array in folded):
+        raise ValueError("weights that no style has")
+    z, front_bias, content_weight, content_bias, rest = folded
+    walk, jog = (_number(tree[name], FASTEST) for name in ("walk_speed", "jog_speed"))
+    return Style(z, front_bias, content_weight, content_bias, walk, jog, rest)
 
 
 def _mix(tree: Any, arrays: list[np.ndarray]) -> StyleMix:

@@ -13,7 +13,6 @@ from runtime.motion.style_mix import StyleMix, mixed
 
 Array = NDArray[np.float32]
 
-LEAST_SHARE = 1e-3  # of a code in a mix; what is less is left out
 Fold = Callable[[Array | StyleMix], Style]
 
 
@@ -21,7 +20,7 @@ Fold = Callable[[Array | StyleMix], Style]
 class StyleCodes:
     """What a style was, what it becomes, and how far it is."""
 
-    start: StyleMix
+    start: StyleMix | Style  # a blend that began in the middle of another begins with what was shown, folded
     goal: StyleMix
     seconds: float = 0.0
     progress: float = 1.0  # 0 to 1
@@ -31,20 +30,6 @@ class StyleCodes:
     def share(self) -> float:
         """Of the goal, eased at both ends."""
         return self.progress * self.progress * (3 - 2 * self.progress)
-
-    @property
-    def now(self) -> StyleMix:
-        """The mix of codes that is shown."""
-        if self.progress >= 1.0:
-            return self.goal
-        shares: dict[bytes, tuple[float, Array]] = {}
-        for mix, part in ((self.start, 1.0 - self.share), (self.goal, self.share)):
-            for weight, code in zip(mix.shares, mix.codes, strict=True):
-                key = code.tobytes()
-                shares[key] = shares.get(key, (0.0, code))[0] + part * weight, code
-        kept = [pair for pair in shares.values() if abs(pair[0]) >= LEAST_SHARE]
-        total = sum(weight for weight, _ in kept)
-        return StyleMix(tuple(weight / total for weight, _ in kept), tuple(code for _, code in kept))
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +43,8 @@ class StyleBlend:
     @staticmethod
     def of(codes: StyleCodes, fold: Fold) -> StyleBlend:
         """Folded by a model at the codes' strength; ModelError where a code does not fit the model."""
-        ends = fold(codes.start), fold(codes.goal)
+        start = codes.start if isinstance(codes.start, Style) else fold(codes.start)
+        ends = start, fold(codes.goal)
         return StyleBlend(codes, ends, _between(ends, codes))
 
     @staticmethod
@@ -70,7 +56,14 @@ class StyleBlend:
         """From what is shown now to another style; ModelError where a code does not fit the model."""
         if seconds <= 0.0:
             return StyleBlend.constant(style, self.codes.strength, fold)
-        return StyleBlend.of(StyleCodes(self.codes.now, _mix(style), seconds, 0.0, self.codes.strength), fold)
+        start = self.style if self.blending else self.codes.goal
+        return StyleBlend.of(StyleCodes(start, _mix(style), seconds, 0.0, self.codes.strength), fold)
+
+    def at_strength(self, strength: float, fold: Fold) -> StyleBlend:
+        """The same blend at another strength, by which `fold` folds."""
+        start = self.codes.start
+        start = _mix(start.z) if isinstance(start, Style) else start
+        return StyleBlend.of(replace(self.codes, start=start, strength=strength), fold)
 
     def advanced(self, dt: float) -> StyleBlend:
         """The blend `dt` seconds on."""

@@ -29,10 +29,18 @@ def shipped_models() -> dict[str, Path]:
 
 
 def model_folder(model: Path | str | None = None) -> Path:
-    """Folder of a model that is named (`open`), lies somewhere (`./open`) or, for None, is the default; FileError without that."""
+    """Folder of a model that is shipped under a name (`compact`), lies somewhere (`./mine`) or, for None, is the default.
+
+    FileError where that is missing; of a name it lists those that are shipped.
+    """
     if model is None:
         return asset_path(f"models/{DEFAULT_MODEL}")
     named = shipped_models() if Path(model).parent == Path() and not str(model).startswith(".") else {}
+    if named and str(model) not in named and not Path(model).exists():
+        raise FileError(
+            f"--model {model}: no model of this name is shipped, and there is no such folder.",
+            f"Shipped: {', '.join(named)}. Or name the folder of an exported model.",
+        )
     return named.get(str(model), Path(model))
 
 

@@ -21,8 +21,8 @@ class Steps:
     phase: int = 2000
     content: int = 3000
     words: int = WORD_STEPS
-    stage2: int = 30000
-    stage3: int = 8000
+    stage2: int = 20000
+    stage3: int = 6000
     batch: int = 1024
 
 

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -103,12 +103,12 @@ class _Course:
         return np.stack([np.sin(self.padded_yaw), np.cos(self.padded_yaw)], -1)
 
     @property
-    def now(self) -> Array:
+    def now(self) -> NDArray[np.intp]:
         """Each frame's row in the padded arrays."""
         return np.arange(len(self.root)) + PAD
 
     @property
-    def window(self) -> Array:
+    def window(self) -> NDArray[np.intp]:
         """Rows of the 12 samples around each frame."""
         return self.now[:, None] + features.TRAJECTORY_OFFSETS
 
@@ -269,7 +269,9 @@ def load_frames(
     if folder is None:
         with TemporaryDirectory() as temporary:
             table = load_frames(clips, Path(temporary), workers, limit)
-            return replace(table, **{name: np.array(getattr(table, name)) for name in _ARRAYS})
+            for name in _ARRAYS:
+                setattr(table, name, np.array(getattr(table, name)))
+            return table
     files = [[path.name, path.stat().st_size] for path in paths]
     if _stored_files(folder) != files:
         _write_table(paths, files, folder, workers)

@@ -90,7 +90,7 @@ def captured_paces(table: FrameTable, label: Gait) -> dict[str, float]:
     for name in sorted(set(table.styles)):
         own = np.flatnonzero(plain & (np.array(table.styles) == name))
         takes: dict[str, list[np.ndarray]] = defaultdict(list)  # long ones are cut in parts
-        for clip in own:
+        for clip in map(int, own):
             if clip in forward:
                 takes[re.sub(r"_\d$", "", table.names[clip])].append(forward[clip])
         speeds = [np.median(s) for s in map(np.concatenate, takes.values()) if len(s) >= FPS]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from runtime.assets import model_folder
+from runtime.assets import model_folder, shipped_models
 from runtime.errors import UsageError
 
 Subparsers = argparse._SubParsersAction  # what `add_subparsers` returns
@@ -16,7 +16,7 @@ def add_model(command: argparse.ArgumentParser) -> None:
         "--model",
         type=model_folder,
         metavar="NAME|DIR",
-        help="a shipped model (compact, the default, or open) or the folder of an exported one",
+        help=f"a shipped model ({', '.join(shipped_models())}; the first is the default) or the folder of an exported one",
     )
 
 

@@ -288,7 +288,7 @@ def _givers(table: FrameTable, texts: StyleTexts, device: torch.device) -> tuple
     Held-out clips weigh nothing. Where no clip edits a part the captured ones stand for them.
     """
     length = np.diff(table.start)
-    usable = ~table.held_out & (length >= SHORTEST)
+    usable = np.logical_not(table.held_out) & (length >= SHORTEST)
     layered = np.array([content == LAYERED for content in table.contents])
     captured = usable & ~layered & (np.array(table.sources) != "pfnn_rollouts")
     captured = captured if captured.any() else usable

@@ -59,7 +59,7 @@ def skeleton_of(clip: ClipSource, motion: BvhMotion) -> SourceSkeleton:
     """The skeleton of a clip with the constants of its capture."""
     found = recognise(motion, clip.path.name)
     owner = next(
-        (r for r in DATA_SETS if clip.capture in r.head_lift_degrees | r.references), BY_NAME[clip.source]
+        (r for r in DATA_SETS if clip.capture in {*r.head_lift_degrees, *r.references}), BY_NAME[clip.source]
     )
     return owner.of_capture(found, clip.capture)
 

@@ -104,14 +104,20 @@ def load_clip(path: Path) -> TrainingClip:
         with np.load(path, allow_pickle=False) as c:
             origin = (float(c["patch_origin"][0]), float(c["patch_origin"][1]))
             patches = Patches(c["patch_heights"][:1].astype(np.float64), origin, float(c["patch_cell"]))
-            texts = [str(c[k]) for k in ("style", "content", "source", "split", "tier")]
+            style, content, source, split, tier = (
+                str(c[k]) for k in ("style", "content", "source", "split", "tier")
+            )
             return TrainingClip(
                 path.stem,
                 c["hips_positions"],
                 c["local_rotations"],
                 c["contacts"],
                 c["gait"],
-                *texts,
+                style,
+                content,
+                source,
+                split,
+                tier,
                 patches,
             )
     except (OSError, ValueError, KeyError) as error:

@@ -200,7 +200,7 @@ def _gaps(
     for start, end in zip(starts, ends, strict=True):
         if end - start < FLIGHT_FRAMES or start == 0 or end == len(contacts):
             continue
-        place, ahead = _way(xz, start - 1, end)
+        place, ahead = _way(xz, int(start) - 1, int(end))
         flight = Fitted("gap", place, ahead, 0.0, HALF_WIDTH_M, 0.0, 0.0, int(start + end) // 2)
         along, aside = flight.local(feet)
         near = held & (np.abs(aside) < HALF_WIDTH_M + 0.1)

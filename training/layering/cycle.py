@@ -50,8 +50,8 @@ def cycle_mean(values: Array, frames: int) -> Array:
 def axes(motion: Motion) -> Axes:
     """The facing direction over a cycle."""
     positions, _ = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local.astype(np.float64))
-    yaw = np.unwrap(features.facing_yaw(positions).astype(np.float64))
-    yaw = cycle_mean(yaw[:, None], cycle_frames(motion.contacts))[:, 0]
+    facing_yaw = np.unwrap(features.facing_yaw(positions).astype(np.float64))
+    yaw = cycle_mean(facing_yaw[:, None], cycle_frames(motion.contacts))[:, 0]
     facing = rotations.from_yaw(yaw)
     return Axes(
         yaw,

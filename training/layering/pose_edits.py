@@ -191,8 +191,10 @@ class _Arm:
     @staticmethod
     def of(slot: str) -> _Arm:
         side = slot.removesuffix("_arm")
-        joints = (_AT(side.capitalize() + name) for name in ("Shoulder", "Arm", "ForeArm", "Hand"))
-        return _Arm(*joints, np.array([SIDES[side][1], 1.0, 1.0]))
+        collar, shoulder, elbow, hand = (
+            _AT(side.capitalize() + name) for name in ("Shoulder", "Arm", "ForeArm", "Hand")
+        )
+        return _Arm(collar, shoulder, elbow, hand, np.array([SIDES[side][1], 1.0, 1.0]))
 
 
 def _hand(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
@@ -269,7 +271,10 @@ def _swing(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motio
 def _drift(length: int, random: np.random.Generator) -> Array:
     """Slow unit noise `(T, 3)`: a held hand never stands perfectly still."""
     time = np.arange(length)[:, None] / FPS
-    return sum(np.sin(2 * np.pi * (random.uniform(0.1, 0.7, 3) * time + random.random(3))) for _ in range(2))
+    drift = np.zeros((length, 3))
+    for _ in range(2):
+        drift += np.sin(2 * np.pi * (random.uniform(0.1, 0.7, 3) * time + random.random(3)))
+    return drift
 
 
 # --- Legs -------------------------------------------------------------------------------------------------------------
@@ -309,7 +314,7 @@ def _legs_edit(motion: Motion, p: dict[str, float], sides: tuple[tuple[int, floa
     hips = motion.hips.astype(np.float64).copy()
     facing = rotations.from_yaw(motion.facing)
     for column, sign in sides:
-        down = motion.contacts[:, 2 * column : 2 * column + 2].any(1)
+        down = np.asarray(motion.contacts[:, 2 * column : 2 * column + 2].any(1))
         ankle, foot = ankles[:, column], feet[:, column]
         if "lift" in p:
             ankle[:, 1] += p["lift"] * bumps(down)

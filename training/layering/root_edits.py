@@ -59,7 +59,7 @@ def with_feet(motion: Motion, hips: Array, ankles: Array, feet: Array) -> Motion
 
 def down(motion: Motion, column: int) -> NDArray[np.bool_]:
     """Frames in which a foot (0 left, 1 right) stands."""
-    return motion.contacts[:, 2 * column : 2 * column + 2].any(1)
+    return np.asarray(motion.contacts[:, 2 * column : 2 * column + 2].any(1))
 
 
 # --- Path -------------------------------------------------------------------------------------------------------------

@@ -27,7 +27,7 @@ def step_phase(contacts: NDArray[np.uint8]) -> Array:
 
 def left_landings(contacts: NDArray[np.uint8], gap: int = 6) -> NDArray[np.intp]:
     """Frames where the left foot comes down; contacts interrupted for up to `gap` frames count as one."""
-    down = contacts[:, :2].any(1).copy()
+    down = np.array(contacts[:, :2].any(1))
     edges = np.flatnonzero(np.diff(down.astype(np.int8)))
     for a, b in itertools.pairwise(edges):
         if not down[a + 1] and b - a <= gap:

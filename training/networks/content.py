@@ -37,6 +37,8 @@ class Gaussian:
 class PartAttention(nn.Module):
     """E_J: one attention layer in which each part's learnable token sees its own joints and the global motion."""
 
+    blocked: Tensor
+
     def __init__(self, feedforward: int = 256, dropout: float = 0.1) -> None:
         super().__init__()
         self.project = nn.Linear(JOINT_FEATURES, PART_SIZE)
@@ -88,6 +90,8 @@ def _transformer(config: ModelConfig) -> nn.TransformerEncoder:
 class MotionSequenceEncoder(nn.Module):
     """E_J then E_T: a sequence `(B, 40, 31, 9)` to six independent VAE tokens."""
 
+    position: Tensor
+
     def __init__(self, config: ModelConfig) -> None:
         super().__init__()
         self.joints = PartAttention()
@@ -111,6 +115,9 @@ class PartTextEncoder(nn.Module):
     their tokens, and of torso and head the second half of the code changes its sign with the side. So the code of
     mirrored words is the mirrored code: the limbs' exchanged, the second half of torso and head negative.
     """
+
+    token: Tensor
+    odd: Tensor
 
     def __init__(self, text_size: int, hidden: int = 256, one_sided: bool = False) -> None:
         super().__init__()
@@ -154,6 +161,8 @@ def odd_codes() -> Tensor:
 class SequenceDecoder(nn.Module):
     """D_s: six latent tokens `(B, 6, 64)` back to the sequence of joints `(B, 40, 31, 9)` and root `(B, 40, 3)`."""
 
+    position: Tensor
+
     def __init__(self, config: ModelConfig, size: int = 128) -> None:
         super().__init__()
         self.project = nn.Linear(PART_SIZE, size)
@@ -195,6 +204,10 @@ class StatisticsReader(nn.Module):
     of torso and head what changes its sign in the mirror image only from codes that do.
     """
 
+    centre: Tensor
+    deviation: Tensor
+    odd: Tensor
+
     def __init__(self, one_sided: bool = False) -> None:
         super().__init__()
         self.one_sided = one_sided
@@ -227,6 +240,7 @@ class StatisticsReader(nn.Module):
         if not self.one_sided:
             return self.parts[k](z)
         parity, read = getattr(self, f"parity_{name}"), self.parts[_LEFT[k]]
+        assert isinstance(read, nn.Linear)
         if not _MIDLINE[k]:
             values = read(z)
             return values * parity if _LEFT[k] != k else values
@@ -242,6 +256,7 @@ class MeasuresReader(nn.Module):
     takes `1 / GAIN` of the code: no weight can enlarge what the code hardly says.
     """
 
+    odd: Tensor
     GAIN = 0.5
 
     def __init__(self, signs: Sequence[Sequence[float]], one_sided: bool = False) -> None:
@@ -259,6 +274,7 @@ class MeasuresReader(nn.Module):
 
     def _read(self, z: Tensor, k: int) -> Tensor:
         read = self.parts[_LEFT[k] if self.one_sided else k]
+        assert isinstance(read, nn.Linear)
         allowed = torch.ones_like(read.weight)
         bias = read.bias
         if self.one_sided and _MIDLINE[k]:

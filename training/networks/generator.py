@@ -19,6 +19,9 @@ class Generator(nn.Module):
     `residual_diffusion` what Z^c has over the codes of E_d.
     """
 
+    code_mean: Tensor
+    code_deviation: Tensor
+
     def __init__(self, config: ModelConfig) -> None:
         super().__init__()
         self.config = config

@@ -32,6 +32,8 @@ def two_hop_neighbours() -> Tensor:
 class TwoHopGraphConvolution(nn.Module):
     """Each joint's token from the velocities of its two-hop neighbourhood: `(B, T, 31, 3)` to the same shape."""
 
+    mask: Tensor
+
     def __init__(self) -> None:
         super().__init__()
         mask = two_hop_neighbours()
@@ -52,6 +54,9 @@ class PeriodicAutoencoder(nn.Module):
     `encode` gives amplitude a, frequency f, offset b `(B, C)` and phase shift s `(B, C)` in turns;
     `phase_vectors` gives Eq. 1: (a sin 2 pi s, a cos 2 pi s) `(B, C, 2)` at the window's centre.
     """
+
+    seconds: Tensor
+    frequencies: Tensor
 
     def __init__(self, config: ModelConfig) -> None:
         super().__init__()

@@ -24,6 +24,7 @@ from training.rollouts import RolloutLanes
 from training.session import (
     Losses,
     MovingAverage,
+    Resumable,
     Session,
     StageState,
     load_checkpoint,
@@ -212,7 +213,7 @@ def run_stage2(
 
     cycles = 3 if steps >= SHORT_STEPS else 1
     rate = _warm_restarts(steps, 5e-4 if fine_tuned else 1e-3, cycles)
-    kept = {"rows": rows, "lanes": lanes}
+    kept: dict[str, Resumable] = {"rows": rows, "lanes": lanes}
     train(session, "stage2", state, rows, losses, steps, rate, batch, max_minutes, kept)
     module.load_state_dict(state.average.values)
     save_checkpoint(
@@ -339,7 +340,7 @@ def run_stage3(
                 result, total = result | motion, 0.1 * total + _total(motion)
             return result | {"total": total}
 
-    kept = {"rows": rows, "lanes": lanes}
+    kept: dict[str, Resumable] = {"rows": rows, "lanes": lanes}
     train(session, "stage3", state, rows, losses, steps, _cosine(steps), batch, max_minutes, kept)
     module.load_state_dict(state.average.values)
     return module.eval()

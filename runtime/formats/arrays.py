@@ -16,6 +16,7 @@ from runtime.controls import Gait
 from runtime.formats.prepare import PreparedTake
 from runtime.formats.sidecar import markers
 from runtime.skeleton import SPORT_SKELETON
+from runtime.takes.clip import Clip
 
 CONTACTS = ("left_heel", "left_toe", "right_heel", "right_toe")
 SOLES = ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")
@@ -32,7 +33,7 @@ def take_arrays(take: PreparedTake) -> dict[str, NDArray[Any]]:
     """
     clip = take.clip
     positions, world = clip.world()
-    contacts = clip.contacts if clip.contacts.any() else _contacts(positions, clip.fps)
+    contacts = foot_contacts(clip)
     known = {int(gait): gait.name.lower() for gait in Gait}
     gaits = np.full(len(clip), -1) if clip.gaits is None else clip.gaits
     return {
@@ -55,8 +56,11 @@ def take_arrays(take: PreparedTake) -> dict[str, NDArray[Any]]:
     }
 
 
-def _contacts(positions: NDArray[np.floating], fps: float) -> NDArray[np.float32]:
-    """Contacts `(T, 4)` of heels and toes from the motion alone: a BVH has none."""
+def foot_contacts(clip: Clip) -> NDArray[np.floating]:
+    """Contacts `(T, 4)` of a clip, or those that its motion shows where it has none: a BVH has none."""
+    if clip.contacts.any():
+        return clip.contacts
+    positions, fps = clip.world()[0], clip.fps
     feet = positions[:, [SPORT_SKELETON.index(name) for name in SOLES]].astype(np.float64)
     speed = (
         np.linalg.norm(np.gradient(feet, axis=0), axis=-1) * fps

@@ -24,14 +24,16 @@ from runtime.formats.glb_skeleton import (
     set_local,
     written,
 )
-from runtime.formats.ground import add_ground
+from runtime.formats.ground import MARGIN_M, add_ground
 from runtime.formats.prepare import ExportOptions, PreparedTake, prepare
 from runtime.formats.sidecar import take_extras
+from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
 
 MANNEQUIN = "character/mannequin.glb"
+HIPS = SPORT_SKELETON.index("Hips")
 CHUNK = 1800  # frames worked on at once, so that an hour does not fill the memory
 STILL = 1e-6  # metres: a joint that moves less against its parent has no translation track
 
@@ -41,6 +43,17 @@ def save_glb(take: PreparedTake, path: Path, options: ExportOptions, terrain: Te
 
     FileError when the character cannot be used or the file not be written.
     """
+    glb_document(take, options, terrain)[0].save(path)
+
+
+def glb_document(
+    take: PreparedTake,
+    options: ExportOptions,
+    terrain: Terrain | None,
+    ground_vertices: int | None = None,
+    ground_margin_m: float = MARGIN_M,
+) -> tuple[GlbBuffer, int]:
+    """The document of `save_glb`, and the number of its node of the hips. FileError."""
     source = asset_path(MANNEQUIN) if options.character is None else Path(options.character)
     character = load_character(
         source, None if options.joint_map is None else read_joint_map(options.joint_map)
@@ -59,9 +72,9 @@ def save_glb(take: PreparedTake, path: Path, options: ExportOptions, terrain: Te
     if options.animation_only:
         _drop_meshes(buffer)
     if options.with_ground and terrain is not None:
-        add_ground(buffer, terrain, take)
+        add_ground(buffer, terrain, take, most=ground_vertices, margin_m=ground_margin_m)
     buffer.gltf.scenes[0].extras = {"sport": take_extras(take)}
-    buffer.save(path)
+    return buffer, next(node for node, k in rig.joints.items() if character.sport_joints[k] == HIPS)
 
 
 def _other(path: Path, options: ExportOptions, terrain: Terrain | None) -> PreparedTake:

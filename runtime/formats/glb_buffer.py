@@ -145,12 +145,16 @@ class GlbBuffer:
 
     def save(self, path: Path) -> None:
         """Write the GLB whole or not at all; FileError when it cannot be written."""
+        write_atomic(path, self.to_bytes())
+
+    def to_bytes(self) -> bytes:
+        """The GLB."""
         import pygltflib as g
 
         self._blob.extend(b"\0" * (-len(self._blob) % 4))
         self.gltf.buffers = [g.Buffer(byteLength=len(self._blob))]
         self.gltf.set_binary_blob(bytes(self._blob))
-        write_atomic(path, b"".join(self.gltf.save_to_bytes()))
+        return b"".join(self.gltf.save_to_bytes())
 
 
 def _document(file: GltfFile) -> tuple[GLTF2, set[int]]:

@@ -57,7 +57,9 @@ def ground_of(clip: Clip, clip_path: Path | None = None, asked: str | None = Non
     return load_terrain(ground_spec(clip, clip_path, asked))
 
 
-def ground_mesh(terrain: Terrain, take: PreparedTake) -> tuple[Array, NDArray[np.uint32]]:
+def ground_mesh(
+    terrain: Terrain, take: PreparedTake, most: int | None = None, margin_m: float = MARGIN_M
+) -> tuple[Array, NDArray[np.uint32]]:
     """Vertices `(V, 3)` in metres where the take stands on them, and triangles `(F, 3)`, counter-clockwise from above.
 
     Every sample of the height map is a vertex, so heights there are exact; a level ground is two triangles.
@@ -68,10 +70,11 @@ def ground_mesh(terrain: Terrain, take: PreparedTake) -> tuple[Array, NDArray[np
     heights = terrain.heights.astype(np.float64)
     if np.ptp(heights) < LEVEL_M:
         x, z, heights = x[[0, -1]], z[[0, -1]], heights[np.ix_([0, -1], [0, -1])]
-    if heights.size > MAX_VERTICES:
-        i, j = _near(x, take, 0), _near(z, take, 2)
+    most = MAX_VERTICES if most is None else most
+    if heights.size > most:
+        i, j = _near(x, take, 0, margin_m), _near(z, take, 2, margin_m)
         x, z, heights = x[i], z[j], heights[i, j]
-        step = int(np.ceil(np.sqrt(heights.size / MAX_VERTICES)))
+        step = int(np.ceil(np.sqrt(heights.size / most)))
         x, z, heights = x[::step], z[::step], heights[::step, ::step]
     nx, nz = heights.shape
     points = np.stack([np.broadcast_to(x[:, None], (nx, nz)), heights, np.broadcast_to(z, (nx, nz))], -1)
@@ -80,12 +83,12 @@ def ground_mesh(terrain: Terrain, take: PreparedTake) -> tuple[Array, NDArray[np
     return take.placement.points(points.reshape(-1, 3)), quads.reshape(-1, 3).astype(np.uint32)
 
 
-def _near(axis: Array, take: PreparedTake, component: int) -> slice:
+def _near(axis: Array, take: PreparedTake, component: int, margin_m: float) -> slice:
     """The part of a grid's axis that lies about the take as it was before its placement."""
     turn = take.placement
     back = np.linalg.inv(turn.matrix())
     path = take.root.positions @ back[:3, :3].T + back[:3, 3]
-    low, high = path[:, component].min() - MARGIN_M, path[:, component].max() + MARGIN_M
+    low, high = path[:, component].min() - margin_m, path[:, component].max() + margin_m
     first = int(np.clip(np.searchsorted(axis, low) - 1, 0, len(axis) - 2))
     last = int(np.clip(np.searchsorted(axis, high) + 1, first + 2, len(axis)))
     return slice(first, last)
@@ -115,12 +118,19 @@ def save_ground(path: Path, terrain: Terrain, take: PreparedTake, unit: str = "m
     return path
 
 
-def add_ground(buffer: GlbBuffer, terrain: Terrain, take: PreparedTake, scale: float = 1.0) -> None:
+def add_ground(
+    buffer: GlbBuffer,
+    terrain: Terrain,
+    take: PreparedTake,
+    scale: float = 1.0,
+    most: int | None = None,
+    margin_m: float = MARGIN_M,
+) -> None:
     """Add the ground as a node of its own to a document's scene."""
     import pygltflib as g
 
     gltf = buffer.gltf
-    vertices, triangles = ground_mesh(terrain, take)
+    vertices, triangles = ground_mesh(terrain, take, most, margin_m)
     normals = _normals(vertices, triangles)
     attributes = g.Attributes(
         POSITION=buffer.add(vertices, ARRAY_BUFFER, bounds=True), NORMAL=buffer.add(normals, ARRAY_BUFFER)

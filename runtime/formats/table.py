@@ -61,6 +61,13 @@ def _write_csv(take: PreparedTake, path: Path, options: ExportOptions, terrain: 
     return describe(take, path)
 
 
+def _write_page(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None) -> str:
+    from runtime.formats.page import save_page
+
+    save_page(take, path, options, terrain)
+    return describe(take, path)
+
+
 def _write_ground(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None) -> str:
     from runtime.formats.ground import save_ground
 
@@ -107,6 +114,7 @@ _TABLE = (
     Format(".bvh", "BVH: motion", "motion of the 31-joint skeleton", MOTION | {"unit", "euler_order"}, _write_bvh, keeps_motion=True),
     Format(".glb", "GLB: character with motion", "character with motion (glTF binary)", _SKINNED, _write_glb, keeps_motion=True),
     Format(".fbx", "FBX: through Blender", "character with motion, through Blender", _SKINNED, _write_fbx, _check_fbx, keeps_motion=True),
+    Format(".html", "HTML: page to look at", "page with character and ground, plays in any browser", MOTION | CHARACTER | {"with_takes"}, _write_page),
     Format(".npz", "NPZ: arrays", "positions, rotations, root, contacts, phase as NumPy arrays", _ARRAYS, _write_npz, ignores=MOTION),
     Format(".csv", "CSV: table", "the same, a row a frame", _ARRAYS, _write_csv, ignores=MOTION),
     Format(".mp4", "MP4: film", "film (H.264)", _FILM),

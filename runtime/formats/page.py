@@ -1,0 +1,55 @@
+"""A take as a web page: one file that any browser opens without a network, with the character, ground and player in it."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import html
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from runtime.assets import asset_path
+from runtime.atomic import write_atomic
+from runtime.formats.arrays import foot_contacts
+from runtime.formats.glb import glb_document
+from runtime.formats.prepare import ExportOptions, PreparedTake
+from runtime.formats.sidecar import markers
+from runtime.safe_read import printable
+from runtime.terrain.height_map import Terrain
+
+GROUND_VERTICES, GROUND_MARGIN_M = 24_000, 5.0  # of the ground about the take: a page stays small
+
+
+def save_page(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None = None) -> None:
+    """Write the page; the take lies on its `terrain` where it goes over it. FileError."""
+    ground = terrain is not None and take.clip.placed is not None
+    options = replace(options, with_ground=ground)
+    buffer, hips = glb_document(take, options, terrain, GROUND_VERTICES, GROUND_MARGIN_M)
+    contacts = foot_contacts(take.clip) > 0.5
+    feet = np.stack([contacts[:, :2].any(axis=1), contacts[:, 2:].any(axis=1)], axis=1) @ np.array([1, 2])
+    facts = {
+        "fps": take.clip.fps,
+        "seconds": take.clip.seconds,
+        "hips": hips,
+        "markers": markers(take.clip),
+        "contacts": "".join(str(bits) for bits in feet.tolist()),
+        "yaw": np.round(take.root.yaw, 3).tolist(),
+    }
+    parts = {
+        "title": html.escape(printable(take.clip.name)),
+        # no text of a take ends a script: "<" stands as its number
+        "facts": json.dumps(facts, ensure_ascii=False).replace("<", "\\u003c"),
+        "glb": base64.b64encode(gzip.compress(buffer.to_bytes(), 9, mtime=0)).decode("ascii"),
+        "three": asset_path("web/three.min.js").read_text(encoding="utf-8"),
+        "script": asset_path("web/take.js").read_text(encoding="utf-8"),
+    }
+    page = asset_path("web/page.html").read_text(encoding="utf-8")
+    pieces = page.split("{{")
+    text = pieces[0]
+    for piece in pieces[1:]:
+        name, _, rest = piece.partition("}}")
+        text += parts[name] + rest
+    write_atomic(path, text)

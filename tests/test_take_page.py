@@ -29,7 +29,7 @@ CHROMIUM, DRIVER = shutil.which("chromium") or shutil.which("google-chrome"), sh
 CLIP = Clip("</script><b>walk", 60.0, *walk(120),
             prompts=(PromptEvent(0.0, "</script> proud"), PromptEvent(1.0, "drunk")))  # fmt: skip
 ARGUMENTS = ["--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-             "--disable-dev-shm-usage", "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1"]  # fmt: skip
+             "--disable-dev-shm-usage", "--force-prefers-reduced-motion", "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1"]  # fmt: skip
 needs_browser = pytest.mark.skipif(
     CHROMIUM is None or DRIVER is None,
     reason="no Chromium: apt-get install chromium chromium-driver",

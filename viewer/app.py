@@ -231,6 +231,7 @@ class App:
         stage.begin_camera(options.camera or state.settings.camera)
         stage.renderer.set_terrain(state.stage.terrain)
         stage.live.begin(options.live_link)
+        stage.vmc.begin(options.vmc)
         stage.load_character(options.character, options.joint_map)
         stage.load_terrain(options.terrain or state.settings.terrain)
         self.load_model(options.model or self.desk.chosen_model(options.offscreen), options.seed)
@@ -349,7 +350,8 @@ class App:
         elif playback is not None:
             self.wall.close()
             playback.advance(dt)
-            self.stage.live.publish([playback.pose()], dt)
+            for link in (self.stage.live, self.stage.vmc):
+                link.publish([playback.pose()], dt)
             return
         controls = self.stage.led(self._asked_of(intent), dt)
         if self.wall.advance(dt, controls):
@@ -484,6 +486,7 @@ class App:
         self.expanders.close()
         self.prompting.close()
         self.stage.live.stop()
+        self.stage.vmc.stop()
         if self.jobs.abandoned and not self.options.offscreen:
             return  # a thread may still draw a film in a context of its own; the process ends with it
         if self.window.handle is not None:

@@ -45,6 +45,7 @@ class ViewOptions:
     camera: str | None = specified(None, choices=CAMERAS | VIEWS, flag="--camera")
     controls: str | None = None
     keys: str = ""
+    vmc: str | None = None  # the same by the VMC protocol
     live_link: str | None = None  # where poses go, see `viewer.live.address`; None: nowhere
 
     def check(self) -> None:

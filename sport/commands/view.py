@@ -45,6 +45,13 @@ def add(commands: Subparsers) -> None:
         metavar="HOST:PORT",
         help="send the pose to Blender or another program (default: 127.0.0.1:9763)",
     )
+    view.add_argument(
+        "--vmc",
+        nargs="?",
+        const="",
+        metavar="HOST:PORT",
+        help="send the pose by the VMC protocol, for Unity, Warudo, VSeeFace (default: 127.0.0.1:39539)",
+    )
     view.add_argument("--offscreen", action="store_true", help="no window or display; one step per frame")
     view.add_argument("--frames", type=int, metavar="N", help="end after N frames")
     view.add_argument("--screenshot", type=Path, metavar="PNG", help="image of the last frame")
@@ -56,8 +63,9 @@ def run(options: argparse.Namespace) -> int:
     from viewer.live.address import parse_address
     from viewer.options import ViewOptions
 
-    if options.live_link is not None:
-        parse_address(options.live_link)
+    for flag, link in (("--live-link", options.live_link), ("--vmc", options.vmc)):
+        if link is not None:
+            parse_address(link, flag=flag)
     width, height = size(options.size)
     view_options = ViewOptions(
         offscreen=options.offscreen,
@@ -83,6 +91,7 @@ def run(options: argparse.Namespace) -> int:
         controls=options.controls,
         keys=options.keys,
         live_link=options.live_link,
+        vmc=options.vmc,
     )
     view_options.check()
     from viewer.app import run

@@ -27,8 +27,11 @@ class Address:
         return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
 
 
-def parse_address(text: str) -> Address:
-    """The address of "HOST:PORT", "HOST", "PORT", ":PORT" or ""; HOST is an IP address or localhost. UsageError."""
+def parse_address(text: str, port_number: int = DEFAULT_PORT, flag: str = "--live-link") -> Address:
+    """The address of "HOST:PORT", "HOST", "PORT", ":PORT" or ""; HOST is an IP address or localhost.
+
+    `port_number` is that of a text without one, `flag` the argument that it came from. UsageError.
+    """
     text = text.strip()
     if text.isdigit():
         host, port = "", text
@@ -39,9 +42,9 @@ def parse_address(text: str) -> Address:
         host, _, port = text.partition(":")
     host = DEFAULT_HOST if host in ("", "localhost") else host
     try:
-        address = Address(str(ip_address(host)), int(port) if port else DEFAULT_PORT)
+        address = Address(str(ip_address(host)), int(port) if port else port_number)
     except ValueError:
-        raise UsageError(f"--live-link {text[:60]}: not an address.", _FORM) from None
+        raise UsageError(f"{flag} {text[:60]}: not an address.", _FORM) from None
     if not 1 <= address.port <= 65535:
-        raise UsageError(f"--live-link {text[:60]}: expected a port of 1 to 65535.", _FORM)
+        raise UsageError(f"{flag} {text[:60]}: expected a port of 1 to 65535.", _FORM)
     return address

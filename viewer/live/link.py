@@ -27,6 +27,7 @@ class LiveLink:
     address: Address = field(default_factory=Address)
     sent: int = 0
     dropped: int = 0
+    name: str = "Live link"
     _socket: socket.socket | None = None
     _joints: bytes = b""
     _motion_s: float = 0.0  # of what was sent
@@ -40,7 +41,7 @@ class LiveLink:
     def begin(self, asked: str | None) -> None:
         """Start at an address as it was typed; None leaves the link off. UsageError."""
         if asked is not None:
-            self.start(parse_address(asked))
+            self.start(parse_address(asked, self.address.port, f"--{self.name.lower().replace(' ', '-')}"))
 
     def start(self, address: Address | None = None) -> None:
         """Send from now on; UsageError when there is no way to that address."""
@@ -50,15 +51,15 @@ class LiveLink:
         try:
             self._socket = socket.socket(family, socket.SOCK_DGRAM)
         except OSError as error:
-            raise UsageError(f"Live link: {error.strerror or error}.", "Use 127.0.0.1.") from error
+            raise UsageError(f"{self.name}: {error.strerror or error}.", "Use 127.0.0.1.") from error
         self._socket.setblocking(False)  # a full buffer must not hold up a frame
         self._joints = message.skeleton_joints(SPORT_SKELETON)
         self.sent = self.dropped = 0
         self._motion_s, self._announced_s = 0.0, self.clock() - ANNOUNCE_S
         if self.address.loopback:
-            self.messages.note(f"Live link: poses go to {self.address}.")
+            self.messages.note(f"{self.name}: poses go to {self.address}.")
         else:
-            self.messages.warn(f"Live link: poses leave this computer, to {self.address}.")
+            self.messages.warn(f"{self.name}: poses leave this computer, to {self.address}.")
 
     def stop(self) -> None:
         """Send no more."""
@@ -75,7 +76,7 @@ class LiveLink:
                 self.messages.error(error)
             return
         self.stop()
-        self.messages.note(f"Live link is off; {self.sent} poses were sent.")
+        self.messages.note(f"{self.name} is off; {self.sent} poses were sent.")
 
     def publish(self, poses: Sequence[Pose], step_s: float = STEP_S) -> None:
         """Send the poses of one frame, oldest first and `step_s` apart; nothing while the link is off."""
@@ -101,6 +102,6 @@ class LiveLink:
             return False
         except OSError as error:
             self.stop()
-            self.messages.error(f"Live link to {self.address} ended: {error.strerror or error}.")
+            self.messages.error(f"{self.name} to {self.address} ended: {error.strerror or error}.")
             return False
         return True

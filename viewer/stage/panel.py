@@ -38,6 +38,7 @@ def draw(stage: Stage, open_files: Callable[[list[Path]], None], browse: Callabl
     _toggles(stage.settings)
     _drawing(stage)
     live_panel.draw(stage.live)
+    live_panel.draw(stage.vmc)
 
 
 def _terrain(stage: Stage) -> None:

@@ -21,6 +21,7 @@ from runtime.terrain.height_map import Terrain
 from viewer.input.bindings import VIEW_ACTIONS, Action
 from viewer.jobs import Jobs
 from viewer.live.link import LiveLink
+from viewer.live.vmc import VmcLink
 from viewer.messages import Messages
 from viewer.services import Loaded, Services
 from viewer.settings import Settings
@@ -57,11 +58,13 @@ class Stage:
     path: PathTool = field(init=False)
     joints: JointMapping = field(init=False)
     live: LiveLink = field(init=False)
+    vmc: VmcLink = field(init=False)
 
     def __post_init__(self) -> None:
         self.path = PathTool(self.messages)
         self.joints = JointMapping(self.messages, self.jobs, self.load_character)
         self.live = LiveLink(self.messages)
+        self.vmc = VmcLink(self.messages)
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
@@ -113,6 +116,7 @@ class Stage:
             simulation.controller.strength = self.settings.strength
         poses = simulation.advance(seconds, controls)
         self.live.publish(poses)
+        self.vmc.publish(poses)
         if simulation.problem:
             self.drives.forget()
             self.messages.error(simulation.problem, SIMULATION)

@@ -38,6 +38,7 @@ from training.frames import LAYERED, ClipFrames, clip_frames
 Array = NDArray[np.floating]
 
 MIN_FRAMES = 60  # of a clip
+MAX_ROWS = 450_000  # 250 minutes
 WALK_RANGE, JOG_RANGE = (0.3, 2.2), (1.2, 5.0)  # m/s that count
 ROLLOUTS = "pfnn_rollouts"
 
@@ -80,6 +81,12 @@ def build(clips: Iterable[ClipRows], codes: dict[str, list[Array]]) -> Database:
     found = list(clips)
     if not found:
         raise FileError("No clips for a database.", "Import captured clips first: `sport train import`.")
+    rows = sum(len(c.features) for c in found)
+    if rows > MAX_ROWS:
+        raise UsageError(
+            f"{rows} rows: a place in the database is a number that stored states hold, at most {MAX_ROWS} rows.",
+            "Import fewer clips, or add --free.",
+        )
     styles = tuple(sorted({c.style for c in found}))
     lengths = [len(c.features) for c in found]
     ends = np.cumsum(lengths) - 1

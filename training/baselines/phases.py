@@ -65,7 +65,7 @@ def footstep_phase(left: NDArray[np.bool_], right: NDArray[np.bool_]) -> Array:
 def phase_vectors(contacts: NDArray[np.bool_]) -> Array:
     """Vectors `(T, 5, 2)` (sine, cosine) of contacts `(T, 4)` left heel, left toe, right heel, right toe; of standing, short ones."""
     turns = [local_phase(contacts[:, k]) for k in range(4)]
-    turns.append(footstep_phase(contacts[:, :2].any(1), contacts[:, 2:].any(1)))
+    turns.append(footstep_phase(contacts[:, 0] | contacts[:, 1], contacts[:, 2] | contacts[:, 3]))
     angle = 2.0 * np.pi * np.stack(turns, 1)
     steps = np.concatenate([onsets(contacts[:, k]) for k in range(4)])
     at = np.arange(len(contacts))

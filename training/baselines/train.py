@@ -125,8 +125,8 @@ def fit(
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
     sample = rng.choice(len(frames.x), min(len(frames.x), 20_000), replace=False)
-    for name, rows in (("x", frames.x[sample]), ("y", frames.y[sample])):
-        values = torch.from_numpy(rows.astype(np.float32))
+    for name, chosen in (("x", frames.x[sample]), ("y", frames.y[sample])):
+        values = torch.from_numpy(chosen.astype(np.float32))
         getattr(network, f"{name}_mean").copy_(values.mean(0))
         getattr(network, f"{name}_deviation").copy_(values.std(0).clamp_min(LEAST_DEVIATION))
     trained = [p for p in network.parameters() if p.requires_grad]

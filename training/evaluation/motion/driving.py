@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +14,9 @@ from runtime.motion.controller import TEMPERATURE, Controller
 from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel
 from runtime.motion.paths import LOOK_AHEAD_M
-from runtime.motion.trajectory import LENGTH, PRESENT
+from runtime.motion.trajectory import LENGTH, PRESENT, Trajectory
 from runtime.pose import Pose
+from runtime.records import copied
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from training.evaluation.metrics.motion import Motion
@@ -127,22 +127,31 @@ def _stick(requests: Requests, frame: int, controller: Controller) -> Controls:
     return Controls((float(move[0]), float(move[1])), facing, gait)
 
 
-class ReplayController(Controller):
-    """A character whose control variables t^p, t^d, t^g and t^h are those of a clip, not a stick's (Sec. IV-B2)."""
+class ReplayTrajectory(Trajectory):
+    """Control variables t^p, t^d, t^g and t^h of a clip, not a stick's (Sec. IV-B2): each frame takes the clip's next window."""
 
-    def replay(self, clip: Motion) -> None:
-        """Take the controls of `clip` from now on, one of its frames at every step."""
+    clip_xz: Array
+    clip_yaw: Array
+    clip_gait: Array
+    number: int
+
+    @staticmethod
+    def of(clip: Motion, began: Trajectory) -> ReplayTrajectory:
+        """From the clip's first frame on, in the place of the trajectory of a character that has just begun."""
+        made = ReplayTrajectory(began.xz, began.yaw, began.gait, began.velocity, began.requested_yaw)
         xz, yaw = root_motion(clip.positions.astype(np.float64))
-        self._path, self._facing = extrapolate(xz), repeat_ends(yaw[:, None])[:, 0]
-        self._gaits = repeat_ends(np.eye(features.GAITS)[clip.gait])
-        self._frame = 0
+        made.clip_xz, made.clip_yaw = extrapolate(xz), repeat_ends(yaw[:, None])[:, 0]
+        made.clip_gait = repeat_ends(np.eye(features.GAITS)[clip.gait])
+        made.number = 0
+        return made
 
-    def _steer(self, controls: Controls) -> None:
-        now = slice(self._frame + PAD - PRESENT, self._frame + PAD - PRESENT + LENGTH)
-        trajectory: Any = self._trajectory
-        trajectory.xz, trajectory.yaw = self._path[now].copy(), self._facing[now].copy()
-        trajectory.gait = self._gaits[now].copy()
-        self._frame += 1
+    def steer(self, velocity: Array, facing_yaw: Array, gait: Array) -> None:
+        """The clip's window; what is requested does not count."""
+        first = self.number + PAD - PRESENT
+        now = slice(first, first + LENGTH)
+        self.xz, self.yaw = self.clip_xz[None, now].copy(), self.clip_yaw[None, now].copy()
+        self.gait = self.clip_gait[None, now].copy()
+        self.number += 1
 
 
 def replay(
@@ -152,9 +161,11 @@ def replay(
 
     The first `lead_in` frames are run at temperature 0: two runs that differ in their seed begin in the same pose.
     """
-    controller = ReplayController(model, clip.terrain, seed, 0.0)
+    controller = Controller(model, clip.terrain, seed, 0.0)
     controller.set_style(z, 0.0)
-    controller.replay(clip)
+    state = copied(controller.state)
+    state.trajectory = ReplayTrajectory.of(clip, state.trajectory)
+    controller.put(state, state.styles[0].codes)
     joints = []
     for frame in range(len(clip)):
         if frame == lead_in:

@@ -26,6 +26,7 @@ class CarriedHips:
     speed: float = 0.0
     short: float = 0.0  # m that a leg is too short
     short_velocity: float = 0.0
+    room: float = 0.0  # m that a knee still needs which cannot bend so fast
 
     def carry(self, legs: Sequence[LegPose], feet: Sequence[PlantedFoot], dt: float) -> None:
         """Set `offset` for this frame, from the incoming legs and the outgoing feet."""
@@ -45,6 +46,13 @@ class CarriedHips:
         short = max(0.0, carried - max(least, -s.max_drop))
         self.short, self.short_velocity = damp(self.short, self.short_velocity, short, s.hips_halflife, dt)
         self.offset = carried - self.short
+
+    def make_room(self, depths: Sequence[float], dt: float) -> float:
+        """Metres that the hips rise over `offset` so that legs which bend no faster do not press their feet `depths` into the ground."""
+        s = SETTINGS
+        needed = min(max(depths), s.max_room, self.room + s.room_speed * dt)
+        self.room = max(self.room * 0.5 ** (dt / s.room_halflife), needed)
+        return self.room
 
 
 def rise_for(hip: Vector, ankle: Vector, spans: float) -> float:

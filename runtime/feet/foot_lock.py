@@ -1,7 +1,8 @@
 """Feet that stand: holds toes and heels on the terrain while they are in contact, and lifts them over it in swing.
 
 Per foot: contact with hysteresis → the held point (toe in preference to heel) → rotation → position → clearance;
-then the hips sink as far as a held foot needs, and closed-form IK brings the legs there. The difference between
+then the hips sink as far as a held foot needs, closed-form IK brings the legs there as fast as knees can follow, and
+the toes bend on the ground. The difference between
 incoming and outgoing foot is one offset, held constant by nothing and damped to zero when the foot is free, so
 that nothing jumps.
 """
@@ -14,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.feet.carried_hips import CarriedHips
+from runtime.feet.knee import Knee
 from runtime.feet.leg_scalar import leg_forward, leg_inverse
 from runtime.feet.narrow_support import Balance, SidewaysLead, pull_of_beam, side_of_beam
 from runtime.feet.planted_foot import PlantedFoot
 from runtime.feet.settings import SETTINGS
+from runtime.feet.toes import bent
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.point_heights import PointHeights
 
@@ -37,6 +40,7 @@ class FootLock:
     """Plants the feet of one character: its state, `apply`d once per simulated frame, in order."""
 
     feet: tuple[PlantedFoot, PlantedFoot] = field(default_factory=lambda: (PlantedFoot(0), PlantedFoot(1)))
+    knees: tuple[Knee, Knee] = field(default_factory=lambda: (Knee(), Knee()))
     hips: CarriedHips = field(default_factory=CarriedHips)
     leads: tuple[SidewaysLead, SidewaysLead] = field(
         default_factory=lambda: (SidewaysLead(1.0), SidewaysLead(-1.0))
@@ -84,10 +88,26 @@ class FootLock:
         self.hips.carry(legs, self.feet, dt)
         drop = -self.hips.offset
         result = np.array(self.balance.apply(local_rotations, self.on_beam, dt), copy=True)
-        for foot, led, leg in zip(self.feet, legs, incoming, strict=True):
-            first = foot.bones.joints[1]
-            target = foot.within_reach(led, drop, ground)
-            result[first : first + 3] = leg_inverse(leg, target, foot.rotation, drop)
+        targets = [foot.within_reach(led, drop, ground) for foot, led in zip(self.feet, legs, strict=True)]
+        reaches = [
+            knee.follow(leg, leg.raised(-drop), target, foot.bones, dt)
+            for knee, leg, target, foot in zip(self.knees, incoming, targets, self.feet, strict=True)
+        ]
+        drop -= self.hips.make_room(
+            [
+                foot.depth_at(leg.raised(-drop), target, reach, ground)
+                for foot, leg, target, reach in zip(self.feet, incoming, targets, reaches, strict=True)
+            ],
+            dt,
+        )
+        for foot, knee, leg, target, reach in zip(
+            self.feet, self.knees, incoming, targets, reaches, strict=True
+        ):
+            first, toe, hip = foot.bones.joints[1], foot.bones.joints[4], leg.raised(-drop)
+            joint, ankle, rotation = foot.on_ground(foot.spanned(hip, target, reach), ground)
+            knee.bend_to(leg, hip, ankle, foot.bones, dt)
+            result[first : first + 3] = leg_inverse(leg, ankle, rotation, drop)
+            result[toe] = bent(local[toe], rotation, joint, ground, s.sink)
         hips = np.array([x, y - drop, z], np.asarray(hips_position).dtype)
         return FootLockResult(hips, result)
 

@@ -38,6 +38,10 @@ class LegPose(NamedTuple):
     ankle: Vector
     toe: Vector
 
+    def raised(self, metres: float) -> Vector:
+        """Where the hip is with the body raised."""
+        return self.hip[0], self.hip[1] + metres, self.hip[2]
+
 
 def leg_bones(side: int, skeleton: Skeleton = SPORT_SKELETON) -> LegBones:
     """The left (0) or right (1) leg of a SPORT skeleton."""

@@ -307,6 +307,42 @@ class PlantedFoot:
             ground.height(ankle[0], ankle[2]) + ANKLE_HEIGHT - SETTINGS.sink - ankle[1],
         )
 
+    def spanned(self, hip: Vector, target: Vector, reach: float) -> tuple[Vector, Vector, Quaternion]:
+        """Toe, ankle and world rotation with the ankle at `reach` from `hip` in place of at `target`: rolled over the toe, or slid on the heel."""
+        sole, rotation = rotate(self.rotation, self.bones.offsets[4]), self.rotation
+        toe, to_target = add(target, sole), subtract(target, hip)
+        turned = self._rolled(subtract(hip, toe), scale(sole, -1.0), reach)
+        if turned is None:
+            ankle = add(hip, scale(to_target, reach / max(length(to_target), 1e-6)))
+            toe = add(ankle, sole)
+        else:
+            ankle = add(toe, scale(turned, self.bones.foot_length))
+            rotation = multiply(between(unit(scale(sole, -1.0)), turned), rotation)
+        return toe, ankle, rotation
+
+    def depth_at(self, hip: Vector, target: Vector, reach: float, ground: PointHeights) -> float:
+        """Metres by which a foot that is `spanned` so lies too deep in the ground."""
+        toe, ankle, _ = self.spanned(hip, target, reach)
+        return max(0.0, self._depth(toe, ankle, ground))
+
+    def on_ground(
+        self, foot: tuple[Vector, Vector, Quaternion], ground: PointHeights
+    ) -> tuple[Vector, Vector, Quaternion]:
+        """Toe, ankle and rotation, raised where they lie too deep in the ground."""
+        toe, ankle, rotation = foot
+        up = max(0.0, self._depth(toe, ankle, ground))
+        return (toe[0], toe[1] + up, toe[2]), (ankle[0], ankle[1] + up, ankle[2]), rotation
+
+    def _rolled(self, to_hip: Vector, to_ankle: Vector, reach: float) -> Vector | None:
+        """Direction from the toe to the ankle that is `reach` from the hip, on the present one's side; None where there is none."""
+        distance, foot = length(to_hip), self.bones.foot_length
+        cosine = (distance * distance + foot * foot - reach * reach) / (2.0 * distance * foot)
+        if abs(cosine) > 1.0:
+            return None
+        up, along = scale(to_hip, 1.0 / distance), unit(to_ankle)
+        side = unit(subtract(along, scale(up, dot(along, up))))
+        return add(scale(up, cosine), scale(side, sqrt(1.0 - cosine * cosine)))
+
     def within_reach(self, leg: LegPose, drop: float, ground: PointHeights) -> Vector:
         """Target of the ankle for the IK: raised where the leg is too short and what it reaches instead lies in a step."""
         hip, target = (leg.hip[0], leg.hip[1] - drop, leg.hip[2]), self.ankle

@@ -39,6 +39,9 @@ class FootLockSettings:
     max_drop: float = 0.35  # m that the hips may sink
     max_rise: float = 0.02  # m that they may be carried up
     carry_halflife: float = 0.02  # in which the hips follow
+    max_room: float = 0.006  # m that they make room for a knee that bends no faster
+    room_speed: float = 0.09  # m/s in which they do
+    room_halflife: float = 0.05
     max_free_rise: float = 0.01  # m that a foot in the air may carry them, up or down
     straight_span: float = (
         0.99  # share of its length that a straight leg spans (16 degrees): it carries the hips

@@ -16,9 +16,10 @@ from runtime.motion.trajectory import decay
 
 Array = NDArray[np.floating]
 
-# A fit that is linear in the words finds a third to all of what capture has: 0.6 to 2.3 for a waving hand, up to 0.45 else.
-LEAST_AMPLITUDE = 0.6
-LEAST_RATE = 0.3  # turns a second, of the same fit: resting legs have a high amplitude and do not turn
+# A fit that is linear in the words finds 1.3 to 2.9 at 1.0 to 1.9 turns a second for a waving hand, and up to 1.5 at 1.1 for
+# a proud, angry or victorious body that nobody asked to wave.
+LEAST_AMPLITUDE = 1.7
+LEAST_RATE = 1.15  # turns a second, of the same fit
 FULL_AMPLITUDE = 2.0  # of a waving hand in capture
 RATES = (0.7, 2.0)  # turns a second
 STANDING = 0.9  # of the gait's label

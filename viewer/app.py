@@ -453,7 +453,6 @@ class App:
         """
         until = time.monotonic() + END_S
         self.jobs.end()
-        self.desk.exporting.cancel()
         lost = not self.jobs.finish("export ", until)  # what is on its way is not saved a second time
         self.desk.projects.finish(until)
         if self.interrupted or not self.options.offscreen:

@@ -158,8 +158,11 @@ class Jobs:
     # --- the end
 
     def end(self) -> None:
-        """The program ends: of what is not written yet nothing is begun any more."""
+        """The program ends: only what is written still counts, and of that what cannot be ended early."""
         self._drop([job for job in self._jobs if not job.writing])
+        for job in self._jobs:
+            if job.writing and job.cancel is not None:
+                job.cancel()
         self._jobs = [job for job in self._jobs if job.writing or not job.future.cancelled()]
 
     def finish(self, prefix: str, until: float | None = None) -> bool:

@@ -16,6 +16,11 @@ if TYPE_CHECKING:
     from viewer.takes.tracks import Tracks
 
 
+MAX_OLDER_BYTES = (
+    128 << 20
+)  # of rotations in the versions of a take that undo goes back to: ten of two minutes are 36 MB
+
+
 @dataclass(frozen=True)
 class TakeVersion:
     """A take as it was before an edit or after it; `label` says which edit made it."""
@@ -97,6 +102,10 @@ class ClipItem:
         """Show a new version; the one before is kept."""
         self.older.append(self._version())
         self.newer.clear()
+        while (
+            len(self.older) > 1 and sum(v.clip.local_rotations.nbytes for v in self.older) > MAX_OLDER_BYTES
+        ):
+            del self.older[0]
         self._show(TakeVersion(clip, drive, None, label))
 
     def undo(self) -> None:

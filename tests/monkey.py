@@ -1,0 +1,203 @@
+"""Random actions in the real application without a display: `python -m tests.monkey --actions 5000 --seed 1`.
+
+Every action is one that a user can do: keys, clicks, words, files dropped, takes recorded, edited and exported. Whatever
+raises ends the run with the actions before it; the slowest pictures and the memory are printed at the end.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import random
+import sys
+import tempfile
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+TESTS = Path(__file__).resolve().parent
+if str(TESTS) not in sys.path:
+    sys.path.insert(0, str(TESTS))
+
+from viewer_fakes import fake_services  # noqa: E402
+
+from runtime.terrain.files import write_height_png  # noqa: E402
+from viewer.app import App  # noqa: E402
+from viewer.input.bindings import Action  # noqa: E402
+from viewer.options import ViewOptions  # noqa: E402
+from viewer.window import KEY_CODES  # noqa: E402
+
+WORDS = ("a proud king", "an old king", "limping", "", "x" * 300, "zombie, arms out", "\u2603 snow")
+NOT_PRESSED = {Action.FULLSCREEN}
+
+
+@dataclass
+class Monkey:
+    """Does one random thing after the other to an application."""
+
+    app: App
+    folder: Path
+    rng: random.Random
+    done: deque[str] = field(default_factory=lambda: deque(maxlen=12))
+    slowest: list[tuple[float, str]] = field(default_factory=list)
+
+    def frame(self, count: int = 1) -> None:
+        """Show pictures, and remember the slow ones."""
+        for _ in range(count):
+            begun = time.perf_counter()
+            self.app.frame()
+            seconds = time.perf_counter() - begun
+            self.slowest = sorted([*self.slowest, (seconds, self.done[-1] if self.done else "")])[-5:]
+
+    def act(self) -> None:
+        """One random action and some pictures."""
+        names = [name for name in dir(self) if name.startswith("do_")]
+        name = self.rng.choice(names)
+        self.done.append(name[3:])
+        getattr(self, name)()
+        self.frame(self.rng.choice((1, 1, 2, 5)))
+
+    # --- what it does
+
+    def do_press(self) -> None:
+        actions = sorted((a for a in self.app.actions if a not in NOT_PRESSED), key=lambda a: a.name)
+        action = self.rng.choice(actions)
+        self.done[-1] = f"press {action.name}"
+        self.app.actions[action]()
+
+    def do_key(self) -> None:
+        name = self.rng.choice(sorted(set(KEY_CODES) - {"f11"}))
+        self.done[-1] = f"key {name}"
+        self.app.window.inject_key(name, True)
+        self.frame()
+        self.app.window.inject_key(name, False)
+
+    def do_click(self) -> None:
+        width, height = self.app.window.unscaled_size
+        x, y = self.rng.uniform(0, width), self.rng.uniform(0, height)
+        self.done[-1] = f"click {x:.0f} {y:.0f}"
+        for down in (False, True, False):
+            self.app.window.inject_mouse(x, y, 0 if down else None, down)
+            self.frame()
+
+    def do_type(self) -> None:
+        self.app.window.inject_text(self.rng.choice(WORDS))
+
+    def do_walk(self) -> None:
+        self.app.window.inject_key("w", True)
+        self.frame(10)
+        self.app.window.inject_key("w", False)
+
+    def do_prompt(self) -> None:
+        self.app.prompting.submit_prompt(self.rng.choice(WORDS))
+
+    def do_record(self) -> None:
+        self.app.takes.toggle_recording()
+
+    def do_last_seconds(self) -> None:
+        self.app.takes.save_last()
+
+    def take(self) -> int:
+        return self.rng.randrange(max(len(self.app.state.takes.items), 1))
+
+    def do_play(self) -> None:
+        self.app.takes.play(self.take())
+
+    def do_trim(self) -> None:
+        playback = self.app.state.takes.playback
+        if playback is not None:
+            playback.seek(self.rng.randrange(playback.frames))
+            self.rng.choice((playback.trim_in, playback.trim_out))()
+
+    def do_edit(self) -> None:
+        if self.app.state.takes.playback is not None:
+            self.app.editing.insert_prompt(self.rng.choice(WORDS[:3]))
+
+    def do_undo(self) -> None:
+        if self.app.state.takes.playback is not None:
+            self.app.editing.undo()
+
+    def do_export(self) -> None:
+        self.app.takes.select(self.take())
+        self.app.takes.export()
+
+    def do_remove(self) -> None:
+        self.app.takes.remove(self.take())
+
+    def do_bring_back(self) -> None:
+        self.app.takes.restore()
+
+    def do_ground(self) -> None:
+        self.app.stage.load_terrain(
+            self.rng.choice(["flat", "hills", "stairs", str(self.folder / "dunes.png")])
+        )
+
+    def do_drop(self) -> None:
+        files = sorted(self.folder.glob("clips/*.bvh")) + sorted(self.folder.glob("*.*"))
+        self.app.open_files([self.rng.choice(files)])
+
+    def do_save(self) -> None:
+        self.app.desk.projects.save_as(self.folder / "monkey.sport")
+
+    def do_wall(self) -> None:
+        self.app.wall.toggle()
+
+    def do_more_on_the_wall(self) -> None:
+        self.rng.choice((self.app.wall.add, lambda: self.app.wall.remove(0)))()
+
+    def do_wall_of_blends(self) -> None:
+        self.rng.choice((self.app.wall.variants, self.app.wall.last_prompts))()
+
+    def do_export_window(self) -> None:
+        self.rng.choice((self.app.desk.exporting.open, self.app.desk.exporting.propose))()
+
+
+def resident_mb() -> float:
+    """Memory of this process; 0 where the system does not tell."""
+    try:
+        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    except OSError:
+        return 0.0
+    return next((int(line.split()[1]) / 1024 for line in lines if line.startswith("VmRSS")), 0.0)
+
+
+def run(actions: int, seed: int, say: Callable[[str], None] = print) -> Monkey:
+    """So many random actions; raises what the application raises, with the actions before it."""
+    with tempfile.TemporaryDirectory() as home:
+        folder = Path(home)
+        write_height_png(folder / "dunes.png", [[0.0, 0.5, 0.0], [0.5, 1.0, 0.5], [0.0, 0.5, 0.0]])
+        (folder / "damaged.bvh").write_text("HIERARCHY\n", encoding="utf-8")
+        (folder / "damaged.sport").write_bytes(b"PK")
+        app = App(ViewOptions(offscreen=True, terrain="flat"), fake_services(), config=folder / "config")
+        app.state.settings.export_folder = str(folder / "clips")
+        monkey = Monkey(app, folder, random.Random(seed))
+        try:
+            for number in range(1, actions + 1):
+                monkey.act()
+                if number % 500 == 0:
+                    gc.collect()
+                    say(f"{number} actions, {resident_mb():.0f} MB, {len(app.state.takes.items)} takes")
+        except BaseException as error:
+            error.add_note(f"seed {seed}, after: {', '.join(monkey.done)}")
+            raise
+        finally:
+            app.close()
+        return monkey
+
+
+def main() -> None:
+    """The command."""
+    parser = argparse.ArgumentParser(prog="python -m tests.monkey", description=__doc__)
+    parser.add_argument("--actions", type=int, default=5000)
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    monkey = run(options.actions, options.seed)
+    for seconds, action in reversed(monkey.slowest):
+        print(f"{seconds * 1e3:6.0f} ms  {action}")
+    print(f"{resident_mb():.0f} MB at the end")
+
+
+if __name__ == "__main__":
+    main()

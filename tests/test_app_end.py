@@ -1,0 +1,83 @@
+"""The end of the program: in time, whatever runs, and with every take kept."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from app_driver import Start, run
+
+from runtime.formats.bvh_clip import load_clip_bvh
+from runtime.takes.journal import find_journals
+from viewer.app import App
+from viewer.jobs import Jobs
+from viewer.messages import Messages
+from viewer.projects.autosave import find_sessions
+
+
+def recorded(app: App, tmp_path: Path) -> None:
+    app.state.settings.export_folder = str(tmp_path / "clips")
+    app.takes.toggle_recording()
+    run(app, 20)
+    app.takes.toggle_recording()
+    app.interrupt()
+    app.jobs.blocking = False
+
+
+@pytest.mark.parametrize("what", ["measurements", "an export", "a film that ends when told", "a project"])
+def test_the_program_ends_within_two_seconds_and_keeps_the_take(
+    what: str, start: Start, tmp_path: Path
+) -> None:
+    app, never, given_up = start(), threading.Event(), threading.Event()
+    recorded(app, tmp_path)
+    if what == "measurements":
+        for _ in range(11):
+            app.jobs.submit("blend", lambda: never.wait(60), lambda _: None)
+    elif what == "an export":
+        app.jobs.submit("export x", lambda: never.wait(60), lambda _: None, writing="the export of x")
+    elif what == "a project":
+        app.jobs.submit("project", lambda: never.wait(60), lambda _: None, writing="the project x")
+        app.desk.projects.autosaving = True
+    else:
+        film = lambda: given_up.wait(60)  # noqa: E731
+        app.jobs.submit("export of a take", film, lambda _: None, writing="the film", cancel=given_up.set)
+    begun = time.monotonic()
+    app.end()
+    app.takes.journals.close()
+    seconds = time.monotonic() - begun
+    said = [message.text for message in app.state.messages.recent]
+    never.set()
+    assert seconds < 4.0  # 2 s, and room for a busy machine
+    assert what not in ("an export", "a project") or any("Waiting for the" in text for text in said)
+    assert given_up.is_set() == (what == "a film that ends when told")
+    written = list((tmp_path / "clips").glob("*.bvh"))
+    if what in ("an export", "a project"):  # the time was up: the next start offers it
+        assert written == []
+    if what == "a project":
+        (left,) = find_sessions(tmp_path / "config" / "sessions")
+        assert left.takes == 1
+    elif what == "an export":
+        (found,), _ = find_journals(tmp_path / "config" / "journals")
+        assert len(found.read()) == 20
+        found.release()
+    else:
+        assert len(load_clip_bvh(written[0])) == 20
+
+
+def test_of_stale_jobs_only_the_newest_is_begun_and_what_is_written_keeps_its_order() -> None:
+    jobs, gate, begun, written = Jobs(Messages()), threading.Event(), [], []
+    for number in range(2):
+        jobs.submit(f"slow {number}", lambda: gate.wait(20), lambda _: None)
+    for number in range(10):
+        jobs.submit("blend", lambda n=number: begun.append(n), lambda _: None)  # type: ignore[misc]
+        jobs.submit("save", lambda n=number: written.append(n), lambda _: None, writing="x")  # type: ignore[misc]
+    assert jobs.finish("save")
+    gate.set()
+    end = time.monotonic() + 20
+    while jobs.busy("blend") and time.monotonic() < end:
+        jobs.deliver()
+        time.sleep(0.005)
+    assert begun == [9]
+    assert written == list(range(10))

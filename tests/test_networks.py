@@ -85,6 +85,14 @@ def test_instance_norm_has_zero_mean_and_unit_deviation():
 
 def test_two_hop_neighbourhoods_stay_in_the_part_or_on_the_spine():
     mask = two_hop_neighbours().bool()
+    # Fig. 3 draws the other hip as a neighbour of a hip; in this skeleton it is four hops away
+    left, right = (SPORT_SKELETON.index(n) for n in ("LeftUpLeg", "RightUpLeg"))
+    up = {j: SPORT_SKELETON.parents[j] for j in (left, right)}
+    assert up[left] != up[right]
+    assert (
+        SPORT_SKELETON.parents[up[left]] == SPORT_SKELETON.parents[up[right]] == SPORT_SKELETON.index("Hips")
+    )
+    assert not mask[left, right]
     knee, other_knee = SPORT_SKELETON.index("LeftLeg"), SPORT_SKELETON.index("RightLeg")
     assert mask[knee, SPORT_SKELETON.index("LeftFoot")]
     assert not mask[:, other_knee][list(PART_JOINTS["left_leg"])].any()

@@ -37,8 +37,7 @@ def draw(stage: Stage, open_files: Callable[[list[Path]], None], browse: Callabl
     path_panel.draw(stage)
     _toggles(stage.settings)
     _drawing(stage)
-    live_panel.draw(stage.live)
-    live_panel.draw(stage.vmc)
+    live_panel.draw(stage.live, stage.vmc)
 
 
 def _terrain(stage: Stage) -> None:

@@ -130,7 +130,8 @@ class Composer:
         high = upper.clock[self.last[plan.clips]] - plan.clips * CLIP_SPAN
         stepping = upper.steps[plan.clips]
         least, most = low - now, high - then
-        random = torch.rand(now.shape, dtype=torch.float64, device=rows.device)
+        # one number a sample: parts of the same clip stay together
+        random = torch.rand(len(rows), 1, dtype=torch.float64, device=rows.device)
         free = least + random * (most - least)
         whole = least.ceil() + (random * (most.floor() - least.ceil() + 1)).floor()
         shift = torch.where(stepping, whole, free)

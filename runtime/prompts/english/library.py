@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -10,7 +11,8 @@ from typing import Literal
 import numpy as np
 
 from runtime.assets import asset_path
-from runtime.prompts.english.clauses import parse_clauses
+from runtime.prompts.english import other_languages
+from runtime.prompts.english.clauses import ParsedPrompt, parse_clauses
 from runtime.prompts.english.compose import compose_elements, compose_neighbours, sources_note
 from runtime.prompts.english.language import ENGLISH, is_foreign, knows_no_word
 from runtime.prompts.english.library_data import (
@@ -25,7 +27,8 @@ from runtime.prompts.english.library_data import (
     load_prompt_library,
     load_styles,
 )
-from runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, read_phrases
+from runtime.prompts.english.other_languages import OtherLanguages
+from runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, Reading, read_phrases
 from runtime.prompts.english.sides import named_side, on_side
 from runtime.prompts.english.spelling import Spelling
 from runtime.prompts.english.words import PERSONS, PLACES, Word, words_of
@@ -50,8 +53,8 @@ UNSEEN = 0.15  # by which a sentence that no walk shows counts less than one tha
 NEIGHBOURS = 4  # entries that vote for each part between FAR and NEAR
 MAX_STRETCHES = 4  # embedded for one prompt
 LIMP = "limping on the {s} leg"  # an entry of the library
-_FOREIGN = "is not English, the only language that the library reads: neutral. A language model reads others."
-_UNKNOWN = "has no word that the library knows, which reads English only: neutral."
+_REMEDY = "Write English, choose a language model, or install sport-viewer[languages]."
+_NOTHING = "Nothing was understood of"
 
 
 @dataclass(frozen=True)
@@ -95,13 +98,27 @@ class LibraryExpander:
                 library.entries[whole].descriptions, self._near(self._rank(prompt), whole), {}, ""
             )
         if is_foreign(prompt, library.phrases.known):
-            return self._neutral((), {}, f"“{_short(prompt)}” {_FOREIGN}")
+            return self._in_another_language(prompt)
         text, read = library.spelling.corrected(prompt)
         expansion = self._expand_english(text)
         if not read:
             return expansion
         note = ", ".join(f"“{wrong}” read as “{right}”" for wrong, right in read.items())
         return replace(expansion, note=f"{note[0].upper()}{note[1:]}. {expansion.note}".strip())
+
+    def _in_another_language(self, prompt: str, least: float = other_languages.NEAR) -> Expansion:
+        """The entry nearest by meaning, where its multilingual encoder is installed; else neutral with the remedy."""
+        ranked = self._languages.nearest(prompt)
+        if ranked and ranked[0][1] >= least:
+            near = self._near(ranked)
+            note = (
+                f"“{_short(prompt)}” is not English: nearest by meaning is “{near[0][0]}” ({near[0][1]:.0%})."
+            )
+            return _expansion(self._library.entries[ranked[0][0]].descriptions, near, {}, note)
+        remedy = "Write English or choose a language model." if ranked else _REMEDY
+        return self._neutral(
+            (), {}, f"{_NOTHING} “{_short(prompt)}”, which is not English: neutral. {remedy}"
+        )
 
     def nearest(self, text: str) -> tuple[tuple[str, float], ...]:
         """The library's prompts most like `text`, with their cosine similarity, best first; takes milliseconds."""
@@ -111,48 +128,66 @@ class LibraryExpander:
         parsed = parse_clauses(prompt)
         parsed = replace(parsed, rest=self._library.phrases.plainly(parsed.rest))
         words = words_of(parsed.rest)
-        if not any(word.says for word in words):
-            if parsed.parts:
-                return self._neutral((), parsed.parts, "", explicit=True)
-            return self._neutral((), {}, "The prompt names no style: neutral.")
-        return self._expand_rest(parsed.rest, words, parsed.parts, parsed.side)
+        if any(word.says for word in words):
+            return self._expand_rest(parsed, words)
+        if parsed.parts:
+            return self._neutral((), parsed.parts, "", explicit=True)
+        return self._neutral((), {}, "The prompt names no style: neutral.")
 
-    def _expand_rest(self, rest: str, words: list[Word], stated: dict[str, str], hand: str) -> Expansion:
-        """What a prompt asks for beside its clauses: by its phrases, by the nearest entries, or nothing."""
-        library = self._library
-        reading, side = read_phrases(words, library.phrases), named_side(words) or hand
-        elements, note, text = list(reading.elements), "", rest
+    def _expand_rest(self, parsed: ParsedPrompt, words: list[Word]) -> Expansion:
+        """What a prompt says beside its clauses: by its phrases, by the nearest entries, or nothing."""
+        reading = read_phrases(words, self._library.phrases)
+        side = named_side(words) or parsed.side
+        note, text = "", parsed.rest
         if reading.denied:
             note = f"Left out, as it is denied: “{_short(', '.join(reading.denied))}”."
-            kept = sorted({*reading.left, *(i for e in elements for i in range(e.start, e.end))})
-            if not any(words[i].says for i in kept):
-                return self._denied(reading.denials, stated, note)
-            text = " ".join(words[i].text for i in kept)
+            text = reading.affirmed(words)
+            if not text:
+                return self._denied(reading.denials, parsed.parts, note)
         ranked = self._rank(text)
-        near = self._near(ranked)
-        if any(words[i].says for i in reading.left) and not self._about_somebody(words, elements):
-            animal = any(library.entries[e.entry].category == "animals" for e in elements)
-            reason = self._says_nothing(text, ranked[0][1], ANIMAL if animal else 0.0)
-            if reason:
-                return self._neutral(near, stated, reason)
+        nothing = self._nothing_bodily(text, words, reading, ranked[0][1])
+        if nothing:
+            return self._neutral((), parsed.parts, f"{nothing} {note}".strip())
+        elements = list(reading.elements)
         if elements:
             elements += self._stretches(words, reading.left, elements)
-        explained = sum(_saying(words, e) * e.similarity for e in elements)
-        asked = sum(words[i].says for i in reading.left) + sum(_saying(words, e) for e in reading.elements)
-        by_words = any(e.only for e in elements) or ranked[0][0] in reading.mentioned
-        # the nearest one is somebody named: "nurse" alone would lose the tiredness of "a tired nurse at the end of …"
-        best_category = library.entries[ranked[0][0]].category
-        named = best_category in FIGURES and ranked[0][0] in {e.entry for e in elements}
-        better = not named and ranked[0][1] >= NEAR and asked * ranked[0][1] >= explained + WHOLE
-        if not elements or (better and not by_words):
-            return self._by_neighbours(text, ranked, stated, note, side)
+        note = f"{note} {_unread_limbs(words, reading, elements)}".strip()
+        if not elements or self._nearest_says_more(words, reading, elements, ranked[0]):
+            return self._by_neighbours(text, ranked, parsed.parts, note, side)
+        library = self._library
         made = compose_elements(
             elements, self._entries_on(side), library.embeddings, library.neutral, self._worth
         )
         if len(set(made.sources.values())) > 1:
             # no similarity of single words: beside that of the whole prompt it is another figure for the same entry
             note = f"{sources_note(made.sources, library.entries, {})}. {note}".strip()
-        return _expansion(made.descriptions, near, stated, note)
+        return _expansion(made.descriptions, self._near(ranked), parsed.parts, note)
+
+    def _nothing_bodily(self, text: str, words: list[Word], reading: Reading, best: float) -> str:
+        """Why words beside a prompt's phrases name no way of moving, or "" where they do; `best` is the nearest's cosine."""
+        if not any(words[i].says for i in reading.left) or self._about_a_person(words, reading.elements):
+            return ""
+        library = self._library
+        if knows_no_word(text, library.phrases.known) and best < NEAR:
+            return f"{_NOTHING} “{_short(text)}”, none of whose words is known: neutral. {_REMEDY}"
+        animal = any(library.entries[e.entry].category == "animals" for e in reading.elements)
+        if best < FAR or (best < CLOSE and self._bodily(text) < (-ANIMAL if animal else 0.0)):
+            return _far(text, best)
+        return ""
+
+    def _nearest_says_more(
+        self, words: list[Word], reading: Reading, elements: list[Element], nearest: tuple[int, float]
+    ) -> bool:
+        """Whether the entry nearest to the whole prompt explains more of its words than its phrases do."""
+        entry, similarity = nearest
+        if any(e.only for e in elements) or entry in reading.mentioned:
+            return False
+        # somebody named: "nurse" alone would lose the tiredness of "a tired nurse at the end of …"
+        if self._library.entries[entry].category in FIGURES and entry in {e.entry for e in elements}:
+            return False
+        explained = sum(_saying(words, e) * e.similarity for e in elements)
+        said = sum(words[i].says for i in reading.left) + sum(_saying(words, e) for e in reading.elements)
+        return similarity >= NEAR and said * similarity >= explained + WHOLE
 
     def _by_neighbours(
         self, text: str, ranked: list[tuple[int, float]], stated: dict[str, str], note: str, side: str
@@ -228,7 +263,7 @@ class LibraryExpander:
                 elements.append(Element(entry, start, end, similarity))
         return elements
 
-    def _about_somebody(self, words: list[Word], elements: list[Element]) -> bool:
+    def _about_a_person(self, words: list[Word], elements: Sequence[Element]) -> bool:
         """Whether a prompt names a person or asks for parts, so that it is about a body whatever else it says."""
         people = ("characters", "occupations", "ages")
         return any(word.text in PERSONS for word in words) or any(
@@ -243,14 +278,6 @@ class LibraryExpander:
     @cached_property
     def _shares(self) -> PhraseShares:
         return shares_of() if self._measured is None else self._measured
-
-    def _says_nothing(self, text: str, best: float, margin: float) -> str:
-        """Why a prompt says nothing about a way of moving, or ""."""
-        if knows_no_word(text, self._library.phrases.known) and best < NEAR:
-            return f"“{_short(text)}” {_UNKNOWN}"
-        if best < FAR or (best < CLOSE and self._bodily(text) < -margin):
-            return _far(text, best)
-        return ""
 
     def _bodily(self, text: str) -> float:
         """Above 0 where a text is rather about somebody's body than about nothing bodily."""
@@ -313,6 +340,10 @@ class LibraryExpander:
         return _Library(content, embeddings, phrases, spelling, styles.index(NEUTRAL_STYLE), plain)
 
     @cached_property
+    def _languages(self) -> OtherLanguages:
+        return OtherLanguages(self._library_path.parent, self._library.content)
+
+    @cached_property
     def _styles(self) -> dict[str, Style]:
         return load_styles(self._library_path.with_name("styles.json"))
 
@@ -358,6 +389,17 @@ def _saying(words: list[Word], element: Element) -> int:
 
 def _far(text: str, best: float) -> str:
     return f"“{_short(text)}” says nothing about a body, {best:.0%} like the nearest prompt: neutral."
+
+
+def _unread_limbs(words: list[Word], reading: Reading, elements: Sequence[Element]) -> str:
+    """What is said of a body part that no rule and no phrase took, or ""."""
+    taken = {i for e in elements for i in range(e.start, e.end)}
+    unread = [
+        " ".join(words[i].text for i in range(start, end))
+        for start, end in _runs(words, tuple(i for i in reading.left if i not in taken))
+        if any(words[i].stem in PLACES for i in range(start, end))
+    ]
+    return f"Not understood: “{_short('”, “'.join(unread), 60)}”." if unread else ""
 
 
 def _short(text: str, limit: int = 40) -> str:

@@ -210,9 +210,9 @@ def save_embeddings(path: Path, embeddings: LibraryEmbeddings, digest: str, enco
     """Write library.npz; numbers of unit vectors as bytes, which change a cosine by less than 0.005."""
     np.savez_compressed(
         path,
-        prompts=_bytes(embeddings.prompts),
+        prompts=vectors_as_bytes(embeddings.prompts),
         entry_of=embeddings.entry_of.astype(np.int32),
-        parts=_bytes(embeddings.parts),
+        parts=vectors_as_bytes(embeddings.parts),
         bodily=embeddings.bodily,
         other_words=np.array("\n".join(embeddings.other_words)),
         digest=np.array(digest),
@@ -231,9 +231,9 @@ def load_embeddings(
             if str(data["digest"]) != digest or str(data["encoder"]) != encoder.name:
                 return None
             found = LibraryEmbeddings(
-                _unit_vectors(data["prompts"]),
+                unit_vectors(data["prompts"]),
                 data["entry_of"].astype(np.int64),
-                _unit_vectors(data["parts"]),
+                unit_vectors(data["parts"]),
                 data["bodily"].astype(np.float32),
                 tuple(str(data["other_words"]).split()),
             )
@@ -251,13 +251,13 @@ def load_embeddings(
     return found
 
 
-def _bytes(vectors: NDArray[np.float32]) -> NDArray[np.int8]:
+def vectors_as_bytes(vectors: NDArray[np.float32]) -> NDArray[np.int8]:
     """Unit vectors `(..., D)` as bytes, each by its largest number."""
     largest = np.abs(vectors).max(axis=-1, keepdims=True, initial=1e-9)
     return np.round(vectors / largest * 127).astype(np.int8)
 
 
-def _unit_vectors(stored: NDArray[np.int8]) -> NDArray[np.float32]:
+def unit_vectors(stored: NDArray[np.int8]) -> NDArray[np.float32]:
     """The inverse of `_bytes`: the scale is that of unit length."""
     vectors = stored.astype(np.float32)
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1.0), np.float32)

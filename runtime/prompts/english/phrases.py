@@ -48,7 +48,7 @@ class Element:
     """An entry that a stretch of the prompt names: words `start` to `end`, cosine similarity, and strength by degree.
 
     `after_like` says that it is a comparison ("like a penguin"), `joined` that it stands next to another figure; `only`
-    are the parts that it is asked for ("arms like a robot"), () for what the entry defines.
+    are the parts that it is named for ("arms like a robot"), () for what the entry defines.
     """
 
     entry: int
@@ -69,11 +69,11 @@ class PhraseIndex:
         self._alone = library.alone
         self._whole: dict[str, int] = {}
         self._phrases: dict[tuple[str, ...], int] = {}
-        asked: list[str] = []
+        prompts: list[str] = []
         for number, entry in enumerate(library.entries):
             plain_walk = entry.style.startswith(NEUTRAL_STYLE)
             for text in (entry.prompt, *entry.also):
-                asked.append(text)
+                prompts.append(text)
                 words = words_of(text)
                 self._whole.setdefault(key(words), number)
                 says = any(word.says for word in words) or (len(words) > 1 and not plain_walk)
@@ -82,7 +82,7 @@ class PhraseIndex:
         for number, entry in enumerate(library.entries):  # what is named in so many words comes first
             self._whole.setdefault(key(without_somebody(words_of(entry.prompt))), number)
         described = [text for entry in library.entries for text in entry.descriptions.as_tuple()]
-        self.known = distinct_words([*asked, *described, *library.nothing])  # English words for sure
+        self.known = distinct_words([*prompts, *described, *library.nothing])  # English words for sure
 
     def only_alone(self, words: list[Word]) -> bool:
         """Whether the words are one that names an entry only as a whole prompt."""
@@ -132,7 +132,7 @@ class PhraseIndex:
                 elements.append(element)
             at = element.end if element is not None else at + 1
         return [
-            replace(e, degree=_degree(words, e.start), only=_asked_parts(words, e.start, e.end))
+            replace(e, degree=_degree(words, e.start), only=_named_parts(words, e.start, e.end))
             for e in elements
         ]
 
@@ -163,6 +163,11 @@ class Reading:
     denied: tuple[str, ...]
     mentioned: tuple[int, ...]
     denials: tuple[int, ...] = ()
+
+    def affirmed(self, words: list[Word]) -> str:
+        """The prompt without what it denies, "" where nothing is left that says anything."""
+        kept = sorted({*self.left, *(i for e in self.elements for i in range(e.start, e.end))})
+        return " ".join(words[i].text for i in kept) if any(words[i].says for i in kept) else ""
 
 
 def read_phrases(words: list[Word], index: PhraseIndex) -> Reading:
@@ -285,7 +290,7 @@ def _zones(words: list[Word], elements: list[Element]) -> tuple[set[int], set[in
     return objects, places
 
 
-def _asked_parts(words: list[Word], start: int, end: int) -> tuple[str, ...]:
+def _named_parts(words: list[Word], start: int, end: int) -> tuple[str, ...]:
     """The parts named right behind a phrase, or before it with "like" or "of": "robot arms", "the legs of a penguin"."""
     clause = words[start].clause
     if end < len(words) and words[end].clause == clause and words[end].stem in PART_WORDS:

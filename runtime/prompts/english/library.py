@@ -151,10 +151,10 @@ class LibraryExpander:
         elements = list(reading.elements)
         if elements:
             elements += self._stretches(words, reading.left, elements)
-        note = f"{note} {_unread_limbs(words, reading, elements)}".strip()
         if not elements or self._nearest_says_more(words, reading, elements, ranked[0]):
             return self._by_neighbours(text, ranked, parsed.parts, note, side)
         library = self._library
+        note = f"{note} {_unread_limbs(words, reading, elements)}".strip()
         made = compose_elements(
             elements, self._entries_on(side), library.embeddings, library.neutral, self._worth
         )

@@ -43,6 +43,7 @@ _LIMB = re.compile(
     rf"\b(?P<limb>(?:{_ARM}|{_LEG}))(?P<plural>s)?\b"
 )
 _BARE = r"\bthe (?:other(?: one)?|(?P<one>left|right) one)(?= (?:\w+ing|\w+ed|%s)\b)"  # "the other hanging"
+_EACH_OTHER = re.compile(r" (?:before|in front of|after|behind|over|across) the other\b")  # both, in turn
 _CLAUSE_END = re.compile(r"[,;.:!?]| and | while | with | but ")
 _SAME_SIDE = r"hip|thigh|pocket|waist|side|knee|ear|eye|temple|cheek|breast|chest"
 _OTHER_SIDE = r"shoulder|arm|elbow|wrist|hand|forearm|armpit"
@@ -162,6 +163,8 @@ def _side_meant(
     """The side of a single limb without one: by its relation to another, by its place, or "" where nothing tells it."""
     if {"other", "opposite"} & set(owners):
         return OPPOSITE[spoken.side]
+    if "one" in owners and _EACH_OTHER.match(text, match.end()):
+        return ""
     if "same" in owners:
         return spoken.side
     end = _CLAUSE_END.search(text, match.end())

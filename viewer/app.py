@@ -343,7 +343,7 @@ class App:
         self._steps = 0
         playback = self.state.takes.playback
         begins_to_move = intent.move != (0.0, 0.0) and not self._was_moving
-        begins_to_move = self.stage.path.take_begun() or begins_to_move
+        begins_to_move = self.stage.path.walk_began() or begins_to_move
         self._was_moving = intent.move != (0.0, 0.0)
         if playback is not None and begins_to_move:
             self.takes.close_playback()  # back to the live character
@@ -353,7 +353,7 @@ class App:
             for link in (self.stage.live, self.stage.vmc):
                 link.publish([playback.pose()], dt)
             return
-        controls = self.stage.led(self._asked_of(intent), dt)
+        controls = self.stage.controls(self._asked_of(intent), dt)
         if self.wall.advance(dt, controls):
             self._steps = self.wall.steps
             return
@@ -402,7 +402,7 @@ class App:
             work_s = (after if software else before) - self._last_s
             self.state.shell.stats.add(work_s, self._interval_s, self._steps)
         if not self.options.offscreen:
-            self.stage.ease(self.state.shell.stats.fps, self._interval_s)
+            self.stage.lower_quality(self.state.shell.stats.fps, self._interval_s)
             spare = 1.0 / self.state.settings.max_fps - (after - self._last_s)
             if spare > 0.0:
                 time.sleep(spare)

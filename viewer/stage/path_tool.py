@@ -35,7 +35,7 @@ class PathTool:
     points: list[Waypoint] = field(default_factory=list)
     selected: int = -1
     walk: PathWalk | None = None
-    begun: bool = False  # since the last `take_begun`
+    begun: bool = False  # since the last `walk_began`
     _time_s: float = 0.0
     _held: bool = False  # the mouse drags the selected point
     _drawing: bool = False  # the drag began with a new point and sets more
@@ -132,7 +132,7 @@ class PathTool:
         """Give the stick back."""
         self.walk = None
 
-    def take_begun(self) -> bool:
+    def walk_began(self) -> bool:
         """Whether a walk began since the last call."""
         begun, self.begun = self.begun, False
         return begun

@@ -128,7 +128,7 @@ class Stage:
                 self.messages.settle(WAY)
         return poses
 
-    def led(self, own: Controls, dt: float) -> Controls:
+    def controls(self, own: Controls, dt: float) -> Controls:
         """The user's controls, or those of the path that is walked."""
         pose = self.state.simulation.current
         place = Place(float(pose.root_position[0]), float(pose.root_position[2]), pose.root_yaw)
@@ -284,7 +284,7 @@ class Stage:
         self._render_with(name)
         self.settings.quality = name
 
-    def ease(self, fps: float, dt: float) -> None:
+    def lower_quality(self, fps: float, dt: float) -> None:
         """Go to the fast preset where nobody chose one and the processor shows too few frames a second for some time."""
         slow = not self.settings.quality and self.state.quality == "software" and 0.0 < fps < SLOW_FPS
         self._slow_s = self._slow_s + dt if slow else 0.0

@@ -274,7 +274,7 @@ class TakeEditing:
         style = _style_at(item.drive, frame)
         if style is not None:
             self.prompting.adopt(style.note or StyleEdit((_answer_of(style), None)), f"take {item.name}")
-            self.takes.mark_held(style)
+            self.takes.mark_style_in_force(style)
         self.state.playback = None
         self.messages.note(f"Live from frame {frame} of {item.name}.")
 

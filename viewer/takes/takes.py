@@ -95,7 +95,7 @@ class Takes:
         if z is not None:
             self.drives.mark_style(z, seconds, prompt, words, edit, typed=typed)
 
-    def mark_held(self, style: StyleChange) -> None:
+    def mark_style_in_force(self, style: StyleChange) -> None:
         """A style of a take holds in the live controller already."""
         event = style.event
         self.recorder.mark_prompt(event.prompt, 0.0, event.words, event.typed)

@@ -129,7 +129,10 @@ class Settings:
     export_folder: str = "~/sport-clips"
     export_fps: int = specified(60, choices={60: "60 fps", 30: "30 fps"})
     export_unit: str = specified("cm", choices={"cm": "cm", "m": "m"})
-    dead_zone: float = specified(0.15, 0.0, 0.9)  # of a stick's travel
+    dead_zone: float = specified(
+        0.15, 0.0, 0.9, label="%.0f %% of the travel", factor=100.0, whole=True,
+        hint="How far a stick of the gamepad moves before it counts",
+    )  # fmt: skip
     invert_look: bool = specified(False, label="Invert look", hint="Stick and keys up look down")
     text_size: float = specified(1.0, choices={0.9: "Small", 1.0: "Normal", 1.15: "Large"})
     model_folder: str = ""  # name of a shipped model or folder of an exported one; "": the default

@@ -49,6 +49,8 @@ def draw(desk: Desk, fonts: Fonts) -> None:
         _interface(desk)
         _takes(desk)
         _model(desk)
+        overlay.row("Dead zone", "Of the gamepad's sticks")
+        setting_widgets.slider(desk.settings, "dead_zone")
         setting_widgets.toggle(desk.settings, "invert_look", px(140))
         imgui.same_line(0, px(4))
         if widgets.button("Show the first minute", -1, "The steps for beginners over the view"):
@@ -94,7 +96,7 @@ def _takes(desk: Desk) -> None:
 
 def _reset(desk: Desk) -> None:
     fresh = Settings()
-    for name in ("ui_scale", "text_size", "keep_seconds", "invert_look"):
+    for name in ("ui_scale", "text_size", "keep_seconds", "dead_zone", "invert_look"):
         setattr(desk.settings, name, getattr(fresh, name))
     desk.use_scale(fresh.ui_scale)
 

@@ -40,6 +40,7 @@ NAMES = {
     "size": "Size",
     "distance": "Distance",
     "camera": "Camera",
+    "fov_degrees": "Field of view",
 }
 
 
@@ -191,11 +192,14 @@ class Exporting:
 
     def _film_options(self, form: ExportForm) -> Any:
         from viewer.filming.film import FilmOptions
+        from viewer.filming.shots import View
 
+        camera = self.stage.camera.current
         width, height = SIZES[form.size]
         options = FilmOptions(
-            width, height, form.film_fps, form.camera, form.distance, form.captions, form.quality
-        )
+            width, height, form.film_fps, form.camera, form.distance, form.captions, form.quality,
+            View(camera.yaw, camera.pitch, camera.distance), form.fov_degrees,
+        )  # fmt: skip
         options.check()
         return options
 

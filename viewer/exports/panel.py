@@ -12,7 +12,7 @@ from runtime.formats.table import FORMATS
 from runtime.takes.clip import VIDEO_RATES
 from viewer.exports.exporting import Exporting
 from viewer.exports.state import GROUNDS, SIZES, ExportForm
-from viewer.filming.shots import CAMERAS
+from viewer.filming.shots import CAMERAS, VIEW
 from viewer.gl_bindings import imgui
 from viewer.gui import overlay, theme, widgets
 from viewer.gui.panels import Panel, Place
@@ -23,6 +23,7 @@ WIDTH = 470.0  # pixels at scale 1
 MOTION_RATES = (*((rate, f"{rate:.4g} fps") for rate in VIDEO_RATES),)
 FILM_RATES = ((15.0, "15 fps"), *((rate, f"{rate:.4g} fps") for rate in VIDEO_RATES if rate <= 60.0))
 MAX_DISTANCE_M = 20.0
+LEAST_FOV_DEGREES, MAX_FOV_DEGREES = 15.0, 90.0
 
 
 def panel(exporting: Exporting, fonts: Fonts) -> Panel:
@@ -135,13 +136,18 @@ def _film(form: ExportForm) -> None:
     overlay.row("Size")
     form.size = str(overlay.combo("##film size", [(size, size) for size in SIZES], form.size))
     overlay.row("Camera")
-    cameras = [(name, name.capitalize()) for name in CAMERAS]
+    cameras = [(VIEW, "As in the window, going along"), *((name, name.capitalize()) for name in CAMERAS)]
     form.camera = str(overlay.combo("##film camera", cameras, form.camera))
     overlay.row("Distance")
     text = "%.1f m" if form.distance else "as usual"
     moved, distance = widgets.slider("##film distance", form.distance, 0.0, MAX_DISTANCE_M, text)
     if moved:
         form.distance = distance if distance >= 0.5 else 0.0
+    overlay.row("Field of view", "From the bottom to the top; wider shows more around")
+    text = "%.0f degrees" if form.fov_degrees else "as usual"
+    moved, degrees = widgets.slider("##film fov", form.fov_degrees, 0.0, MAX_FOV_DEGREES, text)
+    if moved:
+        form.fov_degrees = degrees if degrees >= LEAST_FOV_DEGREES else 0.0
     overlay.toggles(
         (
             ("Captions", form.captions, "The prompts under the film", partial(_set, form, "captions")),

@@ -34,6 +34,7 @@ class ExportForm:
     size: str = "1280x720"
     camera: str = "front"
     distance: float = 0.0  # metres, 0 for the camera's usual one
+    fov_degrees: float = 0.0  # field of view of the film, 0 for the usual one
     captions: bool = True
     quality: str = "high"
 

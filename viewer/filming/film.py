@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import queue
 import threading
 from collections.abc import Callable, Iterator
@@ -19,7 +20,7 @@ from runtime.pose import Pose
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
 from viewer.filming.captions import Captions, caption
-from viewer.filming.shots import CameraPath, camera_path
+from viewer.filming.shots import CameraPath, View, camera_path
 from viewer.filming.writers import FrameWriter, check_writer, open_writer
 from viewer.render.camera import Camera
 
@@ -43,6 +44,8 @@ class FilmOptions:
     distance: float = 0.0  # metres of the camera, 0 for its usual one
     captions: bool = True
     quality: str = "high"  # or "software": faster without a graphics card
+    view: View | None = None  # of the camera "view"
+    fov_degrees: float = 0.0  # field of view from bottom to top; 0 for the usual one
 
     def check(self) -> None:
         """UsageError names the option that cannot be used."""
@@ -54,6 +57,8 @@ class FilmOptions:
                 "Try 1280x720.",
                 "size",
             )
+        if not (self.fov_degrees == 0.0 or 5.0 <= self.fov_degrees <= 120.0):
+            raise UsageError(f" {self.fov_degrees:g}: expected 5 to 120 degrees.", "Try 38.", "fov_degrees")
         if not (self.distance == 0.0 or 0.5 <= self.distance <= 60.0):
             raise UsageError(f" {self.distance:g}: expected 0.5 to 60 m.", "Try 4.", "distance")
 
@@ -107,7 +112,10 @@ def film_frames(
 
 def _camera(clip: Clip, terrain: Terrain, options: FilmOptions, height: float = 0.0) -> CameraPath:
     aspect = options.width / options.height
-    return camera_path(options.camera, clip, terrain, options.fps, aspect, options.distance, height)
+    return camera_path(
+        options.camera, clip, terrain, options.fps, aspect, options.distance, height, options.view,
+        math.radians(options.fov_degrees),
+    )  # fmt: skip
 
 
 def make_film(

@@ -27,6 +27,15 @@ CLEARANCE_M = 0.3  # of a still camera over the ground
 
 
 @dataclass(frozen=True)
+class View:
+    """A direction to look from (radians) and the distance (metres)."""
+
+    yaw: float
+    pitch: float
+    distance: float
+
+
+@dataclass(frozen=True)
 class Shot:
     """A camera that goes with the character: `turn` radians from its facing, `orbit` radians a second on top of that."""
 
@@ -43,6 +52,7 @@ SHOTS = {
     "orbit": Shot(2.7, 0.2, 4.2, ORBIT_SPEED),
 }
 STILL = "still"  # stands where it sees the whole way
+VIEW = "view"  # as the window shows the character, going along with it; of the window alone
 CAMERAS = (*SHOTS, STILL)
 
 
@@ -54,15 +64,42 @@ def camera_path(
     aspect: float,
     distance: float = 0.0,
     height: float = 0.0,
+    view: View | None = None,
+    fov: float = 0.0,
 ) -> CameraPath:
     """The camera `name` of `CAMERAS` for a clip of a character of a `height`; `distance` in metres, 0 for its usual one.
 
+    `view` is that of the camera `VIEW`, `fov` the field of view from bottom to top in radians, 0 for the usual one.
     UsageError lists the names.
     """
+    path = _camera_path(name, clip, terrain, fps, aspect, distance, height, view)
+    if fov == 0.0:
+        return path
+
+    def with_lens(pose: Pose) -> Camera:
+        camera = path(pose)
+        camera.fov_y = fov
+        return camera
+
+    return with_lens
+
+
+def _camera_path(
+    name: str,
+    clip: Clip,
+    terrain: Terrain,
+    fps: float,
+    aspect: float,
+    distance: float,
+    height: float,
+    view: View | None,
+) -> CameraPath:
     size = max(1.0, height / USUAL_HEIGHT_M)
     if name == STILL:
         camera = _still(clip, terrain, aspect, distance, size)
         return lambda _: camera
+    if name == VIEW and view is not None:
+        return _along(view, clip, terrain, fps, distance, size)
     if name not in SHOTS:
         raise UsageError(f" {name[:40]}: there is no such camera.", f"Choose {', '.join(CAMERAS)}.", "camera")
     return _moving(SHOTS[name], clip, terrain, fps, distance, size)
@@ -85,6 +122,18 @@ def _moving(shot: Shot, clip: Clip, terrain: Terrain, fps: float, distance: floa
             camera.yaw = yaw
         camera.update(looked_at(pose.hips_position, terrain, size), 1.0 / fps, terrain=terrain, align_yaw=yaw)
         seconds += 1.0 / fps
+        return camera
+
+    return next_camera
+
+
+def _along(view: View, clip: Clip, terrain: Terrain, fps: float, distance: float, size: float) -> CameraPath:
+    """A camera that keeps its direction and goes along."""
+    first = looked_at(clip.sample(0.0).hips_position, terrain, size)
+    camera = FollowCamera(first, view.yaw, view.pitch, distance or view.distance)
+
+    def next_camera(pose: Pose) -> Camera:
+        camera.update(looked_at(pose.hips_position, terrain, size), 1.0 / fps, terrain=terrain)
         return camera
 
     return next_camera

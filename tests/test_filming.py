@@ -141,7 +141,7 @@ def test_a_film_is_made_beside_the_window_in_a_process_of_its_own(tmp_path: Path
     assert seen[-1] == (6, 6)
     assert "6 frames" in text
     assert len(decoded(path)[0]) == 6
-    with pytest.raises(FileError, match="nowhere"):
+    with pytest.raises(UsageError, match="no film is written with this ending"):
         film_beside(
             take, FLAT, tmp_path / "nowhere" / "a.xyz", ExportOptions(), film, print, threading.Event()
         )

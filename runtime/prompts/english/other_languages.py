@@ -17,7 +17,7 @@ from runtime.errors import FileError
 from runtime.prompts.english.library_data import PromptLibrary, library_hash, unit_vectors, vectors_as_bytes
 
 FILE = "languages.npz"  # beside library.json
-NEAR = 0.38  # centred cosine from which an entry is taken, set on 35 prompts in 14 languages
+NEAR = 0.38  # centred cosine from which an entry is taken, set on 35 prompts in 11 languages
 SAID_ALIKE = 4  # of an entry's prompts, at most, are compared
 
 

@@ -20,7 +20,7 @@ CLIP = Clip("walk", 60.0, *walk(90), prompts=(PromptEvent(0.0, "left arm in a sl
 
 
 def test_ghosts_stand_at_frames_of_the_take_within_its_trim() -> None:
-    playback = Playback(CLIP, Terrain.flat(), 0, playing=False, first=10, last=70)
+    playback = Playback(CLIP, Terrain.flat(), Terrain.flat(), 0, playing=False, first=10, last=70)
     playback.seek(31)
     found = [
         int(np.argmin(np.abs(CLIP.hips_positions - g.hips_position).sum(1))) for g in ghosts(playback, 10)
@@ -29,7 +29,7 @@ def test_ghosts_stand_at_frames_of_the_take_within_its_trim() -> None:
 
 
 def test_trails_go_through_the_joints_and_know_their_speeds() -> None:
-    playback = Playback(CLIP, Terrain.flat(), 0, playing=False)
+    playback = Playback(CLIP, Terrain.flat(), Terrain.flat(), 0, playing=False)
     playback.seek(45)
     trails = Trails().around(playback)
     positions = playback.pose().positions[list(JOINTS)]

@@ -47,9 +47,8 @@ class Snapshot:
         """
         start = self.codes.start
         try:
-            now = controller.style
             if isinstance(start, Style) and any(
-                getattr(start, name).shape != getattr(now, name).shape for name in FOLDED_FIELDS
+                getattr(start, name).shape != getattr(controller.style, name).shape for name in FOLDED_FIELDS
             ):
                 raise FileError("state of a controller: a style of another model.", REMEDY)
             controller.put(self.state, self.codes)

@@ -6,9 +6,13 @@ All operations pick independent sets of edges, so that each pass is a handful of
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 Array = NDArray[np.floating]
 Indices = NDArray[np.int64]
@@ -23,7 +27,7 @@ def edges_of(triangles: Indices) -> tuple[Indices, Indices]:
     return np.unique(pairs, axis=0, return_counts=True)
 
 
-def _adjacency(edges: Indices, count: int):
+def _adjacency(edges: Indices, count: int) -> csr_matrix:
     from scipy.sparse import coo_matrix
 
     i, j = edges.T

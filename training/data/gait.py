@@ -49,7 +49,7 @@ class GaitJoints:
         """From a BVH of any known skeleton, at 60 frames a second or its own rate where that is lower."""
         positions = motion.world()[0][first_frame:].astype(np.float64)
         low = [n.lower().split(":")[-1] for n in motion.skeleton.names]
-        found = {}
+        found: dict[str, Array] = {}
         for key, candidates in _names().items():
             known = [n for n in candidates if n in low]
             if known:

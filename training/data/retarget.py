@@ -306,10 +306,9 @@ def _align_trunk(world: Array, trunk: Array) -> None:
     a bent one. The chest above keeps its rotation.
     """
     lower, upper = SPORT_SKELETON.index("LowerBack"), SPORT_SKELETON.index("Spine")
-    ours = sum(
-        rotations.rotate(world[:, j], np.broadcast_to(o, trunk.shape))
-        for j, o in zip((lower, upper), TRUNK, strict=True)
-    )
+    ours = np.zeros_like(trunk)
+    for j, o in zip((lower, upper), TRUNK, strict=True):
+        ours += rotations.rotate(world[:, j], np.broadcast_to(o, trunk.shape))
     turn = rotations.between(rotations.normalize(ours), rotations.normalize(trunk))
     for j in (lower, upper):
         world[:, j] = rotations.multiply(turn, world[:, j])

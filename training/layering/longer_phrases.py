@@ -78,8 +78,9 @@ _MOVEMENTS = (
     "roll_range",
     "turn_range",
     "pitch_range",
+    "twist_range",
+    "bounce",
 )
-_MOVEMENTS += ("twist_range", "bounce")
 _SLOTS = {"left_leg": "leg", "right_leg": "leg", "legs": "leg", "left_arm": "arm", "right_arm": "arm"}
 _DOUBLE = ("torso", "head")
 _ACROSS = ("turn", "roll")  # measures of what goes to one side; the others are of forward and back

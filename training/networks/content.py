@@ -276,7 +276,7 @@ class MeasuresReader(nn.Module):
         read = self.parts[_LEFT[k] if self.one_sided else k]
         assert isinstance(read, nn.Linear)
         allowed = torch.ones_like(read.weight)
-        bias = read.bias
+        bias: Tensor = read.bias
         if self.one_sided and _MIDLINE[k]:
             odd = getattr(self, f"odd_{k}")
             allowed = torch.where(odd[:, None], self.odd[k], 1.0 - self.odd[k])

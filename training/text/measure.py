@@ -146,8 +146,8 @@ def smoothed_facing(positions: Array) -> Array:
         positions[:, at("LeftArm")] - positions[:, at("RightArm")]
     )
     forward = np.stack([-across[:, 2], across[:, 0]], axis=1)  # (x, z) of across × up, turned to the front
-    forward = smoothed(forward, _FACING_SECONDS)
-    return np.arctan2(forward[:, 0], forward[:, 1])
+    smooth = smoothed(forward, _FACING_SECONDS)
+    return np.arctan2(smooth[:, 0], smooth[:, 1])
 
 
 def _arm(body: Array, side: str, sign: float) -> ArmMeasures:
@@ -160,7 +160,9 @@ def _arm(body: Array, side: str, sign: float) -> ArmMeasures:
     bend = 180 - _angle(shoulder - elbow, hand - elbow)
     reach = hand - shoulder
     return ArmMeasures(
-        *(float(x) for x in (np.median(level), np.percentile(level, 90), _range(level))),
+        hand_level=float(np.median(level)),
+        hand_level_top=float(np.percentile(level, 90)),
+        hand_level_range=float(_range(level)),
         hand_out=float(np.median(reach[:, 0] * sign)),
         hand_front=float(np.median(reach[:, 2])),
         elbow_bend=float(np.median(bend)),
@@ -176,7 +178,7 @@ def _leg(
     body: Array,
     positions: Array,
     turned: Array,
-    ground: tuple[Array, Array],
+    ground: tuple[NDArray[np.bool_], NDArray[np.bool_]],
     side: str,
     sign: float,
     speed: Array,
@@ -185,8 +187,8 @@ def _leg(
     hip, knee, ankle = (body[:, at(f"{side}{n}")] for n in ("UpLeg", "Leg", "Foot"))
     bend = 180 - _angle(hip - knee, ankle - knee)
     lift = np.degrees(np.arctan2((knee - hip)[:, 2], (hip - knee)[:, 1]))
-    down, other = (contact.any(axis=1) for contact in ground)
-    stance = down if down.any() else np.ones(len(down), bool)
+    down, other = (np.asarray(contact.any(axis=1)) for contact in ground)
+    stance = down if down.any() else np.ones(len(down), np.bool_)
     landings = np.flatnonzero(np.diff(closed(down).astype(int)) == 1)
     foot = positions[landings][:, at(f"{side}Foot")][:, [0, 2]]
     strides = np.linalg.norm(np.diff(foot, axis=0), axis=1) if len(landings) > 1 else np.zeros(1)

@@ -18,12 +18,12 @@ _LANDING = 8  # frames before a landing in which a foot comes down
 _FLICKER = 6
 
 
-def landings(down: Array) -> NDArray[np.intp]:
+def landings(down: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Frames where contact `(T,)` begins; gaps of up to `_FLICKER` frames are none."""
     return np.flatnonzero(np.diff(closed(down).astype(int)) == 1) + 1
 
 
-def closed(down: Array, frames: int = _FLICKER) -> Array:
+def closed(down: NDArray[np.bool_], frames: int = _FLICKER) -> NDArray[np.bool_]:
     """Contact flags with gaps of up to `frames` frames filled."""
     filled = down.copy()
     edges = np.flatnonzero(np.diff(down.astype(int)))
@@ -38,13 +38,13 @@ def walk_ratio(step_length: float, cadence: float) -> float:
     return step_length / cadence if cadence > 0.2 else 0.0
 
 
-def stance_lead(own: Array, other: Array) -> float:
+def stance_lead(own: NDArray[np.bool_], other: NDArray[np.bool_]) -> float:
     """By which share one foot carries alone longer than the other: 0 is even, -1 is never."""
     mine, theirs = float((own & ~other).sum()), float((other & ~own).sum())
     return 2.0 * (mine - theirs) / max(mine + theirs, 1.0)
 
 
-def landing_speed(height: Array, down: Array) -> float:
+def landing_speed(height: Array, down: NDArray[np.bool_]) -> float:
     """Metres per second at which an ankle of `height` `(T,)` comes down last, median over the landings."""
     fall = -np.diff(height, prepend=height[:1]) * FPS
     found = [float(fall[max(t - _LANDING, 0) : t + 1].max()) for t in landings(down) if t > _LANDING]
@@ -65,14 +65,14 @@ def torso_rhythm(positions: Array, hips: Array) -> dict[str, float]:
     shoulders = positions[:, at("LeftArm")] - positions[:, at("RightArm")]
     yaw = smoothed(np.unwrap(np.arctan2(-pelvis[:, 2], pelvis[:, 0]))[:, None], CYCLE_SECONDS)[:, 0]
     undo = rotations.inverse(rotations.from_yaw(yaw))
-    pelvis, shoulders = rotations.rotate(undo, pelvis), rotations.rotate(undo, shoulders)
+    hip_line, shoulder_line = rotations.rotate(undo, pelvis), rotations.rotate(undo, shoulders)
     path = smoothed(hips, CYCLE_SECONDS)
     away = path - smoothed(hips, 4.0 * CYCLE_SECONDS)
     return {
-        "pelvis_yaw_range": _range(_yaw(pelvis)),
-        "pelvis_roll_range": _range(_roll(pelvis)),
-        "shoulder_yaw_range": _range(_yaw(shoulders)),
-        "shoulder_roll_range": _range(_roll(shoulders)),
+        "pelvis_yaw_range": _range(_yaw(hip_line)),
+        "pelvis_roll_range": _range(_roll(hip_line)),
+        "shoulder_yaw_range": _range(_yaw(shoulder_line)),
+        "shoulder_roll_range": _range(_roll(shoulder_line)),
         "wander": _range(away[:, 0] * np.cos(yaw) - away[:, 2] * np.sin(yaw)),
     }
 

@@ -7,6 +7,7 @@ import re
 import struct
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -125,7 +126,11 @@ def load_encoder(directory: Path) -> SentenceEncoder:
 
 def read_safetensors(path: Path) -> dict[str, np.ndarray]:
     """Arrays of a safetensors file (float16, float32 and int64 only); FileError when it is damaged."""
-    dtypes = {"F16": np.dtype("<f2"), "F32": np.dtype("<f4"), "I64": np.dtype("<i8")}
+    dtypes: dict[str, np.dtype[Any]] = {
+        "F16": np.dtype("<f2"),
+        "F32": np.dtype("<f4"),
+        "I64": np.dtype("<i8"),
+    }
     try:
         raw = path.read_bytes()
         (size,) = struct.unpack("<Q", raw[:8])

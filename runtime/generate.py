@@ -102,6 +102,7 @@ def generate_clip(
     text_encoder: Path | None = None,
     strength: float = 1.0,
     prompter: Prompter | None = None,
+    size: float = 1.0,
 ) -> Clip:
     """Generate a clip of `seconds` (10, or the length of `controls`) at 60 frames a second; equal arguments give equal bytes.
 
@@ -109,12 +110,12 @@ def generate_clip(
     `runtime.motion.stick_script`, in place of path, gait and speed.
     `prompt` is one prompt, six descriptions, a blend of two, or several prompts with times (also those of a take),
     `terrain` a name, file or terrain, `path` and `gait` are those of `runtime.motion.paths`. `model` is a model folder, by default the shipped one, or a loaded model; `expander`, `report` and
-    `text_encoder` are those of `Prompter`, or `prompter` is one of that model; `strength` is that of `Controller`. SportError names what cannot be used.
+    `text_encoder` are those of `Prompter`, or `prompter` is one of that model; `strength` is that of `Controller`; `size` is that of `Character`: a smaller body takes smaller steps on the same ground. SportError names what cannot be used.
     """
     script, first_gait, seconds = _script(controls, path, gait, seconds, speed, seed)
     _check(seconds, transition_seconds, strength, seed)
     events, asked = _events(prompt)
-    controller = _controller(terrain, model, seed, strength)
+    controller = _controller(terrain, model, seed, strength, size)
     meant: dict[str, PartDescriptions] = {}
     if prompter is None:
         prompter = Prompter(controller.model, expander, report, text_encoder, meant.__setitem__)
@@ -125,7 +126,8 @@ def generate_clip(
     events = _described(events, asked, meant, transition_seconds)
     spec = str(terrain) if not isinstance(terrain, Terrain) else terrain.name
     origin, durations = origin_of(controller, spec), tuple(gait_seconds(gaits, FPS).items())
-    return replace(clip_of(poses, name, events, spec), origin=origin, gaits=gaits, gait_seconds=durations)
+    clip = clip_of(poses, name, events, spec)
+    return replace(clip, origin=origin, gaits=gaits, gait_seconds=durations, size=size)
 
 
 def _script(
@@ -159,16 +161,16 @@ def _check(seconds: float, transition_seconds: float, strength: float, seed: int
 
 
 def _controller(
-    terrain: str | Path | Terrain, model: Path | MotionModel | None, seed: int, strength: float
+    terrain: str | Path | Terrain, model: Path | MotionModel | None, seed: int, strength: float, size: float
 ) -> Controller:
-    """A character at the origin of the ground."""
+    """A character of a size at the origin of the ground."""
     from runtime.motion.controller import Controller
     from runtime.motion.model import load_model
     from runtime.terrain.library import load_terrain
 
     ground = terrain if isinstance(terrain, Terrain) else load_terrain(terrain)
     loaded = load_model(model) if model is None or isinstance(model, Path) else model
-    return Controller(loaded, ground, seed, strength=strength)
+    return Controller(loaded, ground.seen_by(size), seed, strength=strength)
 
 
 def _walk(

@@ -5,6 +5,7 @@
 #include "grid.glsl"
 #include "ground_normal.glsl"
 uniform float grid_strength;  // 0 hides the grid
+uniform float metres;         // in a unit of the scene, see Terrain.seen_by
 uniform vec2 level;           // height of the start in metres, and what a metre above it counts for: -1..1 is full tint
 in vec3 position;
 in vec3 normal;
@@ -25,7 +26,7 @@ void main() {
     n = normalize(n * vec3(STEEPER, 1.0, STEEPER));
     float height = clamp((position.y - level.x) * level.y, -1.0, 1.0);
     vec3 albedo = mix(GROUND, height > 0.0 ? HIGH_GROUND : LOW_GROUND, abs(height));
-    vec2 lines = metre_grid(position.xz);
+    vec2 lines = metre_grid(position.xz * metres);
     albedo = mix(albedo, LINE, grid_strength * max(0.55 * lines.x, 0.85 * lines.y));
     float sun = max(dot(n, sun_direction.xyz), 0.0);
     vec3 light = albedo * (0.50 * ambient_light(n) + 0.98 * sun * SUN_LIGHT) * (stands * (1.0 + relief));

@@ -232,6 +232,7 @@ class App:
         stage.renderer.set_terrain(state.stage.terrain)
         stage.live.begin(options.live_link)
         stage.vmc.begin(options.vmc)
+        state.settings.fit_to_motion = state.settings.fit_to_motion or options.fit_to_motion
         stage.load_character(options.character, options.joint_map)
         stage.load_terrain(options.terrain or state.settings.terrain)
         self.load_model(options.model or self.desk.chosen_model(options.offscreen), options.seed)

@@ -37,6 +37,7 @@ class ViewOptions:
     blend_weights: Weights = (0.5,) * len(ALL_A)  # its share in each body part
     model: Path | None = None  # directory of an exported model
     character: Path | None = None  # GLB
+    fit_to_motion: bool = False  # the character gets the size of the motion
     joint_map: Path | None = None  # JSON of its joints, in place of the one beside it
     clip: Path | None = None  # BVH to open
     project: str | None = None  # file of a project, or "last"

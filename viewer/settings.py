@@ -96,6 +96,11 @@ class Settings:
         hint="Height of a white pixel; black lies at 0. Drag, or double-click to type.",
     )
     camera: str = specified("follow", choices=CAMERAS, label="Camera")
+    fit_to_motion: bool = specified(
+        False,
+        label="Fit to the motion",
+        hint="The character gets the size of the motion. Off: it keeps its own, with steps and speed to match",
+    )
     show_grid: bool = specified(True, label="Grid", hint="A metre grid on the ground (F5)")
     show_trajectory: bool = specified(
         True, label="Trajectory", hint="The path the character intends, one second back and ahead (F2)"

@@ -18,6 +18,7 @@ from runtime.character.hand_contact import clear_hands
 from runtime.character.joint_map import saved_joint_map
 from runtime.character.joints import Alignment, align
 from runtime.character.mesh import MeshData, read_meshes
+from runtime.character.planted_feet import Soles, find_soles, plant_feet
 from runtime.character.read import MAX_VALUE, REMEDY, STRUCTURE_ERRORS, GltfFile, open_gltf
 from runtime.errors import FileError
 from runtime.pose import Pose
@@ -25,6 +26,10 @@ from runtime.safe_read import is_text, reason
 from runtime.skeleton import SPORT_SKELETON
 
 Array = NDArray[Any]
+
+FILE_UNITS = (1.0, 0.01, 0.1, 0.0254, 0.001)  # metres of a unit of files, the most common first
+SMALLEST_M, LARGEST_M = 0.3, 8.0
+MIN_SIZE, MAX_SIZE = 0.1, 10.0
 
 
 @dataclass(frozen=True)
@@ -46,6 +51,9 @@ class Character:
     rest_world: Array  # (K, 4, 4) float32
     sport_joints: Array  # (K,)
     alignment: Alignment
+    size: float = (
+        1.0  # metres of a metre of ours in its own size; drawn and moved in ours, see `Terrain.seen_by`
+    )
 
     def joint_transforms(self, positions: Array, world_rotations: Array) -> tuple[Array, Array]:
         """Pivots `(..., K, 3)` and turns from the rest pose `(..., K, 4)` of the character's joints in a SPORT pose.
@@ -55,23 +63,19 @@ class Character:
         a = self.alignment
         if a.native:
             return positions, world_rotations
-        lead = positions.shape[:-2]
-        pivots = np.empty((*lead, len(a.driver), 3), np.float64)
+        lead, order = positions.shape[:-2], list(a.order)
         turns = np.empty((*lead, len(a.driver), 4), np.float64)
-        for k in a.order:
-            turns[..., k, :] = rotations.multiply(world_rotations[..., a.source[k], :], a.turns[k])
-            if k == a.order[0]:
-                pivots[..., k, :] = self._hips(positions, turns[..., k, :])
-            else:
-                carrier = a.anchor[k]
-                pivots[..., k, :] = pivots[..., carrier, :] + rotations.rotate(
-                    turns[..., carrier, :], a.arms[k]
-                )
+        turns[..., order, :] = rotations.multiply(
+            world_rotations[..., a.source[order], :], a.turns[order].astype(np.float64)
+        )
         rigid = np.flatnonzero(a.source < 0)
         turns[..., rigid, :] = turns[..., a.driver[rigid], :]
-        pivots[..., rigid, :] = pivots[..., a.driver[rigid], :] + rotations.rotate(
-            turns[..., rigid, :], a.arms[rigid]
-        )
+        arms = rotations.rotate(turns[..., a.anchor, :], a.arms)
+        pivots = np.empty((*lead, len(a.driver), 3), np.float64)
+        pivots[..., order[0], :] = self._hips(positions, turns[..., order[0], :])
+        for k in order[1:]:
+            pivots[..., k, :] = pivots[..., a.anchor[k], :] + arms[..., k, :]
+        pivots[..., rigid, :] = pivots[..., a.driver[rigid], :] + arms[..., rigid, :]
         return pivots, turns
 
     def _hips(self, positions: Array, hips_turn: Array) -> Array:
@@ -92,10 +96,22 @@ class Character:
     def skin_matrices(self, pose: Pose) -> Array:
         """Skinning matrices `(K, 4, 4)` float32 that carry bind-pose vertices to world space in `pose`.
 
-        Hands lie on the character's surface (`clear_hands`).
+        It stands on its own feet (`adapted`).
         """
-        positions, world = clear_hands(self, pose.positions, pose.world_rotations)
+        positions, world = self.adapted(pose.positions, pose.world_rotations, pose.contacts)
         return (self.joint_matrices(positions, world) @ self.inverse_bind).astype(np.float32)
+
+    def adapted(self, positions: Array, world_rotations: Array, contacts: Array) -> tuple[Array, Array]:
+        """A SPORT pose of any leading shape as this body shows it: feet planted, hands on its own surface."""
+        if not self.alignment.native:
+            positions, world_rotations = plant_feet(self, positions, world_rotations, contacts)
+        return clear_hands(self, positions, world_rotations)
+
+    @cached_property
+    def soles(self) -> Soles:
+        """The feet, as they differ from ours."""
+        vertices, pivots = self._rest
+        return find_soles(self, vertices, np.asarray(pivots, np.float64))
 
     @cached_property
     def body(self) -> BodySurface | None:
@@ -173,7 +189,8 @@ def _assemble(file: GltfFile, data: MeshData, joint_map: Mapping[str, str]) -> C
     names = _names(file, data)
     guess, data = guess_joints(file.path, data, names, joint_map)
     require(file.path, guess)
-    alignment = align(guess.found, data.joint_parents, data.rest_world, data.rest_positions())
+    vertices = data.rest_positions()
+    alignment = align(guess.found, data.joint_parents, data.rest_world, vertices)
     return Character(
         positions=data.positions,
         normals=data.normals,
@@ -187,4 +204,17 @@ def _assemble(file: GltfFile, data: MeshData, joint_map: Mapping[str, str]) -> C
         rest_world=data.rest_world.astype(np.float32),
         sport_joints=alignment.source,
         alignment=alignment,
+        size=1.0 if alignment.native else own_size(alignment, vertices),
     )
+
+
+def own_size(alignment: Alignment, vertices: Array) -> float:
+    """How large a body is in ours: by the file's metres where they give one from `SMALLEST_M` to `LARGEST_M` high.
+
+    Files in centimetres and the like are told by their height; where no unit fits, the body has our size.
+    """
+    height = float(np.ptp(vertices, axis=0).max())
+    for unit in FILE_UNITS:
+        if SMALLEST_M <= height * unit <= LARGEST_M:
+            return float(np.clip(alignment.units * unit, MIN_SIZE, MAX_SIZE))
+    return 1.0

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from runtime import rotations
 from runtime.character.body_surface import BodySurface
 from runtime.character.hand_reach import ANCHORS, ramp, reach, touching
+from runtime.character.two_bones import bend
 from runtime.skeleton import SPORT_SKELETON
 
 if TYPE_CHECKING:
@@ -21,9 +22,7 @@ ROUNDS = 4  # of turning and of pushing: what leaves one part may still be in th
 MOST_TURN = 1.2  # radians that a wrist gives way
 NECK_M, WAIST_M = 0.1, 0.25  # under the shoulder: a hand at neck or head does not turn, for it would flutter
 FORWARD = 0.4  # a hand that points straight into the body turns forward, as one on the hip
-REACH = 0.9995  # of the arm's length
-ELBOW_M = 0.005  # pull on the elbow of an arm that is straight, down and back
-_ELBOW = np.array([0.0, -1.0, -0.5])
+_ELBOW = np.array([0.0, -1.0, -0.5])  # where a straight arm bends: down and back
 ARM = {
     side: tuple(SPORT_SKELETON.index(side + bone) for bone in ("Arm", "ForeArm", "Hand"))
     for side in ("Left", "Right")
@@ -180,7 +179,7 @@ def _bent(
 ) -> tuple[Array, Array]:
     """The pose with an arm bent so that its hand goes `way` further, in the plane of its elbow."""
     shoulder, elbow, hand = (pivots[..., _joint(character, side, bone), :] for bone in range(3))
-    upper, lower, moved = _two_bones(shoulder, elbow, hand, hand + way)
+    upper, lower, moved = bend(shoulder, elbow, hand, hand + way, _ELBOW)
     world, arm = np.array(world_rotations), ARM[side]
     free = ~np.any(way, axis=-1)[..., None]  # stays bit by bit
     for j, turn in ((arm[0], upper), (arm[1], lower)):
@@ -193,24 +192,3 @@ def _bent(
         for j in BELOW[side]:
             at[..., j, :] = np.where(free, at[..., j, :], at[..., j, :] + moved - hand)
     return at, world
-
-
-def _two_bones(shoulder: Array, elbow: Array, hand: Array, target: Array) -> tuple[Array, Array, Array]:
-    """World rotations of upper arm and forearm that bring the hand to `target`, and where it comes to lie."""
-    a, b = np.linalg.norm(elbow - shoulder, axis=-1), np.linalg.norm(hand - elbow, axis=-1)
-    length = np.linalg.norm(target - shoulder, axis=-1)
-    length = np.clip(length, np.abs(a - b) + 1e-4, REACH * (a + b))
-    along, wanted = rotations.normalize(hand - shoulder), rotations.normalize(target - shoulder)
-    aside = (elbow - shoulder) - np.sum((elbow - shoulder) * along, axis=-1, keepdims=True) * along
-    down = np.sum(_ELBOW * along, axis=-1, keepdims=True) * along
-    aside = rotations.normalize(aside + ELBOW_M * (_ELBOW - down))
-    cosine = np.clip((a * a + length * length - b * b) / np.maximum(2 * a * length, 1e-9), -1.0, 1.0)
-    sine = np.sqrt(1.0 - cosine * cosine)
-    bent = a[..., None] * (cosine[..., None] * along + sine[..., None] * aside)
-    swing = rotations.between(along, wanted)
-    upper = rotations.multiply(
-        swing, rotations.between(rotations.normalize(elbow - shoulder), rotations.normalize(bent))
-    )
-    fore = rotations.normalize(length[..., None] * along - bent)
-    lower = rotations.multiply(swing, rotations.between(rotations.normalize(hand - elbow), fore))
-    return upper, lower, shoulder + length[..., None] * wanted

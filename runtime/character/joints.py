@@ -87,6 +87,7 @@ CONVENTIONS: dict[str, dict[str, str]] = {
 }  # fmt: skip
 HANDS = ("Hand",)
 NEEDED = ("Hips", "Head", *(s + bone for s in _SIDED for bone in ("UpLeg", "Leg", "Foot", "Arm", "ForeArm")))
+MOST_LIFT_M = 0.6  # soles may be so far under the ankles
 REQUIRED = (*NEEDED, *(s + bone for s in _SIDED for bone in HANDS))  # of names that are to be believed
 
 
@@ -157,6 +158,7 @@ class Alignment:
     hips_offset: Array  # (3,) from the middle of the hip joints to the hips, aligned rest pose
     lift: float  # metres added to the height, so that the soles stand where ours stand
     native: bool  # the joints are exactly SPORT_SKELETON
+    units: float  # of the file in a metre of ours: its legs are so much longer than ours are in metres
 
 
 def align(found: Mapping[str, int], parents: Sequence[int], rest_world: Array, vertices: Array) -> Alignment:
@@ -186,7 +188,7 @@ def align(found: Mapping[str, int], parents: Sequence[int], rest_world: Array, v
         and np.allclose(rest_world[:, :3, :3], np.eye(3), atol=1e-5)
     )
     sole = float((vertices @ facing[1]).min()) * scale
-    lift = 0.0 if native else float(np.clip(ankle[1] - sole - ANKLE_HEIGHT, -0.2, 0.2))
+    lift = 0.0 if native else float(np.clip(ankle[1] - sole - ANKLE_HEIGHT, -MOST_LIFT_M, MOST_LIFT_M))
     return Alignment(
         order,
         source,
@@ -198,6 +200,7 @@ def align(found: Mapping[str, int], parents: Sequence[int], rest_world: Array, v
         position[hips] - legs,
         lift,
         native,
+        1.0 / scale,
     )
 
 

@@ -111,7 +111,7 @@ def _text(clip: Clip, unit: str, order: str | None, root: RootTrack | None = Non
         place,
         local,
         clip.fps,
-        units_per_metre=UNITS_PER_METRE[unit],
+        units_per_metre=UNITS_PER_METRE[unit] * clip.size,
         order=order,
         end_offsets={joint + above: offset for joint, offset in END_OFFSETS.items()},
         moving=moving,
@@ -135,7 +135,7 @@ def clip_of_motion(motion: BvhMotion, path: Path) -> tuple[Clip, str]:
     if not 0.0 < fps <= MAX_FPS:
         raise FileError(f"{path}: {fps:g} frames per second; expected at most {MAX_FPS:.0f}.", _OWN_BVH)
     order = _joint_order(motion, path)
-    scale = _metres_per_unit(motion, order, path)
+    scale = _metres_per_unit(motion, order, path)  # of the body, whatever its size
     hips, local = _in_world(motion, order, path)
     hips = hips * scale
     if not np.abs(hips).max() <= MAX_DISTANCE_M:
@@ -153,6 +153,7 @@ def clip_of_motion(motion: BvhMotion, path: Path) -> tuple[Clip, str]:
         gait_seconds=made.gait_seconds,
         gaits=gait_numbers(made.gait_changes, len(motion.positions), fps),
         placed=made.placed,
+        size=made.size,
     )
     return clip, nearest_unit(scale)
 

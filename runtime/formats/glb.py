@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.assets import asset_path
-from runtime.character.character import load_character
+from runtime.character.character import Character, load_character
 from runtime.character.joint_map import read_joint_map
 from runtime.character.mesh import read_meshes
 from runtime.character.read import open_gltf
@@ -28,6 +28,7 @@ from runtime.formats.ground import MARGIN_M, add_ground
 from runtime.formats.prepare import ExportOptions, PreparedTake, prepare
 from runtime.formats.sidecar import take_extras
 from runtime.skeleton import SPORT_SKELETON
+from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
 
 Array = NDArray[np.floating]
@@ -62,7 +63,8 @@ def glb_document(
     buffer = GlbBuffer.of_file(file)
     buffer.gltf.asset.generator = "SPORT viewer"
     plain = options.plain or options.engine is not None
-    rig = open_rig(buffer, file, character, read_meshes(file), options.rooted, plain)
+    size = body_size(take.clip, options, character)
+    rig = open_rig(buffer, file, character, read_meshes(file), options.rooted, plain, size)
     takes = [take, *(_other(other, options, terrain) for other in options.with_takes)]
     buffer.gltf.animations = []
     for one, name in zip(takes, _names([one.clip.name for one in takes]), strict=True):
@@ -72,9 +74,17 @@ def glb_document(
     if options.animation_only:
         _drop_meshes(buffer)
     if options.with_ground and terrain is not None:
-        add_ground(buffer, terrain, take, most=ground_vertices, margin_m=ground_margin_m)
+        add_ground(buffer, terrain, take, size, most=ground_vertices, margin_m=ground_margin_m)
     buffer.gltf.scenes[0].extras = {"sport": take_extras(take)}
     return buffer, next(node for node, k in rig.joints.items() if character.sport_joints[k] == HIPS)
+
+
+def body_size(clip: Clip, options: ExportOptions, character: Character) -> float:
+    """Metres of a metre of the clip for a character: those of its own size, or those that the clip was made in.
+
+    A clip that was made for another size is carried over whole, with its steps and its ground.
+    """
+    return clip.size if options.character is None or options.fit_to_motion else character.size
 
 
 def _other(path: Path, options: ExportOptions, terrain: Terrain | None) -> PreparedTake:

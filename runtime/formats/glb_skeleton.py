@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.character.character import Character
-from runtime.character.hand_contact import clear_hands
 from runtime.character.mesh import MeshData
 from runtime.character.nodes import ancestors, node_world_matrices
 from runtime.character.read import GltfFile, read_accessor
@@ -42,6 +41,7 @@ class Rig:
     parents: list[int]
     rest: Array
     space: Array
+    size: float  # metres of a metre of the take
     ground_point: Array  # (3,) under the hips on the level of the soles, rest pose, take's space
     root_node: int = -1  # the node on the ground, where there is one
     plain: bool = False  # written without scales and without nodes above the joints
@@ -57,24 +57,28 @@ def open_rig(
     data: MeshData,
     ground_root: bool,
     plain: bool = False,
+    size: float = 1.0,
 ) -> Rig:
     """The rig of a character's document: its scene holds the character alone, in the take's space.
 
-    `plain`: joints have no scales and nothing but one node above them, as engines expect it.
+    `plain`: joints have no scales and nothing but one node above them, as engines expect it. `size` is how many metres a metre of the take is;
+    one of its own leaves the file's metres as they are.
     """
     joints: dict[int, int] = {}
     for k, node in enumerate(data.joint_nodes):
         joints.setdefault(node, k)  # a joint of several skins moves as the first of them
     hips = int(np.flatnonzero(character.sport_joints == SPORT_SKELETON.index("Hips"))[0])
     space = np.eye(4)
-    space[:3, :3] = character.alignment.basis[hips] @ np.linalg.inv(
-        character.rest_world[hips, :3, :3].astype(np.float64)
+    space[:3, :3] = (
+        size
+        * character.alignment.basis[hips]
+        @ np.linalg.inv(character.rest_world[hips, :3, :3].astype(np.float64))
     )
     order, parents = ancestors(file)
     rest = space @ node_world_matrices(file, order, parents)
     soles = float((data.rest_positions() @ space[:3, :3].T)[:, 1].min())
     x, _, z = rest[data.joint_nodes[hips], :3, 3]
-    rig = Rig(character, buffer.gltf, joints, parents, rest, space, np.array([x, soles, z]))
+    rig = Rig(character, buffer.gltf, joints, parents, rest, space, size, np.array([x, soles, z]))
     for index, skin in enumerate(rig.gltf.skins):
         rig.binds[index] = _inverse_binds(file, skin, index)
     (_set_plain_scene if plain else _set_scene)(rig)
@@ -260,8 +264,10 @@ def joint_worlds(rig: Rig, take: PreparedTake, frames: slice) -> dict[int, Array
     skeleton_positions, world = SPORT_SKELETON.forward_kinematics(
         hips, np.asarray(clip.local_rotations[frames], np.float64)
     )
-    pivots, turns = character.joint_transforms(*clear_hands(character, skeleton_positions, world))
-    linear = rotations.to_matrix(turns) @ character.alignment.basis
+    contacts = np.asarray(clip.contacts[frames], np.float64)
+    pivots, turns = character.joint_transforms(*character.adapted(skeleton_positions, world, contacts))
+    pivots = rig.size * pivots
+    linear = rig.size * rotations.to_matrix(turns) @ character.alignment.basis
     result: dict[int, Array] = {}
     first = frames.start == 0 and take.rest_frame
     for node, k in rig.joints.items():
@@ -279,7 +285,7 @@ def _rest_place(rig: Rig, take: PreparedTake) -> Array:
     """What carries the rest pose to where the take begins."""
     place = np.eye(4)
     place[:3, :3] = rotations.to_matrix(rotations.from_yaw(take.root.yaw[0]))
-    place[:3, 3] = take.root.positions[0] - place[:3, :3] @ rig.ground_point
+    place[:3, 3] = rig.size * take.root.positions[0] - place[:3, :3] @ rig.ground_point
     return place
 
 
@@ -287,5 +293,5 @@ def _root_worlds(rig: Rig, take: PreparedTake, frames: slice) -> Array:
     yaw, positions = take.root.yaw[frames], take.root.positions[frames]
     matrices = np.tile(np.eye(4), (len(yaw), 1, 1))
     matrices[:, :3, :3] = rotations.to_matrix(rotations.from_yaw(yaw)) @ rig.rest[rig.root_node, :3, :3]
-    matrices[:, :3, 3] = positions
+    matrices[:, :3, 3] = rig.size * positions
     return matrices

@@ -53,17 +53,18 @@ def ground_spec(clip: Clip, clip_path: Path | None = None, asked: str | None = N
 
 
 def ground_of(clip: Clip, clip_path: Path | None = None, asked: str | None = None) -> Terrain:
-    """The terrain of `ground_spec`."""
-    return load_terrain(ground_spec(clip, clip_path, asked))
+    """The terrain of `ground_spec`, as the body that the clip was made for sees it."""
+    return load_terrain(ground_spec(clip, clip_path, asked)).seen_by(clip.size)
 
 
 def ground_mesh(
     terrain: Terrain, take: PreparedTake, most: int | None = None, margin_m: float = MARGIN_M
 ) -> tuple[Array, NDArray[np.uint32]]:
-    """Vertices `(V, 3)` in metres where the take stands on them, and triangles `(F, 3)`, counter-clockwise from above.
+    """Vertices `(V, 3)` in the lengths of the take where the take stands on them, and triangles `(F, 3)`, counter-clockwise from above.
 
     Every sample of the height map is a vertex, so heights there are exact; a level ground is two triangles.
     """
+    terrain = terrain.seen_by(take.clip.size)
     x, z = (
         o + terrain.cell_m * np.arange(n) for o, n in zip(terrain.origin, terrain.heights.shape, strict=True)
     )
@@ -103,7 +104,7 @@ def save_ground(path: Path, terrain: Terrain, take: PreparedTake, unit: str = "m
         )
     if suffix == ".obj":
         vertices, triangles = ground_mesh(terrain, take)
-        scaled = vertices * UNITS_PER_METRE[unit]
+        scaled = vertices * (UNITS_PER_METRE[unit] * take.clip.size)
         lines = [f"# ground {terrain.name}, {unit}, Y up", f"o ground_{Path(terrain.name).stem}"]
         lines += [f"v {x:.6g} {y:.6g} {z:.6g}" for x, y, z in scaled.tolist()]
         lines += [f"f {a} {b} {c}" for a, b, c in (triangles + 1).tolist()]
@@ -113,7 +114,7 @@ def save_ground(path: Path, terrain: Terrain, take: PreparedTake, unit: str = "m
 
     buffer = GlbBuffer(g.GLTF2(asset=g.Asset(version="2.0", generator="SPORT viewer")))
     buffer.gltf.scenes, buffer.gltf.scene = [g.Scene(name="ground", nodes=[])], 0
-    add_ground(buffer, terrain, take, UNITS_PER_METRE[unit])
+    add_ground(buffer, terrain, take, UNITS_PER_METRE[unit] * take.clip.size)
     buffer.save(path)
     return path
 

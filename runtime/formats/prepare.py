@@ -50,6 +50,7 @@ class ExportOptions:
     animation_only: bool = False  # without meshes
     with_takes: tuple[Path, ...] = ()  # further takes of the same file
     plain: bool = False  # joints without scales, and one node above them
+    fit_to_motion: bool = False  # the character gets the size of the motion, in place of keeping its own
     joint_map: Path | None = None  # names of its joints, see `runtime.character.joint_map.read_joint_map`
 
     @property
@@ -116,6 +117,7 @@ class PreparedTake:
 def prepare(clip: Clip, options: ExportOptions, terrain: Terrain | None = None) -> PreparedTake:
     """`clip` as `options` ask for it, on its `terrain` (None: on the level of its lowest sole). UsageError as in `check`."""
     options.check()
+    terrain = None if terrain is None else terrain.seen_by(clip.size)
     at_rate, there = on_its_ground(clip).resampled(options.fps), placement_of(clip)
     track = root_track(at_rate, terrain if clip.placed is not None else None)
     first, last = _frames(at_rate, options)

@@ -19,7 +19,7 @@ from runtime.errors import FileError
 from runtime.formats.bvh import MAX_FILE_BYTES
 from runtime.formats.prepare import PreparedTake
 from runtime.safe_read import parse_json, printable, read_bounded
-from runtime.takes.clip import Clip
+from runtime.takes.clip import MAX_SIZE, MIN_SIZE, Clip
 from runtime.takes.metadata import (
     MAX_EVENTS,
     UNKNOWN,
@@ -60,6 +60,7 @@ def format_metadata(clip: Clip, bvh_text: str) -> str:
         "gait_seconds": {gait: round(length, 3) for gait, length in clip.gait_seconds},
         "gaits": [[round(seconds, 4), gait] for seconds, gait in gait_changes(clip.gaits, clip.fps)],
         "placed": None if clip.placed is None else [round(value, 6) for value in clip.placed],
+        "size": round(clip.size, 6),
         **asdict(clip.origin),
         "prompts": [
             {**asdict(event), "words": json.loads(event.words) if event.words else None}
@@ -84,6 +85,7 @@ class TakeMetadata:
     gait_seconds: tuple[tuple[str, float], ...] = ()
     gait_changes: tuple[tuple[float, str], ...] = ()
     placed: tuple[float, ...] | None = UNMOVED
+    size: float = 1.0
 
 
 def read_metadata(bvh: Path) -> TakeMetadata:
@@ -121,6 +123,7 @@ def read_metadata(bvh: Path) -> TakeMetadata:
         ),
         gait_changes=_gait_changes(value.get("gaits")),
         placed=_placed(value),
+        size=min(max(number_field(value, "size", 1.0), MIN_SIZE), MAX_SIZE),
     )
 
 
@@ -175,6 +178,7 @@ def take_extras(take: PreparedTake) -> dict[str, Any]:
         "frames": len(clip),
         "ground": Path(clip.terrain).name,
         "rest_frame": take.rest_frame,
+        "size": round(clip.size, 6),
         "markers": markers(clip),
         "origin": {name: v for name, v in asdict(clip.origin).items() if v not in ("", None)},
     }

@@ -17,7 +17,7 @@ from runtime.motion.style_mix import StyleMix
 from runtime.projects.archive import REMEDY, ArchiveReader, ArchiveWriter
 from runtime.projects.motion import packed_table, unpacked_table
 from runtime.safe_read import is_text, parse_json, printable
-from runtime.takes.clip import MAX_DISTANCE_M
+from runtime.takes.clip import MAX_DISTANCE_M, MAX_SIZE, MIN_SIZE
 from runtime.takes.drive import Change, Drive, DrivenFrame, GroundChange, Keyframe, Restart, StyleChange
 from runtime.takes.metadata import PromptEvent, event_from
 from runtime.terrain.files import MAX_HEIGHT_M
@@ -49,7 +49,7 @@ class DriveWriter:
         return self._number(
             self.grounds,
             {"name": terrain.name, "cell_m": float(terrain.cell_m), "x": float(x), "z": float(z),
-             "note": terrain.note, "heights": heights},
+             "note": terrain.note, "unit_m": terrain.unit_m, "heights": heights},
         )  # fmt: skip
 
     def drive(self, drive: Drive) -> Json:
@@ -203,7 +203,10 @@ def read_ground(value: Json, archive: ArchiveReader) -> Terrain:
             f"{archive.path}: a ground of {heights.shape[0]} x {heights.shape[1]} samples.", REMEDY
         )
     origin = (_number(value["x"], MAX_DISTANCE_M), _number(value["z"], MAX_DISTANCE_M))
-    return Terrain(_text(value["name"]), heights, cell, origin, _text(value["note"]))
+    unit = _number(value.get("unit_m", 1.0), MAX_SIZE)
+    if unit < MIN_SIZE:
+        raise FileError(f"{archive.path}: a ground for a body of {unit:g} times our size.", REMEDY)
+    return Terrain(_text(value["name"]), heights, cell, origin, _text(value["note"]), unit)
 
 
 def _is_ground(heights: Any) -> bool:

@@ -228,6 +228,7 @@ def _version(version: StoredVersion, archive: ArchiveWriter, drives: DriveWriter
         "prompts": [vars(event) for event in clip.prompts],
         "origin": vars(clip.origin),
         "placed": None if clip.placed is None else list(clip.placed),
+        "size": clip.size,
         "drive": None if version.drive is None else drives.drive(version.drive),
         "saved": _label(version.saved),
         "label": _label(version.label),
@@ -262,6 +263,7 @@ def _read_version(value: Json, archive: ArchiveReader, drives: DriveReader) -> S
         gait_seconds=_gait_seconds(value["gait_seconds"], gaits, fps),
         gaits=gaits,
         placed=None if placed is None else _four(placed),
+        size=_number(value.get("size", 1.0)),
     )
     check_motion(clip, archive.path)
     drive = None if value["drive"] is None else drives.drive(value["drive"])

@@ -19,6 +19,7 @@ Array = NDArray[np.floating]
 MAX_FPS = 1000.0
 VIDEO_RATES = (24000 / 1001, 24.0, 25.0, 30000 / 1001, 30.0, 48.0, 50.0, 60000 / 1001, 60.0, 120.0)
 MAX_NORM_ERROR = 0.01  # of a quaternion
+MIN_SIZE, MAX_SIZE = 0.05, 20.0  # of a body, in ours
 MAX_DISTANCE_M = 100_000.0  # of a clip's hips from the origin; float32 is then 8 mm fine
 
 
@@ -38,6 +39,9 @@ class Clip:
     gaits: NDArray[np.int8] | None = None  # (T,) asked for in each frame; None where not known
     # yaw and x, y, z by which the take was moved from its place on its ground; None: it no longer goes over it
     placed: tuple[float, ...] | None = UNMOVED
+    # metres of a metre of the skeleton: the clip was made for a body so many times as large as ours, and all lengths in
+    # it are that body's; files have them in metres of the world
+    size: float = 1.0
 
     def __post_init__(self) -> None:
         n = len(self.hips_positions)
@@ -46,6 +50,10 @@ class Clip:
             raise ValueError(f"clip arrays {shapes}: expected (T, 3), (T, {J}, 4), (T, 4) with T >= 1")
         if not 0.0 < self.fps <= MAX_FPS:
             raise ValueError(f"clip of {self.fps} frames per second: expected 0 to {MAX_FPS:.0f}")
+        if not MIN_SIZE <= self.size <= MAX_SIZE:
+            raise ValueError(
+                f"clip of a body of {self.size} times our size: expected {MIN_SIZE} to {MAX_SIZE}"
+            )
 
     def __len__(self) -> int:
         return len(self.hips_positions)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -26,6 +26,7 @@ class Terrain:
     cell_m: float
     origin: tuple[float, float]  # x, z of heights[0, 0], metres
     note: str = ""  # what a user should know of how it was read
+    unit_m: float = 1.0  # metres of a unit of its lengths: see `seen_by`
 
     def __post_init__(self) -> None:
         heights = self.heights
@@ -47,6 +48,18 @@ class Terrain:
         """A level square, centred on the origin."""
         n = round(size_m / cell_m) + 1
         return Terrain(name, np.zeros((n, n), np.float32), cell_m, (-size_m / 2, -size_m / 2))
+
+    def seen_by(self, size: float) -> Terrain:
+        """The same ground in the lengths of a body `size` times as large as ours, for which our metre is `size` metres.
+
+        What is simulated and drawn on it is a picture of the world at that scale; a ground seen so already is itself.
+        """
+        if size == self.unit_m:
+            return self
+        by = self.unit_m / size
+        x, z = self.origin
+        heights = (self.heights * np.float32(by)).astype(np.float32)
+        return replace(self, heights=heights, cell_m=self.cell_m * by, origin=(x * by, z * by), unit_m=size)
 
     @property
     def extent(self) -> tuple[float, float, float, float]:

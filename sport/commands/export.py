@@ -40,6 +40,7 @@ def export_options(arguments: argparse.Namespace) -> ExportOptions:
         end_s=end,
         with_ground=arguments.with_ground,
         character=arguments.character,
+        fit_to_motion=arguments.fit_to_motion,
         joint_map=arguments.joint_map,
         engine=arguments.engine,
         humanoid_names=arguments.humanoid_names,

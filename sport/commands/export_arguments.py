@@ -28,6 +28,11 @@ def add_export_arguments(parser: argparse.ArgumentParser) -> None:
     )
     form.add_argument("--character", type=Path, metavar="GLB", help="skinned character of GLB, FBX and film")
     form.add_argument(
+        "--fit-to-motion",
+        action="store_true",
+        help="the character gets the size of the motion; otherwise it keeps its own, and steps and speed follow it",
+    )
+    form.add_argument(
         "--joint-map", type=Path, metavar="JSON", help="names of its joints, in place of the file beside it"
     )
     form.add_argument(

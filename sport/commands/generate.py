@@ -12,6 +12,7 @@ from sport.commands.arguments import Subparsers, add_blend, add_model, blend_wei
 from sport.commands.export_arguments import OUT_HELP, add_export_arguments
 
 if TYPE_CHECKING:
+    from runtime.formats.prepare import ExportOptions
     from runtime.motion.stick_script import StickScript
     from sport.batch.plan import RowParser
 
@@ -151,6 +152,7 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
     seconds = options.seconds
     if export.fps > FPS and not any(format_of(out).film for out in outputs):
         seconds += 1.0 / FPS  # the last frames at a higher rate lie between two of ours
+    size = _size_of(export)
     model, prompter = (options.model, None) if tools is None else tools(options)
     for k, out in enumerate(outputs):
         clip = generate_clip(
@@ -170,11 +172,23 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
             text_encoder=options.text_encoder,
             report=note,
             prompter=prompter,
+            size=size,
         )
         if not format_of(out).film:
             clip = clip.resampled(export.fps)
             clip = clip.trim(0, min(max(round(options.seconds * export.fps), 1), len(clip)) - 1)
         write_take(clip, out, export, options, terrain)
+
+
+def _size_of(export: ExportOptions) -> float:
+    """How large the character of an export is, that the motion be made for it; 1 for the mannequin. FileError."""
+    from runtime.character.character import load_character
+    from runtime.character.joint_map import read_joint_map
+
+    if export.character is None or export.fit_to_motion:
+        return 1.0
+    joint_map = None if export.joint_map is None else read_joint_map(export.joint_map)
+    return load_character(export.character, joint_map).size
 
 
 def _outputs(options: argparse.Namespace) -> list[Path]:

@@ -20,6 +20,9 @@ def add(commands: Subparsers) -> None:
     view.add_argument(
         "--joint-map", type=Path, metavar="JSON", help="names of its joints, in place of the file beside it"
     )
+    view.add_argument(
+        "--fit-to-motion", action="store_true", help="the character gets the size of the motion, not its own"
+    )
     view.add_argument("--clip", type=Path, metavar="BVH", help="clip to open")
     view.add_argument("--project", metavar="FILE", help='project to open, or "last"')
     view.add_argument("--size", metavar="WxH", help="window in pixels, e.g. 1280x720")
@@ -83,6 +86,7 @@ def run(options: argparse.Namespace) -> int:
         model=options.model,
         character=options.character,
         joint_map=options.joint_map,
+        fit_to_motion=options.fit_to_motion,
         clip=options.clip,
         project=options.project,
         seed=options.seed,

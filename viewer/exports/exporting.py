@@ -185,7 +185,10 @@ class Exporting:
         chosen |= {name: getattr(form, name) for name in names}
         has = form.format.options
         options = ExportOptions(
-            start_s=start, end_s=end, **{name: value for name, value in chosen.items() if name in has}
+            start_s=start,
+            end_s=end,
+            fit_to_motion=self.stage.settings.fit_to_motion,
+            **{name: value for name, value in chosen.items() if name in has},
         )
         options.check()
         return options

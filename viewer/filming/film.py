@@ -137,6 +137,7 @@ def make_film(
     thread, which may be a worker. UsageError, FileError or DisplayError.
     """
     options.check()
+    terrain = terrain.seen_by(clip.size)
     total = count_frames(clip, options.fps)
     check_writer(path, options.size, total)
     if camera is None and character is not None:

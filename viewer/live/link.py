@@ -5,11 +5,13 @@ from __future__ import annotations
 import socket
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from runtime.errors import SportError, UsageError
 from runtime.pose import Pose
-from runtime.skeleton import SPORT_SKELETON
+from runtime.skeleton import SPORT_SKELETON, Skeleton
 from viewer.live import message
 from viewer.live.address import Address, parse_address
 from viewer.messages import Messages
@@ -30,6 +32,7 @@ class LiveLink:
     name: str = "Live link"
     _socket: socket.socket | None = None
     _joints: bytes = b""
+    _size: float = 1.0
     _motion_s: float = 0.0  # of what was sent
     _announced_s: float = 0.0
 
@@ -53,7 +56,7 @@ class LiveLink:
         except OSError as error:
             raise UsageError(f"{self.name}: {error.strerror or error}.", "Use 127.0.0.1.") from error
         self._socket.setblocking(False)  # a full buffer must not hold up a frame
-        self._joints = message.skeleton_joints(SPORT_SKELETON)
+        self._joints, self._size = message.skeleton_joints(SPORT_SKELETON), 1.0
         self.sent = self.dropped = 0
         self._motion_s, self._announced_s = 0.0, self.clock() - ANNOUNCE_S
         if self.address.loopback:
@@ -78,16 +81,23 @@ class LiveLink:
         self.stop()
         self.messages.note(f"{self.name} is off; {self.sent} poses were sent.")
 
-    def publish(self, poses: Sequence[Pose], step_s: float = STEP_S) -> None:
-        """Send the poses of one frame, oldest first and `step_s` apart; nothing while the link is off."""
+    def publish(self, poses: Sequence[Pose], step_s: float = STEP_S, size: float = 1.0) -> None:
+        """Send the poses of one frame, oldest first and `step_s` apart; nothing while the link is off.
+
+        `size` is how many metres a metre of the poses is, see `Terrain.seen_by`.
+        """
         if self._socket is None:
             return
+        if size != self._size:
+            self._joints, self._size = message.skeleton_joints(scaled(SPORT_SKELETON, size)), size
+            self._announced_s = self.clock() - ANNOUNCE_S
         now, number = self.clock(), message.skeleton_number(self._joints)
         if now - self._announced_s >= ANNOUNCE_S:
             count = len(SPORT_SKELETON)
             if self._send(message.skeleton_message(self._joints, count, self.sent + self.dropped)):
                 self._announced_s = now
         for pose in poses:
+            pose = replace(pose, hips_position=pose.hips_position * np.float32(size))
             went = self._send(message.pose_message(pose, number, self.sent + self.dropped, self._motion_s))
             self._motion_s += step_s
             self.sent, self.dropped = self.sent + went, self.dropped + (not went)
@@ -105,3 +115,8 @@ class LiveLink:
             self.messages.error(f"{self.name} to {self.address} ended: {error.strerror or error}.")
             return False
         return True
+
+
+def scaled(skeleton: Skeleton, size: float) -> Skeleton:
+    """A skeleton `size` times as large."""
+    return replace(skeleton, offsets=skeleton.offsets * np.float32(size))

@@ -90,6 +90,7 @@ def _open_file(stage: Stage, open_files: Callable[[list[Path]], None], browse: C
         imgui.same_line(0, px(4))
         if widgets.button("Back to the mannequin", -1):
             stage.load_character(None)
+        setting_widgets.toggle(stage.settings, "fit_to_motion", -1)
     imgui.indent(imgui.get_style().indent_spacing)
     imgui.tree_pop()
 

@@ -110,12 +110,13 @@ class Stage:
 
     def advance(self, seconds: float, controls: Controls) -> list[Pose]:
         """Let time pass for the character; the new poses."""
+        self._keep_size()
         simulation = self.state.simulation
         if simulation.controller is not None:
             simulation.controller.temperature = self.settings.temperature
             simulation.controller.strength = self.settings.strength
         poses = simulation.advance(seconds, controls)
-        self.live.publish(poses)
+        self.live.publish(poses, size=self.state.terrain.unit_m)
         self.vmc.publish(poses)
         if simulation.problem:
             self.drives.forget()
@@ -192,12 +193,30 @@ class Stage:
             self.messages.note(terrain.note or f"Ground: {terrain.name}.")
 
     def show_ground(self, spec: str, terrain: Terrain) -> None:
-        """Put a ground under the character where it stands."""
+        """Put a ground under the character where it stands, as large as its body sees it."""
+        terrain = terrain.seen_by(self.size)
         self.draw_ground(terrain)
         self.state.terrain, self.state.terrain_spec = terrain, spec
         self.drives.mark_ground(spec, terrain)
         if self.state.controller is not None:
             self.state.controller.set_terrain(terrain)
+
+    @property
+    def size(self) -> float:
+        """Metres of a metre of the scene: it is drawn and walked in the lengths of the character's own size."""
+        fitted = self.settings.fit_to_motion or self._character is None
+        return 1.0 if fitted else float(getattr(self._character, "size", 1.0))
+
+    def _keep_size(self) -> None:
+        """Let the ground follow when the size changes; the character stays in its place of the world."""
+        ground, size = self.state.terrain, self.size
+        if ground.unit_m == size:
+            return
+        by, pose = ground.unit_m / size, self.state.simulation.current
+        self.show_ground(self.state.terrain_spec, ground)
+        self.put_character(
+            float(pose.root_position[0]) * by, float(pose.root_position[2]) * by, pose.root_yaw
+        )
 
     def go_on_from(self, snapshot: Snapshot, pose: Pose, ground: GroundChange | None) -> None:
         """Let the live character go on from a state of a take, on the take's ground."""

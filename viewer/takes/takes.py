@@ -6,7 +6,7 @@ import os
 import re
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -145,7 +145,7 @@ class Takes:
         clips, ground = self.state, self.stage.terrain_spec
         origin = origin_of(self.stage.controller, ground)
         try:
-            clip = cut(f"{kind} {clips.counter + 1}", ground, origin)
+            clip = replace(cut(f"{kind} {clips.counter + 1}", ground, origin), size=self.stage.terrain.unit_m)
         except SportError as error:
             self.messages.warn(str(error))
             return None

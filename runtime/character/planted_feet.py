@@ -1,0 +1,140 @@
+"""Feet of other proportions stand where ours stand: legs of their own lengths reach there by inverse kinematics.
+
+Joint angles alone bring a longer foot or a shorter shin into the ground. A foot that rolls over heel or ball rolls over
+its own; while it stands, it stands still.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import rotations
+from runtime.character.two_bones import bend
+from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON
+
+if TYPE_CHECKING:
+    from runtime.character.character import Character
+
+Array = NDArray[Any]
+
+LEGS = tuple(
+    tuple(SPORT_SKELETON.index(side + bone) for bone in ("UpLeg", "Leg", "Foot", "ToeBase"))
+    for side in ("Left", "Right")
+)
+OUR_HEEL = np.array([0.0, -ANKLE_HEIGHT, -0.05])  # of our own sole, metres from the ankle
+OUR_BALL = np.array([0.0, -ANKLE_HEIGHT, float(SPORT_SKELETON.offsets[LEGS[0][3], 2])])
+LOW = 0.25  # of the height of the ankle over the sole: vertices up to there are the sole
+KNEE = np.array([0.0, 0.0, 1.0])  # where a straight knee gives way
+HEEL_DOWN, HEEL_UP = np.radians((-2.0, -15.0))  # pitch of a foot from which on its toes bend, and all the way
+TOE_BEND = np.radians(80.0)  # how far they do
+OUTLINE = 7  # points of a foot or of toes
+TOES_UP = 0.1  # sine of the pitch from which a foot rolls over its heel
+
+
+@dataclass(frozen=True)
+class Soles:
+    """Both feet of a character in its aligned rest pose, left before right; lengths in our metres, about the ankles.
+
+    `heel` and `ball` are its points less those of ours.
+    """
+
+    joints: NDArray[np.int64]  # (2, 3) of the character: upper leg, lower leg, foot
+    heel: Array  # (2, 3)
+    ball: Array  # (2, 3)
+    aside: Array  # (2, 3) how much further out its hip joints are
+    foot: Array  # (2, n, 3) the outline of the foot
+    toes: Array  # (2, n, 3) and of the toes, about
+    toe_joint: Array  # (2, 3)
+
+
+def find_soles(character: Character, rest: Array, pivots: Array) -> Soles:
+    """The feet of a character from its vertices `rest` `(V, 3)` and pivots `(K, 3)` in the aligned rest pose."""
+    alignment = character.alignment
+    joint_of = {int(s): k for k, s in enumerate(alignment.source) if s >= 0}
+    lead = character.joint_indices[np.arange(len(rest)), character.joint_weights.argmax(axis=1)]
+    owner = alignment.source[alignment.driver[lead]]
+    hips = 0.5 * sum(pivots[joint_of[upper]] for upper, *_ in LEGS)
+    sides = []
+    for upper, _, foot, toe in LEGS:
+        ankle = pivots[joint_of[foot]]
+        own, tip = rest[owner == foot] - ankle, rest[owner == toe] - ankle
+        if not len(own):
+            own = np.array([(0.0, float(rest[:, 1].min() - ankle[1]), z) for z in (OUR_HEEL[2], OUR_BALL[2])])
+        both = np.concatenate([own, tip])
+        depth = -float(both[:, 1].min())
+        low = both[both[:, 1] < -(1.0 - LOW) * depth]
+        joint = pivots[joint_of[toe]] - ankle if toe in joint_of else np.array([0.0, -depth, low[:, 2].max()])
+        ours = SPORT_SKELETON.rest_positions[upper] * (1, 0, 0)
+        sides.append(
+            (
+                np.array([0.0, -depth, float(low[:, 2].min())]) - OUR_HEEL,
+                np.array([0.0, -depth, joint[2]]) - OUR_BALL,
+                (pivots[joint_of[upper]] - hips) * (1, 0, 0) - ours,
+                _outline(own),
+                _outline(tip if len(tip) else joint[None]) - joint,
+                joint,
+            )
+        )
+    joints = np.array([[joint_of[j] for j in leg[:3]] for leg in LEGS])
+    return Soles(joints, *(np.stack(each) for each in zip(*sides, strict=True)))
+
+
+def _outline(points: Array) -> Array:
+    """The points `(OUTLINE, 3)` that lie furthest down, ahead and back."""
+    angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, OUTLINE)
+    directions = np.stack([np.zeros(OUTLINE), -np.cos(angles), np.sin(angles)], axis=1)
+    return np.asarray(points[np.argmax(points @ directions.T, axis=0)])
+
+
+def plant_feet(
+    character: Character, positions: Array, world_rotations: Array, contacts: Array
+) -> tuple[Array, Array]:
+    """A SPORT pose as `Character.joint_transforms` takes it, any leading shape, whose legs put this character's feet down.
+
+    `contacts` `(..., 4)` as those of a pose. Positions stay, for they are those of the motion.
+    """
+    upper, lower, foot, toe = (list(joints) for joints in zip(*LEGS, strict=True))
+    world, soles = np.array(world_rotations, np.float64), character.soles
+    pivots, _ = character.joint_transforms(positions, world)
+    hip, knee, ankle = (pivots[..., soles.joints[:, k], :] for k in range(3))
+    turned = world[..., foot, :]
+    world[..., toe, :] = toes = _flat_toes(turned, world[..., toe, :])
+    target = positions[..., foot, :] + _shift(soles, turned, toes, contacts[..., 1::2])
+    ahead = rotations.rotate(world[..., upper, :], KNEE)
+    turn_upper, turn_lower, _ = bend(hip, knee, ankle, target, ahead)
+    world[..., upper, :] = rotations.multiply(turn_upper, world[..., upper, :])
+    world[..., lower, :] = rotations.multiply(turn_lower, world[..., lower, :])
+    return positions, world
+
+
+def _flat_toes(foot: Array, toes: Array) -> Array:
+    """Toes that bend up under a heel that rises: those of the motion hardly do, and longer ones would go into the ground."""
+    pitch, own = (np.arcsin(np.clip(rotations.rotate(q, KNEE)[..., 1], -1.0, 1.0)) for q in (foot, toes))
+    wanted = np.minimum(pitch + TOE_BEND, 0.0)
+    share = np.clip((HEEL_DOWN - pitch) / (HEEL_DOWN - HEEL_UP), 0.0, 1.0)
+    up = share * share * (3.0 - 2.0 * share) * np.maximum(wanted - own, 0.0)
+    axis = rotations.rotate(foot, np.array([1.0, 0.0, 0.0]))
+    return rotations.multiply(rotations.from_axis_angle(axis, -up), toes)
+
+
+def _shift(soles: Soles, foot: Array, toes: Array, toe_contact: Array) -> Array:
+    """From our ankles to these `(..., 2, 3)`: a foot rolls over the ball on its toes, over the heel with toes up."""
+    ahead = rotations.rotate(foot, KNEE)
+    level = rotations.from_yaw(np.arctan2(ahead[..., 0], ahead[..., 2]))
+    heel_share = np.clip(ahead[..., 1] / TOES_UP, 0.0, 1.0) * (1.0 - np.clip(toe_contact, 0.0, 1.0))
+    flat = np.array([1.0, 0.0, 1.0])
+    over_ball = rotations.rotate(toes, soles.ball * flat + soles.aside) - rotations.rotate(foot, soles.ball)
+    over_heel = rotations.rotate(level, soles.heel * flat + soles.aside) - rotations.rotate(foot, soles.heel)
+    shift = over_ball + heel_share[..., None] * (over_heel - over_ball)
+    # where that is not enough, no point of this foot lies deeper than the lowest one of our sole
+    up = rotations.rotate(toes, np.array([0.0, 1.0, 0.0]))[..., None, :]
+    in_foot = (rotations.to_matrix(foot).swapaxes(-1, -2) @ up.swapaxes(-1, -2))[..., 0]  # (..., 2, 3)
+    ours = np.minimum(in_foot @ OUR_HEEL, in_foot @ OUR_BALL)
+    own_foot = np.sum(soles.foot * in_foot[..., None, :], -1).min(-1)
+    own_toes = soles.toes[..., 1].min(-1) + np.sum(soles.toe_joint * in_foot, -1)
+    deepest = np.minimum(own_foot, own_toes) + np.sum(shift * up[..., 0, :], -1)
+    return np.asarray(shift + np.maximum(ours - deepest, 0.0)[..., None] * up[..., 0, :])

@@ -1,0 +1,92 @@
+"""The shape of the mannequin: taller or smaller, longer legs, broader shoulders, as a character of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import rotations
+from runtime.character.character import Character, own_size
+from runtime.character.joints import align
+from runtime.errors import UsageError
+from runtime.skeleton import SPORT_SKELETON
+
+Array = NDArray[Any]
+
+LOW, HIGH = 0.4, 2.5  # of every share
+GIRTH = 0.5  # power of a limb's length that its thickness grows by
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Shares of the mannequin's own measures."""
+
+    height: float = 1.0  # of all of it
+    legs: float = 1.0  # their length
+    shoulders: float = 1.0  # their width
+    arms: float = 1.0
+    head: float = 1.0
+
+    def check(self) -> None:
+        """UsageError names the share that no body has."""
+        for name, value in vars(self).items():
+            if not LOW <= value <= HIGH:
+                raise UsageError(f" {value:g}: expected {LOW:g} to {HIGH:g} of the {name}.", "Try 1.", name)
+
+
+def shaped(character: Character, shape: Shape) -> Character:
+    """The mannequin, a character on exactly our skeleton, in another shape; it has its own size. UsageError.
+
+    Limbs grow about their joints along their bones, and thicker by less.
+    """
+    shape.check()
+    if shape == Shape():
+        return character
+    if not character.alignment.native:
+        raise UsageError("Only the mannequin has a shape to choose.", "Leave the character's file away.")
+    grown = np.stack([_growth(name, shape) for name in SPORT_SKELETON.names])  # (31, 3) of each joint's flesh
+    offsets = SPORT_SKELETON.offsets.astype(np.float64)
+    for j, (name, parent) in enumerate(zip(SPORT_SKELETON.names, SPORT_SKELETON.parents, strict=True)):
+        if parent >= 0:
+            offsets[j] *= grown[parent]
+        if name.endswith("Arm") and not name.endswith("ForeArm"):
+            offsets[j, 0] *= shape.shoulders
+    old = character.rest_world[:, :3, 3].astype(np.float64)
+    new = np.zeros_like(old)
+    for j, parent in enumerate(SPORT_SKELETON.parents):
+        new[j] = offsets[j] + new[parent] if parent >= 0 else old[0]
+    base = character.positions.astype(np.float64)[:, None] - old[character.joint_indices]  # (V, 4, 3)
+    flesh = base * grown[character.joint_indices] + new[character.joint_indices]
+    vertices = shape.height * (flesh * character.joint_weights[..., None]).sum(axis=1)
+    normals = character.normals / (grown[character.joint_indices] * character.joint_weights[..., None]).sum(
+        axis=1
+    )
+    world = np.tile(np.eye(4), (len(new), 1, 1))
+    world[:, :3, 3] = shape.height * new
+    found = {name: j for j, name in enumerate(SPORT_SKELETON.names)}
+    alignment = align(found, SPORT_SKELETON.parents, world, vertices)
+    return replace(
+        character,
+        positions=vertices.astype(np.float32),
+        normals=rotations.normalize(normals.astype(np.float64)).astype(np.float32),
+        inverse_bind=np.linalg.inv(world).astype(np.float32),
+        rest_world=world.astype(np.float32),
+        alignment=alignment,
+        size=own_size(alignment, vertices),
+    )
+
+
+def _growth(name: str, shape: Shape) -> Array:
+    """How much the flesh about a joint grows along each axis of the rest pose."""
+    if name.endswith(("UpLeg", "Leg")):
+        return np.array([shape.legs**GIRTH, shape.legs, shape.legs**GIRTH])
+    if name.endswith(("Arm", "ForeArm")):
+        return np.array([shape.arms, shape.arms**GIRTH, shape.arms**GIRTH])
+    if name == "Head":
+        return np.full(3, shape.head)
+    if name in ("LowerBack", "Spine", "Spine1"):
+        return np.array([0.5 + 0.5 * shape.shoulders, 1.0, 1.0])
+    return np.ones(3)

@@ -1,0 +1,39 @@
+"""Inverse kinematics of a limb of two bones, in closed form."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import rotations
+
+Array = NDArray[Any]
+
+REACH = 0.9995  # of the limb's length
+GIVES_WAY_M = 0.005  # pull on the middle joint of a limb that is straight
+
+
+def bend(top: Array, middle: Array, end: Array, target: Array, toward: Array) -> tuple[Array, Array, Array]:
+    """World rotations of both bones that bring the end of a limb to `target`, and where it comes to lie.
+
+    All `(..., 3)`. The limb stays in its plane; a straight one bends `toward`.
+    """
+    a, b = np.linalg.norm(middle - top, axis=-1), np.linalg.norm(end - middle, axis=-1)
+    length = np.linalg.norm(target - top, axis=-1)
+    length = np.clip(length, np.abs(a - b) + 1e-4, REACH * (a + b))
+    along, wanted = rotations.normalize(end - top), rotations.normalize(target - top)
+    aside = (middle - top) - np.sum((middle - top) * along, axis=-1, keepdims=True) * along
+    off = np.sum(toward * along, axis=-1, keepdims=True) * along
+    aside = rotations.normalize(aside + GIVES_WAY_M * (toward - off))
+    cosine = np.clip((a * a + length * length - b * b) / np.maximum(2 * a * length, 1e-9), -1.0, 1.0)
+    sine = np.sqrt(1.0 - cosine * cosine)
+    bent = a[..., None] * (cosine[..., None] * along + sine[..., None] * aside)
+    swing = rotations.between(along, wanted)
+    upper = rotations.multiply(
+        swing, rotations.between(rotations.normalize(middle - top), rotations.normalize(bent))
+    )
+    fore = rotations.normalize(length[..., None] * along - bent)
+    lower = rotations.multiply(swing, rotations.between(rotations.normalize(end - middle), fore))
+    return upper, lower, top + length[..., None] * wanted

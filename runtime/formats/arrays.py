@@ -37,10 +37,10 @@ def take_arrays(take: PreparedTake) -> dict[str, NDArray[Any]]:
     known = {int(gait): gait.name.lower() for gait in Gait}
     gaits = np.full(len(clip), -1) if clip.gaits is None else clip.gaits
     return {
-        "positions": positions.astype(np.float32),
+        "positions": (positions * clip.size).astype(np.float32),
         "rotations": world.astype(np.float32),
         "local_rotations": clip.local_rotations,
-        "root_positions": take.root.positions.astype(np.float32),
+        "root_positions": (take.root.positions * clip.size).astype(np.float32),
         "root_yaw": take.root.yaw.astype(np.float32),
         "contacts": contacts.astype(np.float32),
         "phase": np.stack([_phase(contacts[:, side : side + 2].max(axis=1)) for side in (0, 2)], axis=1),
@@ -49,7 +49,7 @@ def take_arrays(take: PreparedTake) -> dict[str, NDArray[Any]]:
         "fps": np.array(clip.fps),
         "names": np.array(SPORT_SKELETON.names),
         "parents": np.array(SPORT_SKELETON.parents),
-        "offsets": SPORT_SKELETON.offsets,
+        "offsets": SPORT_SKELETON.offsets * np.float32(clip.size),
         "contact_names": np.array(CONTACTS),
         "prompts": np.array(json.dumps(markers(clip), ensure_ascii=False)),
         "origin": np.array(json.dumps({"ground": Path(clip.terrain).name, **asdict(clip.origin)})),

@@ -105,7 +105,7 @@ def _drop_meshes(buffer: GlbBuffer) -> None:
     for node in gltf.nodes:
         node.mesh = node.skin = None
     gltf.meshes, gltf.materials, gltf.textures, gltf.images, gltf.samplers = [], [], [], [], []
-    buffer.keep_only_animations()
+    gltf.skins = []
 
 
 def _animate(rig: Rig, buffer: GlbBuffer, take: PreparedTake, name: str) -> None:

@@ -29,6 +29,7 @@ Array = NDArray[Any]
 ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963
 _COMPONENT_TYPES = {"uint8": 5121, "uint16": 5123, "uint32": 5125, "float32": 5126}
 _ELEMENT_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+NAMES_ACCESSORS = {"EXT_mesh_gpu_instancing", "KHR_draco_mesh_compression", "EXT_meshopt_compression"}
 WEIGHT_ERROR = 1e-3  # of their sum: 8 bits round by as much
 _IMAGE_TYPES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 
@@ -46,14 +47,10 @@ class GlbBuffer:
 
         FileError when something is missing or damaged.
         """
-        gltf, dead = _document(file)
+        gltf = _document(file)
         made = GlbBuffer(gltf)
         for index, view in enumerate(gltf.bufferViews):
-            data: bytes | memoryview = b"\0" * 4
-            if index in dead:
-                view.byteLength, view.byteStride = len(data), None
-            else:
-                data = buffer_view_bytes(file, index, f"buffer view {index}")
+            data = buffer_view_bytes(file, index, f"buffer view {index}")
             view.byteOffset, view.buffer = made._append(data), 0
         for image in gltf.images:
             if image.uri is None:
@@ -126,22 +123,39 @@ class GlbBuffer:
         self.gltf.accessors.append(accessor)
         return len(self.gltf.accessors) - 1
 
-    def keep_only_animations(self) -> None:
-        """Take out what only meshes and images used: accessors, buffer views and their bytes."""
+    def _drop_unused(self) -> None:
+        """Take out accessors and buffer views that nothing uses, such as those of old animations, and their bytes.
+
+        Everything stays where an extension may name accessors that are not known here.
+        """
         gltf = self.gltf
-        gltf.skins = []
-        samplers = [sampler for animation in gltf.animations for sampler in animation.samplers]
-        used = sorted({index for sampler in samplers for index in (sampler.input, sampler.output)})
-        place = {index: k for k, index in enumerate(used)}
-        accessors, views, old = [gltf.accessors[index] for index in used], gltf.bufferViews, self._blob
-        self._blob, gltf.bufferViews, gltf.accessors = bytearray(), [], accessors
-        for accessor in accessors:
-            view = views[accessor.bufferView]
-            accessor.bufferView = self.add_view(
-                bytes(old[view.byteOffset : view.byteOffset + view.byteLength])
-            )
-        for sampler in samplers:
-            sampler.input, sampler.output = place[sampler.input], place[sampler.output]
+        if set(gltf.extensionsUsed or []) & NAMES_ACCESSORS:
+            return
+        holders: list[tuple[Any, str]] = [(skin, "inverseBindMatrices") for skin in gltf.skins or []]
+        for mesh in gltf.meshes or []:
+            for primitive in mesh.primitives:
+                holders += [
+                    (primitive, "indices"),
+                    *((primitive.attributes, n) for n in vars(primitive.attributes)),
+                ]
+                holders += [
+                    (t, n) for t in primitive.targets or [] for n in (t if isinstance(t, dict) else vars(t))
+                ]
+        for animation in gltf.animations or []:
+            holders += [(sampler, end) for sampler in animation.samplers for end in ("input", "output")]
+        self.gltf.accessors = _renumbered(gltf.accessors, holders)
+        parts = [
+            part
+            for a in gltf.accessors
+            if a.sparse is not None
+            for part in (a.sparse.indices, a.sparse.values)
+        ]
+        users = [(user, "bufferView") for user in (*gltf.accessors, *parts, *(gltf.images or []))]
+        gltf.bufferViews = _renumbered(gltf.bufferViews, users)
+        old, self._blob = self._blob, bytearray()
+        for view in gltf.bufferViews:
+            first = view.byteOffset or 0
+            view.byteOffset = self._append(bytes(old[first : first + view.byteLength]))
 
     def save(self, path: Path) -> None:
         """Write the GLB whole or not at all; FileError when it cannot be written."""
@@ -151,45 +165,40 @@ class GlbBuffer:
         """The GLB."""
         import pygltflib as g
 
+        self._drop_unused()
+        for accessor in self.gltf.accessors:
+            if accessor.bufferView is None:  # the values are zero but for sparse ones
+                accessor.byteOffset = None
         self._blob.extend(b"\0" * (-len(self._blob) % 4))
         self.gltf.buffers = [g.Buffer(byteLength=len(self._blob))]
         self.gltf.set_binary_blob(bytes(self._blob))
         return b"".join(self.gltf.save_to_bytes())
 
 
-def _document(file: GltfFile) -> tuple[GLTF2, set[int]]:
-    """A document of its own to be changed and written, without animations, and the buffer views that this empties."""
+def _renumbered(entries: list[Any], holders: list[tuple[Any, str]]) -> list[Any]:
+    """The entries that `holders` (owner, field) name, which get their new numbers."""
+
+    def named(owner: Any, field: str) -> Any:
+        return owner.get(field) if isinstance(owner, dict) else getattr(owner, field, None)
+
+    used = sorted({index for owner, field in holders if isinstance(index := named(owner, field), int)})
+    place = {index: k for k, index in enumerate(used)}
+    for owner, field in holders:
+        index = named(owner, field)
+        if isinstance(index, int) and isinstance(owner, dict):
+            owner[field] = place[index]
+        elif isinstance(index, int):
+            setattr(owner, field, place[index])
+    return [entries[index] for index in used]
+
+
+def _document(file: GltfFile) -> GLTF2:
+    """A document of its own to be changed and written, without animations."""
     import pygltflib as g
 
     try:
         gltf = g.GLTF2.gltf_from_json(json.dumps(file.gltf))
-        return gltf, _drop_animations(gltf)
+        gltf.animations = []
+        return gltf
     except STRUCTURE_ERRORS as error:
         raise FileError(f"{file.name}: damaged glTF document ({reason(error)}).", REMEDY) from error
-
-
-def _drop_animations(gltf: GLTF2) -> set[int]:
-    """Take the animations out; their accessors become empty, and the buffer views that nothing else uses are returned.
-
-    Numbers of accessors and views stay, since extensions may name them.
-    """
-    kept: set[int | None] = {skin.inverseBindMatrices for skin in gltf.skins or []}
-    for mesh in gltf.meshes or []:
-        for primitive in mesh.primitives:
-            kept |= {primitive.indices, *vars(primitive.attributes).values()}
-            for target in primitive.targets or []:
-                kept |= set((target if isinstance(target, dict) else vars(target)).values())
-    samplers = [sampler for animation in gltf.animations or [] for sampler in animation.samplers]
-    empty = {index for sampler in samplers for index in (sampler.input, sampler.output)} - kept
-    empty &= set(range(len(gltf.accessors or [])))
-    users: dict[int, list[bool]] = {}
-    for index, accessor in enumerate(gltf.accessors or []):
-        if accessor.bufferView is not None:
-            users.setdefault(accessor.bufferView, []).append(index in empty)
-    for index in empty:
-        accessor = gltf.accessors[index]
-        accessor.bufferView = accessor.byteOffset = accessor.min = accessor.max = accessor.sparse = None
-        accessor.count = 1
-    gltf.animations = []
-    images = {image.bufferView for image in gltf.images or []}
-    return {view for view, by in users.items() if all(by)} - images

@@ -131,7 +131,10 @@ def test_blender_imports_takes_with_markers_and_ground(
         assert np.linalg.norm(ours - theirs, axis=-1).max() < 1e-3
     character = load_character(files["rig"])
     take = prepare(clip, ExportOptions(fps=30.0, character=files["rig"]), HILLS)
-    ours = to_blender(character.joint_matrices(*take.clip.world())[..., :3, 3])
+    ours = to_blender(
+        character.joint_matrices(*character.adapted(*take.clip.world(), take.clip.contacts))[..., :3, 3]
+        * character.size
+    )
     theirs = np.array([[frame[name] for name in character.joint_names] for frame in found[2]["frames"]])
     assert np.linalg.norm(ours - theirs, axis=-1).max() < 1e-3
     assert found[2]["skinned"] == 1

@@ -29,7 +29,10 @@ def sparse_rig(path: Path) -> Path:
         blob += data
         return len(document["bufferViews"]) - 1
 
-    indices, values = view(np.uint16([0, 3]).tobytes()), view(np.float32([[0, 0, 0.1], [0, 0, 0.2]]).tobytes())
+    indices, values = (
+        view(np.uint16([0, 3]).tobytes()),
+        view(np.float32([[0, 0, 0.1], [0, 0, 0.2]]).tobytes()),
+    )
     document["accessors"].append(
         {"componentType": 5126, "count": count, "type": "VEC3", "min": [0, 0, 0], "max": [0, 0, 0.2],
          "sparse": {"count": 2, "indices": {"bufferView": indices, "componentType": 5123},

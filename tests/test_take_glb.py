@@ -55,7 +55,7 @@ def source(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 
 def export(clip: Clip, path: Path, source: Path, **options: object) -> tuple:
-    chosen = ExportOptions(character=source, **options)  # type: ignore[arg-type]
+    chosen = ExportOptions(character=source, fit_to_motion=True, **options)  # type: ignore[arg-type]
     take = prepare(clip, chosen, HILLS)
     save_glb(take, path, chosen, HILLS)
     return take, play(path)
@@ -63,7 +63,7 @@ def export(clip: Clip, path: Path, source: Path, **options: object) -> tuple:
 
 def expected(take, source: Path) -> dict[str, np.ndarray]:
     character = load_character(source)
-    matrices = character.joint_matrices(*take.clip.world())
+    matrices = character.joint_matrices(*character.adapted(*take.clip.world(), take.clip.contacts))
     return dict(zip(character.joint_names, matrices.swapaxes(0, 1), strict=True))
 
 
@@ -205,7 +205,8 @@ def test_the_ground_is_a_node_of_its_own_in_the_same_place(clip: Clip, tmp_path:
 def test_an_exported_take_can_be_the_character_of_the_next(clip: Clip, source: Path, tmp_path: Path) -> None:
     """A file that has an animation already loses it, and with it its bytes."""
     export(clip, tmp_path / "first.glb", source)
-    before = load_character(source).joint_matrices(*clip.world())
+    character = load_character(source)
+    before = character.joint_matrices(*character.adapted(*clip.world(), clip.contacts))
     take, played = export(clip.trim(0, 4), tmp_path / "second.glb", tmp_path / "first.glb", ground_root=True)
     assert len(played.gltf.animations) == 1
     assert len(played.times) == len(take.clip) == 5

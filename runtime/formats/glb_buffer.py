@@ -50,8 +50,8 @@ class GlbBuffer:
         gltf = _document(file)
         made = GlbBuffer(gltf)
         for index, view in enumerate(gltf.bufferViews):
-            data = buffer_view_bytes(file, index, f"buffer view {index}")
-            view.byteOffset, view.buffer = made._append(data), 0
+            held = buffer_view_bytes(file, index, f"buffer view {index}")
+            view.byteOffset, view.buffer = made._append(held), 0
         for image in gltf.images:
             if image.uri is None:
                 continue

@@ -105,14 +105,14 @@ class TerrainPass:
 
     def draw(self, frame: Frame, show_grid: bool) -> None:
         """Draw the visible ground."""
-        mesh = self._mesh
-        if mesh is None or self._terrain is None:
+        mesh, terrain = self._mesh, self._terrain
+        if mesh is None or terrain is None:
             return
         self._ctx.enable_only(moderngl.DEPTH_TEST)
         self._ctx.depth_func = "<"
         set_uniforms(
             self._programs["surface"],
-            {"grid_strength": 1.0 if show_grid else 0.0, "metres": self._terrain.unit_m},
+            {"grid_strength": 1.0 if show_grid else 0.0, "metres": terrain.unit_m},
         )
         tiles = mesh.indices(self._levels, self._visible)
         self._draw("surface", np.concatenate([tiles, mesh.apron_indices(self._levels)]))

@@ -61,6 +61,10 @@ class Takes:
     _proposed: str | None = None  # what was put into the export field, until something else is typed
     _target: Path | None = None  # the file that it means: a name may hold what no field can show
 
+    _seen: tuple[Terrain, Terrain] | None = field(
+        default=None, init=False
+    )  # a ground, as a take of another size sees it
+
     def __post_init__(self) -> None:
         self.journals = Journals(self.state, self.messages, self.jobs, self.folder / "journals", self._add)
         self.opening = Opening(self.messages, self.jobs, self.stage, self._take_opened, self.lay)
@@ -303,7 +307,12 @@ class Takes:
         elif item is not None and item.drive is not None:
             change = item.drive.ground(playback.frame)
             playback.terrain = playback.terrain if change is None else change.terrain
-        return playback.terrain
+        size = playback.clip.size
+        if playback.terrain.unit_m == size:
+            return playback.terrain
+        if self._seen is None or self._seen[0] is not playback.terrain or self._seen[1].unit_m != size:
+            self._seen = playback.terrain, playback.terrain.seen_by(size)
+        return self._seen[1]
 
     def play_row(self, index: int) -> None:
         """Play a clip of the list, or pause it when it is the one that plays."""

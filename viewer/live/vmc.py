@@ -97,8 +97,11 @@ class VmcLink(LiveLink):
     name: str = "VMC"
     address: Address = field(default_factory=lambda: Address(port=VMC_PORT))
 
-    def publish(self, poses: Sequence[Pose], step_s: float = STEP_S) -> None:
-        """Send the poses of one frame, oldest first and `step_s` apart; nothing while the link is off."""
+    def publish(self, poses: Sequence[Pose], step_s: float = STEP_S, size: float = 1.0) -> None:
+        """Send the poses of one frame, oldest first and `step_s` apart; nothing while the link is off.
+
+        Receivers have avatars of their own size: lengths stay those of our skeleton, whatever `size` is.
+        """
         for pose in poses if self.on else ():
             went = all([self._send(bundle) for bundle in osc_bundles(vmc_messages(pose, self._motion_s))])
             self._motion_s += step_s

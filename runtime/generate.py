@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.errors import FileError, PromptError, SportError, UsageError
 from runtime.motion.features import FPS
 from runtime.motion.paths import GAITS, ControlScript, Place, control_script
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     from runtime.motion.model import MotionModel
     from runtime.motion.style_mix import StyleMix
 
-Array = NDArray[np.floating]
 
 MAX_SECONDS = 3600.0
 MAX_PARTS_BYTES = 100_000

@@ -16,11 +16,9 @@ from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import FileError
 
-Array = NDArray[np.floating]
 Record = TypeVar("Record")
 Tree = Any  # of JSON; arrays are named by their numbers
 LARGEST = 1e6  # metres, seconds, radians and the like

@@ -6,9 +6,8 @@ Quaternions are unit, ordered w, x, y, z. Angles are radians. Matrices act on co
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.floating]
+from runtime.arrays import Array
 
 _AXES = {
     "X": np.array([1.0, 0.0, 0.0]),

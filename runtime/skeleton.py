@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
-
-Array = NDArray[np.floating]
+from runtime.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -8,17 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.crossing.climb import Climb, Descend
 from runtime.crossing.keyed_pose import Track, slerp
 from runtime.feet.ik import solve_legs
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.courses import Obstacle
 from training.evaluation.metrics.crossing import CAPSULES, capsule_points, hands_on_edge, on_top_after
-
-Array = NDArray[np.floating]
 
 FPS = 60
 RISES = st.floats(0.55, 1.5)

@@ -10,10 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from walker import WalkerModel
 
+from runtime.arrays import Array
 from runtime.controls import Controls
 from runtime.errors import FileError
 from runtime.motion.controller import Controller
-from runtime.records import Array, copied, joined, part, read_record, write_record
+from runtime.records import copied, joined, part, read_record, write_record
 from runtime.terrain.height_map import Terrain
 
 PLACE = st.floats(-1e6, 1e6)

@@ -15,14 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.atomic import write_atomic
 from runtime.errors import FileError
 from runtime.motion import features
 from runtime.motion.features import FPS, InputParts, OutputParts
 from runtime.skeleton import PART_JOINTS, SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
-
-Array = NDArray[np.floating]
 
 PAD = 61  # frames of extrapolated root path at each end of a clip
 FACING_SIGMA = 12.0  # frames; the root faces the forward direction smoothed by this Gaussian

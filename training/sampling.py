@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.motion import features
 from runtime.motion.features import FPS, INPUT, OUTPUT
 from runtime.skeleton import SPORT_SKELETON
 from training.frames import LAYERED, FrameTable
-
-Array = NDArray[np.floating]
 
 FAVOUR = 3.0
 TERRAIN_SHARE, LAYERED_SHARE = 0.18, 0.36  # of the frames drawn; the rest is capture

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, J
-
-Array = NDArray[np.floating]
 
 # SPORT joint -> name in that convention, lower case letters and digits only; {s} stands for the side.
 _SIDED = ("Left", "Right")

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from runtime.arrays import Array
 from runtime.crossing.climb_keys import pull_up, step_up
 from runtime.crossing.descend_keys import let_down
 from runtime.crossing.keyed_motion import KeyedMotion
 from runtime.crossing.keyed_pose import CrossingPose
-
-Array = NDArray[np.floating]
 
 STEP_UP_M = 0.68  # up to which the lead foot steps from the ground onto the top
 FARTHEST_END_M = 0.28  # behind the edge, where a climber stands up

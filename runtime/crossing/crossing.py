@@ -13,9 +13,9 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.crossing.climb import Climb, Descend
 from runtime.crossing.keyed_pose import CrossingPose, smooth
 from runtime.crossing.leap import Leap, Stride, takeoff_m
@@ -27,8 +27,6 @@ from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacles import blocked_message, step_ahead
 from runtime.terrain.way_ahead import Kind, Obstacle, obstacle_ahead
-
-Array = NDArray[np.floating]
 
 DT = 1.0 / 60.0
 KINDS = ("", *(kind.value for kind in Kind), "climb", "descend")

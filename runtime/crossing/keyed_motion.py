@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from math import cos, sin
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.crossing.keyed_pose import (
     LEGS,
     CrossingPose,
@@ -34,8 +34,6 @@ from runtime.feet.leg_scalar import (
     scale,
     subtract,
 )
-
-Array = NDArray[np.floating]
 
 Rows = list[tuple[float, ...]]
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from math import acos, atan2, cos, pi, sin, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.feet.leg_scalar import (
     LegPose,
     Quaternion,
@@ -36,7 +36,6 @@ from runtime.feet.leg_scalar import (
 )
 from runtime.skeleton import SPORT_SKELETON
 
-Array = NDArray[np.floating]
 Arm = tuple[int, int, int, int]
 
 LEGS = (leg_bones(0), leg_bones(1))

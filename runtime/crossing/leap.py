@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.crossing.keyed_pose import CrossingPose
 from runtime.feet.ik import LEG_FEET, LEG_SHINS, LEG_THIGHS, solve_legs
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.way_ahead import Kind
 
-Array = NDArray[np.floating]
 Mask = NDArray[np.bool_]
 
 FPS = 60

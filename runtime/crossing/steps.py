@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.feet.ik import LEG_FEET
 from runtime.pose import Pose
-
-Array = NDArray[np.floating]
 
 DT = 1.0 / 60.0
 SOON_S = 0.08  # the next landing takes at least so long: a step may be slower than the last ones

@@ -12,8 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.feet.carried_hips import CarriedHips
 from runtime.feet.knee import Knee
 from runtime.feet.leg_scalar import leg_forward, leg_inverse
@@ -23,8 +23,6 @@ from runtime.feet.settings import SETTINGS
 from runtime.feet.toes import bent
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.point_heights import PointHeights
-
-Array = NDArray[np.floating]
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.skeleton import SPORT_SKELETON, Skeleton
-
-Array = NDArray[np.floating]
 
 # hips → hip joint → thigh → shin → foot, as joint indices of the SPORT skeleton (left, right)
 LEG_HIP_JOINTS = np.array([1, 6])

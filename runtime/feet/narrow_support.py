@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from math import exp, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.feet.leg_scalar import LegPose, Vector, add, damp, dot, scale, subtract
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.point_heights import PointHeights
-
-Array = NDArray[np.floating]
 
 DROP_M = 0.12  # that the ground beside must be lower than a beam: less is a step, which a foot takes
 LEVEL_M = 0.06  # that the ground of a beam may differ across it

@@ -5,9 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from math import atan2, cos, pi, sin, sqrt
 
-import numpy as np
-from numpy.typing import NDArray
-
 from runtime.feet.ik import EASE_REACH, MAX_REACH
 from runtime.feet.leg_scalar import (
     LegBones,
@@ -34,8 +31,6 @@ from runtime.feet.leg_scalar import (
 from runtime.feet.settings import SETTINGS
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 from runtime.terrain.point_heights import PointHeights
-
-Array = NDArray[np.floating]
 
 ANCHORS = ("", "heel", "toe")
 NOWHERE: Vector = (0.0, 0.0, 0.0)

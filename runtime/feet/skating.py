@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
-
-Array = NDArray[np.floating]
 
 TOES = (5, 10)
 HEELS = (4, 9)  # the ankle joints, over the heels

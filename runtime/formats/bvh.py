@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.errors import FileError, UsageError
 from runtime.safe_read import decode_text, read_bounded
 from runtime.skeleton import Skeleton
-
-Array = NDArray[np.floating]
 
 MAX_FILE_BYTES = 512 * 1024 * 1024
 MAX_HEAD_BYTES = 4 * 1024 * 1024

@@ -6,9 +6,9 @@ import math
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.atomic import write_atomic, write_new
 from runtime.errors import FileError, UsageError
 from runtime.formats.bvh import BvhMotion, check_size, format_bvh, read_bvh
@@ -19,8 +19,6 @@ from runtime.skeleton import SPORT_SKELETON, J, Skeleton
 from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, Clip, video_rate
 from runtime.takes.metadata import gait_numbers
 from runtime.takes.root import RootTrack
-
-Array = NDArray[np.floating]
 
 ROOT = "Root"
 _OWN_BVH = "Open a BVH that this program has written."

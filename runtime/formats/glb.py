@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.assets import asset_path
 from runtime.character.character import Character, load_character
 from runtime.character.joint_map import read_joint_map
@@ -30,8 +30,6 @@ from runtime.formats.sidecar import take_extras
 from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
-
-Array = NDArray[np.floating]
 
 MANNEQUIN = "character/mannequin.glb"
 HIPS = SPORT_SKELETON.index("Hips")

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.character.character import Character
 from runtime.character.mesh import MeshData
 from runtime.character.nodes import ancestors, node_world_matrices
@@ -21,7 +21,6 @@ from runtime.skeleton import SPORT_SKELETON
 if TYPE_CHECKING:
     from pygltflib import GLTF2, Node, Skin
 
-Array = NDArray[np.floating]
 
 ROOT_NAMES = ("Root", "GroundRoot", "SportGroundRoot")
 SAME = 1e-4  # a character that needs less scaling and turning than this stands in our space already

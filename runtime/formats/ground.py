@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.atomic import write_atomic
 from runtime.errors import FileError, UsageError
 from runtime.formats.glb_buffer import ARRAY_BUFFER, ELEMENT_BUFFER, GlbBuffer
@@ -15,8 +16,6 @@ from runtime.takes.clip import Clip
 from runtime.takes.metadata import UNKNOWN
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import TERRAIN_NAMES, load_terrain
-
-Array = NDArray[np.floating]
 
 GROUND_SUFFIXES = (".obj", ".glb")
 MAX_VERTICES = 500_000  # of a larger ground only the part about the take is written

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.errors import UsageError
@@ -17,8 +16,6 @@ from runtime.takes.loop import LoopReport, make_loop
 from runtime.takes.metadata import UNMOVED
 from runtime.takes.root import Placement, RootTrack, root_track
 from runtime.terrain.height_map import Terrain
-
-Array = NDArray[np.floating]
 
 UNITS_PER_METRE = {"cm": 100.0, "m": 1.0}
 ROTATION_ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.character.guess import JointGuess, NotUpright, guess_skeleton
 from runtime.character.joint_map import joint_map_path, saved_joint_map
 from runtime.character.joints import align, canonical_axes
@@ -19,8 +19,6 @@ from runtime.formats.bvh_clip import OtherSkeleton, clip_of_motion, nearest_unit
 from runtime.safe_read import printable
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON, J
 from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, Clip, video_rate
-
-Array = NDArray[np.floating]
 
 UPRIGHT = 0.3  # share of a body's extent that its head is above its feet in a rest pose that is one
 STANDS = 0.05  # share of the frames whose lowest foot may be below the ground

@@ -5,8 +5,8 @@ from __future__ import annotations
 import logging
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.controls import Controls, Gait
 from runtime.crossing.crossing import Crossing
 from runtime.errors import UsageError
@@ -22,7 +22,6 @@ from runtime.pose import Pose
 from runtime.records import copied
 from runtime.terrain.height_map import Terrain
 
-Array = NDArray[np.floating]
 log = logging.getLogger("sport.controller")
 
 TEMPERATURE = 0.7  # of the sampler: livelier than its mean, nearer to the capture than 1 (docs/model.md)

@@ -11,8 +11,8 @@ import time
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.controls import Controls
 from runtime.motion.controller import Controller
 from runtime.motion.crowd import Crowd
@@ -21,8 +21,6 @@ from runtime.motion.model import MotionModel
 from runtime.motion.style_mix import Shares, StyleMix
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
-
-Array = NDArray[np.floating]
 
 WALKERS = 13
 LEAD_IN, FRAMES = 120, 240  # not measured, measured: some walks take seconds to find their gait

@@ -10,12 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.skeleton import SPORT_SKELETON, J
-
-Array = NDArray[np.floating]
 
 LAYOUT_VERSION = 1
 FPS = 60

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.controls import Controls, Gait
 from runtime.crossing.crossing import CLEAR, HALF_BODY_M, LOOK_M, STOP_SECONDS, Look
 from runtime.motion import features
@@ -29,7 +30,6 @@ from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacles import level_ahead, within_steps
 from runtime.terrain.way_ahead import EDGE_M, RUN_M
 
-Array = NDArray[np.floating]
 Flags = NDArray[np.bool_]
 
 DT = 1.0 / FPS

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.motion.features import FPS
 from runtime.skeleton import SPORT_SKELETON
 from runtime.spring import spring
-
-Array = NDArray[np.floating]
 
 ARMS = [
     SPORT_SKELETON.index(side + name) for side in ("Left", "Right") for name in ("Shoulder", "Arm", "ForeArm")

@@ -21,13 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.errors import ModelError
 from runtime.motion import features
 from runtime.motion.features import FPS, INPUT, OutputParts, build_output
 from runtime.motion.model import Style
 from runtime.skeleton import SPORT_SKELETON, J
 
-Array = NDArray[np.floating]
 Indices = NDArray[np.integer]
 
 KIND = "motion matching"  # of metadata.json

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from math import atan2, cos, hypot, pi, remainder, sin, tau
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.controls import Controls, Gait
 from runtime.errors import UsageError
-
-Array = NDArray[np.floating]
 
 PATH_NAMES = ("forward", "circle", "figure8", "random")
 GAITS = {"walk": Gait.WALK, "jog": Gait.JOG, "crouch": Gait.CROUCH, "stand": Gait.STAND}

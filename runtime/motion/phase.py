@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.motion.features import FUTURE_PHASE_OFFSETS, PHASE_OFFSETS
-
-Array = NDArray[np.floating]
 
 PRESENT = int(-PHASE_OFFSETS[0])  # index of the current frame in the dense window of 121 frames
 _FRAMES = np.arange(FUTURE_PHASE_OFFSETS[-1] + 1)

@@ -6,13 +6,11 @@ from dataclasses import dataclass, field
 from math import hypot
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.controls import Controls, Gait
 from runtime.errors import UsageError
 from runtime.motion.paths import LOOK_AHEAD_M, Place
-
-Array = NDArray[np.floating]
 
 MAX_POINTS = 500
 ARRIVED_M = 0.3  # of the way left

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.motion import features
 from runtime.motion.features import OutputParts
 from runtime.motion.trajectory import PRESENT, Trajectory
@@ -16,7 +16,6 @@ from runtime.skeleton import SPORT_SKELETON, J
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.point_heights import PointHeights
 
-Array = NDArray[np.floating]
 _FLOAT32 = {"dtype": np.float32}
 
 

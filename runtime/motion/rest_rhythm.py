@@ -9,12 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.motion.features import FPS, PHASE_OFFSETS, C
 from runtime.motion.trajectory import decay
-
-Array = NDArray[np.floating]
 
 # A fit that is linear in the words finds 1.3 to 2.9 at 1.0 to 1.9 turns a second for a waving hand, and up to 1.5 at 1.1 for
 # a proud, angry or victorious body that nobody asked to wave.

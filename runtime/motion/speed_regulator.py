@@ -12,10 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.motion.features import FPS
 from runtime.motion.trajectory import decay
-
-Array = NDArray[np.floating]
 
 RANGE = (0.35, 2.0)  # of the gain
 PROPORTIONAL = 2.0  # gain for a relative error of one

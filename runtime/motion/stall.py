@@ -10,11 +10,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.feet.skating import SOLE_POINTS
 from runtime.motion.features import FPS
 from runtime.motion.trajectory import decay
-
-Array = NDArray[np.floating]
 
 FEET = list(SOLE_POINTS)
 STALLED_SHARE = 0.35  # of the requested speed; in a gait feet move against the root about as fast as the root

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.crossing.crossing import Crossing
 from runtime.feet.foot_lock import FootLock
 from runtime.motion.features import PHASE_OFFSETS, C, split_output
@@ -22,7 +23,6 @@ from runtime.motion.trajectory import LENGTH, Trajectory
 from runtime.skeleton import J
 from runtime.terrain.height_map import Terrain
 
-Array = NDArray[np.floating]
 _ONE = {"shape": ()}
 
 

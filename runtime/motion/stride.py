@@ -10,13 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.feet.skating import SOLE_POINTS
 from runtime.motion.features import FPS
 from runtime.motion.trajectory import decay
-
-Array = NDArray[np.floating]
 
 POINTS = list(SOLE_POINTS)  # left heel, left toe, right heel, right toe, as contacts
 LEAST_CONTACT = 0.25  # sum of squared contacts: less is a flight, which says nothing

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.motion import features
 from runtime.motion.features import FPS, GAITS, SAMPLE_STEP, TRAJECTORY_OFFSETS
 from runtime.motion.phase import unwrapped
 from runtime.terrain.height_map import Terrain
-
-Array = NDArray[np.floating]
 
 PRESENT = 60  # index of the current frame in the dense ±60 frame window
 LENGTH = 2 * PRESENT + 1

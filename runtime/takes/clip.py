@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.errors import UsageError
 from runtime.pose import Pose
 from runtime.skeleton import SPORT_SKELETON, J
 from runtime.takes.metadata import UNKNOWN, UNMOVED, Origin, PromptEvent, describe, gait_seconds
-
-Array = NDArray[np.floating]
 
 MAX_FPS = 1000.0
 VIDEO_RATES = (24000 / 1001, 24.0, 25.0, 30000 / 1001, 30.0, 48.0, 50.0, 60000 / 1001, 60.0, 120.0)

@@ -16,6 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.controls import Controls
 from runtime.errors import FileError
 from runtime.motion.features import FPS
@@ -26,8 +27,6 @@ from runtime.takes.clip import Clip, are_poses, shift_prompts
 from runtime.takes.metadata import PromptEvent, gait_of, gait_seconds
 from runtime.takes.recorder import LIVE_SECONDS
 from runtime.terrain.height_map import Terrain
-
-Array = NDArray[np.floating]
 
 KEYFRAME_STEPS = 300  # between two keyframes: 5 s are made again in about half a second
 

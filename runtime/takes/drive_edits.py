@@ -18,7 +18,6 @@ from runtime.errors import UsageError
 from runtime.takes.drive import Drive, DrivenFrame, StyleChange, follows_live
 from runtime.takes.metadata import PromptEvent, gait_of
 
-Array = NDArray[np.floating]
 SETTLE_STEPS = 60  # before the clip, in which hands reach the place that new words give them
 MIN_SPAN = 2  # frames that a move leaves of a neighbour
 JUMP_FRAMES = 3  # as long as a key's press; the controller jumps on by itself

@@ -5,17 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.errors import UsageError
 from runtime.feet.ik import LEG_FEET, LEG_SHINS, LEG_THIGHS, LEG_TOES, solve_legs
 from runtime.feet.skating import SOLE_POINTS
 from runtime.motion import features
 from runtime.takes.clip import Clip
 from runtime.takes.root import RootTrack
-
-Array = NDArray[np.floating]
 
 MIN_CYCLE_S, MAX_CYCLE_S = 0.5, 3.0
 MIN_SPEED = 0.15  # metres a second of the root in a cycle

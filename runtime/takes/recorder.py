@@ -8,15 +8,13 @@ from itertools import islice
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.errors import UsageError
 from runtime.pose import Pose
 from runtime.skeleton import J
 from runtime.takes.clip import Clip, shift_prompts
 from runtime.takes.metadata import UNKNOWN, Origin, PromptEvent, gait_seconds
-
-Array = NDArray[np.floating]
 
 LIVE_SECONDS = (
     0.1  # transition while a slider is dragged: asked again in each frame, it eases towards the hand

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
 from runtime.motion import features
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
-
-Array = NDArray[np.floating]
 
 SMOOTHING_S = 0.3  # deviation of the Gaussian: steps and sway stay in the hips, turns in the root
 

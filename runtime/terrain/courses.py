@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.floating]
+from runtime.arrays import Array
 
 CELL_M = 0.05  # a riser is one cell wide
 

@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.errors import FileError, TerrainError
 from runtime.safe_read import read_bounded, reason
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.mesh import MAX_SIDE, MESH_SUFFIXES, read_mesh
-
-Array = NDArray[np.floating]
 
 MAX_FILE_BYTES = 16 * MAX_SIDE * MAX_SIDE + (1 << 20)
 MAX_HEADER_BYTES = 4096  # of an NPY file; numpy writes 128

@@ -7,11 +7,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.errors import TerrainError
-
-Array = NDArray[np.floating]
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.errors import TerrainError
 from runtime.terrain.courses import (
     CELL_M,
@@ -19,8 +19,6 @@ from runtime.terrain.courses import (
     raise_obstacles,
 )
 from runtime.terrain.height_map import Terrain
-
-Array = NDArray[np.floating]
 
 SIZE_M = 40.0
 START_RADIUS_M = 2.5  # level ground around the origin

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.errors import FileError
 from runtime.safe_read import decode_text, read_bounded
-
-Array = NDArray[np.floating]
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb", ".gltf", ".off")
 MAX_SIDE = 4096  # samples along one side

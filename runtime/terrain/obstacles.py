@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.terrain.height_map import Terrain
-
-Array = NDArray[np.floating]
 
 HIGHEST_STEP_M = 1.5  # up or down; a wall of 1.1 m can be climbed
 STEP_RUN_M = 0.5  # within which such a rise is a step and not a slope

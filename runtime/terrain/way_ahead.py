@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.terrain.height_map import Terrain
-
-Array = NDArray[np.floating]
 
 SPACING_M = 0.025
 RUN_M = 0.125  # an edge rises or falls within this

@@ -15,12 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.errors import FileError, UsageError
 from sport.study.make import CAPTURE, FORMAT
-
-Array = NDArray[np.floating]
 
 STEPS = ("Extremely unsatisfied", "Unsatisfied", "Mediocre", "Satisfied", "Highly satisfied")
 AGAIN_AT = 2

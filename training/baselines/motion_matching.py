@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.assets import model_folder
 from runtime.atomic import write_atomic
 from runtime.controls import Gait
@@ -34,8 +35,6 @@ from training.data.catalog import BY_NAME
 from training.evaluation.metrics.motion import original_clips
 from training.evaluation.motion.subject import style_texts
 from training.frames import LAYERED, ClipFrames, clip_frames
-
-Array = NDArray[np.floating]
 
 MIN_FRAMES = 60  # of a clip
 MAX_ROWS = 450_000  # 250 minutes

@@ -10,9 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.motion.features import FPS, FUTURE_PHASE_OFFSETS, PHASE_OFFSETS, C
-
-Array = NDArray[np.floating]
 
 FOOTSTEP = 4  # channel
 IDLE_HZ = 0.5  # turns a second without any onset

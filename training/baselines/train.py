@@ -21,6 +21,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from runtime.arrays import Array
 from runtime.assets import model_folder
 from runtime.atomic import write_atomic
 from runtime.controls import Gait
@@ -39,7 +40,6 @@ from training.export.graph import export_graph
 from training.frames import LAYERED, PLAIN, ClipFrames, clip_frames
 from training.presets import preset
 
-Array = NDArray[np.floating]
 Report = Callable[[str], None]
 
 LEAST_DEVIATION = 1e-2  # of x and y in physical units: what never changes is not blown up

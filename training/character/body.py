@@ -6,8 +6,8 @@ Rest coordinates: metres, sole at y = 0, facing +Z, left on +X. The right half i
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 from training.character.shapes import (
     Ellipsoid,
@@ -19,8 +19,6 @@ from training.character.shapes import (
     smooth_min,
     union,
 )
-
-Array = NDArray[np.floating]
 
 REST_POSITIONS = SPORT_SKELETON.rest_positions + np.array([0.0, REST_HIPS_HEIGHT, 0.0])
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from training.character import remesh
 from training.character.body import Body
 
-Array = NDArray[np.floating]
 Triangles = NDArray[np.int64]
 
 

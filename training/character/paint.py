@@ -11,10 +11,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from training.character import remesh
 from training.character.body import finger_drop
 
-Array = NDArray[np.floating]
 Indices = NDArray[np.int64]
 Field = Callable[[Array], Array]
 

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
+
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-Array = NDArray[np.floating]
 Indices = NDArray[np.int64]
 Field = Callable[[Array], Array]
 

@@ -9,11 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.skeleton import MIRROR_JOINTS, SPORT_SKELETON, J
 from training.character.body import Body
 from training.character.mesh import Triangles, laplacian
-
-Array = NDArray[np.floating]
 
 MAX_INFLUENCES = 4
 

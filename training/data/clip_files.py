@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.skeleton import mirror_motion
 from training.data.height_patches import Patches
-
-Array = NDArray[np.floating]
 
 
 @dataclass(frozen=True)

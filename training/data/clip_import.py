@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.errors import FileError, SportError
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON
@@ -20,8 +21,6 @@ from training.data.record import ClipSource, Refusal
 from training.data.report import ClipSummary, summarise
 from training.data.retarget import FPS, FootCalibration, SourceMotion, load_source, retarget
 from training.data.source_skeletons import SourceSkeleton
-
-Array = NDArray[np.floating]
 
 _PFNN_GAITS = (Gait.STAND, Gait.WALK, Gait.JOG, Gait.JOG, Gait.CROUCH, Gait.JUMP, Gait.CROUCH, Gait.OTHER)
 

@@ -10,14 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.errors import run_command
 from runtime.skeleton import PART_JOINTS, SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
-
-Array = NDArray[np.floating]
 
 CLIPS, FRAMES = 8, 8
 _VIEW_YAW, _VIEW_PITCH = np.deg2rad(35.0), np.deg2rad(12.0)

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from training.data.labels import smooth
 from training.data.retarget import FPS, speed
-
-Array = NDArray[np.floating]
 
 MIN_SECONDS = 1.5
 MAX_ROOT_SPEED = 8.0  # m/s

@@ -6,12 +6,10 @@ python -m training.data.example_height_map
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.assets import PROJECT_ROOT
 from runtime.terrain.files import write_height_png
-
-Array = NDArray[np.floating]
 
 
 def example_heights(n: int = 401) -> Array:

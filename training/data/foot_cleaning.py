@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.feet.ik import MAX_REACH, solve_legs
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
 from training.data.heel import heel_rise, pitched
 
-Array = NDArray[np.floating]
 GroundHeight = Callable[[Array, Array], Array]
 
 _FOOT = SPORT_SKELETON.offsets[5].astype(np.float64)

@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.formats.bvh import BvhMotion, read_bvh
-
-Array = NDArray[np.floating]
 
 LEG_M = 0.82
 MIN_SPEED, MAX_SPEED = 0.55, 2.2  # m/s: slower is standing, faster is running

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.skeleton import SPORT_SKELETON
-
-Array = NDArray[np.floating]
 
 FOOT_OFFSET = SPORT_SKELETON.offsets[5].astype(np.float64)  # ankle to toe in the rest pose
 MAX_FLATTER, MAX_STEEPER = np.deg2rad(20.0), np.deg2rad(30.0)

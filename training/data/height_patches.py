@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.errors import FileError
 from runtime.terrain.height_map import Terrain
-
-Array = NDArray[np.floating]
 
 CELL_M = 0.15
 FLAT_MARGIN_M = 1.5

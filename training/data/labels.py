@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 from training.data.retarget import FPS, speed
-
-Array = NDArray[np.floating]
 
 FOOT_JOINTS = (4, 5, 9, 10)  # left heel (ankle joint), left toe, right heel, right toe
 _REST = np.array([ANKLE_HEIGHT, TOE_HEIGHT, ANKLE_HEIGHT, TOE_HEIGHT])

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.errors import FileError, run_command
 from runtime.skeleton import SPORT_SKELETON
@@ -23,8 +24,6 @@ from training.data.height_patches import Patches
 from training.data.labels import soften
 from training.data.obstacle_fit import Fitted, fit_obstacles, platform_ground, raised
 from training.data.retarget import FPS
-
-Array = NDArray[np.floating]
 
 SOURCES = ("cmu", "cmu91", "o3de", "accad", "fair_zombie", "jlpm", "pfnn", "pfnn_rollouts")
 LONGEST_S = 12.0  # of one copy

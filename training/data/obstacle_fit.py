@@ -13,13 +13,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
 from training.data.height_patches import Patches, grid_under
 from training.data.labels import FOOT_JOINTS, smooth
 from training.data.retarget import FPS
 
-Array = NDArray[np.floating]
 Mask = NDArray[np.bool_]
 
 CELL_M = 0.05

@@ -6,11 +6,9 @@ from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
-
-Array = NDArray[np.floating]
+from runtime.arrays import Array
 
 _UP, _DOWN = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0])
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 from training.data.foot_cleaning import bridge, stretches
 from training.data.height_patches import CELL_M, FLAT_MARGIN_M, Patches, grid_under
 from training.data.labels import FOOT_JOINTS
 from training.data.retarget import speed
-
-Array = NDArray[np.floating]
 
 EXTRA_PATCHES = 2
 _CLEAR_M = 0.22  # more than a cell's diagonal: relief keeps this far from a footstep

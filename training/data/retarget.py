@@ -8,15 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.feet.ik import solve_legs
 from runtime.formats.bvh import BvhMotion
 from runtime.motion.features import FPS
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
 from training.data.heel import FOOT_OFFSET, heel_rise, pitched
 from training.data.source_skeletons import SourceJoint, SourceSkeleton
-
-Array = NDArray[np.floating]
-
 
 LEG_LENGTH = float(-(SPORT_SKELETON.offsets[3][1] + SPORT_SKELETON.offsets[4][1]))
 HIP_CENTRE = np.array(

@@ -6,14 +6,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.errors import FileError
 from runtime.formats.bvh import BvhMotion
 from training.data.reference_pose import standing_rotations
-
-Array = NDArray[np.floating]
 
 SIDES = ("Left", "Right")
 # what each bone points along in the rest pose of the SPORT skeleton

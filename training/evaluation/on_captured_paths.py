@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.errors import FileError
 from runtime.formats.bvh_clip import save_bvh
@@ -34,8 +35,6 @@ from training.evaluation.motion.scores import score_following
 from training.evaluation.motion.subject import Subject
 from training.frames import root_motion, smooth
 from training.markdown import table as table_lines
-
-Array = NDArray[np.floating]
 
 SEED: tuple[str, dict[str, Any]] = ("--seed", {"type": int, "default": 0})
 

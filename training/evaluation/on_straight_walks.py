@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.assets import PROJECT_ROOT
 from runtime.controls import Controls
 from runtime.errors import UsageError
@@ -41,7 +41,6 @@ from training.evaluation.motion.subject import Subject
 from training.frames import root_motion
 from training.markdown import table as table_lines
 
-Array = NDArray[np.floating]
 Measures = dict[str, float]
 
 # --- gait: straight walks of every captured style beside the raw capture files ----------------------------------------

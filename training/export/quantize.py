@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.atomic import write_atomic
 from runtime.errors import FileError, run_command
 from runtime.motion.controller import Controller
@@ -31,7 +31,6 @@ from runtime.terrain.library import load_terrain
 if TYPE_CHECKING:
     import onnx
 
-Array = NDArray[np.floating]
 
 # Products that stay in full precision. They are small, and their error is not averaged out by what follows: E's
 # projection enters all denoising steps, the head and the expert decoder (`base_weight`, where it is part of the graph)

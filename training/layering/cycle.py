@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.motion import features
 from runtime.skeleton import SPORT_SKELETON
 from training.layering.pose_edits import Motion
 from training.layering.steps import left_landings
 
-Array = NDArray[np.floating]
 USUAL_CYCLE = 66  # frames, where there are too few landings to tell
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.skeleton import SPORT_SKELETON
 from training.frames import smooth
 from training.layering.catalog import PartEdit
@@ -23,8 +24,6 @@ from training.layering.cycle import (
 from training.layering.pose_edits import SPINE_ONLY, Motion, lean_shares, turn_joints, turns
 from training.layering.root_edits import down, feet_of, with_feet
 from training.layering.steps import height_in_swing, left_landings, swings
-
-Array = NDArray[np.floating]
 
 _UP = np.array([0.0, 1.0, 0.0])
 _LEFT_ARM, _RIGHT_ARM = SPORT_SKELETON.index("LeftArm"), SPORT_SKELETON.index("RightArm")

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.errors import FileError
 from runtime.skeleton import SPORT_SKELETON
 from training.layering.apply import apply
@@ -19,7 +20,6 @@ from training.layering.pool import load_source
 from training.layering.pose_edits import Motion, cut
 from training.text.measure import BodyMeasures, measure, smoothed_facing
 
-Array = NDArray[np.floating]
 Target = tuple[str, str]  # part, field of its measures
 REFERENCE_WALKS = 3  # captured neutral walks of each data set
 MIN_FRAMES, MAX_FRAMES = 240, 480

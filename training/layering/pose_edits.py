@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.feet import ik
 from runtime.motion import features
 from runtime.motion.features import FPS
@@ -18,9 +19,6 @@ from runtime.terrain.height_map import Terrain
 from training.frames import smooth
 from training.layering.catalog import PartEdit
 from training.layering.steps import bumps, held_in_stance, step_phase, swing_share
-
-Array = NDArray[np.floating]
-
 
 _REACH = 0.998  # of a leg, before the hips give way: seven degrees of the knee
 _AT = SPORT_SKELETON.index

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.feet import ik
 from runtime.motion.features import FPS
 from runtime.skeleton import SPORT_SKELETON
@@ -29,8 +30,6 @@ from training.layering.pose_edits import (
     within_reach,
 )
 from training.layering.steps import held_in_stance, left_landings
-
-Array = NDArray[np.floating]
 
 _WINDOW = 75  # frames before and after in which the path passes a foot
 _END = 12  # frames whose mean change goes on beyond an end

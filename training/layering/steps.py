@@ -7,9 +7,8 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.motion.features import FPS
-
-Array = NDArray[np.floating]
 
 
 def step_phase(contacts: NDArray[np.uint8]) -> Array:

@@ -9,12 +9,10 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.skeleton import PART_NAMES
 from training.text.measure import ArmMeasures, HeadMeasures, LegMeasures, TorsoMeasures, measure
-
-Array = NDArray[np.floating]
 
 MOST = 4.0  # deviations: what a clip that turns or jumps does beyond that says nothing more
 _KIND = {"arm": ArmMeasures, "leg": LegMeasures, "torso": TorsoMeasures, "head": HeadMeasures}

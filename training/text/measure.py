@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.motion.features import FPS
 from runtime.skeleton import SPORT_SKELETON
 from training.text import measure_rhythm
 from training.text.measure_rhythm import closed, smoothed
-
-Array = NDArray[np.floating]
 
 _FACING_SECONDS = 0.5
 

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.motion.features import FPS
 from runtime.skeleton import SPORT_SKELETON
-
-Array = NDArray[np.floating]
 
 CYCLE_SECONDS = 1.1  # about a gait cycle, which facing and path are averaged over
 _LANDING = 8  # frames before a landing in which a foot comes down

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.errors import UsageError
 from runtime.motion import features
 from runtime.pose import Pose
@@ -16,7 +16,6 @@ from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
 from viewer.render.camera import FOV_Y, Camera, FollowCamera
 
-Array = NDArray[np.floating]
 CameraPath = Callable[[Pose], Camera]  # called once for each frame, in their order
 
 LOOK_HEIGHT_M = 0.86  # of the point looked at, over the ground

@@ -10,16 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import Array
 from runtime.formats.engines import ENGINES
 from runtime.pose import Pose
 from runtime.skeleton import SPORT_SKELETON
 from viewer.live.address import Address
 from viewer.live.link import STEP_S, LiveLink
-
-Array = NDArray[np.floating]
 
 VMC_PORT = 39539
 MAX_BYTES = 1400  # of a datagram that no network splits

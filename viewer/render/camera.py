@@ -9,12 +9,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.spring import spring
 from runtime.terrain.height_map import Terrain
-
-Array = NDArray[np.floating]
 
 FOV_Y = math.radians(38.0)
 NEAR_M = 0.1

@@ -9,13 +9,12 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.errors import FileError
 from runtime.pose import Pose
 from viewer.render.gl import JOINTS_BINDING, bind_blocks, set_uniforms
 from viewer.render.quality import Quality
 from viewer.render.shaders import load_program
-
-Array = NDArray[np.floating]
 
 MAX_JOINTS = 256  # the block in skinning.glsl
 SLOT_BYTES = MAX_JOINTS * 64

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.pose import Pose
 from viewer.render.camera import Camera, look_at
 from viewer.render.gl import FRAME_BINDING
-
-Array = NDArray[np.floating]
 
 SUN_DIRECTION = np.array([0.480, 0.768, 0.424])  # unit, towards the sun; 50 degrees high
 FOG_BEGIN_M, FOG_END_M = 7.0, 46.0

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.pose import Pose
 from runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
 from viewer.render.overlays import PathOverlay, TrailOverlay, TrajectoryOverlay
 
-Array = NDArray[np.floating]
 Strokes = NDArray[np.void]
 
 STROKE = np.dtype(

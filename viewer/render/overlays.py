@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.pose import Pose
-
-Array = NDArray[np.floating]
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.pose import Pose
 from runtime.terrain.height_map import Terrain
@@ -27,8 +26,6 @@ from viewer.render.quality import Quality, choose_quality
 from viewer.render.sky_pass import SkyPass
 from viewer.render.targets import SceneTarget, ShadowMap
 from viewer.render.terrain_pass import TerrainPass
-
-Array = NDArray[np.floating]
 
 
 class Renderer:

@@ -15,9 +15,9 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.terrain.height_map import Terrain
 
-Array = NDArray[np.floating]
 Indices = NDArray[np.uint32]
 Levels = NDArray[np.int64]
 

@@ -6,6 +6,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.terrain.height_map import Terrain
 from viewer.render.frame import SHADOW_REACH_M, Frame
 from viewer.render.gl import bind_blocks, scissored, set_uniforms
@@ -13,7 +14,6 @@ from viewer.render.quality import Quality
 from viewer.render.shaders import load_program
 from viewer.render.terrain_mesh import APRON_M, Levels, TerrainMesh, cut_window
 
-Array = NDArray[np.floating]
 MAX_FEET = 32  # the array in ground_shadow.frag
 RECENTRE_SHARE = 0.12  # of the window's size
 MIN_RELIEF_M, MAX_RELIEF_M = 0.25, 3.0  # height over the start that has the full tint

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.pose import Pose
 from viewer.render.camera import Camera
-
-Array = NDArray[np.floating]
 
 SPACING_M = 1.5  # between neighbours
 ROW_M = 2.2  # between two rows

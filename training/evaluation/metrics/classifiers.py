@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.floating]
+from runtime.arrays import Array
 
 # Styles that two data sets (or two performers of one) give nearly the same name; counted alike in the merged score.
 MERGED: dict[str, str] = {

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.feet import skating as feet
 from runtime.motion.features import FPS
 from runtime.terrain.courses import Obstacle
 from runtime.terrain.height_map import Terrain
-
-Array = NDArray[np.floating]
 
 Mask = NDArray[np.bool_]
 

@@ -9,11 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.skeleton import SPORT_SKELETON
 from training.evaluation.metrics.motion import RootFeatures, window_index
 from training.frames import smooth
-
-Array = NDArray[np.floating]
 
 GROUPS = ("feet", "thighs", "arms", "root path", "torso", "pelvis", "knees", "head")
 SMOOTHING = 2.0  # frames

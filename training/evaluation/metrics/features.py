@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.feet import skating as feet
 from runtime.motion.features import FPS
 from runtime.motion.motion_encoder import MotionEncoder
@@ -21,8 +22,6 @@ from training.evaluation.metrics.motion import (
     window_index,
     window_starts,
 )
-
-Array = NDArray[np.floating]
 
 _JOINTS = [
     SPORT_SKELETON.index(name)

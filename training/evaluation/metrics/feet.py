@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.errors import UsageError, run_command
 from runtime.feet import skating as feet
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
-
-Array = NDArray[np.floating]
 
 GAITS = {"walk": Gait.WALK, "jog": Gait.JOG}
 

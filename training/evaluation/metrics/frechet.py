@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.floating]
+from runtime.arrays import Array
 
 SEEDS = 10  # random halves and draws that are averaged
 MAX_WINDOWS = 4000  # a side

@@ -9,14 +9,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.errors import FileError
 from runtime.motion import features
 from runtime.motion.features import FPS
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from training.frames import PAD, extrapolate, repeat_ends, root_motion
-
-Array = NDArray[np.floating]
 
 WINDOW_SAMPLES = 40  # T of the content encoder
 WINDOW_STRIDE = 2  # frames between two samples, as in stage 1

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.motion.features import FPS
-
-Array = NDArray[np.floating]
 
 
 def jerk(positions: Array) -> Array:

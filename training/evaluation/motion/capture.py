@@ -32,8 +32,6 @@ from training.evaluation.metrics.motion import (
 )
 from training.evaluation.motion.subject import style_texts
 
-Array = NDArray[np.floating]
-
 ROLLOUTS = "pfnn_rollouts"  # distilled motion of a published network on uneven ground: no capture
 LAYERED = "layered"  # clips with edited or recombined body parts: no capture either
 TERRAIN_GROUP = "neutral (rollouts)"

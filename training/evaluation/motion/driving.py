@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.controls import Controls, Gait
 from runtime.errors import SportError
 from runtime.motion import features
@@ -21,8 +22,6 @@ from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from training.evaluation.metrics.motion import Motion
 from training.frames import PAD, extrapolate, repeat_ends, root_motion, smooth
-
-Array = NDArray[np.floating]
 
 LEAD_IN_FRAMES = (
     2 * FPS

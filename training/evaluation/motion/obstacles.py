@@ -8,8 +8,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.controls import Controls, Gait
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
@@ -25,8 +25,6 @@ from training.evaluation.metrics.feet import foot_skating
 from training.evaluation.metrics.motion import Motion
 from training.evaluation.motion.driving import Recorder
 from training.evaluation.motion.subject import Subject
-
-Array = NDArray[np.floating]
 
 BEYOND_M = 1.5  # behind the last obstacle the run is over
 SPARE_S = 25.0  # that a run may take longer than the way at full stick

@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.motion.model import MotionModel
 from runtime.terrain.height_map import Terrain
@@ -31,8 +31,6 @@ from training.evaluation.motion.capture import (
 )
 from training.evaluation.motion.driving import flat_ground, follow, replay, run_course, transition
 from training.evaluation.motion.subject import Subject, count_parameters, frame_times
-
-Array = NDArray[np.floating]
 
 Report = Callable[[str], None]
 

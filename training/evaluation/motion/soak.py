@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.controls import Controls, Gait
 from runtime.errors import UsageError
 from runtime.feet.skating import SOLE_POINTS, joint_heights, skating
@@ -29,8 +29,6 @@ from training.evaluation.experiment import Arguments, Experiment, Setting
 from training.evaluation.metrics.crossing import FROZEN_SHARE
 from training.evaluation.metrics.feet import sole_skating
 from training.markdown import number, percent, table
-
-Array = NDArray[np.floating]
 
 TERRAINS = ("flat", "hills", "rough", "stairs", "platforms")
 GAITS = (Gait.WALK, Gait.WALK, Gait.WALK, Gait.JOG, Gait.CROUCH, Gait.JUMP)

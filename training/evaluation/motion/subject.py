@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.assets import asset_path
 from runtime.controls import Controls
 from runtime.errors import FileError
@@ -23,8 +23,6 @@ from runtime.motion.model import MotionModel, load_model
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.prompter import Prompter
 from training.evaluation.motion.driving import flat_ground
-
-Array = NDArray[np.floating]
 
 TIMED_FRAMES, WARM_UP = 240, 30
 VALUES_OF_A_ROW = 33 + 4 * 31 + 3 + 3 + 4  # of a database for motion matching

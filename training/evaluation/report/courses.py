@@ -8,15 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.motion.features import FPS
 from runtime.skeleton import PART_JOINTS, SPORT_SKELETON
 from training.evaluation.metrics.crossing import mean_of
 from training.evaluation.motion.obstacles import COURSES, CourseRun
 from training.markdown import number, percent, table
-
-Array = NDArray[np.floating]
 
 SECTION = "obstacle courses"  # of a document, between its markers
 Row = dict[str, Any]

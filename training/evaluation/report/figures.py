@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.controls import Controls
 from runtime.motion import features
 from runtime.motion.controller import Controller
@@ -23,7 +23,6 @@ from training.evaluation.motion.capture import Capture, driving_segments, read_c
 from training.evaluation.motion.driving import LEAD_IN_FRAMES, flat_ground
 from training.evaluation.motion.subject import Subject
 
-Array = NDArray[np.floating]
 Report = Callable[[str], None]
 
 EMBEDDED_STYLES = 12  # those with the most training capture

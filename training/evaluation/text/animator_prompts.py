@@ -50,7 +50,7 @@ def measured(
     first = round(LEAD * read.fps)
     hips, local = read.hips_positions[first:], read.local_rotations[first:]
     positions, _ = SPORT_SKELETON.forward_kinematics(hips, local)
-    contacts = foot_contacts(positions, np.zeros((len(hips), 4), np.float32))
+    contacts = foot_contacts(positions, np.zeros((len(hips), 4), np.float32)).astype(np.float32)
     body = measure(hips, local, contacts)
     return {**_values(body), "torso.twist": _twist(positions)}
 

@@ -8,15 +8,11 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES, SPORT_SKELETON
 from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
 from training.layering.measured_edits import Summary, Target, rotation_change, value
-
-Array = NDArray[np.floating]
-
 
 RIGHT_WAY, ENOUGH = 0.1, 0.5  # shares of the described change; under a tenth is no change
 RIGHT_BAR, ENOUGH_BAR = 0.8, 0.5  # shares of the held-out edits and pairs

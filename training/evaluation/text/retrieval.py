@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.errors import FileError, ModelError
 from runtime.motion.model_files import open_graph, read_graph, read_metadata
 from runtime.motion.motion_encoder import MotionEncoder
@@ -21,8 +22,6 @@ from runtime.prompts.text_encoder import TextEncoderLike
 from training.evaluation.metrics.classifiers import merged
 from training.evaluation.metrics.motion import Motion, load_motion, window_index, window_starts
 from training.evaluation.motion.capture import ROLLOUTS
-
-Array = NDArray[np.floating]
 
 HOP = 20  # frames between the beginnings of a clip's windows
 BAR = 0.6  # R@1

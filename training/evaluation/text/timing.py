@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.controls import Controls
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
@@ -17,8 +17,6 @@ from runtime.motion.model import MotionModel
 from runtime.prompts.prompter import Prompter
 from training.evaluation.metrics.variation import transition_jerk
 from training.evaluation.motion.driving import flat_ground, transition
-
-Array = NDArray[np.floating]
 
 DEFAULT_BLEND_SECONDS = 1.0
 _WALKED, _AFTER = 2 * FPS, 4 * FPS  # frames before and after a change of prompt

@@ -10,8 +10,8 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Array
 from runtime.generate import simulate
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
@@ -19,8 +19,6 @@ from runtime.motion.model import MotionModel, load_model
 from runtime.motion.paths import control_script
 from training.evaluation.motion.driving import flat_ground
 from training.layering.measured_edits import Summary, summarise
-
-Array = NDArray[np.floating]
 
 LEAD_SECONDS = 2.0  # walked before measuring: standing still and the start pose are over
 SECONDS = 6.0

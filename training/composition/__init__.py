@@ -1,0 +1,1 @@
+"""Composition while training: samples whose parts come from several clips."""

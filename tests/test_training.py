@@ -17,6 +17,7 @@ from runtime.motion import features  # noqa: E402
 from runtime.motion.controller import Controller  # noqa: E402
 from runtime.motion.features import INPUT, OUTPUT  # noqa: E402
 from runtime.motion.model import load_model  # noqa: E402
+from runtime.motion.processor import exact_8_bit_products  # noqa: E402
 from runtime.skeleton import PART_NAMES, REST_HIPS_HEIGHT  # noqa: E402
 from runtime.terrain.height_map import Terrain  # noqa: E402
 from training.batches import Frames  # noqa: E402
@@ -135,7 +136,7 @@ def short_work(monkeypatch):
 
 
 def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(
-    clips, tmp_path, short_work, monkeypatch
+    clips, tmp_path, short_work, monkeypatch, caplog
 ):
     clips = shutil.copytree(clips, tmp_path / "clips")
     out = tmp_path / "run"
@@ -146,7 +147,10 @@ def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(
     assert main(["export", *common, "--decoder", "mixture"]) == 0  # stage 2 alone: w/o-Diffusion
     assert load_model(out / "model-mixture").metadata["decoder"] == "mixture"
     model = load_model(out / "model")
-    assert load_model(out / "model", precision="int8").metadata["quantised"]["relative_error"] > 0.0
+    if exact_8_bit_products():
+        assert load_model(out / "model", precision="int8").metadata["quantised"]["relative_error"] > 0.0
+    else:
+        assert "without an 8-bit twin" in caplog.text
     assert (out / "model" / "README.md").read_text().startswith("# Model")
     poses = []
     for _ in range(2):

@@ -14,6 +14,7 @@ import torch
 from runtime.assets import asset_path
 from runtime.errors import FileError, UsageError
 from runtime.motion.features import OUTPUT_SIZE
+from runtime.motion.processor import exact_8_bit_products
 from runtime.prompts.text_encoder import SHIPPED, TextEncoder
 from training import parallel
 from training.arguments import STAGES, build_parser
@@ -342,7 +343,14 @@ def _write_model(trained: Trained, args: argparse.Namespace, folder: Path) -> No
     export_model(trained, folder)
     # the runtime, which measures it, loads no other output; an ablation is not played with
     if trained.config.output_size == OUTPUT_SIZE and not args.ablation:
-        quantize_model(folder, text_encoder=args.text_encoder)
+        if exact_8_bit_products():
+            quantize_model(folder, text_encoder=args.text_encoder)
+        else:
+            log.warning(
+                "%s: without an 8-bit twin, which this processor cannot measure (no VNNI); make it elsewhere with "
+                "python -m training.export.quantize",
+                folder,
+            )
     store_model_in_half(folder)
     log.info("exported to %s", folder)
 

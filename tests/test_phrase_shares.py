@@ -198,7 +198,7 @@ def synthetic(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_phrases_are_walked_once_and_what_is_not_done_is_said(synthetic: None, tmp_path: Path) -> None:
     out = tmp_path / "shares.json"
     out.write_text('{"other": {"sentences": {}, "clauses": {}}}', "utf-8")
-    phrase_shares.main(["--model", "none", "--out", str(out), "--workers", "1"])
+    phrase_shares.main(["--model", "./none", "--out", str(out), "--workers", "1"])
     tables = load_shares(out)
     assert set(tables) == {"other", "walker"}
     found = tables["walker"]

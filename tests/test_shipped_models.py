@@ -10,7 +10,7 @@ import pytest
 
 from runtime.assets import DEFAULT_MODEL, asset_path, model_folder, model_name, shipped_models
 from runtime.controls import Controls
-from runtime.errors import ModelError
+from runtime.errors import FileError, ModelError
 from runtime.motion.controller import Controller
 from runtime.motion.model import load_model
 from runtime.terrain.height_map import Terrain
@@ -29,8 +29,10 @@ def test_names_and_folders() -> None:
         DEFAULT_MODEL,
         "",
     )
-    with pytest.raises(ModelError, match=r"nowhere.metadata\.json"):
+    with pytest.raises(FileError, match=r"nowhere: no model of this name is shipped.*Shipped: compact"):
         load_model("nowhere")
+    with pytest.raises(ModelError, match=r"nowhere.metadata\.json"):
+        load_model("./nowhere")
 
 
 @pytest.mark.parametrize("name", shipped_models())

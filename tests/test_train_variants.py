@@ -95,8 +95,9 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         for name in ("estimate_variance", "measure_codes"):
             patch.setattr(stage_motion, name, functools.partial(getattr(stage_motion, name), batches=1))
         patch.setattr(stage_motion, "measure", functools.partial(stage_motion.measure, count=2000))
-        for stage in (pipeline.stage_phase, pipeline.stage_content):
-            patch.setattr(stage, "run", functools.partial(stage.run, batch=16))
+        patch.setattr(pipeline, "PHASE_BATCH", 16)
+        content = pipeline.stage_content
+        patch.setattr(content, "run", functools.partial(content.run, batch=16))
         rows = stage_motion.RandomRows
         patch.setattr(
             stage_motion, "RandomRows", lambda weights, batch, *more: rows(weights, min(batch, 64), *more)

@@ -220,14 +220,14 @@ def style_path():
 
 def test_options_that_cannot_be_met_are_named(tmp_path):
     with pytest.raises(UsageError, match="--only-figures"):
-        main(["--clips", str(tmp_path), "--model", "m", "--only-figures"])
+        main(["--clips", str(tmp_path), "--model", "./m", "--only-figures"])
     with pytest.raises(UsageError, match="--seconds 1"):
-        main(["--clips", str(tmp_path), "--model", "m", "--seconds", "1"])
+        main(["--clips", str(tmp_path), "--model", "./m", "--seconds", "1"])
     with pytest.raises(FileError, match="no clips"):
-        main(["--clips", str(tmp_path), "--model", "m", "--quick"])
+        main(["--clips", str(tmp_path), "--model", "./m", "--quick"])
     assert (
         MOTION.parser("sport evaluate")
-        .parse_args(["--clips", "c", "--model", "a", "--model", "b"])
+        .parse_args(["--clips", "c", "--model", "./a", "--model", "./b"])
         .model[1]
         .name
         == "b"

@@ -324,7 +324,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def arguments(clips: Path, *more: str) -> list[str]:
-    return ["--clips", str(clips), "--model", "no_such_model", "--workers", "1", *more]
+    return ["--clips", str(clips), "--model", "./no_such_model", "--workers", "1", *more]
 
 
 def measured(arguments: list[str]) -> dict[str, Any]:

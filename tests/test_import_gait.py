@@ -12,11 +12,12 @@ from runtime import rotations
 from runtime.formats.bvh import format_bvh, parse_bvh
 from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, Skeleton
 from training.data import gait
+from training.data.catalog import recognise
 from training.data.foot_cleaning import clean_feet
 from training.data.heel import FOOT_OFFSET, heel_rise, pitched
 from training.data.reference_pose import standing_rotations
 from training.data.retarget import calibrate_feet, load_source, retarget
-from training.data.source_skeletons import SourceJoint, SourceSkeleton, recognise
+from training.data.source_skeletons import SourceJoint, SourceSkeleton
 
 LEG = 0.8351
 

@@ -66,7 +66,7 @@ def find_soles(character: Character, rest: Array, pivots: Array) -> Soles:
             own = np.array([(0.0, float(rest[:, 1].min() - ankle[1]), z) for z in (OUR_HEEL[2], OUR_BALL[2])])
         both = np.concatenate([own, tip])
         depth = -float(both[:, 1].min())
-        low = both[both[:, 1] < -(1.0 - LOW) * depth]
+        low = both[both[:, 1] <= -(1.0 - LOW) * depth] if depth > 0.0 else both  # else a foot above its ankle
         joint = pivots[joint_of[toe]] - ankle if toe in joint_of else np.array([0.0, -depth, low[:, 2].max()])
         ours = SPORT_SKELETON.rest_positions[upper] * (1, 0, 0)
         sides.append(

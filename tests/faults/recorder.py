@@ -70,9 +70,9 @@ def _record(app_class: Any, options: argparse.Namespace) -> None:
 
 
 def _spoil_saving(options: argparse.Namespace) -> None:
-    from runtime.takes import clip
+    from runtime.formats import bvh_clip
 
-    save, write = clip.save_bvh, Path.write_bytes
+    save, write = bvh_clip.save_bvh, Path.write_bytes
 
     def slow(*about: Any, **more: Any) -> Path:
         time.sleep(options.slow)
@@ -83,7 +83,7 @@ def _spoil_saving(options: argparse.Namespace) -> None:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return write(path, data)
 
-    clip.save_bvh = slow
+    bvh_clip.save_bvh = slow
     Path.write_bytes = full  # type: ignore[assignment]
 
 

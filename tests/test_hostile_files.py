@@ -307,7 +307,10 @@ def test_a_bomb_costs_two_seconds_and_500_mb_at_most(name: str, tmp_path: Path) 
     assert done.returncode == 0, done.stderr
     seconds, megabytes, said = done.stdout.strip().split(" ", 2)
     print(f"| {name} | {seconds} s | {megabytes} MB | {said[:100]} |")
-    assert float(seconds) < 5.0  # 2 on the machine of docs/results/damaged_input.md, 4 on an EPYC of 2017
+    most = (
+        5.0 if name == "glb chain" else 2.0
+    )  # that one: 4 s on an EPYC of 2017, under 2 on the machine of the table
+    assert float(seconds) < most
     assert float(megabytes) < 500.0
     assert said.startswith("read" if name in READ else "refused")
 

@@ -55,7 +55,7 @@ class Variant:
 
 
 @dataclass(frozen=True)
-class Row:
+class TimingRow:
     """One line of the table; times in ms for the whole batch."""
 
     variant: str
@@ -166,7 +166,9 @@ def _untrained(folder: Path, arguments: list[str]) -> None:
         raise UsageError(f"networks to be timed: {last[:300]}", "Run pip install -e '.[train]'.")
 
 
-def measure(variants: Sequence[Variant], bandwidth: dict[int, float], errors: dict[str, float]) -> list[Row]:
+def measure(
+    variants: Sequence[Variant], bandwidth: dict[int, float], errors: dict[str, float]
+) -> list[TimingRow]:
     """Time every variant at every batch; the first is the style graph, which folds random prompts."""
     prompts, folds = _prompts(variants[0])
     random = np.random.default_rng(0)
@@ -182,7 +184,7 @@ def measure(variants: Sequence[Variant], bandwidth: dict[int, float], errors: di
             held[row] = len(variant.data) + sum(feed[name].nbytes for name in FOLDED if name in feed)
             frames.setdefault(row, []).extend(_times(session, feed))
     return [
-        Row(
+        TimingRow(
             variant.name,
             variant.styles,
             batch,
@@ -268,12 +270,12 @@ def table(figures: dict[str, Any]) -> str:
             f"network {figures['network']} on {figures['cpu']}, {figures['cores']} cores, {busy} of them busy"
             f" with other work at the start; reads {speeds}",
             "",
-            *_lines(Row(**row) for row in figures["rows"]),
+            *_lines(TimingRow(**row) for row in figures["rows"]),
         ]
     )
 
 
-def _lines(rows: Iterable[Row]) -> Iterable[str]:
+def _lines(rows: Iterable[TimingRow]) -> Iterable[str]:
     yield "| form | styles | batch | threads | ms median | fastest | p99 | processor ms | floor | MB | error |"
     yield "| --- | --- | --: | --: | --: | --: | --: | --: | --: | --: | --: |"
     for row in rows:

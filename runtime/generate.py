@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 from runtime.errors import FileError, PromptError, SportError, UsageError
 from runtime.motion.features import FPS
-from runtime.motion.paths import GAITS, ControlScript, Place, control_script
+from runtime.motion.paths import GAITS, ControlScript, PlanarPose, control_script
 from runtime.motion.stick_script import StickScript, parse_stick
 from runtime.pose import Pose
 from runtime.prompts.blend import BlendedPrompt, Words, read_words, write_words
@@ -186,7 +186,7 @@ def _walk(
     controller.settle(gait)
     gaits: list[int] = []
 
-    def watched(time: float, place: Place) -> Controls:
+    def watched(time: float, place: PlanarPose) -> Controls:
         controls = script(time, place)
         gaits.append(gait_of(controls))
         return controls
@@ -260,7 +260,7 @@ def simulate(
             at, z = waiting.pop(0)
             controller.set_style(z, transition_seconds if at > 0.0 else 0.0)
         root = pose.root_position
-        pose = controller.step(script(time, Place(float(root[0]), float(root[2]), pose.root_yaw)))
+        pose = controller.step(script(time, PlanarPose(float(root[0]), float(root[2]), pose.root_yaw)))
         if controller.message or not np.all(np.isfinite(pose.positions)):
             raise SportError(
                 f"frame {frame}: {controller.message or 'the pose is not finite.'}",

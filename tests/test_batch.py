@@ -22,8 +22,8 @@ from runtime.errors import FileError, UsageError
 from sport import cli
 from sport.batch import local, manifest, work
 from sport.batch.plan import Task, plan
-from sport.batch.progress import Progress
-from sport.batch.rows import Row, read_rows
+from sport.batch.progress import BatchProgress
+from sport.batch.rows import BatchRow, read_rows
 from sport.commands import generate
 
 
@@ -40,7 +40,7 @@ def write(path: Path, text: str) -> Path:
 
 
 def planned(*values: dict[str, Any], words: Sequence[str] = ()) -> tuple[list[Task], list]:
-    rows = [Row(number, value) for number, value in enumerate(values, 1)]
+    rows = [BatchRow(number, value) for number, value in enumerate(values, 1)]
     return plan(rows, generate.row_parser(), base(*words))
 
 
@@ -251,12 +251,12 @@ def test_progress_tells_speed_and_time_left() -> None:
             return True
 
     times = iter([0.0, *[30.0] * 10])
-    progress = Progress(8, 2, Terminal(), lambda: next(times))
+    progress = BatchProgress(8, 2, Terminal(), lambda: next(times))
     progress.add(failed=False)
     progress.add(failed=True)
     shown = progress.stream.getvalue()
     assert "[############............] 4 of 8 clips, 1 failed, 4.0 a minute, 60 s left" in shown
-    log = Progress(30, 0, io.StringIO())
+    log = BatchProgress(30, 0, io.StringIO())
     for _ in range(30):
         log.add(failed=False)
     assert log.stream.getvalue().count("\n") == 10

@@ -16,8 +16,8 @@ from runtime import rotations  # noqa: E402
 from runtime.motion.features import FPS, OUTPUT  # noqa: E402
 from runtime.skeleton import PART_JOINTS, PART_NAMES, SPORT_SKELETON, J  # noqa: E402
 from tests.walker import walk  # noqa: E402
-from training.batches import Frames  # noqa: E402
-from training.composition.composer import PARTS, Composer, Plan, acts_on_base  # noqa: E402
+from training.batches import FrameTensors  # noqa: E402
+from training.composition.composer import PARTS, Composer, CompositionPlan, acts_on_base  # noqa: E402
 from training.data.clip_files import TrainingClip  # noqa: E402
 from training.data.height_patches import flat_patch  # noqa: E402
 from training.frames import FIRST_OF_UPPER, LAYERED, FrameTable, load_frames  # noqa: E402
@@ -76,8 +76,8 @@ def texts(table) -> StyleTexts:
 
 
 @pytest.fixture(scope="module")
-def frames(table, texts) -> Frames:
-    made = Frames.of(table, np.zeros((len(table), 5, 2), np.float32), torch.device("cpu"))
+def frames(table, texts) -> FrameTensors:
+    made = FrameTensors.of(table, np.zeros((len(table), 5, 2), np.float32), torch.device("cpu"))
     made.composer = Composer(table, texts, made.y, moments(table), torch.device("cpu"))
     return made
 
@@ -86,7 +86,7 @@ def clip_number(table: FrameTable, name: str) -> int:
     return table.names.index(name)
 
 
-def drawn(frames: Frames, seed: int, count: int = 400) -> tuple[torch.Tensor, Plan]:
+def drawn(frames: FrameTensors, seed: int, count: int = 400) -> tuple[torch.Tensor, CompositionPlan]:
     """Base frames of training clips and a plan for each."""
     torch.manual_seed(seed)
     table_rows = torch.nonzero(frames.composer.clip != 5)[:, 0]
@@ -153,7 +153,7 @@ def test_a_part_is_its_clip_s_at_matching_phase_and_so_are_its_words(frames, tab
     rows = frames.composer.first[base] + torch.arange(80, 140)
     torch.manual_seed(0)
     column = PARTS.index(part)
-    plan = Plan.nothing(len(rows), rows.device)
+    plan = CompositionPlan.nothing(len(rows), rows.device)
     plan.changed[:, column] = True
     plan.clips[:] = giver
     plan = frames.composer._matched(rows, plan, 0)
@@ -164,7 +164,7 @@ def test_a_part_is_its_clip_s_at_matching_phase_and_so_are_its_words(frames, tab
     composed = frames.composer.rotations(rows, plan)
     # both walks have a cycle of 64 frames; the giver's begins 23 frames later
     same_step = frames.composer.first[giver] + torch.arange(80, 140) - 23
-    alone = frames.composer.rotations(same_step, Plan.nothing(len(rows), rows.device))
+    alone = frames.composer.rotations(same_step, CompositionPlan.nothing(len(rows), rows.device))
     joints = [j - FIRST_OF_UPPER for j in PART_JOINTS[part] if j >= FIRST_OF_UPPER]
     chest = SPORT_SKELETON.index("Spine1") - FIRST_OF_UPPER
     hung = [
@@ -203,7 +203,7 @@ def test_clips_whose_steps_do_not_match_give_nothing(frames, table):
     quick = dataclasses.replace(composer.upper, cadence=composer.upper.cadence.clone())
     quick.cadence[giver] *= 2.0
     rows = composer.first[clip_number(table, "base")] + torch.arange(80, 120)
-    plan = Plan.nothing(len(rows), rows.device)
+    plan = CompositionPlan.nothing(len(rows), rows.device)
     plan.changed[:], plan.clips[:] = True, giver
     kept, composer.upper = composer.upper, quick
     try:

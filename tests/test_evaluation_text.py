@@ -50,7 +50,7 @@ from training.evaluation.text.walks import Walk, Walker
 from training.layering.apply import apply
 from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
 from training.layering.measured_edits import (
-    Reference,
+    CapturedReference,
     Summary,
     load_reference,
     mean_rotation,
@@ -58,7 +58,7 @@ from training.layering.measured_edits import (
     summarise,
     targets,
 )
-from training.layering.pose_edits import Motion
+from training.layering.pose_edits import EditedMotion
 
 NEUTRAL = PartDescriptions(**{part: f"{part} as always" for part in PART_NAMES})
 FRAMES = 300
@@ -91,7 +91,7 @@ def clips(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def reference(clips: Path) -> Reference:
+def reference(clips: Path) -> CapturedReference:
     return load_reference(clips)
 
 
@@ -121,7 +121,7 @@ def test_free_prompts_are_no_sentences_of_the_catalogue() -> None:
     assert all(name in EDITS for edits in FREE_PROMPTS.values() for name in edits)
 
 
-def test_the_reference_takes_neutral_walks_that_are_long_enough(reference: Reference) -> None:
+def test_the_reference_takes_neutral_walks_that_are_long_enough(reference: CapturedReference) -> None:
     assert [name for name, _, _ in reference.walks] == ["cmu_01", "cmu_02", "cmu_05"]
 
 
@@ -132,7 +132,7 @@ def test_a_folder_without_neutral_walks_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["left_arm.overhead", "head.down_far", "torso.lean_back_far", "legs.crouch"])
-def test_described_amounts_are_those_of_the_edit(reference: Reference, name: str) -> None:
+def test_described_amounts_are_those_of_the_edit(reference: CapturedReference, name: str) -> None:
     described = reference.described(reference.edited((name,)), (name,))
     assert list(described) == targets((name,))
     (part, field), amount = next(iter(described.items()))
@@ -140,12 +140,12 @@ def test_described_amounts_are_those_of_the_edit(reference: Reference, name: str
     assert amount / least > 1.0
 
 
-def test_a_measure_that_walks_disagree_about_describes_nothing(reference: Reference) -> None:
+def test_a_measure_that_walks_disagree_about_describes_nothing(reference: CapturedReference) -> None:
     (before, after), *_ = reference.edited(("head.up",))
     assert reference.described([(before, after), (after, before)], ("head.up",)) == {}
 
 
-def edited(motion: Motion, *names: str, share: float = 1.0) -> Summary:
+def edited(motion: EditedMotion, *names: str, share: float = 1.0) -> Summary:
     """A motion with edits, or in between."""
     changed = motion
     for name in names:
@@ -160,7 +160,7 @@ def edited(motion: Motion, *names: str, share: float = 1.0) -> Summary:
      ("torso.sway", 0.0, False, False)],
 )  # fmt: skip
 def test_scores_follow_direction_and_amount(
-    reference: Reference, made: str, share: float, right_way: bool, enough: bool
+    reference: CapturedReference, made: str, share: float, right_way: bool, enough: bool
 ) -> None:
     name = "head.down_far"
     _, motion, plain = reference.walks[0]
@@ -173,7 +173,7 @@ def test_scores_follow_direction_and_amount(
     json.dumps(row)
 
 
-def test_a_pair_needs_both_of_its_parts(reference: Reference) -> None:
+def test_a_pair_needs_both_of_its_parts(reference: CapturedReference) -> None:
     pair = HELD_OUT_PAIRS["both arms stretched out in front"]
     _, motion, plain = reference.walks[0]
     described = reference.described(reference.edited(pair), pair)
@@ -182,7 +182,7 @@ def test_a_pair_needs_both_of_its_parts(reference: Reference) -> None:
     assert not score(case, [edited(motion, pair[0])], {0: plain}, described)["right_way"]
 
 
-def test_the_median_of_the_walks_counts(reference: Reference) -> None:
+def test_the_median_of_the_walks_counts(reference: CapturedReference) -> None:
     name = "left_arm.overhead"
     _, motion, plain = reference.walks[0]
     described = reference.described(reference.edited((name,)), (name,))
@@ -219,14 +219,14 @@ def test_a_walk_out_of_step_or_turned_differs_little_from_itself() -> None:
     assert np.degrees(rotation_change(early, other)).max() < 0.1
 
 
-def test_a_nodding_head_changes_though_its_mean_does_not(reference: Reference) -> None:
+def test_a_nodding_head_changes_though_its_mean_does_not(reference: CapturedReference) -> None:
     _, motion, plain = reference.walks[0]
     changes = part_changes(plain, edited(motion, "head.nodding"))
     assert changes["head"] > 2.0
     assert own_and_others(changes, ["head"])[1] < 0.01
 
 
-def test_an_edit_of_one_part_leaves_the_others_alone(reference: Reference) -> None:
+def test_an_edit_of_one_part_leaves_the_others_alone(reference: CapturedReference) -> None:
     _, motion, plain = reference.walks[0]
     case = Case("left_arm.side", "trained", ("left_arm.side",), (NEUTRAL,), (0,))
     both = edited(motion, "left_arm.side", "right_arm.side")

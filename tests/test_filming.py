@@ -25,7 +25,7 @@ from runtime.terrain.library import load_terrain
 from viewer.filming.beside import film_beside
 from viewer.filming.captions import Captions, caption
 from viewer.filming.film import FilmOptions, FilmResult, count_frames, make_film
-from viewer.filming.shots import CAMERAS, VIEW, View, camera_path
+from viewer.filming.shots import CAMERAS, VIEW, ShotView, camera_path
 from viewer.filming.writers import open_writer
 from viewer.render.camera import Camera
 
@@ -188,7 +188,7 @@ def test_a_long_animation_is_sent_to_mp4(tmp_path: Path) -> None:
 
 
 def test_a_film_as_the_window_shows_it_keeps_its_direction_and_lens() -> None:
-    path = camera_path(VIEW, CLIP, FLAT, 30.0, 16 / 9, view=View(0.7, 0.2, 5.0), fov=1.0)
+    path = camera_path(VIEW, CLIP, FLAT, 30.0, 16 / 9, view=ShotView(0.7, 0.2, 5.0), fov=1.0)
     for seconds in (0.0, 0.5, 1.0):
         pose = CLIP.sample(seconds)
         camera = path(pose)

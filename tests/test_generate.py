@@ -10,7 +10,7 @@ from runtime.controls import Gait
 from runtime.errors import PromptError, SportError, TerrainError, UsageError
 from runtime.generate import DEFAULT_PROMPT, generate_clip, parse_prompts, simulate
 from runtime.motion.controller import Controller
-from runtime.motion.paths import GAITS, PATH_NAMES, Place, control_script
+from runtime.motion.paths import GAITS, PATH_NAMES, PlanarPose, control_script
 from runtime.prompts.parts import PartDescriptions
 from runtime.takes.metadata import PromptEvent
 from runtime.terrain.height_map import Terrain
@@ -31,7 +31,7 @@ def follow(script, seconds, speed=1.4):
     """A point that obeys the stick with some inertia; its path `(T, 2)`."""
     at, velocity, yaw, path = np.zeros(2), np.zeros(2), 0.0, []
     for frame in range(round(seconds * 60)):
-        controls = script(frame / 60, Place(at[0], at[1], yaw))
+        controls = script(frame / 60, PlanarPose(at[0], at[1], yaw))
         assert np.hypot(*controls.move) <= 1.0 + 1e-9
         velocity += 0.1 * (speed * np.array(controls.move) - velocity)
         at = at + velocity / 60
@@ -79,7 +79,7 @@ def test_random_stays_about_the_middle_and_depends_on_the_seed():
 @pytest.mark.parametrize("path", PATH_NAMES)
 @pytest.mark.parametrize("gait", GAITS)
 def test_gait_and_speed_arrive_in_the_controls(path, gait):
-    controls = control_script(path, gait, speed=0.5)(0.1, Place(0.0, 0.0, 0.0))
+    controls = control_script(path, gait, speed=0.5)(0.1, PlanarPose(0.0, 0.0, 0.0))
     assert np.hypot(*controls.move) == pytest.approx(0.0 if gait == "stand" else 0.5)
     assert controls.gait == (Gait.WALK if gait == "stand" else GAITS[gait])
 

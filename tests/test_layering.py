@@ -17,12 +17,12 @@ from training.layering import recipes
 from training.layering.apply import apply
 from training.layering.build import LAYERS, build_layers
 from training.layering.catalog import EDITS, HELD_OUT, HELD_OUT_PAIRS
-from training.layering.pose_edits import Motion, keep_feet
+from training.layering.pose_edits import EditedMotion, keep_feet
 from training.layering.steps import left_landings, step_phase
 from training.text.measure import measure
 
 
-def walker(frames: int = 300) -> Motion:
+def walker(frames: int = 300) -> EditedMotion:
     hips, local, contacts = walk(frames)
     arms = [SPORT_SKELETON.index(n) for n in ("LeftArm", "RightArm")]
     swing = 0.35 * np.sin(2 * np.pi * np.arange(frames) / CYCLE_FRAMES)
@@ -32,17 +32,17 @@ def walker(frames: int = 300) -> Motion:
         local[:, joint] = rotations.multiply(forward, down)
     hips = hips.astype(float)
     step = 2 * np.pi * np.arange(frames) / CYCLE_FRAMES
-    before = Motion(hips, local, contacts.astype(np.uint8), Terrain.flat(size_m=80.0))
+    before = EditedMotion(hips, local, contacts.astype(np.uint8), Terrain.flat(size_m=80.0))
     hips = hips + np.stack([0.02 * np.sin(step), 0.015 * np.cos(2 * step) - 0.03, 0 * step], -1)
     local[:, 0] = rotations.from_yaw(0.1 * np.cos(step))
     local[:, SPORT_SKELETON.index("Spine1")] = rotations.from_yaw(-0.15 * np.cos(step))
-    local = keep_feet(Motion(hips, local, before.contacts, before.ground), before)
-    return Motion(
+    local = keep_feet(EditedMotion(hips, local, before.contacts, before.ground), before)
+    return EditedMotion(
         hips.astype(float), local.astype(float), contacts.astype(np.uint8), Terrain.flat(size_m=80.0)
     )
 
 
-def value(motion: Motion, name: str) -> float:
+def value(motion: EditedMotion, name: str) -> float:
     part, field = EDITS[name].measure
     return getattr(getattr(measure(motion.hips, motion.local, motion.contacts), part), field)
 

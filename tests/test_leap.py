@@ -8,17 +8,17 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from runtime import rotations
-from runtime.crossing.leap import TOE, Leap, Stride, takeoff_m
+from runtime.crossing.leap import TOE, Leap, LeapStart, takeoff_m
 from runtime.feet.ik import LEG_FEET, LEG_TOES
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
-from runtime.terrain.way_ahead import Kind
+from runtime.terrain.way_ahead import ObstacleKind
 
 DT = 1.0 / 60.0
 HIPS = 0.93
 LOCAL = rotations.identity((31,))
 
 
-def stride(kind: Kind, top: float, speed: float, stance: int = 0, farther: float = 0.0) -> Stride:
+def stride(kind: ObstacleKind, top: float, speed: float, stance: int = 0, farther: float = 0.0) -> LeapStart:
     """A foot that has just come down before the edge, the other one a step behind it with its heel raised."""
     seconds = 1.1 if speed < 1.8 else 0.75
     step = 0.5 * speed * seconds
@@ -30,7 +30,7 @@ def stride(kind: Kind, top: float, speed: float, stance: int = 0, farther: float
     turned = [rotations.identity(()), raised]
     sides = np.array([[0.09, 0.0, 0.0], [-0.09, 0.0, 0.0]])
     order = (0, 1) if stance == 0 else (1, 0)
-    return Stride(
+    return LeapStart(
         z - 0.25,
         speed,
         seconds,
@@ -67,7 +67,7 @@ def test_soles_pass_over_a_bar_and_come_down_behind_it(
     top: float, speed: float, stance: int, farther: float
 ) -> None:
     assume(farther < 0.35 * speed)
-    leap = Leap(Kind.BAR, 0.15, top, 0.0, stride(Kind.BAR, top, speed, stance, farther))
+    leap = Leap(ObstacleKind.BAR, 0.15, top, 0.0, stride(ObstacleKind.BAR, top, speed, stance, farther))
     positions, contacts = walked(leap)
     points = soles(positions)
     over = (points[..., 2] > 0.0) & (points[..., 2] < 0.15)
@@ -82,7 +82,7 @@ def test_soles_pass_over_a_bar_and_come_down_behind_it(
 @given(length=st.floats(0.3, 1.0), speed=st.floats(0.6, 2.8), beyond=st.floats(-0.3, 0.2))
 @settings(max_examples=25, deadline=None)
 def test_a_gap_is_flown_over(length: float, speed: float, beyond: float) -> None:
-    leap = Leap(Kind.GAP, length, 0.0, beyond, stride(Kind.GAP, 0.0, speed))
+    leap = Leap(ObstacleKind.GAP, length, 0.0, beyond, stride(ObstacleKind.GAP, 0.0, speed))
     positions, contacts = walked(leap)
     stands = contacts > 0.5
     assert not (stands.any(1)).all()  # for a while no foot stands
@@ -95,7 +95,7 @@ def test_a_gap_is_flown_over(length: float, speed: float, beyond: float) -> None
 
 @pytest.mark.parametrize("top", [0.3, 0.5, -0.3, -0.5])
 def test_a_step_is_taken_with_the_whole_body(top: float) -> None:
-    kind = Kind.UP if top > 0.0 else Kind.DOWN
+    kind = ObstacleKind.UP if top > 0.0 else ObstacleKind.DOWN
     leap = Leap(kind, 0.0, 0.0, top, stride(kind, 0.0, 1.2))
     positions, _ = walked(leap)
     assert positions[0, 0, 1] == pytest.approx(HIPS, abs=0.02)
@@ -104,7 +104,7 @@ def test_a_step_is_taken_with_the_whole_body(top: float) -> None:
 
 
 def test_the_root_leaves_and_arrives_at_its_speed() -> None:
-    leap = Leap(Kind.BAR, 0.1, 0.4, 0.0, stride(Kind.BAR, 0.4, 1.3))
+    leap = Leap(ObstacleKind.BAR, 0.1, 0.4, 0.0, stride(ObstacleKind.BAR, 0.4, 1.3))
     z = np.array([leap.root_z(t) for t in np.arange(0.0, leap.seconds + DT, DT)])
     assert z[0] == pytest.approx(leap.stride.start_z)
     assert z[-1] == pytest.approx(leap.end_z, abs=1e-6)

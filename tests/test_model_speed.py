@@ -19,7 +19,14 @@ from runtime.motion import processor  # noqa: E402
 from runtime.motion.features import OUTPUT  # noqa: E402
 from runtime.motion.model import load_model  # noqa: E402
 from runtime.motion.processor import exact_8_bit_products  # noqa: E402
-from training.export.quantize import KEPT, Frames, main, quantize_model, quantize_step, relative_error  # noqa: E402
+from training.export.quantize import (  # noqa: E402
+    KEPT,
+    CalibrationFrames,
+    main,
+    quantize_model,
+    quantize_step,
+    relative_error,
+)
 
 needs_exact_products = pytest.mark.skipif(
     not exact_8_bit_products(),
@@ -36,7 +43,7 @@ def folder(exported_tiny):
 def frames(folder):
     random = np.random.default_rng(1)
     model = load_model(folder)
-    return Frames(
+    return CalibrationFrames(
         random.standard_normal((40, 472), np.float32),
         random.standard_normal((40, *model.noise_shape), np.float32),
         [model.fold_style(random.standard_normal((6, 64), np.float32)) for _ in range(40)],
@@ -283,7 +290,7 @@ def test_products_added_in_16_bits_are_found_out(monkeypatch):
 
 
 def test_the_table_of_speeds_names_graph_batch_and_times():
-    row = networks.Row("folded int8", "shared", 1, 2, 4.5, 4.0, 9.0, 8.0, 1.5, 45.0, 0.0083)
+    row = networks.TimingRow("folded int8", "shared", 1, 2, 4.5, 4.0, 9.0, 8.0, 1.5, 45.0, 0.0083)
     figures = {
         "network": "paper", "cpu": "a processor", "cores": 2, "cores_busy": 0.04,
         "read_bandwidth_gb_s": {"1": 20.0}, "rows": [networks.asdict(row)],

@@ -170,7 +170,7 @@ def test_exported_graphs_agree_with_torch(exported_tiny):
 
     from runtime.errors import ModelError
     from runtime.motion.model import MotionModel, load_model
-    from runtime.motion.motion_encoder import MotionEncoder
+    from runtime.motion.motion_encoder import ExportedMotionEncoder
 
     trained = tiny_trained()
     normal, steps = trained.normal, trained.steps
@@ -202,6 +202,6 @@ def test_exported_graphs_agree_with_torch(exported_tiny):
     with torch.no_grad():
         normalised = (joints - scales["joint_mean"]) / scales["joint_deviation"]
         code = trained.content.motion(normalised, root / scales["root_deviation"])
-    mean, log_variance = MotionEncoder(exported_tiny).encode(joints.numpy(), root.numpy())
+    mean, log_variance = ExportedMotionEncoder(exported_tiny).encode(joints.numpy(), root.numpy())
     assert np.abs(mean - code.mean.numpy()).max() < 1e-4
     assert np.abs(log_variance - code.log_variance.numpy()).max() < 1e-4

@@ -16,7 +16,7 @@ from walker import walk
 from runtime import rotations
 from runtime.assets import asset_path
 from runtime.character.character import Character, load_character, skin_vertices
-from runtime.character.shape import Shape, shaped
+from runtime.character.shape import BodyShape, shaped
 from runtime.character.writer import write_character
 from runtime.errors import UsageError
 from runtime.formats.bvh import read_bvh
@@ -31,9 +31,9 @@ from runtime.terrain.library import load_terrain
 from viewer.services import Services
 
 BODIES = {
-    "child": Shape(0.62, 0.85, 0.85, 0.9, 1.35),
-    "dwarf": Shape(0.8, 0.5, 1.25, 0.8, 1.25),
-    "giant": Shape(2.4, 1.1, 1.3, 1.1, 0.85),
+    "child": BodyShape(0.62, 0.85, 0.85, 0.9, 1.35),
+    "dwarf": BodyShape(0.8, 0.5, 1.25, 0.8, 1.25),
+    "giant": BodyShape(2.4, 1.1, 1.3, 1.1, 0.85),
 }
 REAL = {"load_character": Services().load_character}
 
@@ -119,9 +119,9 @@ def test_a_body_has_its_own_size(body: Path) -> None:
 
 def test_the_mannequin_is_as_large_as_the_motion(mannequin: Character) -> None:
     assert mannequin.size == 1.0
-    assert shaped(mannequin, Shape()) is mannequin
+    assert shaped(mannequin, BodyShape()) is mannequin
     with pytest.raises(UsageError, match="legs"):
-        shaped(mannequin, Shape(legs=9.0))
+        shaped(mannequin, BodyShape(legs=9.0))
 
 
 def test_files_hold_metres_of_the_character(body: Path, tmp_path: Path) -> None:

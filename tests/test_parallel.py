@@ -9,7 +9,7 @@ torch = pytest.importorskip("torch")
 
 from runtime.errors import UsageError  # noqa: E402
 from training import parallel  # noqa: E402
-from training.session import MovingAverage, Session, StageState, load_checkpoint, train  # noqa: E402
+from training.session import MovingAverage, Session, TrainingState, load_checkpoint, train  # noqa: E402
 
 STEPS = 3
 
@@ -22,7 +22,7 @@ def _batches(rank: int):
 
 def _train(out, batches, module) -> None:
     optimizer = torch.optim.SGD(module.parameters(), lr=0.1)
-    state = StageState(module, optimizer, MovingAverage(module))
+    state = TrainingState(module, optimizer, MovingAverage(module))
     losses = lambda x, step: {"total": module(x).square().mean()}  # noqa: E731
     session = Session(out, torch.device("cpu"), half=False)
     train(session, "trial", state, batches, losses, STEPS, lambda step: 0.1, 16)

@@ -234,8 +234,10 @@ def test_the_sentences_of_a_plain_walk_ask_for_nothing() -> None:
     found = phrase_shares.Found()
     found.sentences["leg", "left leg taking brisk steps"] = [0.0]
     words = PLAIN.replace("left_leg", "left leg taking brisk steps").replace("head", "head level")
-    plain = library_data.Style("walking", (words,))
-    found.add_plain({"neutral_bn": plain, "neutral_rough": library_data.Style("x", (PLAIN,)), "proud": plain})
+    plain = library_data.LibraryStyle("walking", (words,))
+    found.add_plain(
+        {"neutral_bn": plain, "neutral_rough": library_data.LibraryStyle("x", (PLAIN,)), "proud": plain}
+    )
     table = found.table()["sentences"]
     assert table["leg"]["left leg taking brisk steps"] == 1.0
     assert table["head"] == {"head level": 1.0}

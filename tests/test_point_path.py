@@ -11,11 +11,11 @@ from runtime.controls import Gait
 from runtime.errors import UsageError
 from runtime.motion.controller import Controller
 from runtime.motion.model import load_model
-from runtime.motion.paths import Place
+from runtime.motion.paths import PlanarPose
 from runtime.motion.point_path import PathWalk, PointPath, Waypoint
 from runtime.terrain.height_map import Terrain
 
-HERE = Place(0.0, 0.0, 0.0)
+HERE = PlanarPose(0.0, 0.0, 0.0)
 COORDINATES = st.floats(-8.0, 8.0)
 
 
@@ -23,7 +23,7 @@ def slide(walk: PathWalk, seconds: float, metres_per_second: float = 1.4) -> lis
     """A point without inertia that goes where the stick says."""
     x, z, rows = 0.0, 0.0, []
     for frame in range(round(seconds * 60)):
-        controls = walk(frame / 60, Place(x, z, 0.0))
+        controls = walk(frame / 60, PlanarPose(x, z, 0.0))
         x += controls.move[0] * metres_per_second / 60
         z += controls.move[1] * metres_per_second / 60
         rows.append((x, z, controls.gait))
@@ -75,7 +75,7 @@ def test_the_character_follows_it() -> None:
     pose, places = controller.pose, []
     for frame in range(60 * 12):
         x, _, z = (float(v) for v in pose.root_position)
-        pose = controller.step(walk(frame / 60, Place(x, z, pose.root_yaw)))
+        pose = controller.step(walk(frame / 60, PlanarPose(x, z, pose.root_yaw)))
         places.append((x, z))
         if walk.ended:
             break

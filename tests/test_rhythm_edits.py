@@ -9,7 +9,7 @@ from training.data.labels import FOOT_JOINTS
 from training.layering.apply import apply
 from training.layering.catalog import EDITS, HELD_OUT, PartEdit
 from training.layering.cycle import cycle_frames, cycle_mean
-from training.layering.pose_edits import Motion
+from training.layering.pose_edits import EditedMotion
 from training.text.measure import BodyMeasures, measure
 
 RHYTHM = sorted(name for name, edit in EDITS.items() if edit.of_steps)
@@ -28,18 +28,18 @@ class Plain:
         return 0.5 if size is None else np.full(size, 0.5)
 
 
-def measured(motion: Motion) -> BodyMeasures:
+def measured(motion: EditedMotion) -> BodyMeasures:
     """Without the ends, where averages over a cycle know half of it."""
     own = slice(40, -40)
     return measure(motion.hips[own], motion.local[own], motion.contacts[own])
 
 
-def edited(name: str, frames: int = 600) -> tuple[Motion, Motion]:
+def edited(name: str, frames: int = 600) -> tuple[EditedMotion, EditedMotion]:
     before = walker(frames)
     return before, apply(before, EDITS[name], Plain())  # type: ignore[arg-type]
 
 
-def feet(motion: Motion) -> np.ndarray:
+def feet(motion: EditedMotion) -> np.ndarray:
     positions, _ = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local.astype(float))
     return positions[:, FOOT_JOINTS]
 
@@ -52,7 +52,7 @@ def test_planted_feet_stay_planted_and_on_the_ground(name: str) -> None:
     assert feet(after)[..., 1].min() > lowest - 0.012
 
 
-def slide(motion: Motion) -> float:
+def slide(motion: EditedMotion) -> float:
     """Metres per second, 95th percentile, of heels and toes in contact."""
     down = motion.contacts[1:].astype(bool) & motion.contacts[:-1].astype(bool)
     speed = np.linalg.norm(np.diff(feet(motion)[..., [0, 2]], axis=0), axis=-1) * 60
@@ -62,7 +62,9 @@ def slide(motion: Motion) -> float:
 @pytest.mark.parametrize("name", RHYTHM)
 def test_frames_contacts_and_gait_go_together(name: str) -> None:
     before = walker(400)
-    labelled = Motion(before.hips, before.local, before.contacts, before.ground, np.eye(6)[np.ones(400, int)])
+    labelled = EditedMotion(
+        before.hips, before.local, before.contacts, before.ground, np.eye(6)[np.ones(400, int)]
+    )
     after = apply(labelled, EDITS[name], np.random.default_rng(2))
     assert len(after.hips) == len(after.local) == len(after.contacts) == len(after.gait)
     assert np.isfinite(after.hips).all()

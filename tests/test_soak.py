@@ -16,7 +16,7 @@ from training.evaluation.motion import soak
 
 def play(controller, frames, controls, frozen_from=None):
     """A segment of steady walking; from `frozen_from` on the pose stays and the root glides on."""
-    segment = soak.Segment(controller.terrain)
+    segment = soak.SoakSegment(controller.terrain)
     for frame in range(frames):
         pose = controller.step(controls)
         if frozen_from is not None and frame > frozen_from:

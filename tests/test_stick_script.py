@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from runtime.controls import Gait
 from runtime.errors import UsageError
-from runtime.motion.stick_script import PRESS_SECONDS, Segment, StickScript, parse_stick
+from runtime.motion.stick_script import PRESS_SECONDS, StickScript, StickSegment, parse_stick
 
 STICKS = st.builds(
-    Segment,
+    StickSegment,
     st.sampled_from([Gait.WALK, Gait.JOG, Gait.CROUCH]),
     st.floats(0.001, 600).map(lambda x: round(x, 6)),
     st.floats(-720, 720).map(lambda x: round(x, 6)),
@@ -21,19 +21,19 @@ STICKS = st.builds(
     st.none() | st.floats(-720, 720).map(lambda x: round(x, 6)),
 )
 RESTS = st.builds(
-    Segment, st.sampled_from([Gait.STAND, Gait.JUMP]), st.floats(0.001, 600).map(lambda x: round(x, 6))
+    StickSegment, st.sampled_from([Gait.STAND, Gait.JUMP]), st.floats(0.001, 600).map(lambda x: round(x, 6))
 )
 
 
 @given(st.lists(STICKS | RESTS, min_size=1, max_size=8).map(tuple))
-def test_what_is_written_is_read_again(segments: tuple[Segment, ...]) -> None:
+def test_what_is_written_is_read_again(segments: tuple[StickSegment, ...]) -> None:
     script = StickScript(segments)
     assert parse_stick(str(script)) == script
 
 
 @given(st.lists(STICKS | RESTS, min_size=1, max_size=8).map(tuple), st.floats(0, 5000))
 def test_every_moment_has_controls_of_at_most_a_full_stick(
-    segments: tuple[Segment, ...], time: float
+    segments: tuple[StickSegment, ...], time: float
 ) -> None:
     controls = StickScript(segments)(time)
     assert math.hypot(*controls.move) <= 1.0 + 1e-9

@@ -20,7 +20,7 @@ from runtime.motion.model import load_model  # noqa: E402
 from runtime.motion.processor import exact_8_bit_products  # noqa: E402
 from runtime.skeleton import PART_NAMES, REST_HIPS_HEIGHT  # noqa: E402
 from runtime.terrain.height_map import Terrain  # noqa: E402
-from training.batches import Frames  # noqa: E402
+from training.batches import FrameTensors  # noqa: E402
 from training.frames import clip_frames, load_frames  # noqa: E402
 from training.layering.longer_phrases import longer_sentences  # noqa: E402
 from training.pipeline import main  # noqa: E402
@@ -45,9 +45,9 @@ def small_table(clips):
 
 
 @pytest.fixture
-def frames(small_table) -> Frames:
+def frames(small_table) -> FrameTensors:
     phase = np.random.default_rng(0).normal(size=(len(small_table), 5, 2)).astype(np.float32)
-    return Frames.of(small_table, phase, torch.device("cpu"))
+    return FrameTensors.of(small_table, phase, torch.device("cpu"))
 
 
 @pytest.mark.parametrize("name", ["a", "b"])

@@ -52,7 +52,7 @@ class FakeEncoder:
         return np.full((6, 64), self.value, np.float32)
 
 
-def answer(prompt: str, words: str = "held still", value: float = 1.0) -> prompts.Answer:
+def answer(prompt: str, words: str = "held still", value: float = 1.0) -> prompts.PromptOutcome:
     return prompts.ask(prompt, FakeExpander(words), FakeEncoder(value))  # type: ignore[arg-type]
 
 
@@ -102,7 +102,7 @@ def test_what_is_missing_fails_the_bar() -> None:
 
 
 def test_a_slow_answer_fails_the_bar() -> None:
-    slow = prompts.Answer("slow", cpu_ms=prompts.MAX_MS, wall_ms=60.0)
+    slow = prompts.PromptOutcome("slow", cpu_ms=prompts.MAX_MS, wall_ms=60.0)
     report = prompts.summarise([answer("fine"), slow], 1.0)
     assert report["slowest"] == "slow"
     assert report["missed"] == ["each in less than 50 ms warm (1 took longer)"]
@@ -116,7 +116,7 @@ def test_notes_are_counted_by_kind() -> None:
 
 
 def test_the_sample_is_chosen_by_position() -> None:
-    answers = [prompts.Answer(str(i), 1.0, 1.0) for i in range(200)]
+    answers = [prompts.PromptOutcome(str(i), 1.0, 1.0) for i in range(200)]
     assert [int(a.prompt) for a in prompts.sample(answers)[:4]] == [0, 6, 13, 20]
     assert len(prompts.sample(answers)) == 30
     assert prompts.sample(answers[:3]) == answers[:3]

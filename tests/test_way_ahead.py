@@ -11,7 +11,7 @@ from runtime.terrain.courses import Obstacle as Block
 from runtime.terrain.courses import raise_obstacles
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
-from runtime.terrain.way_ahead import Kind, obstacle_ahead
+from runtime.terrain.way_ahead import ObstacleKind, obstacle_ahead
 
 AHEAD = np.array([0.0, 1.0])
 
@@ -26,7 +26,7 @@ def ground(*blocks: Block, base: float = 0.0) -> Terrain:
 def test_a_bar_has_two_edges_and_a_height(top: float, begin: float, base: float) -> None:
     found = obstacle_ahead(ground(Block(begin, begin + 0.1, top, 4.0), base=base), 0.0, 1.0, AHEAD, 3.0)
     assert found is not None
-    assert (found.kind, found.skew) == (Kind.BAR, 0.0)
+    assert (found.kind, found.skew) == (ObstacleKind.BAR, 0.0)
     assert found.near == pytest.approx(begin - 1.0, abs=0.11)  # a riser is a cell wide
     assert 0.0 < found.far - found.near < 0.35
     assert found.top == pytest.approx(top, abs=0.02)
@@ -34,16 +34,17 @@ def test_a_bar_has_two_edges_and_a_height(top: float, begin: float, base: float)
 
 
 @pytest.mark.parametrize(
-    ("top", "kind"), [(0.4, Kind.UP), (1.2, Kind.UP), (-0.5, Kind.DOWN), (-1.0, Kind.DOWN)]
+    ("top", "kind"),
+    [(0.4, ObstacleKind.UP), (1.2, ObstacleKind.UP), (-0.5, ObstacleKind.DOWN), (-1.0, ObstacleKind.DOWN)],
 )
-def test_walls_and_drops_are_steps(top: float, kind: Kind) -> None:
+def test_walls_and_drops_are_steps(top: float, kind: ObstacleKind) -> None:
     blocks = (Block(3.0, 4.5, top, 4.0),) if top > 0.0 else (Block(0.0, 3.0, -top, 4.0),)
     found = obstacle_ahead(ground(*blocks), 0.0, 1.0, AHEAD, 3.0)
     assert found is not None
     assert found.kind is kind
     assert found.near == pytest.approx(2.0, abs=0.1)
     assert found.top == pytest.approx(top, abs=0.02)
-    if kind is Kind.UP:
+    if kind is ObstacleKind.UP:
         assert found.far == pytest.approx(3.5, abs=0.15)
 
 
@@ -51,16 +52,18 @@ def test_a_gap_ends_where_the_ground_comes_back() -> None:
     terrain = ground(Block(0.0, 3.0, 0.5, 4.0), Block(3.7, 6.0, 0.6, 4.0))
     found = obstacle_ahead(terrain, 0.0, 1.0, AHEAD, 3.0)
     assert found is not None
-    assert found.kind is Kind.GAP
+    assert found.kind is ObstacleKind.GAP
     assert found.near == pytest.approx(2.0, abs=0.1)
     assert found.far == pytest.approx(2.7, abs=0.1)
     assert found.beyond == pytest.approx(0.1, abs=0.02)
 
 
 @pytest.mark.parametrize(
-    ("depth", "width", "kind"), [(0.16, 1.1, None), (0.16, 0.35, None), (0.5, 1.1, Kind.GAP)]
+    ("depth", "width", "kind"), [(0.16, 1.1, None), (0.16, 0.35, None), (0.5, 1.1, ObstacleKind.GAP)]
 )
-def test_a_dip_as_deep_as_a_stair_is_walked_through(depth: float, width: float, kind: Kind | None) -> None:
+def test_a_dip_as_deep_as_a_stair_is_walked_through(
+    depth: float, width: float, kind: ObstacleKind | None
+) -> None:
     terrain = ground(Block(0.0, 3.0, depth, 4.0), Block(3.0 + width, 8.0, depth, 4.0))
     found = obstacle_ahead(terrain, 0.0, 1.0, AHEAD, 3.0)
     assert (None if found is None else found.kind) is kind

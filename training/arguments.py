@@ -15,7 +15,7 @@ WORD_STEPS = 2000
 
 
 @dataclass
-class Steps:
+class StageSteps:
     """Optimiser steps (0: skip by loading what exists) and time limits in minutes of each stage."""
 
     phase: int = 2000
@@ -54,7 +54,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--no-half", action="store_true", help="no bf16 mixed precision")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--limit", type=int, help="use at most this many clips (for a trial)")
-    for name, value in vars(Steps()).items():
+    for name, value in vars(StageSteps()).items():
         parser.add_argument(
             f"--{name}-steps" if name != "batch" else "--batch", dest=name, type=int, default=value
         )

@@ -11,12 +11,12 @@ from torch import Tensor
 from runtime.motion import features
 from runtime.motion.features import INPUT, OUTPUT
 from runtime.skeleton import PART_JOINTS, SPORT_SKELETON, J
-from training.composition.composer import Composer, Plan, Pose
+from training.composition.composer import Composer, CompositionPlan, UpperBodyPose
 from training.frames import FIRST_OF_UPPER, FrameTable
 
 
 @dataclass
-class Frames:
+class FrameTensors:
     """The frame table as tensors. `phase` `(N, 5, 2)` comes from the periodic autoencoder."""
 
     x: Tensor
@@ -32,14 +32,14 @@ class Frames:
     composer: Composer | None = None  # puts parts of other clips on a base
 
     @staticmethod
-    def of(table: FrameTable, phase: np.ndarray, device: torch.device) -> Frames:
+    def of(table: FrameTable, phase: np.ndarray, device: torch.device) -> FrameTensors:
         """Move a table to `device`."""
         clip = table.clip
 
         def tensor(array: np.ndarray) -> Tensor:
             return torch.as_tensor(array).to(device)
 
-        return Frames(
+        return FrameTensors(
             x=tensor(table.x),
             y=tensor(table.y),
             heights=tensor(table.heights),
@@ -64,7 +64,7 @@ class Frames:
         x[:, INPUT["joint_positions"]][:, 1::3] -= self.previous_ground[rows, patch][:, None]
         return torch.cat([x, self._window(rows - 1, features.PHASE_OFFSETS)], dim=1)
 
-    def outputs(self, rows: Tensor, patch: Tensor, plan: Plan | None = None) -> Tensor:
+    def outputs(self, rows: Tensor, patch: Tensor, plan: CompositionPlan | None = None) -> Tensor:
         """y `(B, 473)`, with parts of other clips where `plan` has them."""
         y = self.y[rows].float()
         y[:, OUTPUT["phase"]] = self._window(rows, features.FUTURE_PHASE_OFFSETS)
@@ -74,7 +74,9 @@ class Frames:
         y[:, OUTPUT["joint_positions"]][:, 1::3] -= self.ground[rows, patch][:, None]
         return y
 
-    def pairs(self, rows: Tensor, patch: Tensor, plan: Plan | None = None) -> tuple[Tensor, Tensor]:
+    def pairs(
+        self, rows: Tensor, patch: Tensor, plan: CompositionPlan | None = None
+    ) -> tuple[Tensor, Tensor]:
         """x and y of the same frames, both with parts of other clips where `plan` has them."""
         x, y = self.inputs(rows, patch), self.outputs(rows, patch)
         if plan is not None and self.composer is not None:
@@ -91,14 +93,14 @@ class Frames:
                 x[at, start : INPUT[name].stop] = values.flatten(1)
         return x, y
 
-    def plan(self, rows: Tensor, ahead: int = 0) -> Plan:
+    def plan(self, rows: Tensor, ahead: int = 0) -> CompositionPlan:
         """What is put on the bases `rows`: nothing without a composer."""
         if self.composer is None:
-            return Plan.nothing(len(rows), rows.device)
+            return CompositionPlan.nothing(len(rows), rows.device)
         return self.composer.draw(rows, ahead)
 
 
-def _put(y: Tensor, at: Tensor, pose: Pose, ground: Tensor | None = None) -> None:
+def _put(y: Tensor, at: Tensor, pose: UpperBodyPose, ground: Tensor | None = None) -> None:
     """Write composed upper bodies into rows `at` of y `(B, 473)`, in place."""
     positions = pose.positions if ground is None else _above(pose.positions, ground)
     for name, values, size in (

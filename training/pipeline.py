@@ -18,7 +18,7 @@ from runtime.motion.processor import exact_8_bit_products
 from runtime.prompts.text_encoder import SHIPPED, TextEncoder
 from training import parallel
 from training.arguments import STAGES, build_parser
-from training.batches import Frames, Normalisation
+from training.batches import FrameTensors, Normalisation
 from training.composition.composer import Composer
 from training.data import catalog
 from training.export.half_storage import store_model_in_half
@@ -161,9 +161,9 @@ class Run:
         return stage_phase.encode_table(self.session, self.config, self.table)
 
     @cached_property
-    def frames(self) -> Frames:
+    def frames(self) -> FrameTensors:
         """The frames as tensors, with what composes them."""
-        frames = Frames.of(self.table, self.phase, self.session.device)
+        frames = FrameTensors.of(self.table, self.phase, self.session.device)
         if self.config.composition:
             frames.composer = Composer(
                 self.table, self.texts, frames.y, moments(self.table), self.session.device

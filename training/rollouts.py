@@ -15,8 +15,8 @@ from torch import Tensor
 
 from runtime.motion import features
 from runtime.motion.features import INPUT, OUTPUT
-from training.batches import Frames, RandomRows
-from training.composition.composer import Plan
+from training.batches import FrameTensors, RandomRows
+from training.composition.composer import CompositionPlan
 from training.kinematics import TURNS, shown_joints, turns
 
 PRESENT = 60
@@ -38,7 +38,7 @@ class RolloutLanes:
 
     def __init__(
         self,
-        frames: Frames,
+        frames: FrameTensors,
         lanes: int,
         mean_frames: float,
         fresh: Iterator[Tensor],
@@ -56,7 +56,7 @@ class RolloutLanes:
         self._history = torch.zeros(2, SWING_FRAMES, lanes, MOVEMENTS, device=device)
         self._energy = torch.zeros(2, lanes, MOVEMENTS, device=device)  # of swings, the lanes' and the clips'
         self._offset = torch.zeros(lanes, MOVEMENTS, device=device)  # mean of the lanes' less the clips'
-        self.plan = Plan.nothing(lanes, device)
+        self.plan = CompositionPlan.nothing(lanes, device)
         self._restart(torch.ones(lanes, dtype=torch.bool, device=device))
 
     def _restart(self, ended: Tensor) -> None:
@@ -171,7 +171,7 @@ class RolloutLanes:
         for name in _STATE:
             setattr(self, name, state[name].to(device))
         self.pose = {name: value.to(device) for name, value in state["pose"].items()}
-        self.plan = Plan(**{name: value.to(device) for name, value in state["plan"].items()})
+        self.plan = CompositionPlan(**{name: value.to(device) for name, value in state["plan"].items()})
         if isinstance(self._fresh, RandomRows):
             self._fresh.load_state_dict(state["fresh"])
 

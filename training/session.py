@@ -103,7 +103,7 @@ class Resumable(Protocol):
 
 
 @dataclass
-class StageState:
+class TrainingState:
     """A stage's module with its optimiser and moving average, saved and restored together."""
 
     module: nn.Module
@@ -146,7 +146,7 @@ class StageState:
 Losses = dict[str, Tensor]
 
 
-class Progress:
+class TrainingProgress:
     """Running means of a stage's losses: in the log every 15 seconds, as TensorBoard scalars, and the last as a text file.
 
     Of several processes only the first writes.
@@ -193,7 +193,7 @@ class Progress:
         self._text_file.write_text(f"step {step} of {self._steps}, losses {text}\n", encoding="utf-8")
 
 
-def _optimise(state: StageState, total: Tensor) -> None:
+def _optimise(state: TrainingState, total: Tensor) -> None:
     """One step of the optimiser and of the moving average."""
     state.optimizer.zero_grad(set_to_none=True)
     total.backward()
@@ -207,7 +207,7 @@ def _optimise(state: StageState, total: Tensor) -> None:
 def train(
     session: Session,
     name: str,
-    state: StageState,
+    state: TrainingState,
     batches: Iterator,
     losses: Callable[[object, int], Losses],
     steps: int,
@@ -227,7 +227,7 @@ def train(
     parallel.same_weights(state.module)
     if parallel.rank():
         torch.manual_seed(torch.initial_seed() + parallel.rank())  # noise of its own
-    progress = Progress(session.out / "logs", name, steps, state.step, batch_size)
+    progress = TrainingProgress(session.out / "logs", name, steps, state.step, batch_size)
     started = saved = time.monotonic()
     state.module.train()
     while state.step < steps:

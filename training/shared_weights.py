@@ -28,7 +28,7 @@ Half = NDArray[np.float16]
 
 
 @dataclass(frozen=True)
-class Reference:
+class WeightLocation:
     """Where a tensor of `shape` is: in `weight` of `graph`, its axes in the order `axes`."""
 
     graph: str
@@ -69,7 +69,7 @@ def put_back(packed: dict[str, Any], model: Path) -> dict[str, Any]:
         if not isinstance(value, dict):
             return value
         if value.keys() == {_REFERENCE}:
-            at = Reference(**value[_REFERENCE])
+            at = WeightLocation(**value[_REFERENCE])
             turned = weights[at.graph][at.weight].reshape([at.shape[axis] for axis in at.axes])
             return torch.tensor(turned.transpose(np.argsort(at.axes)))
         return {key: restored(one) for key, one in value.items()}
@@ -77,11 +77,11 @@ def put_back(packed: dict[str, Any], model: Path) -> dict[str, Any]:
     return {key: restored(value) for key, value in packed.items() if key != "graphs"}
 
 
-def _find(values: Half, candidates: list[tuple[str, str, Half]]) -> Reference | None:
+def _find(values: Half, candidates: list[tuple[str, str, Half]]) -> WeightLocation | None:
     for graph, name, weight in candidates:
         for axes in permutations(range(values.ndim)):
             if np.array_equal(values.transpose(axes).ravel(), weight.ravel()):
-                return Reference(graph, name, list(axes), list(values.shape))
+                return WeightLocation(graph, name, list(axes), list(values.shape))
     return None
 
 

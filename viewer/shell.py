@@ -11,7 +11,7 @@ from viewer.gl_bindings import imgui
 from viewer.gui import help, status, theme, widgets
 from viewer.gui.focus import Focus, close_innermost, is_drawn
 from viewer.gui.layout import Layout, Rect, arrange, framing
-from viewer.gui.panels import FIXED, Panel, Place, draw_tabs, draw_titled, draw_window
+from viewer.gui.panels import FIXED, Panel, PanelPlace, draw_tabs, draw_titled, draw_window
 from viewer.gui.system_fonts import SystemFonts
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
@@ -24,7 +24,7 @@ from viewer.stage.state import StageState
 from viewer.takes.state import TakesState
 
 _STATUS = FIXED | imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
-_COLUMNS = (Place.LEFT, Place.RIGHT_TOP, Place.RIGHT_BOTTOM)
+_COLUMNS = (PanelPlace.LEFT, PanelPlace.RIGHT_TOP, PanelPlace.RIGHT_BOTTOM)
 
 
 @dataclass
@@ -106,7 +106,9 @@ class Shell:
         if self.state.help_open:
             self.state.help_open = False
         elif any(
-            panel.close() for panel in reversed(self.panels) if panel.close and panel.place is Place.WINDOW
+            panel.close()
+            for panel in reversed(self.panels)
+            if panel.close and panel.place is PanelPlace.WINDOW
         ):
             return
         elif not self.focus.in_view:
@@ -149,28 +151,30 @@ class Shell:
         for panel in self.panels:
             if panel.keys is not None:
                 panel.keys()
-        self._draw_at_place(Place.SIGN, layout.view)
+        self._draw_at_place(PanelPlace.SIGN, layout.view)
         self._draw_columns(layout)
         if layout.transport is not None:
-            self._draw_at_place(Place.BELOW, layout.transport)
+            self._draw_at_place(PanelPlace.BELOW, layout.transport)
         if not self.state.bare:
             self._status(layout)
         if self.state.panels_open:
             below = layout.transport
             height = layout.view.height if below is None else max(below.y - layout.view.y, 0.0)
-            self._windows += [p.name for p in self.panels if p.place is Place.VIEW and p.shown()]
-            self._draw_at_place(Place.VIEW, Rect(layout.view.x, layout.view.y, layout.view.width, height))
-        self._draw_at_place(Place.WINDOW, layout.view)
+            self._windows += [p.name for p in self.panels if p.place is PanelPlace.VIEW and p.shown()]
+            self._draw_at_place(
+                PanelPlace.VIEW, Rect(layout.view.x, layout.view.y, layout.view.width, height)
+            )
+        self._draw_at_place(PanelPlace.WINDOW, layout.view)
         if self.state.crouching and not self.takes.recording:
             widgets.sign(layout.view, f"{ICON.person} Crouching (C stands up)", theme.TEXT)
         if self.state.help_open and help.draw(self.fonts):
             self.state.help_open = False
         self.focus.update((*self._windows, "Status"))
 
-    def _draw_at_place(self, place: Place, rect: Rect) -> None:
+    def _draw_at_place(self, place: PanelPlace, rect: Rect) -> None:
         for panel in self.panels:
             if panel.place is place and panel.shown():
-                if place is Place.BELOW:
+                if place is PanelPlace.BELOW:
                     self._window(panel.name, rect, partial(panel.draw, rect))
                 else:
                     panel.draw(rect)
@@ -184,14 +188,14 @@ class Shell:
             if rect is not None:
                 self._window(panel.name, rect, partial(self._titled, panel, rect))
         if layout.right_tabs is not None:
-            right = [panel for panel in shown if panel.place is not Place.LEFT]
+            right = [panel for panel in shown if panel.place is not PanelPlace.LEFT]
             self._window("Right", layout.right_tabs, partial(draw_tabs, right, layout.right_tabs))
         if layout.tabs is not None:
             self._window("Tabs", layout.tabs, partial(draw_tabs, shown, layout.tabs))
 
     def _titled(self, panel: Panel, rect: Rect) -> None:
         draw_titled(panel, rect, self.fonts)
-        if panel.place is Place.RIGHT_TOP:
+        if panel.place is PanelPlace.RIGHT_TOP:
             # the contents end one spacing above the cursor; the next frame fits the window to them
             spacing, padding = imgui.get_style().item_spacing.y, imgui.get_style().window_padding.y
             self._scene_height = imgui.get_cursor_pos_y() + imgui.get_scroll_y() - spacing + padding

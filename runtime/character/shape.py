@@ -21,7 +21,7 @@ GIRTH = 0.5  # power of a limb's length that its thickness grows by
 
 
 @dataclass(frozen=True)
-class Shape:
+class BodyShape:
     """Shares of the mannequin's own measures."""
 
     height: float = 1.0  # of all of it
@@ -37,13 +37,13 @@ class Shape:
                 raise UsageError(f" {value:g}: expected {LOW:g} to {HIGH:g} of the {name}.", "Try 1.", name)
 
 
-def shaped(character: Character, shape: Shape) -> Character:
+def shaped(character: Character, shape: BodyShape) -> Character:
     """The mannequin, a character on exactly our skeleton, in another shape; it has its own size. UsageError.
 
     Limbs grow about their joints along their bones, and thicker by less.
     """
     shape.check()
-    if shape == Shape():
+    if shape == BodyShape():
         return character
     if not character.alignment.native:
         raise UsageError("Only the mannequin has a shape to choose.", "Leave the character's file away.")
@@ -79,7 +79,7 @@ def shaped(character: Character, shape: Shape) -> Character:
     )
 
 
-def _growth(name: str, shape: Shape) -> Array:
+def _growth(name: str, shape: BodyShape) -> Array:
     """How much the flesh about a joint grows along each axis of the rest pose."""
     if name.endswith(("UpLeg", "Leg")):
         return np.array([shape.legs**GIRTH, shape.legs, shape.legs**GIRTH])

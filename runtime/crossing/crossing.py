@@ -18,18 +18,18 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.crossing.climb import Climb, Descend
 from runtime.crossing.keyed_pose import CrossingPose, smooth
-from runtime.crossing.leap import Leap, Stride, takeoff_m
-from runtime.crossing.steps import Steps
+from runtime.crossing.leap import Leap, LeapStart, takeoff_m
+from runtime.crossing.steps import PlannedSteps
 from runtime.feet.ik import LEG_FEET, solve_legs
 from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
 from runtime.pose import Pose
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacles import blocked_message, step_ahead
-from runtime.terrain.way_ahead import Kind, Obstacle, obstacle_ahead
+from runtime.terrain.way_ahead import ObstacleAhead, ObstacleKind, obstacle_ahead
 
 DT = 1.0 / 60.0
-KINDS = ("", *(kind.value for kind in Kind), "climb", "descend")
+KINDS = ("", *(kind.value for kind in ObstacleKind), "climb", "descend")
 LOOK_M = 3.0  # ahead for obstacles, beside what is covered while a character stops
 HIGHEST_LEAP_M = 0.75  # of a bar
 HIGHEST_STEP_M = 0.55  # a higher one is climbed
@@ -68,17 +68,17 @@ def _motion(kind: str, numbers: tuple[float, ...]) -> Leap | Climb | Descend:
         return Descend(*numbers)
     length, top, beyond, start, speed, seconds, elapsed, stance, hips = numbers[:9]
     points = np.array(numbers[9:])
-    stride = Stride(
+    stride = LeapStart(
         start, speed, seconds, elapsed, int(stance), points[:6].reshape(2, 3), points[6:].reshape(2, 4), hips
     )
-    return Leap(Kind(kind), length, top, beyond, stride)
+    return Leap(ObstacleKind(kind), length, top, beyond, stride)
 
 
 @dataclass(frozen=True)
 class Ahead:
     """An obstacle and the way (XZ, a unit vector) on which it lies ahead."""
 
-    obstacle: Obstacle
+    obstacle: ObstacleAhead
     way: Array
 
     @property
@@ -124,7 +124,7 @@ class Crossing:
         default_factory=lambda: np.zeros((31, 3)), metadata={"whole": (31, 3)}
     )  # rotation vectors
     last_z: float = 0.0
-    steps: Steps = field(default_factory=Steps)
+    steps: PlannedSteps = field(default_factory=PlannedSteps)
 
     @property
     def facing(self) -> float | None:
@@ -218,7 +218,7 @@ class Crossing:
             if left > TOO_LATE_M and self._last_step(ahead.obstacle, pose, ahead.way, left, came):
                 self._begin_leap(ahead, pose, ground)
 
-    def _last_step(self, obstacle: Obstacle, pose: Pose, way: Array, left: float, came: bool) -> bool:
+    def _last_step(self, obstacle: ObstacleAhead, pose: Pose, way: Array, left: float, came: bool) -> bool:
         """Whether the foot that stands `left` m before the edge is the last one there; sets the pace to the next ones."""
         steps = self.steps
         if came:
@@ -249,8 +249,10 @@ class Crossing:
         ankles = rotations.rotate(turn, pose.positions[LEG_FEET].astype(np.float64) - origin)
         feet = rotations.multiply(turn, pose.world_rotations[LEG_FEET].astype(np.float64))
         hips = float(pose.hips_position[1]) - ground
-        length = 0.0 if obstacle.kind in (Kind.UP, Kind.DOWN) else obstacle.far - obstacle.near
-        top = obstacle.top if obstacle.kind is Kind.BAR else 0.0
+        length = (
+            0.0 if obstacle.kind in (ObstacleKind.UP, ObstacleKind.DOWN) else obstacle.far - obstacle.near
+        )
+        top = obstacle.top if obstacle.kind is ObstacleKind.BAR else 0.0
         begun = min(steps.elapsed, LATEST_START * steps.seconds)
         gait = (steps.speed * self.pace, steps.seconds, begun, float(steps.stance or 0))
         points = (*ankles.ravel().tolist(), *feet.ravel().tolist())
@@ -332,24 +334,24 @@ def is_possible(crossing: Crossing) -> bool:
     return speed >= 0.0 and 0.1 <= seconds <= 10.0 and 0.0 <= elapsed < seconds and stance in (0.0, 1.0)
 
 
-def is_leap(obstacle: Obstacle) -> bool:
+def is_leap(obstacle: ObstacleAhead) -> bool:
     """Whether it is crossed in one stride."""
-    if obstacle.kind is Kind.BAR:
+    if obstacle.kind is ObstacleKind.BAR:
         return obstacle.top <= HIGHEST_LEAP_M
-    if obstacle.kind is Kind.GAP:
+    if obstacle.kind is ObstacleKind.GAP:
         return obstacle.beyond <= STEEPEST_GAP_M
     return abs(obstacle.top) <= HIGHEST_STEP_M
 
 
-def is_climb(obstacle: Obstacle) -> bool:
+def is_climb(obstacle: ObstacleAhead) -> bool:
     """Whether it is climbed up or down."""
-    steps = obstacle.kind in (Kind.UP, Kind.DOWN)
+    steps = obstacle.kind in (ObstacleKind.UP, ObstacleKind.DOWN)
     return steps and HIGHEST_STEP_M < abs(obstacle.top) <= HIGHEST_CLIMB_M
 
 
-def _blocked(obstacle: Obstacle) -> str | None:
+def _blocked(obstacle: ObstacleAhead) -> str | None:
     """What the status line says where an obstacle is neither leapt nor climbed; None where it is."""
-    if obstacle.kind is Kind.BAR and obstacle.top > HIGHEST_LEAP_M:
+    if obstacle.kind is ObstacleKind.BAR and obstacle.top > HIGHEST_LEAP_M:
         return f"The way ahead is blocked: a bar of {obstacle.top:.1f} m, too high to leap over and too narrow to stand on."
     if abs(obstacle.skew) > WIDEST_SKEW and is_climb(obstacle):
         return "The way ahead is blocked: walk straight at the wall to climb it."

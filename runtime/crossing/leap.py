@@ -18,7 +18,7 @@ from runtime.arrays import Array
 from runtime.crossing.keyed_pose import CrossingPose
 from runtime.feet.ik import LEG_FEET, LEG_SHINS, LEG_THIGHS, solve_legs
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
-from runtime.terrain.way_ahead import Kind
+from runtime.terrain.way_ahead import ObstacleKind
 
 Mask = NDArray[np.bool_]
 
@@ -44,7 +44,7 @@ GRAVITY = 9.81
 
 
 @dataclass(frozen=True)
-class Stride:
+class LeapStart:
     """What a leap begins with, in the frame of the crossing."""
 
     start_z: float  # of the root
@@ -57,13 +57,13 @@ class Stride:
     hips: float  # height
 
 
-def takeoff_m(kind: Kind, top: float, speed: float) -> float:
+def takeoff_m(kind: ObstacleKind, top: float, speed: float) -> float:
     """How far before an obstacle's edge the stance foot's ankle stands at best; `speed` of the root in m/s."""
     return (
         0.22 + 0.45 * top + 0.12 * max(speed - 1.0, 0.0)
-        if kind is Kind.BAR
+        if kind is ObstacleKind.BAR
         else 0.16
-        if kind in (Kind.GAP, Kind.DOWN)
+        if kind in (ObstacleKind.GAP, ObstacleKind.DOWN)
         else 0.3
     )
 
@@ -71,7 +71,9 @@ def takeoff_m(kind: Kind, top: float, speed: float) -> float:
 class Leap:
     """The plan of one crossing, as tables of a row for each frame."""
 
-    def __init__(self, kind: Kind, length: float, top: float, beyond: float, stride: Stride) -> None:
+    def __init__(
+        self, kind: ObstacleKind, length: float, top: float, beyond: float, stride: LeapStart
+    ) -> None:
         """`length` from the near edge to the far one (0 of a step), `top` of a bar, `beyond` of the ground behind."""
         self.kind, self.length, self.top, self.beyond, self.stride = kind, length, top, beyond, stride
         self.seconds = stride.seconds - stride.elapsed
@@ -80,7 +82,9 @@ class Leap:
         lead = 1 - stride.stance
         first, last = stride.ankles[stride.stance], stride.ankles[lead]
         step = max(0.5 * stride.speed * stride.seconds, 0.3)
-        behind = 0.13 + 0.35 * top if kind is Kind.BAR else 0.16 if kind is Kind.DOWN else 0.13
+        behind = (
+            0.13 + 0.35 * top if kind is ObstacleKind.BAR else 0.16 if kind is ObstacleKind.DOWN else 0.13
+        )
         fall = float(np.sqrt(max(-2.0 * beyond, 0.0) / GRAVITY)) if beyond < -LOW_M else 0.0
         self._fall = fall
         flown = stride.speed * fall + BEHIND_M + AHEAD_M if fall else 0.0
@@ -116,14 +120,14 @@ class Leap:
         whole, begin = self.stride.seconds, self.stride.elapsed
         land = min(max(land, 0.42 * whole, begin + 0.15 * whole), 0.68 * whole)
         off = min(max(off, 0.3 * whole, begin + 0.05), 0.62 * whole)
-        if self.kind is Kind.GAP:
+        if self.kind is ObstacleKind.GAP:
             off = max(min(off, land - FLIGHT_S), begin + 0.05)
         return off, max(land, min(off + self._fall, 0.85 * whole))
 
     def _profile(self, z: Array) -> Array:
         """Height that a sole keeps at z `(N,)`: over the obstacle, its edges a little wider; the ground's elsewhere."""
         ground = np.where(z < 0.5 * self.length, 0.0, self.beyond)
-        if self.kind is Kind.BAR:
+        if self.kind is ObstacleKind.BAR:
             return np.where((z > -EDGE_M) & (z < self.length + EDGE_M), self.top + CLEARANCE_M, ground)
         near = (np.abs(z) < EDGE_M) | (np.abs(z - self.length) < EDGE_M)
         edges = np.where(
@@ -203,7 +207,11 @@ class _FootPlan:
 
 
 def _foot_plan(
-    t: Array, stride: Stride, side: int, times: tuple[float, float, float], goal: tuple[float, float, float]
+    t: Array,
+    stride: LeapStart,
+    side: int,
+    times: tuple[float, float, float],
+    goal: tuple[float, float, float],
 ) -> _FootPlan:
     """Stands until `off`, swings, comes down at `land` with its ankle over `goal` (x, ground, z), rolls from `rolls` on."""
     off, land, rolls = times

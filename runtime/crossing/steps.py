@@ -28,7 +28,7 @@ SAME = (0.6, 1.6)  # of the stride before: other lengths come of a landing that 
 
 
 @dataclass
-class Steps:
+class PlannedSteps:
     """Landings of the feet, from frame to frame."""
 
     stance: int | None = field(

@@ -27,7 +27,7 @@ SOLES = ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")
 
 
 @dataclass(frozen=True)
-class Reference:
+class ReferenceMotion:
     """A motion of another skeleton on ours, on flat ground; `scale` is metres of it for a unit of the file."""
 
     clip: Clip
@@ -53,7 +53,7 @@ class OpenedTake:
 
     clip: Clip
     unit: str
-    reference: Reference | None = None
+    reference: ReferenceMotion | None = None
 
 
 def open_take(path: Path) -> OpenedTake:
@@ -66,7 +66,7 @@ def open_take(path: Path) -> OpenedTake:
         return OpenedTake(reference.clip, nearest_unit(reference.scale), reference)
 
 
-def load_reference_bvh(path: str | Path) -> Reference:
+def load_reference_bvh(path: str | Path) -> ReferenceMotion:
     """A BVH of any two-legged skeleton whose joints can be told, as a clip of ours that begins at the origin.
 
     It goes in the world as the file does. FileError when it cannot be read, when joints are missing, or when it stands
@@ -76,7 +76,7 @@ def load_reference_bvh(path: str | Path) -> Reference:
     return _reference(read_bvh(path), path)
 
 
-def _reference(motion: BvhMotion, path: Path) -> Reference:
+def _reference(motion: BvhMotion, path: Path) -> ReferenceMotion:
     fps = video_rate(motion.fps)
     if not 0.0 < fps <= MAX_FPS:
         raise FileError(f"{path}: {fps:g} frames per second; expected at most {MAX_FPS:.0f}.", "Resample it.")
@@ -93,7 +93,7 @@ def _reference(motion: BvhMotion, path: Path) -> Reference:
         local.astype(np.float32),
         np.zeros((len(hips), 4), np.float32),
     )
-    return Reference(clip, len(rest.guess.found), rest.guess.origin, scale)
+    return ReferenceMotion(clip, len(rest.guess.found), rest.guess.origin, scale)
 
 
 def _rest(motion: BvhMotion, positions: Array, world: Array, path: Path) -> _Rest:

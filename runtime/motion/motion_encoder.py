@@ -15,7 +15,7 @@ Array = NDArray[np.float32]
 _JOINTS, _ROOT = (40, 31, 9), (40, 3)
 
 
-class MotionEncoder:
+class ExportedMotionEncoder:
     """`motion.onnx` of a model folder; ModelError when it is missing, damaged or from another export."""
 
     def __init__(self, folder: Path, threads: int = 1) -> None:

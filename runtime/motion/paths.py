@@ -22,7 +22,7 @@ AREA_M = 14.0  # random paths turn back at this distance from the origin
 
 
 @dataclass(frozen=True)
-class Place:
+class PlanarPose:
     """Where the character is: metres and radians."""
 
     x: float
@@ -30,7 +30,7 @@ class Place:
     yaw: float
 
 
-ControlScript = Callable[[float, Place], Controls]  # seconds since the start, current place
+ControlScript = Callable[[float, PlanarPose], Controls]  # seconds since the start, current place
 
 
 def control_script(path: str, gait: str, speed: float = 1.0, seed: int = 0) -> ControlScript:
@@ -55,13 +55,13 @@ def control_script(path: str, gait: str, speed: float = 1.0, seed: int = 0) -> C
     return lambda _time, place: Controls(_along(curve, place, speed), gait=wanted)
 
 
-def _towards(place: Place, x: float, z: float, speed: float) -> tuple[float, float]:
+def _towards(place: PlanarPose, x: float, z: float, speed: float) -> tuple[float, float]:
     dx, dz = x - place.x, z - place.z
     distance = max(hypot(dx, dz), 1e-6)
     return speed * dx / distance, speed * dz / distance
 
 
-def _along(curve: Array, place: Place, speed: float) -> tuple[float, float]:
+def _along(curve: Array, place: PlanarPose, speed: float) -> tuple[float, float]:
     """Stick towards the point of the closed curve `(N, 3)` (x, z, heading) ahead of the nearest one.
 
     Where the curve crosses itself the branch that the character faces is the near one.
@@ -101,7 +101,7 @@ def _random_script(gait: Gait, speed: float, seed: int) -> ControlScript:
     lengths = rng.choice([0.0, 0.6, 1.0, 1.0, 1.0], count)
     lengths[0] = 1.0
 
-    def script(time: float, place: Place) -> Controls:
+    def script(time: float, place: PlanarPose) -> Controls:
         k = int(np.searchsorted(ends, time % ends[-1], side="right"))
         heading, length = float(headings[k]), speed * float(lengths[k])
         home = atan2(-place.x, -place.z)

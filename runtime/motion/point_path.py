@@ -10,7 +10,7 @@ import numpy as np
 from runtime.arrays import Array
 from runtime.controls import Controls, Gait
 from runtime.errors import UsageError
-from runtime.motion.paths import LOOK_AHEAD_M, Place
+from runtime.motion.paths import LOOK_AHEAD_M, PlanarPose
 
 MAX_POINTS = 500
 ARRIVED_M = 0.3  # of the way left
@@ -50,7 +50,7 @@ class PointPath:
                 f"path of {len(self.points)} points: expected 1 to {MAX_POINTS}.", "Add or remove points."
             )
 
-    def walk_from(self, place: Place) -> PathWalk:
+    def walk_from(self, place: PlanarPose) -> PathWalk:
         """A stick that leads a character from `place` along the path."""
         corners = np.array([(place.x, place.z), *((p.x, p.z) for p in self.points)])
         lengths = np.hypot(*np.diff(corners, axis=0).T)
@@ -74,7 +74,7 @@ class PathWalk:
         """Whether the stick rests for good: at the end, or where there is no way on."""
         return self.arrived or self.stuck
 
-    def __call__(self, time: float, place: Place) -> Controls:
+    def __call__(self, time: float, place: PlanarPose) -> Controls:
         """The stick at a time (seconds since the start) and place."""
         self.progress = max(self.progress, self._nearest(place))
         left = float(self.ends[-1]) - self.progress
@@ -100,7 +100,7 @@ class PathWalk:
         x, z = (float(np.interp(along, self.ends, self.corners[:, k])) for k in (0, 1))
         return x, z
 
-    def _nearest(self, place: Place) -> float:
+    def _nearest(self, place: PlanarPose) -> float:
         """Metres along the path of its nearest point within reach of the progress so far."""
         along = np.linspace(self.progress, min(self.progress + SEARCH_M, float(self.ends[-1])), 41)
         x, z = (np.interp(along, self.ends, self.corners[:, k]) for k in (0, 1))

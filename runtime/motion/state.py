@@ -17,7 +17,7 @@ from runtime.motion.poses import Poses, network_pose, shown_poses
 from runtime.motion.rest_rhythm import RestRhythm
 from runtime.motion.speed_regulator import SpeedRegulator
 from runtime.motion.stall import Stall
-from runtime.motion.stride import Stride
+from runtime.motion.stride import StrideState
 from runtime.motion.style_blend import StyleBlend
 from runtime.motion.trajectory import LENGTH, Trajectory
 from runtime.skeleton import J
@@ -49,7 +49,7 @@ class CharacterState:
     root_speed: Array = field(metadata={"shape": (), "most": 1000.0})  # m/s
     measured_speed: Array = field(metadata={"shape": (), "most": 1000.0})  # the same, smoothed over a stride
     regulator: SpeedRegulator
-    stride: Stride
+    stride: StrideState
     stall: Stall
     rest: RestRhythm
     arms: Inertialization
@@ -92,7 +92,7 @@ def standing(
         root_speed=still,
         measured_speed=still,
         regulator=SpeedRegulator.at_rest(),
-        stride=Stride.at_rest(y.joint_positions),
+        stride=StrideState.at_rest(y.joint_positions),
         stall=Stall.at_rest(y.joint_positions),
         rest=RestRhythm.silent(),
         arms=Inertialization.at_rest(local),

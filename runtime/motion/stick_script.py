@@ -20,7 +20,7 @@ from math import cos, radians, sin
 
 from runtime.controls import Controls, Gait
 from runtime.errors import UsageError
-from runtime.motion.paths import Place
+from runtime.motion.paths import PlanarPose
 
 GAITS = {gait.name.lower(): gait for gait in (Gait.STAND, Gait.WALK, Gait.JOG, Gait.CROUCH, Gait.JUMP)}
 EXAMPLE = "stand 2; walk 3; walk@90 3; jog@0*0.5 2; jump 1"
@@ -37,7 +37,7 @@ _FORM = re.compile(
 
 
 @dataclass(frozen=True)
-class Segment:
+class StickSegment:
     """A position of the stick: degrees, share of the full stick, degrees or None, seconds."""
 
     gait: Gait
@@ -67,7 +67,7 @@ class Segment:
 class StickScript:
     """Segments in order; called with seconds since the start (and the place, which it ignores) it is a `ControlScript`."""
 
-    segments: tuple[Segment, ...]
+    segments: tuple[StickSegment, ...]
 
     def __str__(self) -> str:
         return "; ".join(map(str, self.segments))
@@ -77,7 +77,7 @@ class StickScript:
         """The length of all segments."""
         return sum(segment.seconds for segment in self.segments)
 
-    def __call__(self, time: float, _place: Place | None = None) -> Controls:
+    def __call__(self, time: float, _place: PlanarPose | None = None) -> Controls:
         """The stick at `time`; at rest after the end."""
         ends = accumulate(segment.seconds for segment in self.segments)
         controls, start = Controls(), 0.0
@@ -101,7 +101,7 @@ def parse_stick(text: str) -> StickScript:
     return StickScript(segments)
 
 
-def _segment(text: str) -> Segment:
+def _segment(text: str) -> StickSegment:
     found = _FORM.fullmatch(text)
     if found is None:
         raise _error(f"'{text[:60]}' is not GAIT[@HEADING][*AMOUNT][>FACING] SECONDS")
@@ -116,7 +116,7 @@ def _segment(text: str) -> Segment:
     if GAITS[name] in (Gait.STAND, Gait.JUMP) and (found["heading"] or found["amount"] or found["facing"]):
         raise _error(f"'{text[:60]}': {name} takes seconds only, its stick is at rest or as before")
     facing = None if found["facing"] is None else float(found["facing"])
-    return Segment(GAITS[name], seconds, float(found["heading"] or 0.0), amount, facing)
+    return StickSegment(GAITS[name], seconds, float(found["heading"] or 0.0), amount, facing)
 
 
 def _error(problem: str) -> UsageError:

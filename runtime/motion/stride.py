@@ -24,16 +24,16 @@ SLOWEST = 0.3  # m/s: slower, feet may well rest
 
 
 @dataclass
-class Stride:
+class StrideState:
     """The speed of the planted feet over that of the root, of N characters, from frame to frame."""
 
     feet: Array = field(metadata={"shape": (4, 2)})  # (N, 4, 2) in XZ, relative to the root
     share: Array = field(metadata={"shape": ()})  # (N,)
 
     @staticmethod
-    def at_rest(joints: Array) -> Stride:
+    def at_rest(joints: Array) -> StrideState:
         """Of characters whose joints `(N, 31, 3)` do not move."""
-        return Stride(_across(joints), np.ones(len(joints)))
+        return StrideState(_across(joints), np.ones(len(joints)))
 
     def update(self, joints: Array, contacts: Array, speed: Array) -> Array:
         """The shares `(N,)`, of joints `(N, 31, 3)` relative to the root, contacts `(N, 4)` and the roots' smoothed speeds in m/s."""

@@ -21,7 +21,7 @@ LEVEL_M = 0.35  # that the ground behind a bar may differ from that before it
 BEHIND_M = 1.6  # that is looked beyond an edge
 
 
-class Kind(Enum):
+class ObstacleKind(Enum):
     """What a crossing has to do."""
 
     BAR = "bar"
@@ -31,10 +31,10 @@ class Kind(Enum):
 
 
 @dataclass(frozen=True)
-class Obstacle:
+class ObstacleAhead:
     """Distances (m) along the way from where it was looked from; heights over the ground just before it."""
 
-    kind: Kind
+    kind: ObstacleKind
     near: float  # its first edge
     far: float  # its last edge: behind a bar or gap; of a wall, where its top ends
     top: float  # of a bar; of a wall or drop the step itself (negative is down); 0 of a gap
@@ -42,7 +42,9 @@ class Obstacle:
     skew: float  # radians that the way turns left to meet the edge at a right angle
 
 
-def obstacle_ahead(terrain: Terrain, x: float, z: float, direction: Array, reach_m: float) -> Obstacle | None:
+def obstacle_ahead(
+    terrain: Terrain, x: float, z: float, direction: Array, reach_m: float
+) -> ObstacleAhead | None:
     """The first obstacle whose near edge lies within `reach_m` on the way from x, z; None where there is none.
 
     `direction` `(2,)` is a unit vector in XZ. Steps and gaps under `STEP_M`, slopes, and bars under `EDGE_M` are none.
@@ -64,11 +66,14 @@ def obstacle_ahead(terrain: Terrain, x: float, z: float, direction: Array, reach
     found = _classified(heights[0], along, first, run, near)
     if found is None:
         return None
-    edges = [_edge_beside(row, along, near, found.top < 0.0 or found.kind is Kind.GAP) for row in heights[1:]]
+    edges = [
+        _edge_beside(row, along, near, found.top < 0.0 or found.kind is ObstacleKind.GAP)
+        for row in heights[1:]
+    ]
     left, right = (near if e is None else e for e in edges)
     skew = float(np.arctan2(right - left, SIDES_M[1] - SIDES_M[2]))
     slant = 0.5 * abs(left - right)
-    return Obstacle(found.kind, near - slant, found.far + slant, found.top, found.beyond, skew)
+    return ObstacleAhead(found.kind, near - slant, found.far + slant, found.top, found.beyond, skew)
 
 
 def _edge(row: Array, along: Array, first: int, run: int) -> float:
@@ -77,7 +82,7 @@ def _edge(row: Array, along: Array, first: int, run: int) -> float:
     return float(along[first + int(np.argmin(level)) - 1])
 
 
-def _classified(row: Array, along: Array, first: int, run: int, near: float) -> Obstacle | None:
+def _classified(row: Array, along: Array, first: int, run: int, near: float) -> ObstacleAhead | None:
     base = float(row[first])
     here = round(near / SPACING_M)
     after = row[here : here + run + 3]
@@ -90,14 +95,14 @@ def _classified(row: Array, along: Array, first: int, run: int, near: float) -> 
     if step > 0.0 and far - near <= THICKEST_BAR_M:
         beyond = _level_after(row, far) - base
         if abs(beyond) <= LEVEL_M:
-            return Obstacle(Kind.BAR, near, far, step, beyond, 0.0)
+            return ObstacleAhead(ObstacleKind.BAR, near, far, step, beyond, 0.0)
     if step < 0.0 and far - near <= WIDEST_GAP_M:
         if base - float(row[here : round(far / SPACING_M) + 1].min()) < STEP_M:
             return None  # stairs down and up again
-        return Obstacle(Kind.GAP, near, far, 0.0, _level_after(row, far) - base, 0.0)
+        return ObstacleAhead(ObstacleKind.GAP, near, far, 0.0, _level_after(row, far) - base, 0.0)
     if abs(step) < STEP_M:
         return None
-    return Obstacle(Kind.UP if step > 0.0 else Kind.DOWN, near, far, step, step, 0.0)
+    return ObstacleAhead(ObstacleKind.UP if step > 0.0 else ObstacleKind.DOWN, near, far, step, step, 0.0)
 
 
 def _level_after(row: Array, far: float) -> float:

@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 
 from runtime.assets import model_folder
 from runtime.errors import UsageError
-from sport.batch.rows import Row
+from sport.batch.rows import BatchRow
 
 NOT_COLUMNS = ("batch", "ray", "workers", "help")
 STYLES = (
@@ -53,7 +53,7 @@ class RowParser(argparse.ArgumentParser):
 
 
 def plan(
-    rows: Sequence[Row], parser: RowParser, base: argparse.Namespace
+    rows: Sequence[BatchRow], parser: RowParser, base: argparse.Namespace
 ) -> tuple[list[Task], list[Refused]]:
     """Tasks of the rows that can be made, and the others; UsageError for a column that is no argument.
 
@@ -84,7 +84,7 @@ def plan(
 
 
 def _options(
-    row: Row, parser: RowParser, known: dict[str, argparse.Action], base: argparse.Namespace
+    row: BatchRow, parser: RowParser, known: dict[str, argparse.Action], base: argparse.Namespace
 ) -> argparse.Namespace:
     """The arguments of a row over those of the command."""
     options = argparse.Namespace(**vars(base))

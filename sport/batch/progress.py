@@ -12,7 +12,7 @@ WIDTH = 24  # signs of the bar
 
 
 @dataclass
-class Progress:
+class BatchProgress:
     """Counts rows; `kept` are those that were there already."""
 
     total: int

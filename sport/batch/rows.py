@@ -17,7 +17,7 @@ _REMEDY = "Write a CSV with a header, or one JSON object a line."
 
 
 @dataclass(frozen=True)
-class Row:
+class BatchRow:
     """One clip: its number from 1 on, what its row gives by the name of the argument, and why it cannot be read."""
 
     number: int
@@ -25,7 +25,7 @@ class Row:
     error: str = ""
 
 
-def read_rows(path: Path) -> list[Row]:
+def read_rows(path: Path) -> list[BatchRow]:
     """The rows of a list; a row that cannot be read has an `error`. FileError or UsageError for the list as a whole."""
     if path.suffix.lower() not in SUFFIXES:
         raise UsageError(f" {path}: expected {' or '.join(SUFFIXES)}.", _REMEDY, "batch")
@@ -36,7 +36,7 @@ def read_rows(path: Path) -> list[Row]:
     return rows
 
 
-def _csv_rows(path: Path, text: str) -> list[Row]:
+def _csv_rows(path: Path, text: str) -> list[BatchRow]:
     try:
         reader = csv.DictReader(io.StringIO(text, newline=""), restkey="", strict=True)
         names = [_name(name) for name in reader.fieldnames or []]
@@ -48,27 +48,29 @@ def _csv_rows(path: Path, text: str) -> list[Row]:
         raise FileError(f"{path}: not CSV ({error}).", _REMEDY) from error
 
 
-def _csv_row(number: int, cells: dict[str, Any]) -> Row:
+def _csv_row(number: int, cells: dict[str, Any]) -> BatchRow:
     error = "more cells than the header has" if "" in cells else ""
     values = {name: cell.strip() for name, cell in cells.items() if name and cell and cell.strip()}
-    return Row(number, values, error)
+    return BatchRow(number, values, error)
 
 
-def _json_rows(text: str) -> list[Row]:
+def _json_rows(text: str) -> list[BatchRow]:
     lines = [line for line in text.splitlines() if line.strip()]
     return [_json_row(number, line) for number, line in enumerate(lines, 1)]
 
 
-def _json_row(number: int, line: str) -> Row:
+def _json_row(number: int, line: str) -> BatchRow:
     try:
         value = parse_json(line.encode("utf-8"))
     except ValueError as error:
-        return Row(number, {}, f"not JSON ({reason(error)})")
+        return BatchRow(number, {}, f"not JSON ({reason(error)})")
     if not isinstance(value, dict):
-        return Row(number, {}, "not a JSON object")
+        return BatchRow(number, {}, "not a JSON object")
     given = {_name(name): v for name, v in value.items() if v is not None and v != ""}
     wrong = [name for name, v in given.items() if not isinstance(v, str | int | float)]
-    return Row(number, given, f"{', '.join(wrong)}: expected text, a number, true or false" if wrong else "")
+    return BatchRow(
+        number, given, f"{', '.join(wrong)}: expected text, a number, true or false" if wrong else ""
+    )
 
 
 def _name(text: str | None) -> str:

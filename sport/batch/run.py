@@ -17,7 +17,7 @@ from runtime.file_lock import open_locked
 from runtime.safe_read import printable
 from sport.batch.manifest import Manifest, entry
 from sport.batch.plan import NOT_COLUMNS, RowParser, Task, plan
-from sport.batch.progress import Progress
+from sport.batch.progress import BatchProgress
 from sport.batch.rows import read_rows
 
 SCRATCH, LOCK = ".sport-batch", ".sport-batch.lock"
@@ -36,7 +36,7 @@ def run_batch(options: argparse.Namespace, parser: RowParser) -> int:
         shutil.rmtree(folder / SCRATCH, ignore_errors=True)  # of a run that was killed
         manifest = Manifest(folder)
         missing = [task for task in tasks if not manifest.done(task)]
-        progress = Progress(len(rows), len(tasks) - len(missing))
+        progress = BatchProgress(len(rows), len(tasks) - len(missing))
         if progress.kept:
             print(f"sport: {progress.kept} of {len(rows)} clips are there already", file=sys.stderr)
         try:
@@ -69,12 +69,12 @@ def _lines(tasks: list[Task], folder: Path, options: argparse.Namespace) -> Iter
     return run_local(tasks, folder, scratch, min(workers, len(tasks)))
 
 
-def _note(line: dict[str, Any], manifest: Manifest, progress: Progress) -> None:
+def _note(line: dict[str, Any], manifest: Manifest, progress: BatchProgress) -> None:
     manifest.add(line)
     progress.add(failed=bool(line["error"]))
 
 
-def _report(manifest: Manifest, numbers: list[int], progress: Progress) -> None:
+def _report(manifest: Manifest, numbers: list[int], progress: BatchProgress) -> None:
     for number in numbers:
         line = manifest.lines[number]
         if line["error"]:

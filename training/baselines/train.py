@@ -47,7 +47,7 @@ LIMIT = 5.0  # deviations that a normalised input may have
 
 
 @dataclass(frozen=True)
-class Frames:
+class LabelledFrames:
     """Training frames of many clips: x `(N, 472)`, y `(N, 473)`, and the style of each."""
 
     x: Array
@@ -69,7 +69,7 @@ def frames_of(clip: ClipFrames) -> tuple[Array, Array]:
     return x, y
 
 
-def read_frames(folder: Path, method: Method, most: int, seed: int, report: Report) -> Frames:
+def read_frames(folder: Path, method: Method, most: int, seed: int, report: Report) -> LabelledFrames:
     """Frames of the captured clips that training sees, up to `most`, clips at random; FileError where there is none."""
     paths = original_clips(folder)
     order = np.random.default_rng(seed).permutation(len(paths))
@@ -95,7 +95,7 @@ def read_frames(folder: Path, method: Method, most: int, seed: int, report: Repo
     report(f"{count} frames of {len(xs)} clips")
     styles = tuple(sorted(set(labels)))
     index = np.repeat([styles.index(s) for s in labels], [len(x) for x in xs])
-    return Frames(np.concatenate(xs), np.concatenate(ys), index, styles)
+    return LabelledFrames(np.concatenate(xs), np.concatenate(ys), index, styles)
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ METHODS = {
 
 
 def fit(
-    network: Baseline, frames: Frames, steps: int, batch: int, rate: float, seed: int, report: Report
+    network: Baseline, frames: LabelledFrames, steps: int, batch: int, rate: float, seed: int, report: Report
 ) -> float:
     """Train in place; the mean loss of the last tenth of the steps."""
     torch.manual_seed(seed)
@@ -179,7 +179,7 @@ class LabelGraph(nn.Module):
         return label, nothing, nothing.clone(), label @ self.pace
 
 
-class StepGraph(nn.Module):
+class BaselineStepGraph(nn.Module):
     """A frame in the form of our step graph; noise and the empty tensors change nothing."""
 
     def __init__(self, network: Baseline) -> None:
@@ -198,7 +198,7 @@ class StepGraph(nn.Module):
         return y + rest, torch.ones_like(rest)
 
 
-def export(network: Baseline, frames: Frames, beside: Path, out: Path, notes: dict[str, Any]) -> Path:
+def export(network: Baseline, frames: LabelledFrames, beside: Path, out: Path, notes: dict[str, Any]) -> Path:
     """Write a model folder: our three graphs, of which the text side is that of the model `beside`."""
     out.mkdir(parents=True, exist_ok=True)
     shutil.copy(beside / "prompt.onnx", out / "prompt.onnx")
@@ -226,7 +226,7 @@ def export(network: Baseline, frames: Frames, beside: Path, out: Path, notes: di
     )  # fmt: skip
     shapes = tuple({0: batch} for _ in example)
     export_graph(
-        StepGraph(network), example, ("x", "noise", *names), ("y", "alpha"), shapes, out / "step.onnx"
+        BaselineStepGraph(network), example, ("x", "noise", *names), ("y", "alpha"), shapes, out / "step.onnx"
     )
     stands = np.flatnonzero(gait == Gait.STAND)
     start = frames.y[stands[0] if len(stands) else 0].astype(float)

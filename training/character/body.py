@@ -14,7 +14,7 @@ from training.character.shapes import (
     Loft,
     Mirrored,
     RoundCone,
-    Shape,
+    SolidShape,
     smooth_max,
     smooth_min,
     union,
@@ -26,7 +26,7 @@ _ARM_Y, _ARM_Z = 1.3007, -0.0309  # the arm's axis in the T-pose
 _LEG_X, _LEG_Z = 0.0753, 0.0474  # the leg's axis
 
 
-def _torso() -> list[Shape]:
+def _torso() -> list[SolidShape]:
     trunk = Loft(
         1,
         (
@@ -58,11 +58,11 @@ def _torso() -> list[Shape]:
     ]
 
 
-def _neck() -> list[Shape]:
+def _neck() -> list[SolidShape]:
     return [RoundCone((0.0, 1.350, -0.032), (0.0, 1.490, 0.002), 0.058, 0.052)]
 
 
-def _head() -> list[Shape]:
+def _head() -> list[SolidShape]:
     return [
         Ellipsoid((0.0, 1.596, -0.002), (0.076, 0.092, 0.097)),  # skull
         Ellipsoid((0.0, 1.545, 0.026), (0.063, 0.086, 0.071)),  # face
@@ -71,7 +71,7 @@ def _head() -> list[Shape]:
     ]
 
 
-def _features() -> list[Shape]:
+def _features() -> list[SolidShape]:
     return [
         RoundCone((0.0, 1.578, 0.084), (0.0, 1.532, 0.106), 0.009, 0.0115),  # nose
         Mirrored(RoundCone((0.010, 1.588, 0.088), (0.044, 1.588, 0.074), 0.008, 0.006), 0.012),  # brow
@@ -79,7 +79,7 @@ def _features() -> list[Shape]:
     ]
 
 
-def _arm() -> list[Shape]:
+def _arm() -> list[SolidShape]:
     arm = Loft(
         0,
         (
@@ -103,7 +103,7 @@ def _arm() -> list[Shape]:
     return [arm, deltoid]
 
 
-def _palm() -> list[Shape]:
+def _palm() -> list[SolidShape]:
     palm = Loft(
         0,
         (
@@ -132,7 +132,7 @@ _KNUCKLES = 0.738  # x
 _PHALANGES = ((0.46, 13.0), (0.30, 37.0), (0.24, 56.0))
 
 
-def _finger(root: float, tip: float, length: float, radius: float, bend: float) -> list[Shape]:
+def _finger(root: float, tip: float, length: float, radius: float, bend: float) -> list[SolidShape]:
     thickness = radius * np.array((1.05, 0.97, 0.92, 0.82))
     joints = [(_KNUCKLES, _ARM_Y - 0.001, _ARM_Z + root)]
     for share, angle in _PHALANGES:
@@ -158,7 +158,7 @@ def finger_drop(x: Array) -> Array:
     return np.interp(x, along, drop) + np.tan(down[-1]) * np.maximum(x - along[-1], 0.0)
 
 
-def _thumb() -> list[Shape]:
+def _thumb() -> list[SolidShape]:
     a, b, c, d = (0.676, 1.291, -0.010), (0.706, 1.283, 0.016), (0.735, 1.273, 0.034), (0.756, 1.264, 0.041)
     return [
         RoundCone(a, b, 0.0150, 0.0130),
@@ -167,7 +167,7 @@ def _thumb() -> list[Shape]:
     ]
 
 
-def _leg() -> list[Shape]:
+def _leg() -> list[SolidShape]:
     leg = Loft(
         1,
         (
@@ -195,7 +195,7 @@ def _leg() -> list[Shape]:
     return [leg, kneecap]
 
 
-def _foot() -> list[Shape]:
+def _foot() -> list[SolidShape]:
     foot = Loft(
         2,
         (
@@ -236,7 +236,7 @@ class Body:
     """The implicit surface of the left half, x >= 0, of the rest pose."""
 
     def __init__(self) -> None:
-        self.parts: dict[str, list[Shape]] = {
+        self.parts: dict[str, list[SolidShape]] = {
             "torso": _torso(), "neck": _neck(), "head": _head(), "features": _features(), "arm": _arm(),
             "palm": _palm(), "thumb": _thumb(), "leg": _leg(), "foot": _foot(),
         }  # fmt: skip

@@ -11,7 +11,7 @@ import numpy as np
 from runtime.arrays import Array
 
 
-class Shape(Protocol):
+class SolidShape(Protocol):
     """A solid in rest-pose coordinates."""
 
     def distance(self, points: Array) -> Array:
@@ -110,7 +110,7 @@ class Loft:
 class Mirrored:
     """A shape together with its image on the other side of x = 0, joined by a fillet of `k` metres."""
 
-    shape: Shape
+    shape: SolidShape
     k: float
 
     def distance(self, points: Array) -> Array:
@@ -118,7 +118,7 @@ class Mirrored:
         return smooth_min(self.shape.distance(points), self.shape.distance(points * (-1.0, 1.0, 1.0)), self.k)
 
 
-def union(shapes: Sequence[Shape], points: Array, k: float) -> Array:
+def union(shapes: Sequence[SolidShape], points: Array, k: float) -> Array:
     """Smooth union `(N,)` of several shapes with fillet `k` metres."""
     total = shapes[0].distance(points)
     for shape in shapes[1:]:

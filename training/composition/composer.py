@@ -1,7 +1,7 @@
 """Composition while training: a base clip with arms, torso and head of other clips at matching phase.
 
 Stored layered clips show some thousand combinations of parts; here every sample is one of its own. What is drawn is a
-`Plan`: of every sample which parts are changed, the clip that gives each, and how its clock is set against the base's.
+`CompositionPlan`: of every sample which parts are changed, the clip that gives each, and how its clock is set against the base's.
 Contacts, root, legs and phases stay the base's. Edits of posture come as parts of edited clips; edits of rhythm and
 weight move hips and feet, so such clips serve as bases and their torso is never given away or replaced.
 """
@@ -39,7 +39,7 @@ def acts_on_base(edit: PartEdit) -> bool:
 
 
 @dataclass
-class Plan:
+class CompositionPlan:
     """Of every sample `(B,)`: which of `PARTS` are changed `(B, 4)`, their clips `(B, 4)`, what is added to the base's
     clock (or to its seconds, for clips that do not step) to get the clip's `(B, 4)`."""
 
@@ -48,20 +48,20 @@ class Plan:
     shift: Tensor
 
     @staticmethod
-    def nothing(count: int, device: torch.device) -> Plan:
+    def nothing(count: int, device: torch.device) -> CompositionPlan:
         """No part of `count` samples is changed."""
         whole = torch.zeros(count, len(PARTS), device=device)
-        return Plan(whole.bool(), whole.long(), whole.double())
+        return CompositionPlan(whole.bool(), whole.long(), whole.double())
 
-    def __getitem__(self, rows: Tensor) -> Plan:
-        return Plan(self.changed[rows], self.clips[rows], self.shift[rows])
+    def __getitem__(self, rows: Tensor) -> CompositionPlan:
+        return CompositionPlan(self.changed[rows], self.clips[rows], self.shift[rows])
 
-    def __setitem__(self, rows: Tensor, other: Plan) -> None:
+    def __setitem__(self, rows: Tensor, other: CompositionPlan) -> None:
         self.changed[rows], self.clips[rows], self.shift[rows] = other.changed, other.clips, other.shift
 
-    def repeated(self, times: int) -> Plan:
+    def repeated(self, times: int) -> CompositionPlan:
         """Every sample `times` times, one after the other."""
-        return Plan(*(value.repeat_interleave(times, 0) for value in vars(self).values()))
+        return CompositionPlan(*(value.repeat_interleave(times, 0) for value in vars(self).values()))
 
     def words(self, base: Tensor) -> Tensor:
         """Whose words each body part has: clips `(B, 6)` in the order of `PART_NAMES`."""
@@ -71,7 +71,7 @@ class Plan:
 
 
 @dataclass
-class Pose:
+class UpperBodyPose:
     """The upper body as its root sees it: 6D rotations `(B, 20, 6)`, positions and velocities `(B, 20, 3)`."""
 
     rotations: Tensor
@@ -101,7 +101,7 @@ class Composer:
 
     # --- plans --------------------------------------------------------------------------------------------------------
 
-    def draw(self, rows: Tensor, ahead: int = 0) -> Plan:
+    def draw(self, rows: Tensor, ahead: int = 0) -> CompositionPlan:
         """A plan for base frames `rows` `(B,)` whose clips last for `ahead` frames more, or as long as their bases do."""
         count, device = len(rows), rows.device
         share = torch.where(self.moments[rows], COMPOSED_MOMENTS, COMPOSED)
@@ -111,7 +111,9 @@ class Composer:
             torch.arange(len(PARTS), device=device) == torch.randint(len(PARTS), (count, 1), device=device)
         )
         changed &= composed[:, None] & (rows >= self.first[self.clip[rows]] + 2)[:, None]
-        plan = Plan(changed, self._draw_clips(count, device), torch.zeros(count, len(PARTS), device=device))
+        plan = CompositionPlan(
+            changed, self._draw_clips(count, device), torch.zeros(count, len(PARTS), device=device)
+        )
         return self._allowed(rows, self._matched(rows, plan, ahead))
 
     def _draw_clips(self, count: int, device: torch.device) -> Tensor:
@@ -121,7 +123,7 @@ class Composer:
         same = torch.rand(count, 1, device=device) < SAME_CLIP
         return torch.where(same, captured[:, :1], clips)
 
-    def _matched(self, rows: Tensor, plan: Plan, ahead: int) -> Plan:
+    def _matched(self, rows: Tensor, plan: CompositionPlan, ahead: int) -> CompositionPlan:
         """The plan with its clocks set, without parts whose cadence or length does not fit."""
         upper, base = self.upper, self.clip[rows]
         ending = torch.minimum(rows + ahead, self.last[base])
@@ -147,7 +149,7 @@ class Composer:
         seconds = (rows - self.first[base]).double() / FPS
         return torch.where(self.upper.steps[clips], cycles[:, None], seconds[:, None])
 
-    def _allowed(self, rows: Tensor, plan: Plan) -> Plan:
+    def _allowed(self, rows: Tensor, plan: CompositionPlan) -> CompositionPlan:
         """Without torsos that cannot be given or replaced, and without pairs of edits that are held out."""
         torso = PARTS.index("torso")
         base = self.clip[rows]
@@ -160,7 +162,7 @@ class Composer:
             changed[both] = False  # the base itself holds no such pair
         return plan
 
-    def lasts(self, rows: Tensor, plan: Plan) -> Tensor:
+    def lasts(self, rows: Tensor, plan: CompositionPlan) -> Tensor:
         """Whether every changed part goes on at the base frames `rows`, `(B,)`."""
         clock = self._base_clock(rows, plan.clips) + plan.shift
         high = self.upper.clock[self.last[plan.clips]] - plan.clips * CLIP_SPAN
@@ -168,15 +170,15 @@ class Composer:
 
     # --- poses --------------------------------------------------------------------------------------------------------
 
-    def poses(self, rows: Tensor, plan: Plan, before: int = 0) -> list[Pose]:
+    def poses(self, rows: Tensor, plan: CompositionPlan, before: int = 0) -> list[UpperBodyPose]:
         """Of base frames `rows` and the `before` frames ahead of them, latest first. All joints by forward kinematics."""
         with torch.autocast(rows.device.type, enabled=False):  # velocities are small differences
             return self._poses(rows, plan, before)
 
-    def _poses(self, rows: Tensor, plan: Plan, before: int) -> list[Pose]:
+    def _poses(self, rows: Tensor, plan: CompositionPlan, before: int) -> list[UpperBodyPose]:
         count = before + 2
         index = torch.cat([rows - k for k in range(count)])
-        whole = Plan(*(torch.cat([value] * count) for value in vars(plan).values()))
+        whole = CompositionPlan(*(torch.cat([value] * count) for value in vars(plan).values()))
         turned, positions = self._posed(index, whole)
         from_hips = (positions - positions[:, :1]).unflatten(0, (count, len(rows)))  # joint 0 here: the hips
         result = []
@@ -186,10 +188,10 @@ class Composer:
             turn = self.y[rows - k - 1][:, OUTPUT["root"]][:, 2].float() / FPS
             moved = (from_hips[k] - _turned_back(from_hips[k + 1], turn)) * FPS
             velocities = moved + y[:, OUTPUT["joint_velocities"]][:, None, :3]
-            result.append(Pose(turned[at], positions[at, 1:], velocities[:, 1:]))
+            result.append(UpperBodyPose(turned[at], positions[at, 1:], velocities[:, 1:]))
         return result
 
-    def rotations(self, rows: Tensor, plan: Plan) -> Tensor:
+    def rotations(self, rows: Tensor, plan: CompositionPlan) -> Tensor:
         """Facing-relative rotation matrices `(B, 20, 3, 3)` of the upper body at base frames `rows`."""
         upper = self.upper
         hung = upper.hung[rows].float() / FIXED_POINT
@@ -221,7 +223,7 @@ class Composer:
         )
         return torch.lerp(upper.mean[clips][:, list(joints)], given, swings)
 
-    def _posed(self, rows: Tensor, plan: Plan) -> tuple[Tensor, Tensor]:
+    def _posed(self, rows: Tensor, plan: CompositionPlan) -> tuple[Tensor, Tensor]:
         """6D rotations `(B, 20, 6)` and positions of the hips and these joints `(B, 21, 3)`, as the root sees them."""
         turned = self.rotations(rows, plan)
         y = self.y[rows]

@@ -34,7 +34,7 @@ SECTION = "fitted obstacles"  # of a document, between its markers
 
 
 @dataclass(frozen=True)
-class Row:
+class FittedClip:
     """What was fitted under one copy."""
 
     name: str
@@ -43,7 +43,7 @@ class Row:
     fits: tuple[Fitted, ...]
 
 
-def fitted_copies(clip: TrainingClip, seed: int = 0) -> Iterator[tuple[TrainingClip, Row]]:
+def fitted_copies(clip: TrainingClip, seed: int = 0) -> Iterator[tuple[TrainingClip, FittedClip]]:
     """Pieces of a clip that something fits, on their ground, with words and gait of what they do."""
     generator = np.random.default_rng([seed, *clip.name.encode()])
     longest = round(LONGEST_S * FPS)
@@ -63,7 +63,7 @@ def fitted_copies(clip: TrainingClip, seed: int = 0) -> Iterator[tuple[TrainingC
             _gait(clip.gait[piece], contacts, fits), clip.style, _words(clip.content, fits), clip.source,
             clip.split, clip.tier, patches,
         )  # fmt: skip
-        yield copy, Row(copy.name, clip.source, (piece.stop - first) / FPS, tuple(fits))
+        yield copy, FittedClip(copy.name, clip.source, (piece.stop - first) / FPS, tuple(fits))
 
 
 def _ground(
@@ -123,7 +123,7 @@ def load_clip(path: Path) -> TrainingClip:
         raise FileError(f"{path}: not a clip file.", "Run the importer again.") from error
 
 
-def report(rows: Sequence[Row], command: str) -> str:
+def report(rows: Sequence[FittedClip], command: str) -> str:
     """Tables of what was fitted, by source and kind, heights and lengths in cm."""
     lines = [f"`{command}`", "", f"{len(rows)} pieces, {sum(r.seconds for r in rows) / 60:.1f} minutes.", ""]
     lines += ["| source | kind | fitted | pieces | smallest, cm | median | largest |", "| --- " * 7 + "|"]

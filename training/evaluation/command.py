@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.errors import UsageError
-from runtime.motion.motion_encoder import MotionEncoder
+from runtime.motion.motion_encoder import ExportedMotionEncoder
 from training.evaluation.experiment import Arguments, Experiment, Setting, run
 from training.evaluation.metrics.classifiers import StyleClassifier
 from training.evaluation.metrics.features import has_encoder
@@ -19,7 +19,7 @@ from training.evaluation.motion.obstacles import (
 )
 from training.evaluation.motion.obstacles import (
     STYLES,
-    CourseRun,
+    ObstacleRun,
     by_name,
     runner_of,
     score_obstacles,
@@ -76,13 +76,13 @@ def motion(setting: Setting) -> dict[str, Any]:
     }
 
 
-def _encoder(setting: Setting) -> MotionEncoder | None:
+def _encoder(setting: Setting) -> ExportedMotionEncoder | None:
     """The encoder of --features; without that option that of the first model, which may have none."""
     if setting.args.features is not None:
-        return MotionEncoder(setting.args.features)
+        return ExportedMotionEncoder(setting.args.features)
     first = setting.folders[0]
     if has_encoder(first):
-        return MotionEncoder(first)
+        return ExportedMotionEncoder(first)
     setting.report(f"{first} has no motion.onnx: distances are taken over kinematic features alone")
     return None
 
@@ -157,7 +157,7 @@ def obstacle_courses(setting: Setting) -> dict[str, Any]:
     """All figures as plain data; pictures are drawn on the way."""
     args, runs = setting.args, []
 
-    def draw(run: CourseRun) -> None:
+    def draw(run: ObstacleRun) -> None:
         """Draw a course when the last style has walked over it."""
         if "walk" in run.motion.name:
             runs.append(run)

@@ -15,7 +15,7 @@ from runtime.controls import Gait
 from runtime.errors import FileError
 from runtime.formats.bvh_clip import save_bvh
 from runtime.motion.features import FPS
-from runtime.motion.motion_encoder import MotionEncoder
+from runtime.motion.motion_encoder import ExportedMotionEncoder
 from runtime.takes.clip import Clip
 from training.evaluation.experiment import Experiment, Setting
 from training.evaluation.metrics.classifiers import area_under_curve, halves_told_apart
@@ -59,7 +59,11 @@ def distances(setting: Setting) -> dict[str, Any]:
     options = replace(Options(), follow_seconds=args.seconds, recognise_seconds=8.0, seed=args.seed)
     folder = args.features or next((f for f in setting.folders if has_encoder(f)), None)
     plan = make_plan(
-        setting.clips, args.styles, options, None if folder is None else MotionEncoder(folder), setting.report
+        setting.clips,
+        args.styles,
+        options,
+        None if folder is None else ExportedMotionEncoder(folder),
+        setting.report,
     )
     subjects = [Subject(folder, plan.texts) for folder in setting.folders]
     return {f"{s.name} ({s.decoder})": score_following(plan, s, setting.report) for s in subjects}
@@ -105,14 +109,14 @@ FEATURES = (*WHOLE, *GROUPS)
 
 
 @dataclass(frozen=True)
-class Windows:
+class WindowFeatures:
     """Features of windows `(N, n)` by their names, and the take `(N,)` that each lies in."""
 
     features: dict[str, Array]
     takes: NDArray[np.int64]
 
 
-def windows_of(motions: Iterable[Motion]) -> Windows:
+def windows_of(motions: Iterable[Motion]) -> WindowFeatures:
     """Windows of all motions; each motion is a take.
 
     *kinematic* are 322 numbers (ranges, angles, speeds, frequencies), *trajectories* the joints' places seen from the root.
@@ -131,7 +135,7 @@ def windows_of(motions: Iterable[Motion]) -> Windows:
         for name, features in group_features(root, starts).items():
             rows[name].append(features)
         takes.append(np.full(len(starts), number))
-    return Windows({n: np.concatenate(r) for n, r in rows.items()}, np.concatenate(takes))
+    return WindowFeatures({n: np.concatenate(r) for n, r in rows.items()}, np.concatenate(takes))
 
 
 def captured(clips: Path, length: float, styles: Iterable[str] | None = None) -> list[Motion]:
@@ -141,7 +145,7 @@ def captured(clips: Path, length: float, styles: Iterable[str] | None = None) ->
     return [s.load() for g in groups for s in driving_segments(capture, g, length)]
 
 
-def told_from(ours: Windows, theirs: Windows) -> dict[str, float]:
+def told_from(ours: WindowFeatures, theirs: WindowFeatures) -> dict[str, float]:
     """AUC of each kind of features; a path and its clip lie in the same fold."""
     labels = np.repeat([1, 0], [len(ours.takes), len(theirs.takes)])
     takes = np.concatenate([ours.takes, theirs.takes])

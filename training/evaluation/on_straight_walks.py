@@ -52,7 +52,7 @@ _CMU_FIRST_FRAME = 3
 
 
 @dataclass(frozen=True)
-class Row:
+class WalkMeasure:
     """A measure: its title, the range in which a single style is right, and that of the median."""
 
     key: str
@@ -64,19 +64,19 @@ class Row:
 
 
 ROWS = (
-    Row("knee_min", "knee at its straightest, degrees", -5.0, 5.0, True),
-    Row("foot_up", "toes up at heel strike, degrees", -4.0, 4.0, True),
-    Row("lean", "forward lean, degrees", -3.0, 3.0, True),
-    Row("speed", "speed at full stick", 0.95, 1.05, median=(0.95, 1.05)),
-    Row("cadence", "steps a minute", 0.95, 1.05, median=(0.95, 1.05)),
-    Row("bob_cm", "pelvis bob", 0.75, 1.3, median=(0.9, 1.1)),
-    Row("pelvis_yaw", "pelvis yaw", 0.75, 1.3, median=(0.9, 1.1)),
-    Row("pelvis_roll", "pelvis roll", 0.75, 1.3, median=(0.9, 1.1)),
-    Row("shoulder_yaw", "shoulder yaw", 0.75, 1.3, median=(0.9, 1.1)),
-    Row("arm_swing_cm", "arm swing", 0.75, 1.3, median=(0.9, 1.1)),
-    Row("knee_max", "knee at its most bent", 0.75, 1.3),
-    Row("clearance_cm", "height of the ankle's lift", 0.75, 1.3),
-    Row("elbow", "elbow, degrees", -10.0, 10.0, True),
+    WalkMeasure("knee_min", "knee at its straightest, degrees", -5.0, 5.0, True),
+    WalkMeasure("foot_up", "toes up at heel strike, degrees", -4.0, 4.0, True),
+    WalkMeasure("lean", "forward lean, degrees", -3.0, 3.0, True),
+    WalkMeasure("speed", "speed at full stick", 0.95, 1.05, median=(0.95, 1.05)),
+    WalkMeasure("cadence", "steps a minute", 0.95, 1.05, median=(0.95, 1.05)),
+    WalkMeasure("bob_cm", "pelvis bob", 0.75, 1.3, median=(0.9, 1.1)),
+    WalkMeasure("pelvis_yaw", "pelvis yaw", 0.75, 1.3, median=(0.9, 1.1)),
+    WalkMeasure("pelvis_roll", "pelvis roll", 0.75, 1.3, median=(0.9, 1.1)),
+    WalkMeasure("shoulder_yaw", "shoulder yaw", 0.75, 1.3, median=(0.9, 1.1)),
+    WalkMeasure("arm_swing_cm", "arm swing", 0.75, 1.3, median=(0.9, 1.1)),
+    WalkMeasure("knee_max", "knee at its most bent", 0.75, 1.3),
+    WalkMeasure("clearance_cm", "height of the ankle's lift", 0.75, 1.3),
+    WalkMeasure("elbow", "elbow, degrees", -10.0, 10.0, True),
 )
 
 
@@ -137,7 +137,7 @@ def gait_table(figures: dict[str, Any]) -> str:
     return "\n".join(table_lines(head, rows)).rstrip("\n")
 
 
-def cell(row: Row, raw: dict[str, Measures], ours: dict[str, Measures]) -> str:
+def cell(row: WalkMeasure, raw: dict[str, Measures], ours: dict[str, Measures]) -> str:
     """Median over the styles, and how many of them are within the bar."""
     values = compared(row, raw, ours)
     if not len(values):
@@ -148,7 +148,7 @@ def cell(row: Row, raw: dict[str, Measures], ours: dict[str, Measures]) -> str:
     return f"{shown}; {inside} of {len(raw)}"
 
 
-def compared(row: Row, raw: dict[str, Measures], ours: dict[str, Measures]) -> Array:
+def compared(row: WalkMeasure, raw: dict[str, Measures], ours: dict[str, Measures]) -> Array:
     """Difference or ratio of every style that both have."""
     pairs = [(ours[s][row.key], raw[s][row.key]) for s in raw if s in ours and row.key in raw[s]]
     return np.array([a - b if row.difference else a / b for a, b in pairs])

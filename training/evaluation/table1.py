@@ -21,11 +21,17 @@ from runtime.assets import model_folder
 from runtime.atomic import write_atomic
 from runtime.errors import FileError
 from runtime.motion.model_files import read_metadata
-from runtime.motion.motion_encoder import MotionEncoder
+from runtime.motion.motion_encoder import ExportedMotionEncoder
 from training.evaluation.experiment import Arguments, Experiment, Setting
 from training.evaluation.metrics.features import has_encoder, joined
 from training.evaluation.metrics.frechet import compare
-from training.evaluation.motion.capture import OVERALL_COMPONENTS, TERRAIN_GROUP, Options, Plan, make_plan
+from training.evaluation.motion.capture import (
+    OVERALL_COMPONENTS,
+    TERRAIN_GROUP,
+    EvaluationPlan,
+    Options,
+    make_plan,
+)
 from training.evaluation.motion.scores import score_held_out, score_model
 from training.evaluation.motion.subject import Subject
 from training.evaluation.report.tables import mean_skating
@@ -37,7 +43,7 @@ SHOWN = 0.5  # share of its windows from which on a style counts as shown
 
 
 @dataclass(frozen=True)
-class Row:
+class TableRow:
     """A line of the table: where its models lie, and what the paper's Table I says of its counterpart."""
 
     title: str
@@ -47,38 +53,38 @@ class Row:
 
 
 ROWS = (
-    Row("ours", "full", paper=("0.96", "0.16", "2.47e-2", "52.09", "55.46 M", "100+", "yes", "yes")),
-    Row(
+    TableRow("ours", "full", paper=("0.96", "0.16", "2.47e-2", "52.09", "55.46 M", "100+", "yes", "yes")),
+    TableRow(
         "4 experts", "4-experts", paper=("1.27", "0.21", "2.32e-2", "46.27", "31.49 M", "100+", "yes", "yes")
     ),
-    Row(
+    TableRow(
         "4 content experts",
         "4-content-experts",
         paper=("1.18", "0.17", "2.28e-2", "49.67", "47.05 M", "100+", "yes", "yes"),
     ),
-    Row(
+    TableRow(
         "without diffusion",
         "full",
         "model-mixture",
         ("4.33", "0.13", "0.00", "12.29", "47.98 M", "100+", "yes", "yes"),
     ),
-    Row("PAE", "pae", paper=("0.99", "0.19", "2.41e-2", "52.09", "55.46 M", "100+", "yes", "yes")),
-    Row(
+    TableRow("PAE", "pae", paper=("0.99", "0.19", "2.41e-2", "52.09", "55.46 M", "100+", "yes", "yes")),
+    TableRow(
         "without content encoder",
         "no-content-encoder",
         paper=("1.06", "0.23", "2.18e-2", "53.65", "66.64 M", "100+", "yes", "yes"),
     ),
-    Row("whole-body contrast", "whole-body-contrast"),
-    Row("motion matching", "motion-matching"),
-    Row("PFNN", "pfnn", paper=("10.25", "0.03", "0.00", "7.55", "2.39 M", "1", "yes", "no")),
-    Row("Mason 2022", "mason2022", paper=("3.15", "0.20", "0.00", "8.30", "18.42 M", "100", "no", "no")),
-    Row("style by label", "style-label"),
-    Row(
+    TableRow("whole-body contrast", "whole-body-contrast"),
+    TableRow("motion matching", "motion-matching"),
+    TableRow("PFNN", "pfnn", paper=("10.25", "0.03", "0.00", "7.55", "2.39 M", "1", "yes", "no")),
+    TableRow("Mason 2022", "mason2022", paper=("3.15", "0.20", "0.00", "8.30", "18.42 M", "100", "no", "no")),
+    TableRow("style by label", "style-label"),
+    TableRow(
         "ours, 100STYLE alone",
         "100style",
         paper=("1.76", "0.11", "2.31e-2", "52.09", "55.46 M", "100+", "no", "yes"),
     ),
-    Row(
+    TableRow(
         "ours, terrain data alone",
         "terrain",
         paper=("1.94", "0.09", "2.16e-2", "52.09", "47.71 M", "1", "yes", "yes"),
@@ -99,7 +105,7 @@ COLUMNS: dict[str, tuple[str, int]] = {
 }
 
 
-def models_of(row: Row, runs: Path) -> dict[str, Path]:
+def models_of(row: TableRow, runs: Path) -> dict[str, Path]:
     """Exported models of a row by seed, those that are there."""
     found = {
         path.parent.name.removeprefix("seed"): path
@@ -132,7 +138,7 @@ def cells_of(scores: dict[str, Any]) -> Cells:
     return cells
 
 
-def capture_cells(plan: Plan, report: Callable[[str], None]) -> Cells:
+def capture_cells(plan: EvaluationPlan, report: Callable[[str], None]) -> Cells:
     """The same of the capture: one half of its takes against the other, and its held-out clips."""
     held_out = score_held_out(plan, report)
     reference = joined([plan.reference[g] for g in plan.groups if g != TERRAIN_GROUP])
@@ -193,13 +199,13 @@ def _models(args: Arguments) -> dict[str, dict[str, Path]]:
     return found
 
 
-def _plan(setting: Setting) -> Plan:
+def _plan(setting: Setting) -> EvaluationPlan:
     args = setting.args
     options = replace(Options.quick() if args.quick else Options(), seed=args.seed)
     if args.seconds is not None:
         options = replace(options, follow_seconds=args.seconds)
     folder = args.features or model_folder()
-    encoder = MotionEncoder(folder) if has_encoder(folder) else None
+    encoder = ExportedMotionEncoder(folder) if has_encoder(folder) else None
     return make_plan(setting.clips, args.styles, options, encoder, setting.report)
 
 

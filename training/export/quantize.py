@@ -24,7 +24,7 @@ from runtime.motion.controller import Controller
 from runtime.motion.features import FPS, OUTPUT
 from runtime.motion.model import MotionModel, Style, load_model
 from runtime.motion.model_files import INT8_GRAPH, PRECISIONS, read_metadata
-from runtime.motion.paths import Place, control_script
+from runtime.motion.paths import PlanarPose, control_script
 from runtime.prompts.prompter import Prompter
 from runtime.terrain.library import load_terrain
 
@@ -55,7 +55,7 @@ COURSES = (  # prompt, path, gait, terrain of the walks that the error is measur
 
 
 @dataclass(frozen=True)
-class Frames:
+class CalibrationFrames:
     """Inputs of single frames: x `(N, 472)`, noise `(N, steps, K, output)` and a style for each."""
 
     x: Array
@@ -136,7 +136,7 @@ def _refine(model: onnx.ModelProto) -> None:
 def quantize_model(
     folder: Path,
     default: str = "int8",
-    frames: Frames | None = None,
+    frames: CalibrationFrames | None = None,
     text_encoder: Path | None = None,
 ) -> dict[str, object]:
     """Write `step_int8.onnx` into a model folder and what it costs into its metadata: the section, which is returned.
@@ -181,7 +181,7 @@ class _Recorder(MotionModel):
         return super().step(x, noise, style)
 
 
-def record_frames(folder: Path, text_encoder: Path | None = None, seconds: float = 4.0) -> Frames:
+def record_frames(folder: Path, text_encoder: Path | None = None, seconds: float = 4.0) -> CalibrationFrames:
     """What the networks of a folder meet while they walk, jog and sneak in six styles, in full precision."""
     model = _Recorder(folder)
     to_style = Prompter(model, text_encoder=text_encoder)
@@ -191,12 +191,12 @@ def record_frames(folder: Path, text_encoder: Path | None = None, seconds: float
         script, pose = control_script(path, gait, 1.0, seed), controller.pose
         for frame in range(round(seconds * FPS)):
             x, _, z = pose.root_position
-            pose = controller.step(script(frame / FPS, Place(float(x), float(z), pose.root_yaw)))
+            pose = controller.step(script(frame / FPS, PlanarPose(float(x), float(z), pose.root_yaw)))
     xs, noises, styles = zip(*model.frames, strict=True)
-    return Frames(np.stack(xs), np.stack(noises), styles)
+    return CalibrationFrames(np.stack(xs), np.stack(noises), styles)
 
 
-def measure(folder: Path, frames: Frames) -> dict[str, float]:
+def measure(folder: Path, frames: CalibrationFrames) -> dict[str, float]:
     """Difference of int8 from fp32, frame by frame: `relative_error` and the joints' positions in mm."""
     full, small = (load_model(folder, precision=precision) for precision in ("fp32", "int8"))
     expected, got = (

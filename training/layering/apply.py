@@ -6,11 +6,11 @@ import numpy as np
 
 from training.layering import cycle_edits, pose_edits, root_edits
 from training.layering.catalog import PartEdit
-from training.layering.pose_edits import Motion
+from training.layering.pose_edits import EditedMotion
 
 KINDS = pose_edits.KINDS | root_edits.KINDS | cycle_edits.KINDS
 
 
-def apply(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+def apply(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     """The motion with one edit, a little varied by `random` in strength and place; rhythm may change its length."""
     return KINDS[edit.kind](motion, edit, random)

@@ -35,7 +35,7 @@ from training.layering.catalog import EDITS
 from training.layering.cycle import axes, cycle_frames, cycle_mean
 from training.layering.effects import rhythm_section
 from training.layering.pool import NEUTRAL, Pool, Source
-from training.layering.pose_edits import Motion, cut
+from training.layering.pose_edits import EditedMotion, cut
 from training.styles import style_library
 
 log = logging.getLogger("sport.train")
@@ -61,13 +61,15 @@ class _Draft:
     """A layered clip in the making: motion, and of every part its sentences and what it does (its key)."""
 
     source: Source
-    motion: Motion
+    motion: EditedMotion
     texts: dict[str, list[str]]
     keys: dict[str, str]
     edits: tuple[str, ...] = ()
 
     @staticmethod
-    def of(styles: dict[str, dict], source: Source, motion: Motion, random: np.random.Generator) -> _Draft:
+    def of(
+        styles: dict[str, dict], source: Source, motion: EditedMotion, random: np.random.Generator
+    ) -> _Draft:
         texts = {part: _style_texts(styles, source, part, random) for part in PART_NAMES}
         return _Draft(source, motion, texts, dict.fromkeys(PART_NAMES, source.key))
 
@@ -149,7 +151,7 @@ def _style_texts(
     return [getattr(descriptions[int(k)], part) for k in order[:PARAPHRASES]]
 
 
-def _suits(source: Source, motion: Motion, edits: tuple[str, ...]) -> bool:
+def _suits(source: Source, motion: EditedMotion, edits: tuple[str, ...]) -> bool:
     """Whether edits can show: an arm that does not swing in its style cannot swing more, feet move on a floor only."""
     if any(EDITS[e].scales for e in edits) and not source.style.startswith("neutral"):
         return False
@@ -160,7 +162,7 @@ def _suits(source: Source, motion: Motion, edits: tuple[str, ...]) -> bool:
 
 def _suitable(
     pool: Pool, edits: tuple[str, ...], random: np.random.Generator
-) -> tuple[Source, Motion] | None:
+) -> tuple[Source, EditedMotion] | None:
     """Another clip and a piece of it that suit the edits; None after `TRIES` draws."""
     neutral = 1.0 if any(EDITS[e].scales for e in edits) else NEUTRAL
     for _ in range(TRIES):
@@ -172,7 +174,7 @@ def _suitable(
     return None
 
 
-def walks_on_a_floor(motion: Motion) -> bool:
+def walks_on_a_floor(motion: EditedMotion) -> bool:
     """Whether a motion goes forward on level ground, so that its feet may be put elsewhere."""
     feet = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local)[0][:, FOOT_JOINTS]
     ground = motion.ground.height(feet[..., 0], feet[..., 2])
@@ -186,7 +188,9 @@ def walks_on_a_floor(motion: Motion) -> bool:
     return bool(gone.sum() > 0.3 * len(gone) / features.FPS and along.sum() > FORWARD * gone.sum())
 
 
-def _ground(source: Source, motion: Motion, edits: tuple[str, ...], random: np.random.Generator) -> Patches:
+def _ground(
+    source: Source, motion: EditedMotion, edits: tuple[str, ...], random: np.random.Generator
+) -> Patches:
     """The source's ground near the path, or new relief around feet that stand elsewhere now."""
     if any(EDITS[e].moves_feet for e in edits):
         positions, _ = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local)

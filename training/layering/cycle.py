@@ -11,7 +11,7 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.motion import features
 from runtime.skeleton import SPORT_SKELETON
-from training.layering.pose_edits import Motion
+from training.layering.pose_edits import EditedMotion
 from training.layering.steps import left_landings
 
 USUAL_CYCLE = 66  # frames, where there are too few landings to tell
@@ -47,7 +47,7 @@ def cycle_mean(values: Array, frames: int) -> Array:
     return (total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1)
 
 
-def axes(motion: Motion) -> Axes:
+def axes(motion: EditedMotion) -> Axes:
     """The facing direction over a cycle."""
     positions, _ = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local.astype(np.float64))
     facing_yaw = np.unwrap(features.facing_yaw(positions).astype(np.float64))

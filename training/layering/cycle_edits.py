@@ -21,7 +21,7 @@ from training.layering.cycle import (
     cycle_mean,
     right_landings,
 )
-from training.layering.pose_edits import SPINE_ONLY, Motion, lean_shares, turn_joints, turns
+from training.layering.pose_edits import SPINE_ONLY, EditedMotion, lean_shares, turn_joints, turns
 from training.layering.root_edits import down, feet_of, with_feet
 from training.layering.steps import height_in_swing, left_landings, swings
 
@@ -37,12 +37,12 @@ def _scale(edit: PartEdit, name: str, random: np.random.Generator) -> float:
     return value if value == 1.0 else value * float(np.exp(0.05 * random.normal()))
 
 
-def bob(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+def bob(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     """`scale`: times the rise and fall of the hips. Their highest stays where it is, or sinks: legs grow no longer."""
     return _bobbing(motion, _scale(edit, "scale", random))
 
 
-def _bobbing(motion: Motion, scale: float) -> Motion:
+def _bobbing(motion: EditedMotion, scale: float) -> EditedMotion:
     hips = motion.hips.astype(np.float64)
     frames = cycle_frames(motion.contacts)
     away = (hips - cycle_mean(hips, frames))[:, 1]
@@ -53,7 +53,7 @@ def _bobbing(motion: Motion, scale: float) -> Motion:
     )
 
 
-def hips(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+def hips(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     """`sideways`: times the sway of the pelvis to either side; `roll` and `yaw`: times its turns about a cycle's mean."""
     ahead = axes(motion)
     frames = cycle_frames(motion.contacts)
@@ -69,7 +69,7 @@ def hips(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
     return turn_joints(moved, _world(ahead, more), {0: 1.0}, ankles)
 
 
-def shoulders(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+def shoulders(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     """`yaw`: times the turning of the shoulders about a cycle's mean; `roll`: degrees that they rise and fall in turn."""
     ahead = axes(motion)
     positions, _ = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local.astype(np.float64))
@@ -86,7 +86,7 @@ def shoulders(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Mo
     return turn_joints(moved, turns(moved, 0.0, 0.0, swing), lean_shares(SPINE_ONLY, 0.8, 0.2))
 
 
-def rock(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+def rock(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     """`roll`: degrees that the whole torso tilts over the foot that carries, `sideways`: metres that the hips go along."""
     size = random.normal(1.0, 0.06)
     swing = np.sin(2 * np.pi * (motion.step_phase() + 0.05))
@@ -99,7 +99,7 @@ def rock(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
     return turn_joints(moved, turns(moved, 0.0, 0.0, roll), lean_shares(chain, 0.6, 0.4), ankles)
 
 
-def landing(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+def landing(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     """How feet come down. `lift`: metres that they rise more before it, late; `drop`: metres that knees give after it.
 
     `soft`: share of a swing's height that is gone by two thirds of it, so that the foot arrives slowly.
@@ -146,7 +146,7 @@ def _early(standing: NDArray[np.bool_]) -> Array:
     return result
 
 
-def _jolts(motion: Motion) -> Array:
+def _jolts(motion: EditedMotion) -> Array:
     """One after every landing, risen to in a tenth of a second and gone after half."""
     landings = np.concatenate([left_landings(motion.contacts), right_landings(motion.contacts)])
     since = (np.arange(len(motion.hips))[:, None] - landings[None]) / _HARD

@@ -17,7 +17,7 @@ from runtime.skeleton import SPORT_SKELETON
 from training.layering.apply import apply
 from training.layering.catalog import EDITS
 from training.layering.pool import load_source
-from training.layering.pose_edits import Motion, cut
+from training.layering.pose_edits import EditedMotion, cut
 from training.text.measure import BodyMeasures, measure, smoothed_facing
 
 Target = tuple[str, str]  # part, field of its measures
@@ -90,10 +90,10 @@ def value(summary: Summary, target: Target) -> float:
 
 
 @dataclass(frozen=True)
-class Reference:
+class CapturedReference:
     """Captured neutral walks and the same walks edited: what an edit is worth on real motion."""
 
-    walks: list[tuple[str, Motion, Summary]]
+    walks: list[tuple[str, EditedMotion, Summary]]
 
     def edited(self, edits: Sequence[str]) -> list[tuple[Summary, Summary]]:
         """Each walk before and after the edits, which are varied as in training but always alike."""
@@ -119,9 +119,9 @@ class Reference:
         return found
 
 
-def load_reference(clips: Path) -> Reference:
+def load_reference(clips: Path) -> CapturedReference:
     """Neutral straight walks of every data set, unmirrored and on their own ground; FileError when there is none."""
-    walks: list[tuple[str, Motion, Summary]] = []
+    walks: list[tuple[str, EditedMotion, Summary]] = []
     taken: dict[str, int] = {}
     for path in sorted(clips.glob("*.npz")):
         dataset = path.stem.split("_")[0]
@@ -141,7 +141,7 @@ def load_reference(clips: Path) -> Reference:
         raise FileError(
             f"{clips}: no captured neutral walk.", "Run `sport train import --data DIR --out DIR`."
         )
-    return Reference(walks)
+    return CapturedReference(walks)
 
 
 def _is_neutral_walk(path: Path) -> bool:

@@ -11,7 +11,7 @@ from runtime.errors import FileError
 from runtime.terrain.height_map import Terrain
 from training.data.height_patches import Patches
 from training.frames import PLAIN
-from training.layering.pose_edits import Motion
+from training.layering.pose_edits import EditedMotion
 
 NEUTRAL = 0.45  # share of clips that are built on neutral motion, where an edit shows most clearly
 PLAIN_SHARE = 0.7  # of the neutral motion is plain: an edit's words stand beside these sentences most often
@@ -26,7 +26,7 @@ class Source:
     mirrored: bool
     source: str
     gait: np.ndarray
-    motion: Motion
+    motion: EditedMotion
     patches: Patches
 
     @property
@@ -45,7 +45,7 @@ def load_source(path: Path) -> Source:
     cell = float(clip["patch_cell"])
     patches = Patches(clip["patch_heights"], (float(origin[0]), float(origin[1])), cell)
     ground = Terrain("patch", clip["patch_heights"][0].astype(np.float32), cell, patches.origin)
-    motion = Motion(
+    motion = EditedMotion(
         clip["hips_positions"].astype(np.float64),
         clip["local_rotations"].astype(np.float64),
         clip["contacts"],

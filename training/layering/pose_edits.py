@@ -33,7 +33,7 @@ ARM_FOLLOWS, HEAD_FOLLOWS = 0.35, 0.3  # arms keep hanging and eyes keep looking
 
 
 @dataclass(frozen=True)
-class Motion:
+class EditedMotion:
     """A motion being edited: hips `(T, 3)`, local rotations `(T, 31, 4)`, contacts `(T, 4)`, and its ground."""
 
     hips: Array
@@ -53,7 +53,7 @@ class Motion:
         return step_phase(self.contacts)
 
 
-def cut(motion: Motion, start: int, end: int) -> Motion:
+def cut(motion: EditedMotion, start: int, end: int) -> EditedMotion:
     """Frames `start` to `end` of a motion."""
     piece = slice(start, end)
     return replace(
@@ -68,7 +68,7 @@ def cut(motion: Motion, start: int, end: int) -> Motion:
 # --- Torso and head ---------------------------------------------------------------------------------------------------
 
 
-def turns(motion: Motion, pitch: Array | float, yaw: Array | float, roll: Array | float) -> Array:
+def turns(motion: EditedMotion, pitch: Array | float, yaw: Array | float, roll: Array | float) -> Array:
     """Axis-angle vectors `(T, 3)` in world space of turns in the facing frame, degrees; roll is towards the left."""
     zero = np.zeros(len(motion.hips))
     local = np.radians(np.stack([zero + pitch, zero + yaw, zero - roll], 1))
@@ -82,8 +82,8 @@ def _scaled(vectors: Array, share: float) -> Array:
 
 
 def turn_joints(
-    motion: Motion, vectors: Array, shares: dict[int, float], ankles: Array | None = None
-) -> Motion:
+    motion: EditedMotion, vectors: Array, shares: dict[int, float], ankles: Array | None = None
+) -> EditedMotion:
     """Every joint of `shares` turned in world space by its share; joints not named keep their world rotation.
 
     When the hips turn, the ankles stay where they are, or go to `ankles` `(T, 2, 3)`.
@@ -125,7 +125,7 @@ def lean_shares(chain: dict[int, float], arms: float, head: float) -> dict[int, 
     return shares | dict.fromkeys(PART_JOINTS["head"], head)
 
 
-def _lean(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+def _lean(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     pitch, roll = float(edit.parameters.get("pitch", 0.0)), float(edit.parameters.get("roll", 0.0))  # type: ignore[arg-type]
     amount = random.normal(1.0, 0.06)
     vectors = turns(motion, amount * pitch, 0.0, amount * roll)
@@ -138,31 +138,31 @@ def _lean(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion
     return turn_joints(replace(motion, hips=hips), vectors, shares, ankles)
 
 
-def _slump(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+def _slump(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     pitch = float(edit.parameters["pitch"]) * random.normal(1.0, 0.06)  # type: ignore[arg-type]
     shares = lean_shares(_ROUNDED, ARM_FOLLOWS, HEAD_FOLLOWS)
     return turn_joints(motion, turns(motion, pitch, 0.0, 0.0), shares)
 
 
-def _sway(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+def _sway(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     roll = float(edit.parameters["roll"]) * random.normal(1.0, 0.08)  # type: ignore[arg-type]
     swing = roll * np.sin(2 * np.pi * (motion.step_phase() + 0.05))
     return turn_joints(motion, turns(motion, 0.0, 0.0, swing), lean_shares(CHAIN, 0.6, 0.4))
 
 
-def _twist(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+def _twist(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     yaw = float(edit.parameters["yaw"]) * random.normal(1.0, 0.08)  # type: ignore[arg-type]
     swing = yaw * np.cos(2 * np.pi * motion.step_phase())
     return turn_joints(motion, turns(motion, 0.0, -swing, 0.0), lean_shares(SPINE_ONLY, 1.0, 0.15))
 
 
-def _bounce(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+def _bounce(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     height = float(edit.parameters["height"]) * random.normal(1.0, 0.08)  # type: ignore[arg-type]
     drop = 0.5 * height * (1.0 - np.cos(4 * np.pi * (motion.step_phase() - 0.04)))
     return _lowered(motion, drop)
 
 
-def _head(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+def _head(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     p: dict[str, Any] = edit.parameters
     amount = random.normal(1.0, 0.07)
     pitch, yaw, roll = (amount * float(p.get(k, 0.0)) for k in ("pitch", "yaw", "roll"))
@@ -195,7 +195,7 @@ class _Arm:
         return _Arm(collar, shoulder, elbow, hand, np.array([SIDES[side][1], 1.0, 1.0]))
 
 
-def _hand(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+def _hand(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     p: dict[str, Any] = edit.parameters
     arm = _Arm.of(edit.slot)
     positions, world = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local.astype(np.float64))
@@ -243,13 +243,13 @@ def _reaching(arm: _Arm, positions: Array, world: Array, target: Array, pole: Ar
     return rotations.multiply(upper_turn, first_upper), rotations.multiply(lower_turn, first_lower)
 
 
-def _beat(motion: Motion, rate: float, random: np.random.Generator) -> Array:
+def _beat(motion: EditedMotion, rate: float, random: np.random.Generator) -> Array:
     """Oscillation `(T,)` of `rate` cycles per stride, in step but for a little lag."""
     size = random.normal(1.0, 0.06)
     return size * np.sin(2 * np.pi * (rate * motion.step_phase() + 0.08 * random.random()))
 
 
-def _swing(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+def _swing(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     scale = float(edit.parameters["scale"]) * random.normal(1.0, 0.05)  # type: ignore[arg-type]
     name = edit.slot.removesuffix("_arm").capitalize()
     local = motion.local.astype(np.float64).copy()
@@ -278,32 +278,34 @@ def _drift(length: int, random: np.random.Generator) -> Array:
 # --- Legs -------------------------------------------------------------------------------------------------------------
 
 
-def keep_feet(moved: Motion, original: Motion) -> Array:
+def keep_feet(moved: EditedMotion, original: EditedMotion) -> Array:
     """Local rotations with the moved hips and the original's feet."""
     positions, world = SPORT_SKELETON.forward_kinematics(original.hips, original.local.astype(np.float64))
     return ik.solve_legs(moved.hips, moved.local, positions[:, ik.LEG_FEET], world[:, ik.LEG_FEET])
 
 
-def _lowered(motion: Motion, drop: Array | float) -> Motion:
+def _lowered(motion: EditedMotion, drop: Array | float) -> EditedMotion:
     hips = motion.hips.astype(np.float64).copy()
     hips[:, 1] -= drop
     moved = replace(motion, hips=hips)
     return replace(moved, local=keep_feet(moved, motion))
 
 
-def _leg(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+def _leg(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     p: dict[str, Any] = edit.parameters
     column, sign = SIDES[edit.slot.removesuffix("_leg")]
     return _legs_edit(motion, {k: v * random.normal(1.0, 0.07) for k, v in p.items()}, ((column, sign),))
 
 
-def _legs(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+def _legs(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     p: dict[str, Any] = edit.parameters
     both = tuple(SIDES.values())
     return _legs_edit(motion, {k: v * random.normal(1.0, 0.07) for k, v in p.items()}, both)
 
 
-def _legs_edit(motion: Motion, p: dict[str, float], sides: tuple[tuple[int, float], ...]) -> Motion:
+def _legs_edit(
+    motion: EditedMotion, p: dict[str, float], sides: tuple[tuple[int, float], ...]
+) -> EditedMotion:
     if "lower" in p:
         return _lowered(motion, p["lower"])
     positions, world = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local.astype(np.float64))
@@ -364,7 +366,7 @@ def _drag(ankle: Array, foot: Array, toe: Array, share: Array, ground: Terrain) 
     ankle[:, 1] -= share * np.maximum(room, 0.0)
 
 
-KINDS: dict[str, Callable[[Motion, PartEdit, np.random.Generator], Motion]] = {
+KINDS: dict[str, Callable[[EditedMotion, PartEdit, np.random.Generator], EditedMotion]] = {
     "lean": _lean,
     "slump": _slump,
     "sway": _sway,

@@ -23,7 +23,7 @@ from training.layering.cycle import away_from_mean, axes, cycle_frames, cycle_me
 from training.layering.pose_edits import (
     CHAIN,
     SIDES,
-    Motion,
+    EditedMotion,
     lean_shares,
     turn_joints,
     turns,
@@ -40,13 +40,13 @@ _VARIATION_GONE = 0.7  # of the stance width, where one is asked for
 _STEP_SHARE = 0.6  # of an unequal rate that becomes an unequal step length; the rest is an uneven speed
 
 
-def feet_of(motion: Motion) -> tuple[Array, Array, Array]:
+def feet_of(motion: EditedMotion) -> tuple[Array, Array, Array]:
     """Ankles `(T, 2, 3)`, toes `(T, 2, 3)` and rotations of the feet `(T, 2, 4)` in world space."""
     positions, world = SPORT_SKELETON.forward_kinematics(motion.hips, motion.local.astype(np.float64))
     return positions[:, ik.LEG_FEET], positions[:, ik.LEG_TOES], world[:, ik.LEG_FEET]
 
 
-def with_feet(motion: Motion, hips: Array, ankles: Array, feet: Array) -> Motion:
+def with_feet(motion: EditedMotion, hips: Array, ankles: Array, feet: Array) -> EditedMotion:
     """The motion with other hips `(T, 3)`, its ankles at `ankles` `(T, 2, 3)` with rotations `feet`; the hips sink where
     a leg would be too short.
     """
@@ -56,7 +56,7 @@ def with_feet(motion: Motion, hips: Array, ankles: Array, feet: Array) -> Motion
     )
 
 
-def down(motion: Motion, column: int) -> NDArray[np.bool_]:
+def down(motion: EditedMotion, column: int) -> NDArray[np.bool_]:
     """Frames in which a foot (0 left, 1 right) stands."""
     return np.asarray(motion.contacts[:, 2 * column : 2 * column + 2].any(1))
 
@@ -64,7 +64,7 @@ def down(motion: Motion, column: int) -> NDArray[np.bool_]:
 # --- Path -------------------------------------------------------------------------------------------------------------
 
 
-def on_path(motion: Motion, moved: Array, extra: Array | None = None) -> Motion:
+def on_path(motion: EditedMotion, moved: Array, extra: Array | None = None) -> EditedMotion:
     """The motion with its root moved by `moved` `(T, 3)`, and every foot by what the root moves where it passes it.
 
     `extra` `(T, 2, 3)` is added to the feet. Both are held in stance.
@@ -84,7 +84,7 @@ def on_path(motion: Motion, moved: Array, extra: Array | None = None) -> Motion:
     return with_feet(replace(motion, contacts=contacts), hips, ankles, feet)
 
 
-def scaled_path(motion: Motion, share: Array | float) -> Array:
+def scaled_path(motion: EditedMotion, share: Array | float) -> Array:
     """What a root moves `(T, 3)` that goes `share` `(T,)` times as far; its sideways curve about the path stays."""
     path = cycle_mean(motion.hips.astype(np.float64), cycle_frames(motion.contacts))
     ahead = axes(motion).ahead
@@ -111,7 +111,7 @@ def _passed(path: Array, foot: Array) -> NDArray[np.intp]:
 
 
 def _heels_up(
-    motion: Motion, hips: Array, ankles: Array, toes: Array, feet: Array
+    motion: EditedMotion, hips: Array, ankles: Array, toes: Array, feet: Array
 ) -> tuple[Array, Array, NDArray[np.uint8]]:
     """Ankles and feet with the heel raised about the toe where a leg behind would be too short, and the contacts."""
     ahead = axes(motion).ahead
@@ -144,7 +144,7 @@ def _heels_up(
 # --- Time -------------------------------------------------------------------------------------------------------------
 
 
-def at_rate(motion: Motion, rate: Array) -> Motion:
+def at_rate(motion: EditedMotion, rate: Array) -> EditedMotion:
     """The motion played at `rate` `(T,)` times its speed: contacts and gait go with their frames."""
     clock = np.concatenate([[0.0], np.cumsum(0.5 / rate[:-1] + 0.5 / rate[1:])])
     at = np.interp(np.arange(int(clock[-1]) + 1), clock, np.arange(len(rate)))
@@ -165,7 +165,7 @@ def at_rate(motion: Motion, rate: Array) -> Motion:
 # --- The kinds of edits -----------------------------------------------------------------------------------------------
 
 
-def steps(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+def steps(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     """`length`: times the step length; `cadence`: times the steps a minute."""
     p: dict[str, Any] = edit.parameters
     length = _varied(float(p.get("length", 1.0)), random)
@@ -184,7 +184,7 @@ def steps(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion
     return motion if cadence == 1.0 else at_rate(motion, np.full(len(motion.hips), cadence))
 
 
-def _as_straight(before: Motion, after: Motion) -> Motion:
+def _as_straight(before: EditedMotion, after: EditedMotion) -> EditedMotion:
     """`after` with its hips raised so far that the legs that stand are as long as in `before`: short steps, high hips."""
     sockets = SPORT_SKELETON.offsets[ik.LEG_THIGHS].astype(np.float64)
     ankles, _, feet = feet_of(after)
@@ -205,7 +205,7 @@ def _as_straight(before: Motion, after: Motion) -> Motion:
     return with_feet(after, after.hips + smooth(rise[:, None], 4.0) * np.array([0.0, 1.0, 0.0]), ankles, feet)
 
 
-def line(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+def line(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     """`outward`: metres of both feet from the middle line; steps vary about it a third as much as in the capture."""
     wanted = float(edit.parameters["outward"]) + 0.006 * random.normal()  # type: ignore[arg-type]
     path = cycle_mean(motion.hips.astype(np.float64), cycle_frames(motion.contacts))
@@ -220,7 +220,7 @@ def line(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
     return on_path(motion, np.zeros_like(path), extra)
 
 
-def stance(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+def stance(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     """`uneven`: how many times as long one foot carries alone as the other, below 1 a limp; `drop`: of the hips on it."""
     p: dict[str, Any] = edit.parameters
     column, _ = SIDES[edit.slot.removesuffix("_leg")]
@@ -238,7 +238,7 @@ def stance(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motio
     return at_rate(motion, rate)
 
 
-def hesitation(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+def hesitation(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     """`pause`: seconds that are spent between steps while both feet stand, `every`: steps between two pauses."""
     p: dict[str, Any] = edit.parameters
     seconds = _varied(float(p["pause"]), random)
@@ -250,7 +250,7 @@ def hesitation(motion: Motion, edit: PartEdit, random: np.random.Generator) -> M
     return at_rate(motion, 1.0 / longer)
 
 
-def stagger(motion: Motion, edit: PartEdit, random: np.random.Generator) -> Motion:
+def stagger(motion: EditedMotion, edit: PartEdit, random: np.random.Generator) -> EditedMotion:
     """`wander`: metres that the course leaves its line to either side, `roll`: degrees that the torso follows."""
     p: dict[str, Any] = edit.parameters
     seconds = np.arange(len(motion.hips)) / FPS

@@ -11,8 +11,8 @@ from torch import Tensor
 
 from runtime.motion.features import OUTPUT
 from training import losses as terms
-from training.batches import Frames, RandomRows
-from training.composition.composer import Composer, Plan
+from training.batches import FrameTensors, RandomRows
+from training.composition.composer import Composer, CompositionPlan
 from training.frames import FIRST_OF_UPPER, FrameTable
 from training.networks.content import (
     SEQUENCE_LENGTH,
@@ -26,7 +26,7 @@ from training.presets import ModelConfig
 from training.session import (
     MovingAverage,
     Session,
-    StageState,
+    TrainingState,
     load_checkpoint,
     save_checkpoint,
     train,
@@ -74,7 +74,7 @@ class Sequences:
         rotations = y[..., OUTPUT["joint_rotations"]].unflatten(-1, (-1, 6))
         return torch.cat([positions, rotations], -1), y[..., OUTPUT["root"]]
 
-    def __call__(self, start: Tensor, plan: Plan | None = None) -> tuple[Tensor, Tensor]:
+    def __call__(self, start: Tensor, plan: CompositionPlan | None = None) -> tuple[Tensor, Tensor]:
         """Windows that begin at frames `start` `(B,)`, with parts of other clips where `plan` has them."""
         index = start[:, None] + STRIDE * torch.arange(SEQUENCE_LENGTH, device=start.device)
         joints, root = self._split(self.y[index].float(), self.ground[index])
@@ -92,11 +92,11 @@ SPAN = STRIDE * (SEQUENCE_LENGTH - 1)  # frames from a window's first to its las
 
 
 @dataclass
-class Windows:
+class ContentWindows:
     """First frames of windows `(B,)`, what is put on them, and whose words every part has, clips `(B, 6)`."""
 
     start: Tensor
-    plan: Plan
+    plan: CompositionPlan
     clips: Tensor
 
 
@@ -105,7 +105,7 @@ class DrawnWindows:
 
     def __init__(
         self,
-        frames: Frames,
+        frames: FrameTensors,
         weights: np.ndarray,
         batch: int,
         generator: torch.Generator,
@@ -117,11 +117,11 @@ class DrawnWindows:
     def __iter__(self) -> DrawnWindows:
         return self
 
-    def __next__(self) -> Windows:
+    def __next__(self) -> ContentWindows:
         frames, rows = self._frames, next(self._rows)
         start = torch.maximum(torch.minimum(rows, frames.last[rows] - SPAN), frames.first[rows])
         plan = frames.plan(start, SPAN)
-        return Windows(start, plan, plan.words(frames.clip[start]))
+        return ContentWindows(start, plan, plan.words(frames.clip[start]))
 
     def state_dict(self) -> dict[str, Tensor]:
         return self._rows.state_dict()
@@ -169,7 +169,7 @@ class ContentLosses:
         self.keys = torch.as_tensor(texts.keys).to(device)
 
     def __call__(self, item: object, step: int) -> dict[str, Tensor]:
-        assert isinstance(item, Windows)
+        assert isinstance(item, ContentWindows)
         clips = item.clips
         joints, root = self.sequences(item.start, item.plan)
         target = torch.cat([joints.flatten(-2), root], -1)
@@ -234,7 +234,7 @@ def run(
     session: Session,
     config: ModelConfig,
     table: FrameTable,
-    frames: Frames,
+    frames: FrameTensors,
     weights: np.ndarray,
     texts: StyleTexts,
     steps: int = 3000,
@@ -253,7 +253,7 @@ def run(
     _measure_statistics(module, sequences, batches, batch)
     measured = _measured(module, clips, table, weights, device)
     optimizer = torch.optim.AdamW(module.parameters(), lr=5e-4, weight_decay=1e-4)
-    state = StageState(module, optimizer, MovingAverage(module, 0.995))
+    state = TrainingState(module, optimizer, MovingAverage(module, 0.995))
     train(
         session,
         "content",

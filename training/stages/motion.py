@@ -13,8 +13,8 @@ from torch import Tensor
 from runtime.feet.skating import SOLE_POINTS
 from runtime.motion.features import INPUT, OUTPUT
 from training import losses as terms
-from training.batches import Frames, Normalisation, RandomRows, loss_weights
-from training.composition.composer import Plan
+from training.batches import FrameTensors, Normalisation, RandomRows, loss_weights
+from training.composition.composer import CompositionPlan
 from training.networks.decoder import blend_codes
 from training.networks.diffusion import Schedule, add_noise, analytic_variance, noise_estimate
 from training.networks.generator import Generator
@@ -26,7 +26,7 @@ from training.session import (
     MovingAverage,
     Resumable,
     Session,
-    StageState,
+    TrainingState,
     load_checkpoint,
     save_checkpoint,
     train,
@@ -42,7 +42,7 @@ _FEET = list(SOLE_POINTS)
 class MotionData:
     """Frames, their normalisation, the clips' Z^t and the frames' sampling weights, on one device."""
 
-    frames: Frames
+    frames: FrameTensors
     normal: Normalisation
     style: StyleTable
     weights: np.ndarray
@@ -63,11 +63,11 @@ class MotionData:
         """Normalised x of captured frames, their paths as a stick gives them."""
         return self.normal.normalised(steered(self.frames.inputs(rows, patch)))
 
-    def output(self, rows: Tensor, patch: Tensor, plan: Plan | None = None) -> Tensor:
+    def output(self, rows: Tensor, patch: Tensor, plan: CompositionPlan | None = None) -> Tensor:
         """Normalised y, with parts of other clips where `plan` has them."""
         return self._standardised(self.frames.outputs(rows, patch, plan))
 
-    def pairs(self, rows: Tensor, patch: Tensor, plan: Plan) -> tuple[Tensor, Tensor]:
+    def pairs(self, rows: Tensor, patch: Tensor, plan: CompositionPlan) -> tuple[Tensor, Tensor]:
         """Normalised x, its paths as a stick gives them, and y."""
         x, y = self.frames.pairs(rows, patch, plan)
         return self.normal.normalised(steered(x)), self._standardised(y)
@@ -76,7 +76,7 @@ class MotionData:
         return (y - self.normal.y_mean) / self.normal.y_deviation
 
 
-def measure(frames: Frames, weights: np.ndarray, session: Session, count: int = 40000) -> Normalisation:
+def measure(frames: FrameTensors, weights: np.ndarray, session: Session, count: int = 40000) -> Normalisation:
     """Normalisation from `count` weighted frames, composed as training sees them."""
     torch.manual_seed(session.seed + 1)
     rows = next(RandomRows(weights, count, 0, frames.last, session.generator(3)))
@@ -198,7 +198,7 @@ def run_stage2(
         _without_dropout(module)
     parameters = [p for n, p in module.named_parameters() if not n.startswith("denoiser")]
     optimizer = torch.optim.AdamW(parameters, lr=1e-3, weight_decay=1e-4)
-    state = StageState(module, optimizer, MovingAverage(module, _decay(steps)))
+    state = TrainingState(module, optimizer, MovingAverage(module, _decay(steps)))
     rows = RandomRows(data.weights, batch, 1, data.frames.last, session.batch_generator(4))
     lanes = _lanes(session, data, batch, 8)
 
@@ -292,7 +292,7 @@ def _cosine(steps: int) -> Callable[[int], float]:
     return rate
 
 
-def _denoiser_state(session: Session, config: ModelConfig, module: Generator, steps: int) -> StageState:
+def _denoiser_state(session: Session, config: ModelConfig, module: Generator, steps: int) -> TrainingState:
     """The denoiser alone is trained; at first it adds nothing to the codes of E_d."""
     if config.residual_diffusion and not (session.out / START).exists():
         torch.nn.init.zeros_(module.denoiser.head.weight)
@@ -300,7 +300,7 @@ def _denoiser_state(session: Session, config: ModelConfig, module: Generator, st
     module.requires_grad_(False)
     module.denoiser.requires_grad_(True)
     optimizer = torch.optim.AdamW(module.denoiser.parameters(), lr=1e-3, weight_decay=1e-4)
-    return StageState(module, optimizer, MovingAverage(module, _decay(steps)))
+    return TrainingState(module, optimizer, MovingAverage(module, _decay(steps)))
 
 
 def run_stage3(

@@ -17,7 +17,7 @@ from training.presets import ModelConfig
 from training.session import (
     MovingAverage,
     Session,
-    StageState,
+    TrainingState,
     load_checkpoint,
     save_checkpoint,
     train,
@@ -74,7 +74,7 @@ def run(
     batches = _Windows(session, table, weights, batch)
     module = PeriodicAutoencoder(config).to(session.device)
     optimizer = torch.optim.AdamW(module.parameters(), lr=1e-3, weight_decay=1e-4)
-    state = StageState(module, optimizer, MovingAverage(module, 0.99))
+    state = TrainingState(module, optimizer, MovingAverage(module, 0.99))
 
     def losses(window: object, step: int) -> dict[str, Tensor]:
         assert isinstance(window, Tensor)

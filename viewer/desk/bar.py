@@ -8,7 +8,7 @@ from viewer.desk.undo import Undo
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.layout import Rect
-from viewer.gui.panels import Panel, Place
+from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.projects.projects import Projects
@@ -31,7 +31,7 @@ def panel(desk: Desk, undo: Undo) -> Panel:
         keys(desk)
         undo.keys()
 
-    return Panel("Desk", Place.VIEW, lambda view: draw(desk, view), keys=act_on_keys)
+    return Panel("Desk", PanelPlace.VIEW, lambda view: draw(desk, view), keys=act_on_keys)
 
 
 def draw(desk: Desk, view: Rect) -> None:

@@ -10,7 +10,7 @@ from runtime.assets import DEFAULT_MODEL, model_folder, model_name
 from viewer.desk.guide import Guide
 from viewer.desk.state import DeskState
 from viewer.exports.exporting import Exporting
-from viewer.gui.dialogs import Dialogs, Kind
+from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.jobs import Jobs
 from viewer.messages import Messages
 from viewer.projects.contents import Contents
@@ -76,7 +76,7 @@ class Desk:
         filters = ["All that opens", " ".join(f"*{ending}" for ending in endings), "All files", "*"]
         start = Path(self.settings.export_folder).expanduser()
         start = start if start.is_dir() else Path.home()
-        self.dialogs.ask(Kind.OPEN, "Open a file", start, lambda path: open_files([path]), filters)
+        self.dialogs.ask(DialogKind.OPEN, "Open a file", start, lambda path: open_files([path]), filters)
 
     def begin(self, project: str | None, autosaving: bool) -> None:
         """Look for what other runs left, and open the project of the command line; "last" is the one open last."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.layout import Rect
-from viewer.gui.panels import Panel, Place
+from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.prompt.state import PromptState
@@ -88,7 +88,7 @@ class Guide:
 
 def panel(guide: Guide, covered: Callable[[], bool]) -> Panel:
     """The card; not shown while it would be `covered`, or cover."""
-    return Panel("First minute", Place.VIEW, lambda view: draw(guide, view), shown=lambda: not covered())
+    return Panel("First minute", PanelPlace.VIEW, lambda view: draw(guide, view), shown=lambda: not covered())
 
 
 def draw(guide: Guide, view: Rect) -> None:

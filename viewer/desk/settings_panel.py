@@ -11,8 +11,8 @@ from runtime.safe_read import printable
 from viewer.desk.desk import Desk
 from viewer.gl_bindings import imgui
 from viewer.gui import overlay, setting_widgets, theme, widgets
-from viewer.gui.dialogs import Kind
-from viewer.gui.panels import Panel, Place
+from viewer.gui.dialogs import DialogKind
+from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
 from viewer.settings import Settings, spec_of
@@ -38,7 +38,7 @@ def panel(desk: Desk, fonts: Fonts) -> Panel:
         desk.state.settings_open = False
         return was_open
 
-    return Panel("Settings", Place.WINDOW, lambda _: draw(desk, fonts), close=close)
+    return Panel("Settings", PanelPlace.WINDOW, lambda _: draw(desk, fonts), close=close)
 
 
 def draw(desk: Desk, fonts: Fonts) -> None:
@@ -89,7 +89,7 @@ def _takes(desk: Desk) -> None:
             settings.export_folder = str(path)
             desk.messages.note(f"Exports go to {path}.")
 
-        desk.dialogs.ask(Kind.FOLDER, "Folder of exports", start, chosen)
+        desk.dialogs.ask(DialogKind.FOLDER, "Folder of exports", start, chosen)
     overlay.row("Seconds kept", "What T keeps of the rolling memory")
     setting_widgets.slider(settings, "keep_seconds")
 
@@ -129,4 +129,4 @@ def _model(desk: Desk) -> None:
         desk.choose_model(Path(str(chosen)))
     imgui.same_line(0, px(4))
     if widgets.icon_button(ICON.folder, "browse model", "Choose the folder of an exported model", theme.TEXT):
-        desk.dialogs.ask(Kind.FOLDER, "Folder of an exported model", desk.model_home, desk.choose_model)
+        desk.dialogs.ask(DialogKind.FOLDER, "Folder of an exported model", desk.model_home, desk.choose_model)

@@ -15,7 +15,7 @@ from runtime.formats.table import FORMATS
 from runtime.safe_read import printable
 from runtime.terrain.height_map import Terrain
 from viewer.exports.state import SIZES, ExportForm, ExportState
-from viewer.gui.dialogs import Dialogs, Kind
+from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.jobs import Jobs
 from viewer.messages import Messages
 from viewer.stage.stage import Stage
@@ -100,7 +100,9 @@ class Exporting:
 
         suffix = self.state.form.suffix
         start = Path(self.state.path).expanduser()
-        self.dialogs.ask(Kind.SAVE, "Export the take", start, chosen, (FORMATS[suffix].name, f"*{suffix}"))
+        self.dialogs.ask(
+            DialogKind.SAVE, "Export the take", start, chosen, (FORMATS[suffix].name, f"*{suffix}")
+        )
 
     # --- writing
 
@@ -195,13 +197,13 @@ class Exporting:
 
     def _film_options(self, form: ExportForm) -> Any:
         from viewer.filming.film import FilmOptions
-        from viewer.filming.shots import View
+        from viewer.filming.shots import ShotView
 
         camera = self.stage.camera.current
         width, height = SIZES[form.size]
         options = FilmOptions(
             width, height, form.film_fps, form.camera, form.distance, form.captions, form.quality,
-            View(camera.yaw, camera.pitch, camera.distance), form.fov_degrees,
+            ShotView(camera.yaw, camera.pitch, camera.distance), form.fov_degrees,
         )  # fmt: skip
         options.check()
         return options

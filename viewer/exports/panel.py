@@ -15,7 +15,7 @@ from viewer.exports.state import GROUNDS, SIZES, ExportForm
 from viewer.filming.shots import CAMERAS, VIEW
 from viewer.gl_bindings import imgui
 from viewer.gui import overlay, theme, widgets
-from viewer.gui.panels import Panel, Place
+from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
 
@@ -34,7 +34,7 @@ def panel(exporting: Exporting, fonts: Fonts) -> Panel:
         exporting.state.open = False
         return was_open
 
-    return Panel("Export", Place.WINDOW, lambda _: draw(exporting, fonts), close=close)
+    return Panel("Export", PanelPlace.WINDOW, lambda _: draw(exporting, fonts), close=close)
 
 
 def draw(exporting: Exporting, fonts: Fonts) -> None:

@@ -20,7 +20,7 @@ from runtime.pose import Pose
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
 from viewer.filming.captions import Captions, caption
-from viewer.filming.shots import CameraPath, View, camera_path
+from viewer.filming.shots import CameraPath, ShotView, camera_path
 from viewer.filming.writers import FrameWriter, check_writer, open_writer
 from viewer.render.camera import Camera
 
@@ -44,7 +44,7 @@ class FilmOptions:
     distance: float = 0.0  # metres of the camera, 0 for its usual one
     captions: bool = True
     quality: str = "high"  # or "software": faster without a graphics card
-    view: View | None = None  # of the camera "view"
+    view: ShotView | None = None  # of the camera "view"
     fov_degrees: float = 0.0  # field of view from bottom to top; 0 for the usual one
 
     def check(self) -> None:

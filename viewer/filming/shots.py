@@ -26,7 +26,7 @@ CLEARANCE_M = 0.3  # of a still camera over the ground
 
 
 @dataclass(frozen=True)
-class View:
+class ShotView:
     """A direction to look from (radians) and the distance (metres)."""
 
     yaw: float
@@ -63,7 +63,7 @@ def camera_path(
     aspect: float,
     distance: float = 0.0,
     height: float = 0.0,
-    view: View | None = None,
+    view: ShotView | None = None,
     fov: float = 0.0,
 ) -> CameraPath:
     """The camera `name` of `CAMERAS` for a clip of a character of a `height`; `distance` in metres, 0 for its usual one.
@@ -91,7 +91,7 @@ def _camera_path(
     aspect: float,
     distance: float,
     height: float,
-    view: View | None,
+    view: ShotView | None,
 ) -> CameraPath:
     size = max(1.0, height / USUAL_HEIGHT_M)
     if name == STILL:
@@ -126,7 +126,9 @@ def _moving(shot: Shot, clip: Clip, terrain: Terrain, fps: float, distance: floa
     return next_camera
 
 
-def _along(view: View, clip: Clip, terrain: Terrain, fps: float, distance: float, size: float) -> CameraPath:
+def _along(
+    view: ShotView, clip: Clip, terrain: Terrain, fps: float, distance: float, size: float
+) -> CameraPath:
     """A camera that keeps its direction and goes along."""
     first = looked_at(clip.sample(0.0).hips_position, terrain, size)
     camera = FollowCamera(first, view.yaw, view.pitch, distance or view.distance)

@@ -13,7 +13,7 @@ from typing import Any
 from runtime.safe_read import printable
 from viewer.gl_bindings import imgui
 from viewer.gui import widgets
-from viewer.gui.panels import Panel, Place
+from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.widgets import px
 from viewer.messages import Messages
 
@@ -22,7 +22,7 @@ WIDTH = 460.0  # pixels at scale 1
 Filters = Sequence[str]  # in turns a name and its patterns: ["Projects", "*.sport"]
 
 
-class Kind(Enum):
+class DialogKind(Enum):
     """What a dialog asks for."""
 
     OPEN = "Open"
@@ -31,10 +31,10 @@ class Kind(Enum):
 
 
 @dataclass
-class Question:
+class PendingDialog:
     """One dialog that waits for an answer."""
 
-    kind: Kind
+    kind: DialogKind
     title: str
     start: Path  # folder, or file to propose
     filters: Filters
@@ -50,14 +50,14 @@ def has_native_dialogs() -> bool:
     return sys.platform in ("win32", "darwin") or any(map(shutil.which, LINUX_PROGRAMS))
 
 
-def open_native(question: Question) -> Any:
+def open_native(question: PendingDialog) -> Any:
     """The system's dialog for a question: an object with `ready(milliseconds)` and `result()`."""
     from imgui_bundle import portable_file_dialogs as dialogs
 
     start, filters = str(question.start), list(question.filters) or None
-    if question.kind is Kind.FOLDER:
+    if question.kind is DialogKind.FOLDER:
         return dialogs.select_folder(question.title, start)
-    if question.kind is Kind.SAVE:
+    if question.kind is DialogKind.SAVE:
         return dialogs.save_file(question.title, start, filters)
     return dialogs.open_file(question.title, start, filters)
 
@@ -68,17 +68,17 @@ class Dialogs:
 
     messages: Messages
     available: Callable[[], bool] = has_native_dialogs
-    native: Callable[[Question], Any] = open_native
-    question: Question | None = field(default=None)
+    native: Callable[[PendingDialog], Any] = open_native
+    question: PendingDialog | None = field(default=None)
 
     def ask(
-        self, kind: Kind, title: str, start: Path, done: Callable[[Path], None], filters: Filters = ()
+        self, kind: DialogKind, title: str, start: Path, done: Callable[[Path], None], filters: Filters = ()
     ) -> None:
         """Ask for a file or folder; `done` is called with the answer in a later frame, or never."""
         if self.question is not None and self.question.native is not None:
             self.messages.warn(f"A dialog is open already: {self.question.title}.")
             return
-        self.question = question = Question(kind, title, start, filters, done)
+        self.question = question = PendingDialog(kind, title, start, filters, done)
         question.typed = printable(start)
         if self.available():
             try:
@@ -114,7 +114,7 @@ class Dialogs:
             self.question = None if typed else self.question
             return typed
 
-        return Panel("Path", Place.WINDOW, lambda _: self.draw(), close=cancel)
+        return Panel("Path", PanelPlace.WINDOW, lambda _: self.draw(), close=cancel)
 
     def draw(self) -> None:
         """The line to type into, where the system has no dialog."""
@@ -137,7 +137,7 @@ class Dialogs:
         if chosen:
             question.done(Path(chosen).expanduser())
 
-    def _field(self, question: Question) -> str | None:
+    def _field(self, question: PendingDialog) -> str | None:
         """The field and its buttons: a path, "" to leave, None for no answer yet."""
         widgets.full_width()
         if not question.shown:
@@ -153,7 +153,7 @@ class Dialogs:
             target = Path(path).expanduser()
             ending = question.filters[-1].removeprefix("*") if question.filters else ""
             there = target.is_file() or target.with_name(target.name + ending).is_file()
-            if question.kind is Kind.SAVE and path and path != question.replacing and there:
+            if question.kind is DialogKind.SAVE and path and path != question.replacing and there:
                 question.replacing = path
                 return None
             return path or None

@@ -24,7 +24,7 @@ FIXED = (
 )
 
 
-class Place(Enum):
+class PanelPlace(Enum):
     """Where a panel lies; `draw` gets the rectangle of the place."""
 
     LEFT = auto()
@@ -41,7 +41,7 @@ class Panel:
     """One panel with everything that the shell has to know of it."""
 
     name: str
-    place: Place
+    place: PanelPlace
     draw: Callable[[Rect], None]
     icon: str = ""
     shown: Callable[[], bool] = lambda: True

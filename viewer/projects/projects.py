@@ -12,7 +12,7 @@ from runtime.errors import SportError
 from runtime.projects.archive import Packed
 from runtime.projects.character_files import Files, read_character_files
 from runtime.projects.project import SUFFIX, Project, load_project, save_project
-from viewer.gui.dialogs import Dialogs, Kind
+from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.jobs import Jobs
 from viewer.messages import Messages
 from viewer.projects import autosave
@@ -77,7 +77,7 @@ class Projects:
 
     def ask_open(self) -> None:
         """Choose a project to open."""
-        self.dialogs.ask(Kind.OPEN, "Open a project", self._home(), self.open, FILTERS)
+        self.dialogs.ask(DialogKind.OPEN, "Open a project", self._home(), self.open, FILTERS)
 
     def open(self, path: Path) -> None:
         """Open a project; what is on the desk stays until it is read."""
@@ -105,7 +105,7 @@ class Projects:
     def ask_save(self) -> None:
         """Choose where to save."""
         start = self.state.path or self._home() / f"project{SUFFIX}"
-        self.dialogs.ask(Kind.SAVE, "Save the project", start, self.save_as, FILTERS)
+        self.dialogs.ask(DialogKind.SAVE, "Save the project", start, self.save_as, FILTERS)
 
     def save_as(self, path: Path) -> None:
         """Write the project to a file, which is the project's from now on."""

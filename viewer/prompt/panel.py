@@ -7,7 +7,7 @@ from functools import partial
 
 from viewer.gl_bindings import imgui
 from viewer.gui import setting_widgets, theme, widgets
-from viewer.gui.panels import Panel, Place
+from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.prompt import answer_panel, blend_panel, expander_panel, field_panel, parts_panel
@@ -24,7 +24,7 @@ TOOLS_WIDTH = 3 * 26.0 + 2 * 4.0  # pixels at scale 1
 def panel(room: PromptRoom, shown: Callable[[], bool]) -> Panel:
     """The panel of the live prompt."""
     return Panel(
-        "Prompt", Place.LEFT, lambda _: draw(room), ICON.prompt, shown,
+        "Prompt", PanelPlace.LEFT, lambda _: draw(room), ICON.prompt, shown,
         tools=partial(tools, room), tools_width=TOOLS_WIDTH, begin_typing=partial(_begin_typing, room),
     )  # fmt: skip
 

@@ -21,7 +21,7 @@ SHADOW_REACH_M = 9.0  # of terrain shadows around the character
 
 
 @dataclass(frozen=True)
-class Frame:
+class RenderFrame:
     """What every pass may ask about the frame that is being drawn."""
 
     size: tuple[int, int]  # pixels
@@ -56,7 +56,7 @@ class Frame:
 
 def make_frame(
     camera: Camera, size: tuple[int, int], poses: list[Pose], shadow_reach_m: float, shadow_texels: int
-) -> Frame:
+) -> RenderFrame:
     """The frame of a camera and the poses that cast shadows."""
     aspect = size[0] / max(size[1], 1)
     view, projection = camera.view_matrix(), camera.projection_matrix(aspect)
@@ -75,7 +75,7 @@ def make_frame(
     vectors[5] = size[0], size[1], 1 / size[0], 1 / size[1]
     vectors[6] = camera.target[0], camera.target[2], FOG_BEGIN_M * scale, FOG_END_M * scale
     uniforms = view_projection.tobytes() + shadow.astype(np.float32).tobytes() + vectors.tobytes()
-    return Frame(size, eye, view_projection, 2 * half_height / size[1], cast, uniforms)
+    return RenderFrame(size, eye, view_projection, 2 * half_height / size[1], cast, uniforms)
 
 
 def _shadow_points(poses: list[Pose]) -> Array:
@@ -116,7 +116,7 @@ class FrameUniforms:
     def __init__(self, ctx: moderngl.Context) -> None:
         self._buffer = ctx.buffer(reserve=2 * 64 + 7 * 16, dynamic=True)
 
-    def write(self, frame: Frame) -> None:
+    def write(self, frame: RenderFrame) -> None:
         """Upload and bind the frame's constants for all following passes."""
         self._buffer.write(frame.uniforms)
         self._buffer.bind_to_uniform_block(FRAME_BINDING)

@@ -9,7 +9,7 @@ from runtime.pose import Pose
 from runtime.terrain.height_map import Terrain
 from viewer.render.camera import Camera
 from viewer.render.character_pass import CharacterDraw, CharacterPass, SkinnedMesh
-from viewer.render.frame import SHADOW_MARGIN_M, SHADOW_REACH_M, Frame, FrameUniforms, make_frame
+from viewer.render.frame import SHADOW_MARGIN_M, SHADOW_REACH_M, FrameUniforms, RenderFrame, make_frame
 from viewer.render.marks import (
     REFERENCE_HEIGHT_PX,
     contact_dots,
@@ -81,7 +81,7 @@ class Renderer:
         self._scene.present(target, frame.screen_box(frame.cast, SHADOW_MARGIN_M))
         self.ctx.enable_only(moderngl.NOTHING)
 
-    def _draw_shadow_map(self, frame: Frame) -> None:
+    def _draw_shadow_map(self, frame: RenderFrame) -> None:
         self._shadow_map.framebuffer.use()
         self._shadow_map.framebuffer.clear(depth=1.0)
         self.ctx.enable_only(moderngl.DEPTH_TEST)
@@ -104,7 +104,7 @@ class Renderer:
             self._overlays.draw_on_ground(contact_strokes(pose, self._ground))
         scene.depth_mask = True
 
-    def _draw_top_overlays(self, frame: Frame, pose: Pose | None, overlays: Overlays) -> None:
+    def _draw_top_overlays(self, frame: RenderFrame, pose: Pose | None, overlays: Overlays) -> None:
         pixel_scale = max(frame.size[1] / REFERENCE_HEIGHT_PX, 0.5)
         if overlays.trails is not None:
             self._overlays.draw_on_top(trail_strokes(overlays.trails, pixel_scale))

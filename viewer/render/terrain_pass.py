@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Array
 from runtime.terrain.height_map import Terrain
-from viewer.render.frame import SHADOW_REACH_M, Frame
+from viewer.render.frame import SHADOW_REACH_M, RenderFrame
 from viewer.render.gl import bind_blocks, scissored, set_uniforms
 from viewer.render.quality import Quality
 from viewer.render.shaders import load_program
@@ -54,7 +54,7 @@ class TerrainPass:
         highest = float(np.max(np.abs(terrain.heights - start), initial=MIN_RELIEF_M))
         self._level = start, 1.0 / min(highest, MAX_RELIEF_M)
 
-    def prepare(self, frame: Frame, focus: Array) -> None:
+    def prepare(self, frame: RenderFrame, focus: Array) -> None:
         """Re-centre the window on `focus` (x, z) where the terrain is larger, and choose levels of detail."""
         if self._terrain is None:
             return
@@ -103,7 +103,7 @@ class TerrainPass:
             self._indices.write(indices.tobytes())
             self._arrays[name].render(moderngl.TRIANGLES, vertices=len(indices))
 
-    def draw(self, frame: Frame, show_grid: bool) -> None:
+    def draw(self, frame: RenderFrame, show_grid: bool) -> None:
         """Draw the visible ground."""
         mesh, terrain = self._mesh, self._terrain
         if mesh is None or terrain is None:
@@ -117,14 +117,14 @@ class TerrainPass:
         tiles = mesh.indices(self._levels, self._visible)
         self._draw("surface", np.concatenate([tiles, mesh.apron_indices(self._levels)]))
 
-    def draw_depth(self, frame: Frame) -> None:
+    def draw_depth(self, frame: RenderFrame) -> None:
         """Draw the ground near the characters into the shadow map that is bound."""
         if self._mesh is not None:
             near = self._mesh.touching(*frame.ground_box(self._shadow_reach_m))
             self._draw("depth", self._mesh.indices(self._levels, near))
 
     def draw_shadows(
-        self, frame: Frame, target: moderngl.Framebuffer, shadow_map: moderngl.Texture, feet: Array
+        self, frame: RenderFrame, target: moderngl.Framebuffer, shadow_map: moderngl.Texture, feet: Array
     ) -> None:
         """Darken the ground: the sun's shadow, and under `feet` `(n, 2, 4)` (heel, radius; toe, strength)."""
         mesh = self._mesh

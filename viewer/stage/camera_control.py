@@ -18,7 +18,7 @@ from viewer.render.camera import (
     FollowCamera,
     OrbitCamera,
 )
-from viewer.stage.views import OPENING_TURN, View
+from viewer.stage.views import OPENING_TURN, StageView
 
 CHEST_SHARE = 0.55  # of the way from the ground to the hips' height: keeps the whole body in view
 ORBIT_PIXELS_PER_SECOND = 420.0  # what a full stick is worth in the orbit camera
@@ -72,7 +72,7 @@ class CameraControl:
         """The character was set somewhere else: the orbit camera stays, and goes along from there."""
         self._tracked = None
 
-    def view(self, view: View, pose: Pose) -> None:
+    def view(self, view: StageView, pose: Pose) -> None:
         """Look at the character from a named place; the orbit camera then goes with it."""
         self.use("orbit")
         orbit = self.orbit

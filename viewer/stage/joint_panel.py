@@ -9,7 +9,7 @@ from runtime.safe_read import printable
 from runtime.skeleton import SPORT_SKELETON
 from viewer.gl_bindings import imgui
 from viewer.gui import overlay, theme, widgets
-from viewer.gui.panels import Panel, Place
+from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
 from viewer.stage.joint_mapping import JointMapping, JointsState
@@ -28,7 +28,7 @@ def panel(mapping: JointMapping, fonts: Fonts) -> Panel:
         mapping.close()
         return was_open
 
-    return Panel("Joints", Place.WINDOW, lambda _: draw(mapping, fonts), close=close)
+    return Panel("Joints", PanelPlace.WINDOW, lambda _: draw(mapping, fonts), close=close)
 
 
 def draw(mapping: JointMapping, fonts: Fonts) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from runtime.safe_read import printable
 from viewer.gl_bindings import imgui
 from viewer.gui import setting_widgets, theme, widgets
-from viewer.gui.panels import Panel, Place
+from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.live import panel as live_panel
@@ -22,7 +22,11 @@ _SHOWN = ("show_trajectory", "show_skeleton", "show_contacts", "show_grid", "sho
 def panel(stage: Stage, open_files: Callable[[list[Path]], None], browse: Callable[[], None]) -> Panel:
     """The scene panel."""
     return Panel(
-        "Scene", Place.RIGHT_TOP, lambda _: draw(stage, open_files, browse), ICON.scene, actions=stage.actions
+        "Scene",
+        PanelPlace.RIGHT_TOP,
+        lambda _: draw(stage, open_files, browse),
+        ICON.scene,
+        actions=stage.actions,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from runtime.controls import Gait
-from runtime.motion.paths import Place
+from runtime.motion.paths import PlanarPose
 from viewer.gl_bindings import imgui
 from viewer.gui import widgets
 from viewer.gui.theme import ICON
@@ -29,7 +29,7 @@ def draw(stage: Stage) -> None:
         f"{ICON.walk} Walk it###walk path", half, "From where the character stands; any key of yours ends it"
     ):
         pose = stage.state.simulation.current
-        tool.start(Place(float(pose.root_position[0]), float(pose.root_position[2]), pose.root_yaw))
+        tool.start(PlanarPose(float(pose.root_position[0]), float(pose.root_position[2]), pose.root_yaw))
     imgui.end_disabled()
     if tool.active:
         _selected(tool)

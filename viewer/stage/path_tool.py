@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from runtime.controls import Controls, Gait
-from runtime.motion.paths import Place
+from runtime.motion.paths import PlanarPose
 from runtime.terrain.height_map import Terrain
 from viewer.gl_bindings import imgui
 from viewer.messages import Messages
@@ -121,7 +121,7 @@ class PathTool:
 
     # --- walking
 
-    def start(self, place: Place) -> None:
+    def start(self, place: PlanarPose) -> None:
         """Lead the character along the path from where it stands."""
         from runtime.motion.point_path import PointPath
 
@@ -137,7 +137,7 @@ class PathTool:
         begun, self.begun = self.begun, False
         return begun
 
-    def controls(self, own: Controls, place: Place, dt: float) -> Controls:
+    def controls(self, own: Controls, place: PlanarPose, dt: float) -> Controls:
         """The path's stick while it is walked; any stick of the user ends the walk."""
         walk = self.walk
         if walk is None or any(own.move):

@@ -11,7 +11,7 @@ from typing import Any
 from runtime.character.guess import JointsUnknown
 from runtime.character.read import SUFFIXES as GLTF_SUFFIXES
 from runtime.controls import Controls
-from runtime.motion.paths import Place
+from runtime.motion.paths import PlanarPose
 from runtime.motion.snapshot import Snapshot
 from runtime.pose import Pose
 from runtime.prompts.gpt.settings import GptSettings
@@ -132,7 +132,7 @@ class Stage:
     def controls(self, own: Controls, dt: float) -> Controls:
         """The user's controls, or those of the path that is walked."""
         pose = self.state.simulation.current
-        place = Place(float(pose.root_position[0]), float(pose.root_position[2]), pose.root_yaw)
+        place = PlanarPose(float(pose.root_position[0]), float(pose.root_position[2]), pose.root_yaw)
         return self.path.controls(own, place, dt)
 
     def reset_character(self) -> None:

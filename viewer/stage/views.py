@@ -16,7 +16,7 @@ CLIMB_M = 0.15  # up and down along the way; less is level
 
 
 @dataclass(frozen=True)
-class View:
+class StageView:
     """A place to look from: `turn` radians from the facing, and what is looked at, `height` metres over the ground (0: the body)."""
 
     turn: float
@@ -26,10 +26,10 @@ class View:
 
 
 VIEWS = {
-    "front": View(math.pi, 0.10, 4.0),
-    "side": View(-0.5 * math.pi, 0.10, 4.0),
-    "three_quarters": View(math.pi - 0.65, 0.20, 4.0),
-    "feet": View(-0.5 * math.pi - 0.55, 0.16, 1.7, 0.20),
+    "front": StageView(math.pi, 0.10, 4.0),
+    "side": StageView(-0.5 * math.pi, 0.10, 4.0),
+    "three_quarters": StageView(math.pi - 0.65, 0.20, 4.0),
+    "feet": StageView(-0.5 * math.pi - 0.55, 0.16, 1.7, 0.20),
 }
 
 

@@ -9,7 +9,7 @@ from runtime.safe_read import printable
 from viewer.gl_bindings import imgui
 from viewer.gui import setting_widgets, theme, widgets
 from viewer.gui.layout import Rect
-from viewer.gui.panels import Panel, Place
+from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.takes import recovery_panel
@@ -21,7 +21,11 @@ RENAME_HINT = "Double-click renames it"
 def panel(takes: Takes, export_window: Callable[[], None]) -> Panel:
     """The clips panel."""
     return Panel(
-        "Clips", Place.RIGHT_BOTTOM, lambda _: draw(takes, export_window), ICON.clips, actions=takes.actions
+        "Clips",
+        PanelPlace.RIGHT_BOTTOM,
+        lambda _: draw(takes, export_window),
+        ICON.clips,
+        actions=takes.actions,
     )
 
 
@@ -31,7 +35,7 @@ def sign(takes: Takes) -> Panel:
     def draw_sign(view: Rect) -> None:
         widgets.sign(view, f"{ICON.record} REC {widgets.clock(takes.state.recorded_s)}", theme.RECORD)
 
-    return Panel("Recording", Place.SIGN, draw_sign, shown=lambda: takes.state.recording)
+    return Panel("Recording", PanelPlace.SIGN, draw_sign, shown=lambda: takes.state.recording)
 
 
 def draw(takes: Takes, export_window: Callable[[], None]) -> None:

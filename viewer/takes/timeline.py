@@ -15,7 +15,7 @@ from viewer.gui.widgets import px
 from viewer.takes.editing import TakeEditing
 from viewer.takes.playback import Playback
 from viewer.takes.state import Drag
-from viewer.takes.tracks import Bar, Tracks
+from viewer.takes.tracks import LabelledSpan, Tracks
 
 NAMES_WIDTH = 70.0  # pixels at scale 1
 NAMES_FROM = 420.0  # in a narrower bar the tracks have no names
@@ -169,7 +169,7 @@ def _scrub(row: _Row, playback: Playback) -> None:
 
 
 def _spans(
-    name: str, key: str, bars: Sequence[Bar], height: float, editing: TakeEditing, playback: Playback
+    name: str, key: str, bars: Sequence[LabelledSpan], height: float, editing: TakeEditing, playback: Playback
 ) -> None:
     """A track whose spans can be dragged; a click goes to its frame."""
     state, row = editing.state.timeline, _row(name, height, playback.frames)
@@ -194,7 +194,13 @@ def _spans(
 
 
 def _press(
-    key: str, bars: Sequence[Bar], index: int, part: str, frame: int, editing: TakeEditing, playback: Playback
+    key: str,
+    bars: Sequence[LabelledSpan],
+    index: int,
+    part: str,
+    frame: int,
+    editing: TakeEditing,
+    playback: Playback,
 ) -> None:
     """The mouse was pressed on a part of a span: begin to drag it; while a take is driven again, go to the frame."""
     state = editing.state.timeline
@@ -206,7 +212,7 @@ def _press(
 
 
 def _carry(
-    drag: Drag, frame: int, bars: Sequence[Bar], editing: TakeEditing, playback: Playback
+    drag: Drag, frame: int, bars: Sequence[LabelledSpan], editing: TakeEditing, playback: Playback
 ) -> Drag | None:
     """The drag after this frame: moved by the mouse, and let go of when its button is."""
     drag = _dragged(drag, frame, [bar.span for bar in bars], bool(editing.fixed))
@@ -215,7 +221,7 @@ def _carry(
     return drag
 
 
-def _grabbed(row: _Row, bars: Sequence[Bar], x: float) -> tuple[int, str] | None:
+def _grabbed(row: _Row, bars: Sequence[LabelledSpan], x: float) -> tuple[int, str] | None:
     """Which span is under the mouse, and which part of it."""
     for i, bar in enumerate(bars):
         left, right = row.x(bar.span.start), row.x(bar.span.end)
@@ -240,7 +246,7 @@ def _dragged(drag: Drag, frame: int, spans: Sequence[Span], fixed: bool) -> Drag
 
 
 def _drop(
-    drag: Drag, frame: int, bars: Sequence[Bar], editing: TakeEditing, playback: Playback
+    drag: Drag, frame: int, bars: Sequence[LabelledSpan], editing: TakeEditing, playback: Playback
 ) -> Drag | None:
     """Let go of a span; what is shown of the drag while the take is driven again."""
     span = bars[drag.index].span
@@ -252,7 +258,7 @@ def _drop(
     return None
 
 
-def _moved(bars: Sequence[Bar], drag: Drag | None) -> list[Bar]:
+def _moved(bars: Sequence[LabelledSpan], drag: Drag | None) -> list[LabelledSpan]:
     """The spans as they would lie after the drag in hand."""
     shown = list(bars)
     if drag is None or not drag.moved:
@@ -271,7 +277,7 @@ def _moved(bars: Sequence[Bar], drag: Drag | None) -> list[Bar]:
     return shown
 
 
-def _still(name: str, bars: Sequence[Bar], height: float, tint: Color, playback: Playback) -> None:
+def _still(name: str, bars: Sequence[LabelledSpan], height: float, tint: Color, playback: Playback) -> None:
     """A track that is only looked at."""
     row = _row(name, height, playback.frames)
     _button(f"track {name}", row)
@@ -304,7 +310,7 @@ def _at(row: _Row, playback: Playback) -> float:
     return row.x(min(max(playback.time_s * playback.clip.fps, 0.0), playback.frames - 1.0))
 
 
-def _bar(row: _Row, bar: Bar, tint: Color, lit: bool) -> None:
+def _bar(row: _Row, bar: LabelledSpan, tint: Color, lit: bool) -> None:
     left, right = row.x(bar.span.start), min(row.x(bar.span.end), row.left + row.width)
     right = max(right - px(1), left + 1)
     fill = (*tint[:3], min(tint[3] + (0.12 if lit else 0.0), 1.0))

@@ -22,7 +22,7 @@ CONTACT = 0.5  # of a heel or toe: it bears the character
 
 
 @dataclass(frozen=True)
-class Bar:
+class LabelledSpan:
     """A labelled span; `hint` is what the mouse finds out about it."""
 
     span: Span
@@ -35,10 +35,10 @@ class Tracks:
     """Everything on the timeline of one version of a take."""
 
     clip: Clip
-    prompts: tuple[Bar, ...]
-    parts: dict[str, tuple[Bar, ...]]
-    gaits: tuple[Bar, ...]
-    grounds: tuple[Bar, ...]
+    prompts: tuple[LabelledSpan, ...]
+    parts: dict[str, tuple[LabelledSpan, ...]]
+    gaits: tuple[LabelledSpan, ...]
+    grounds: tuple[LabelledSpan, ...]
     contacts: tuple[tuple[Span, ...], tuple[Span, ...]]  # left foot, right foot
 
     def prompt_at(self, frame: int) -> int:
@@ -51,9 +51,9 @@ def tracks_of(clip: Clip, drive: Drive | None) -> Tracks:
     spans = _read_spans(clip) if drive is None else prompt_spans(drive)
     return Tracks(
         clip,
-        tuple(Bar(s, title(s.event), _hint(s.event)) for s in spans),
+        tuple(LabelledSpan(s, title(s.event), _hint(s.event)) for s in spans),
         {part: _part(spans, part) for part in PART_NAMES},
-        tuple(Bar(s, _gait(s)) for s in _gaits(clip)),
+        tuple(LabelledSpan(s, _gait(s)) for s in _gaits(clip)),
         _grounds(clip, drive),
         (_contacts(clip.contacts[:, :2]), _contacts(clip.contacts[:, 2:])),
     )
@@ -90,18 +90,18 @@ def _hint(event: PromptEvent) -> str:
     return "\n".join([title(event), *lines])
 
 
-def _part(spans: list[PromptSpan], part: str) -> tuple[Bar, ...]:
+def _part(spans: list[PromptSpan], part: str) -> tuple[LabelledSpan, ...]:
     """Spans of one part's words; neighbours that say the same are one."""
-    bars: list[Bar] = []
+    bars: list[LabelledSpan] = []
     for span in spans:
         words = _words(span.event)
         text = (
             str(getattr(words, part)) if isinstance(words, PartDescriptions) else "a blend" if words else ""
         )
         if bars and bars[-1].text == text:
-            bars[-1] = Bar(Span(bars[-1].span.start, span.end), text, text)
+            bars[-1] = LabelledSpan(Span(bars[-1].span.start, span.end), text, text)
         else:
-            bars.append(Bar(Span(span.start, span.end), text, text))
+            bars.append(LabelledSpan(Span(span.start, span.end), text, text))
     return tuple(bar for bar in bars if bar.text)
 
 
@@ -113,13 +113,13 @@ def _gait(span: GaitSpan) -> str:
     return Gait(span.gait).name.capitalize()
 
 
-def _grounds(clip: Clip, drive: Drive | None) -> tuple[Bar, ...]:
+def _grounds(clip: Clip, drive: Drive | None) -> tuple[LabelledSpan, ...]:
     changes = [c for c in drive.changes if isinstance(c, GroundChange)] if drive is not None else []
     if not changes:
-        return (Bar(Span(0, len(clip)), _short(clip.terrain), clip.terrain),)
+        return (LabelledSpan(Span(0, len(clip)), _short(clip.terrain), clip.terrain),)
     starts = [max(change.frame, 0) for change in changes]
     spans = zip(starts, [*starts[1:], len(clip)], changes, strict=True)
-    return tuple(Bar(Span(a, b), _short(c.name), c.name) for a, b, c in spans if b > a)
+    return tuple(LabelledSpan(Span(a, b), _short(c.name), c.name) for a, b, c in spans if b > a)
 
 
 def _short(spec: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from runtime.controls import Gait
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
-from viewer.gui.panels import Panel, Place
+from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.takes import timeline
@@ -27,7 +27,7 @@ def panel(editing: TakeEditing) -> Panel:
         editing.takes.close_playback()
         return was_open
 
-    return Panel("Transport", Place.BELOW, lambda _: draw(editing), close=close)
+    return Panel("Transport", PanelPlace.BELOW, lambda _: draw(editing), close=close)
 
 
 def draw(editing: TakeEditing) -> None:

@@ -6,17 +6,17 @@ from runtime.skeleton import PART_NAMES
 from runtime.takes.metadata import title
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
-from viewer.gui.panels import Panel, Place
+from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.prompt.field_panel import WRAPPED
 from viewer.takes.editing import TakeEditing
-from viewer.takes.tracks import Bar, words_of
+from viewer.takes.tracks import LabelledSpan, words_of
 
 
 def panel(editing: TakeEditing) -> Panel:
     """The panel, in the place of the live prompt while a take plays."""
     return Panel(
-        "Prompt", Place.LEFT, lambda _: draw(editing), ICON.prompt,
+        "Prompt", PanelPlace.LEFT, lambda _: draw(editing), ICON.prompt,
         shown=lambda: editing.state.playback is not None, begin_typing=lambda: _begin_typing(editing),
     )  # fmt: skip
 
@@ -49,7 +49,7 @@ def draw(editing: TakeEditing) -> None:
     _parts(editing, index, bar)
 
 
-def _fill(editing: TakeEditing, bar: Bar) -> None:
+def _fill(editing: TakeEditing, bar: LabelledSpan) -> None:
     """Put the span's words into the fields."""
     state, event = editing.state.timeline, bar.span.event  # type: ignore[attr-defined]
     words = words_of(event)
@@ -72,7 +72,7 @@ def _prompt(editing: TakeEditing, index: int) -> None:
         editing.reword(index, state.prompt)
 
 
-def _parts(editing: TakeEditing, index: int, bar: Bar) -> None:
+def _parts(editing: TakeEditing, index: int, bar: LabelledSpan) -> None:
     """The six descriptions; each can be changed on its own where they are known."""
     state = editing.state.timeline
     if words_of(bar.span.event) is None:  # type: ignore[attr-defined]

@@ -11,7 +11,7 @@ from runtime.skeleton import SPORT_SKELETON
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.layout import Rect
-from viewer.gui.panels import Panel, Place
+from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.widgets import px
 from viewer.render.camera import Camera
 from viewer.stage.path_tool import on_screen
@@ -35,7 +35,7 @@ def panel(wall: Wall) -> Panel:
         if clicked >= 0:
             wall.keep(clicked)
 
-    return Panel("Names", Place.SIGN, draw_names, shown=lambda: wall.state.open)
+    return Panel("Names", PanelPlace.SIGN, draw_names, shown=lambda: wall.state.open)
 
 
 def draw(state: WallState, poses: list[Pose], camera: Camera, view: Rect) -> int:

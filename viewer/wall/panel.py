@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
-from viewer.gui.panels import Panel, Place
+from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.wall.state import FEWEST, MOST, Candidate
@@ -22,7 +22,7 @@ def panel(wall: Wall) -> Panel:
         return was_open
 
     return Panel(
-        "Compare", Place.LEFT, lambda _: draw(wall), ICON.exchange, shown=lambda: wall.state.open,
+        "Compare", PanelPlace.LEFT, lambda _: draw(wall), ICON.exchange, shown=lambda: wall.state.open,
         actions=wall.actions, begin_typing=lambda: _begin_typing(wall), close=close,
     )  # fmt: skip
 

@@ -19,8 +19,8 @@ from runtime.prompts.english.library_data import (
     NEUTRAL_STYLE,
     LibraryEmbeddings,
     LibraryEntry,
+    LibraryStyle,
     PromptLibrary,
-    Style,
     embed_library,
     library_hash,
     load_embeddings,
@@ -344,7 +344,7 @@ class LibraryExpander:
         return OtherLanguages(self._library_path.parent, self._library.content)
 
     @cached_property
-    def _styles(self) -> dict[str, Style]:
+    def _styles(self) -> dict[str, LibraryStyle]:
         return load_styles(self._library_path.with_name("styles.json"))
 
     @property

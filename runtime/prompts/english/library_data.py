@@ -58,7 +58,7 @@ class PromptLibrary:
 
 
 @dataclass(frozen=True)
-class Style:
+class LibraryStyle:
     """A training style: a prompt for the list of ready prompts, and paraphrased descriptions of its motion."""
 
     prompt: str
@@ -81,7 +81,7 @@ class LibraryEmbeddings:
     other_words: tuple[str, ...] = ()
 
 
-def load_styles(path: Path) -> dict[str, Style]:
+def load_styles(path: Path) -> dict[str, LibraryStyle]:
     """The training styles of styles.json; FileError naming the style when one is malformed."""
     styles = {}
     for key, value in _read_object(path).items():
@@ -89,7 +89,7 @@ def load_styles(path: Path) -> dict[str, Style]:
             descriptions = tuple(PartDescriptions.from_mapping(d) for d in value["descriptions"])
             if not descriptions:
                 raise ValueError("no descriptions")
-            styles[key] = Style(check_text(value["prompt"], "prompt", 300), descriptions)
+            styles[key] = LibraryStyle(check_text(value["prompt"], "prompt", 300), descriptions)
         except (PromptError, KeyError, TypeError, ValueError, AttributeError) as error:
             raise FileError(
                 f"{path}: style {key!r} is malformed ({error!r}).", "Restore the file."
@@ -99,12 +99,12 @@ def load_styles(path: Path) -> dict[str, Style]:
     return styles
 
 
-def load_library(path: Path, styles: Mapping[str, Style]) -> tuple[LibraryEntry, ...]:
+def load_library(path: Path, styles: Mapping[str, LibraryStyle]) -> tuple[LibraryEntry, ...]:
     """The entries of library.json with references to `styles` resolved; FileError naming a malformed entry."""
     return load_prompt_library(path, styles).entries
 
 
-def load_prompt_library(path: Path, styles: Mapping[str, Style]) -> PromptLibrary:
+def load_prompt_library(path: Path, styles: Mapping[str, LibraryStyle]) -> PromptLibrary:
     """library.json with references to `styles` resolved; FileError naming a malformed entry."""
     file = _read_object(path)
     values = file.get("entries")
@@ -146,7 +146,7 @@ def _lists(
 
 
 def _entry(
-    value: Mapping[str, Any], styles: Mapping[str, Style], defines_of: Mapping[str, tuple[str, ...]]
+    value: Mapping[str, Any], styles: Mapping[str, LibraryStyle], defines_of: Mapping[str, tuple[str, ...]]
 ) -> LibraryEntry:
     also = tuple(check_text(a, "other prompt", 300) for a in value.get("also", ()))
     category = str(value.get("category", ""))

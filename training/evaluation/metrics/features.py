@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 from runtime.feet import skating as feet
 from runtime.motion.features import FPS
-from runtime.motion.motion_encoder import MotionEncoder
+from runtime.motion.motion_encoder import ExportedMotionEncoder
 from runtime.skeleton import SPORT_SKELETON
 from training.evaluation.metrics.motion import (
     WINDOW_FRAMES,
@@ -119,7 +119,9 @@ SIZE = 384  # six parts of 64
 _BATCH = 128
 
 
-def encoder_features(encoder: MotionEncoder, root: RootFeatures, starts: NDArray[np.integer]) -> Array:
+def encoder_features(
+    encoder: ExportedMotionEncoder, root: RootFeatures, starts: NDArray[np.integer]
+) -> Array:
     """Rows `(N, 384)`, the encoder's mean, of the windows of 40 samples that begin at frames `starts`."""
     both = np.concatenate([root.joints, root.rotations], axis=-1)
     rows = [np.zeros((0, SIZE), np.float32)]
@@ -165,7 +167,7 @@ class WindowSet:
         return WindowSet(self.kinematic[rows], self.temporal[rows], encoder, self.unit[rows])
 
 
-def window_set(motions: Iterable[Motion], encoder: MotionEncoder | None, hop: int = HOP) -> WindowSet:
+def window_set(motions: Iterable[Motion], encoder: ExportedMotionEncoder | None, hop: int = HOP) -> WindowSet:
     """Windows `hop` frames apart of every motion."""
     kinematic, temporal = [np.zeros((0, 234), np.float32)], [np.zeros((0, 88), np.float32)]
     encoded, units = [np.zeros((0, SIZE), np.float32)], [np.zeros(0, np.int64)]

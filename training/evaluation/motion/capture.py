@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from runtime.controls import Gait
 from runtime.errors import FileError
 from runtime.motion.features import FPS
-from runtime.motion.motion_encoder import MotionEncoder
+from runtime.motion.motion_encoder import ExportedMotionEncoder
 from runtime.prompts.parts import PartDescriptions
 from training.evaluation.metrics.classifiers import (
     MIN_HELD_OUT_WINDOWS,
@@ -51,7 +51,7 @@ class ClipInfo:
 
 
 @dataclass(frozen=True)
-class Segment:
+class ClipSegment:
     """Frames `first` to `last - 1` of a captured clip."""
 
     clip: ClipInfo
@@ -118,21 +118,21 @@ def _info(path: Path) -> ClipInfo | None:
 
 def driving_segments(
     capture: Capture, group: str, seconds: float, seed: int = 0, max_frames: int = MAX_SEGMENT_FRAMES
-) -> list[Segment]:
+) -> list[ClipSegment]:
     """Parts of a group's clips to lead the character along: held-out ones first, then training ones, up to `seconds`.
 
     A long clip gives one part of at most `max_frames` at a random place.
     """
     rng = np.random.default_rng([seed, *group.encode()])
     order = [c for split in (True, False) for c in _shuffled(capture.of(group, split), rng)]
-    result: list[Segment] = []
+    result: list[ClipSegment] = []
     left = seconds * FPS
     for clip in order:
         if left < WINDOW_FRAMES:
             break
         length = min(clip.frames, max_frames, max(WINDOW_FRAMES, round(left)))
         first = int(rng.integers(0, clip.frames - length + 1))
-        result.append(Segment(clip, first, first + length))
+        result.append(ClipSegment(clip, first, first + length))
         left -= length
     return result
 
@@ -176,14 +176,14 @@ class Options:
 
 
 @dataclass
-class Plan:
+class EvaluationPlan:
     """Shared by all models, so that they are scored alike."""
 
     options: Options
     capture: Capture
     texts: dict[str, list[PartDescriptions]]
-    encoder: MotionEncoder | None
-    segments: dict[str, list[Segment]]
+    encoder: ExportedMotionEncoder | None
+    segments: dict[str, list[ClipSegment]]
     reference: dict[str, WindowSet]  # windows of these segments
     training: WindowSet
     training_styles: list[str]  # of its rows
@@ -220,8 +220,12 @@ class Plan:
 
 
 def make_plan(
-    clips: Path, styles: list[str] | None, options: Options, encoder: MotionEncoder | None, report: Report
-) -> Plan:
+    clips: Path,
+    styles: list[str] | None,
+    options: Options,
+    encoder: ExportedMotionEncoder | None,
+    report: Report,
+) -> EvaluationPlan:
     """Read the capture and train the classifier; FileError when the clips do not do."""
     capture = read_capture(clips, styles)
     groups = capture.groups + ([TERRAIN_GROUP] if capture.of(TERRAIN_GROUP) else [])
@@ -244,10 +248,12 @@ def make_plan(
     known = _known(windows, labels, held_out)
     report(f"classifier: {len(known)} windows")
     classifier = StyleClassifier(windows.for_classifier[known], [labels[int(i)] for i in known], options.seed)
-    return Plan(options, capture, texts, encoder, segments, reference, windows, labels, held_out, classifier)
+    return EvaluationPlan(
+        options, capture, texts, encoder, segments, reference, windows, labels, held_out, classifier
+    )
 
 
-def _parts(capture: Capture, group: str, held_out: bool, seconds: float, seed: int) -> list[Segment]:
+def _parts(capture: Capture, group: str, held_out: bool, seconds: float, seed: int) -> list[ClipSegment]:
     only = Capture(tuple(capture.of(group, held_out)))
     return driving_segments(only, group, seconds, seed + 1, max_frames=20 * 60)
 
@@ -269,7 +275,7 @@ def _known(windows: WindowSet, labels: list[str], held_out: dict[str, WindowSet]
     return np.flatnonzero(np.isin(array, enough))
 
 
-def captured_skating(plan: Plan, group: str, gait: str) -> tuple[Skating, bool]:
+def captured_skating(plan: EvaluationPlan, group: str, gait: str) -> tuple[Skating, bool]:
     """Skating of a group's held-out clips in a gait, or of all its clips (False) where those are too short."""
     key = (group, gait)
     if key not in plan.skating:

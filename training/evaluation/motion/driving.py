@@ -215,7 +215,7 @@ def ring() -> Array:
 
 
 @dataclass(frozen=True)
-class CourseRun:
+class RingRun:
     """What came of leading a character along the ring."""
 
     motion: Motion
@@ -234,7 +234,7 @@ def path_error(xz: Array, course: Array) -> Array:
 
 def run_course(
     model: MotionModel, terrain: Terrain, style: str, code: Array, gait: Gait, seconds: float, seed: int
-) -> CourseRun:
+) -> RingRun:
     """Full stick along the ring in style `code` (Z^t), pointed at the place 0.9 m ahead; the seed also chooses where it begins.
 
     The first 2 s, from standing, are not scored.
@@ -256,7 +256,7 @@ def run_course(
         speeds.append(controller.requested_speed)
     name = f"{style} {gait.name.lower()} {terrain.name}"
     labels = np.full(len(roots) - LEAD_IN_FRAMES, int(gait))
-    return CourseRun(
+    return RingRun(
         recorder.motion(name, style, labels, LEAD_IN_FRAMES),
         path_error(np.stack(roots[LEAD_IN_FRAMES:]).astype(np.float64), course),
         np.array(speeds[LEAD_IN_FRAMES:]),

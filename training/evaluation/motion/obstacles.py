@@ -57,7 +57,7 @@ LEVEL = ObstacleCourse("level", "level ground", "flat", (Obstacle(3.0, 12.0, 0.0
 
 
 @dataclass(frozen=True)
-class CourseRun:
+class ObstacleRun:
     """One character over one course."""
 
     course: ObstacleCourse
@@ -70,7 +70,7 @@ class CourseRun:
 
 def run_obstacles(
     model: MotionModel, course: ObstacleCourse, style: str, code: Array, gait: Gait, seed: int
-) -> CourseRun:
+) -> ObstacleRun:
     """From the start mark at full stick along the middle of a course until it is passed or time is up."""
     controller = Controller(model, course.terrain(), seed)
     controller.set_style(code, 0.0)
@@ -95,10 +95,10 @@ def run_obstacles(
             break
     labels = np.full(len(roots), int(gait))
     motion = recorder.motion(f"{style} {gait.name.lower()} {course.name}", style, labels, 0)
-    return CourseRun(course, motion, np.stack(roots), np.array(speeds), tuple(sorted(blocked)), keyed / FPS)
+    return ObstacleRun(course, motion, np.stack(roots), np.array(speeds), tuple(sorted(blocked)), keyed / FPS)
 
 
-def score_run(run: CourseRun) -> dict[str, Any]:
+def score_run(run: ObstacleRun) -> dict[str, Any]:
     """Figures of one run as plain data; depths in cm, before and after foot lock."""
     course, motion, ground = run.course, run.motion, run.motion.terrain
     assert motion.unlocked is not None
@@ -148,7 +148,7 @@ def _own_measures(course: ObstacleCourse, positions: Array, contacts: Array) -> 
 
 
 Report = Callable[[str], None]
-Runner = Callable[[ObstacleCourse, str, Gait], CourseRun]
+Runner = Callable[[ObstacleCourse, str, Gait], ObstacleRun]
 
 STYLES = ("neutral", "old", "exhausted", "angry", "drunk", "happy")
 GAITS = (Gait.WALK, Gait.JOG)
@@ -167,7 +167,7 @@ def score_obstacles(
     courses: Iterable[ObstacleCourse],
     classifier: StyleClassifier | None,
     report: Report,
-    keep: Callable[[CourseRun], None] | None = None,
+    keep: Callable[[ObstacleRun], None] | None = None,
     gaits: Sequence[Gait] = GAITS,
 ) -> dict[str, Any]:
     """A row for each course, style and gait, and the share of windows taken for their style there and on level ground.
@@ -193,7 +193,7 @@ def score_obstacles(
     return {"rows": [r for r in rows if r["course"] != LEVEL.name], "level": level}
 
 
-def _recognised(run: CourseRun, classifier: StyleClassifier | None) -> float | None:
+def _recognised(run: ObstacleRun, classifier: StyleClassifier | None) -> float | None:
     """Share of the windows that are taken for the style, look-alikes counted as one; None where it cannot be decided."""
     style = run.motion.style
     if classifier is None or style not in classifier.labels:

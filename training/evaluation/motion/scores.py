@@ -24,8 +24,8 @@ from training.evaluation.motion.capture import (
     STYLE_COMPONENTS,
     TERRAIN_GROUP,
     ClipInfo,
-    Plan,
-    Segment,
+    ClipSegment,
+    EvaluationPlan,
     captured_skating,
     motions,
 )
@@ -46,13 +46,13 @@ class Followed:
     skating: dict[str, Skating]  # by gait, on the capture's own paths and ground
 
 
-def follow_group(plan: Plan, subject: Subject, group: str) -> Followed:
+def follow_group(plan: EvaluationPlan, subject: Subject, group: str) -> Followed:
     """Lead the character along every segment of a group, in descriptions that take turns."""
     segments, style = plan.segments[group], plan.style_of(group)
     first, extra, errors, ways = [], [], [], []
     skating = {gait: Skating() for gait in GAITS}
 
-    def take(segment: Segment, number: int) -> Motion:
+    def take(segment: ClipSegment, number: int) -> Motion:
         clip = segment.load()
         made = follow(subject.model, clip, subject.style(style, number), plan.options.seed + number)
         errors.append(np.linalg.norm(clip.positions[:, 0, ::2] - made.positions[:, 0, ::2], axis=-1))
@@ -80,7 +80,7 @@ def follow_group(plan: Plan, subject: Subject, group: str) -> Followed:
     )
 
 
-def score_following(plan: Plan, subject: Subject, report: Report) -> dict[str, Any]:
+def score_following(plan: EvaluationPlan, subject: Subject, report: Report) -> dict[str, Any]:
     """Distances per style and overall, recognition, path and speed along the captured paths."""
     done: dict[str, Followed] = {}
     for number, group in enumerate(plan.groups):
@@ -106,14 +106,14 @@ def score_following(plan: Plan, subject: Subject, report: Report) -> dict[str, A
     }
 
 
-def style_distance(plan: Plan, name: str, group: str, windows: WindowSet) -> dict[str, Any]:
+def style_distance(plan: EvaluationPlan, name: str, group: str, windows: WindowSet) -> dict[str, Any]:
     """Frechet distance of a group's windows to the captured ones, beside the capture's own."""
     project = plan.projection(name, STYLE_COMPONENTS)
     reference = plan.reference[group]
     return _comparison(compare(project(windows.of(name)), project(reference.of(name)), reference.unit))
 
 
-def overall_distance(plan: Plan, name: str, windows: dict[str, WindowSet]) -> dict[str, Any]:
+def overall_distance(plan: EvaluationPlan, name: str, windows: dict[str, WindowSet]) -> dict[str, Any]:
     """Frechet distance of all styles' windows together."""
     project = plan.projection(name, OVERALL_COMPONENTS)
     reference = joined([plan.reference[group] for group in windows])
@@ -131,7 +131,7 @@ def _comparison(c: Comparison) -> dict[str, Any]:
     }
 
 
-def score_courses(plan: Plan, subject: Subject, rough: Terrain, report: Report) -> dict[str, Any]:
+def score_courses(plan: EvaluationPlan, subject: Subject, rough: Terrain, report: Report) -> dict[str, Any]:
     """Skating before and after foot lock, path error and speed, per style and gait, on level and on rough ground."""
     result: dict[str, Any] = {}
     styles = [g for g in plan.groups if g != TERRAIN_GROUP and plan.gaits(g)]
@@ -147,7 +147,7 @@ def score_courses(plan: Plan, subject: Subject, rough: Terrain, report: Report) 
 
 
 def _course(
-    plan: Plan, subject: Subject, ground: Terrain, style: str, gait: str, number: int
+    plan: EvaluationPlan, subject: Subject, ground: Terrain, style: str, gait: str, number: int
 ) -> dict[str, Any]:
     seed = plan.options.seed + number
     z = subject.style(style, number)
@@ -170,7 +170,7 @@ TERRAINS = ("hills", "stairs", "rough")
 DETERMINISM_CLIPS = 5  # that temperature 0 gives the same twice takes no more
 
 
-def score_model(plan: Plan, subject: Subject, report: Report) -> dict[str, Any]:
+def score_model(plan: EvaluationPlan, subject: Subject, report: Report) -> dict[str, Any]:
     """Generate what the plan asks for and score it."""
     metadata = subject.model.metadata
     result: dict[str, Any] = {
@@ -188,7 +188,7 @@ def score_model(plan: Plan, subject: Subject, report: Report) -> dict[str, Any]:
     return result
 
 
-def score_terrain(plan: Plan, subject: Subject, report: Report) -> dict[str, Any]:
+def score_terrain(plan: EvaluationPlan, subject: Subject, report: Report) -> dict[str, Any]:
     """Sinking and floating of soles, and path error, on uneven ground: neutral first, then other styles."""
     result: dict[str, Any] = {}
     styles = _walking_styles(plan)[: plan.options.terrain_styles]
@@ -220,14 +220,14 @@ def score_terrain(plan: Plan, subject: Subject, report: Report) -> dict[str, Any
     return result
 
 
-def _walking_styles(plan: Plan) -> list[str]:
+def _walking_styles(plan: EvaluationPlan) -> list[str]:
     styles = [g for g in plan.groups if g != TERRAIN_GROUP and "walk" in plan.gaits(g)]
     order = np.random.default_rng(plan.options.seed).permutation(len(styles))
     mixed = [styles[i] for i in order]
     return sorted(mixed, key=lambda s: s != "neutral")  # stable: the rest stays mixed
 
 
-def score_transitions(plan: Plan, subject: Subject, report: Report) -> dict[str, float]:
+def score_transitions(plan: EvaluationPlan, subject: Subject, report: Report) -> dict[str, float]:
     """Jerk around changes of prompt between random styles, walking, against that inside the styles."""
     rng = np.random.default_rng(plan.options.seed + 2)
     styles = _walking_styles(plan)
@@ -267,7 +267,7 @@ def diversity(model: MotionModel, clips: Sequence[tuple[Motion, Array]], tempera
     return Diversity(*(float(v) for v in np.mean(rows, axis=0)))
 
 
-def score_diversity(plan: Plan, subject: Subject, report: Report) -> dict[str, Any]:
+def score_diversity(plan: EvaluationPlan, subject: Subject, report: Report) -> dict[str, Any]:
     """Diversity at temperature 1, and over a few clips at 0, of random captured clips, held-out ones first."""
     clips = diversity_clips(plan)
     styled = [(clip, subject.style(clip.style, k)) for k, clip in enumerate(clips)]
@@ -279,7 +279,7 @@ def score_diversity(plan: Plan, subject: Subject, report: Report) -> dict[str, A
     return result
 
 
-def diversity_clips(plan: Plan) -> list[Motion]:
+def diversity_clips(plan: EvaluationPlan) -> list[Motion]:
     """Clips of 180 frames and their lead-in, every one of another group as far as these reach."""
     rng = np.random.default_rng(plan.options.seed + 3)
     length = LEAD_IN + FRAMES
@@ -302,7 +302,7 @@ def diversity_clips(plan: Plan) -> list[Motion]:
 DRAWS = 10
 
 
-def score_held_out(plan: Plan, report: Report) -> dict[str, Any]:
+def score_held_out(plan: EvaluationPlan, report: Report) -> dict[str, Any]:
     """The capture's own held-out clips, scored by the same code."""
     report("held-out capture")
     styles = [g for g in plan.groups if g != TERRAIN_GROUP and len(plan.held_out[g])]
@@ -326,7 +326,7 @@ def _add(skating: dict[str, Skating], motion: Motion) -> None:
         skating[name] += foot_skating(motion.positions, motion.terrain, motion.gait == gait)
 
 
-def _split_distance(plan: Plan, name: str, styles: list[str]) -> dict[str, float]:
+def _split_distance(plan: EvaluationPlan, name: str, styles: list[str]) -> dict[str, float]:
     """Held-out against training windows, with as many of either from every style."""
     rng = np.random.default_rng(plan.options.seed)
     project = plan.projection(name, OVERALL_COMPONENTS)
@@ -345,7 +345,7 @@ def _split_distance(plan: Plan, name: str, styles: list[str]) -> dict[str, float
     return {"distance": float(np.mean(distances)), "windows": count}
 
 
-def score_rollouts(plan: Plan, report: Report) -> dict[str, Any] | None:
+def score_rollouts(plan: EvaluationPlan, report: Report) -> dict[str, Any] | None:
     """The terrain rollouts as a row of their own, against captured neutral motion; None without rollouts."""
     clips = plan.capture.of(TERRAIN_GROUP, True)
     if not clips:
@@ -378,7 +378,7 @@ def score_rollouts(plan: Plan, report: Report) -> dict[str, Any] | None:
     return result
 
 
-def _rollout_distance(plan: Plan, name: str, neutral: WindowSet) -> dict[str, float]:
+def _rollout_distance(plan: EvaluationPlan, name: str, neutral: WindowSet) -> dict[str, float]:
     """Windows of rollouts against captured neutral windows, as many of either."""
     rng = np.random.default_rng(plan.options.seed)
     project = plan.projection(name, OVERALL_COMPONENTS)

@@ -55,7 +55,7 @@ FEET = list(SOLE_POINTS)
 
 
 @dataclass
-class Segment:
+class SoakSegment:
     """Twenty seconds on one terrain: poses, and per frame the request, its speed and the frames since it changed."""
 
     terrain: Terrain
@@ -98,9 +98,9 @@ def soak(seconds: float, seed: int, model: Path, report: Callable[[str], None]) 
     return summarise(measured, memory)
 
 
-def play_segment(controller: Controller, styles: list[Array], rng: np.random.Generator) -> Segment:
+def play_segment(controller: Controller, styles: list[Array], rng: np.random.Generator) -> SoakSegment:
     """Random play on the controller's terrain."""
-    segment = Segment(controller.terrain)
+    segment = SoakSegment(controller.terrain)
     controls, change_at, style_at, since = Controls(), 0, 0, 0
     for frame in range(round(SEGMENT_SECONDS * FPS)):
         if frame == style_at:
@@ -133,7 +133,7 @@ def _random_controls(pose: Pose, rng: np.random.Generator) -> Controls:
     )
 
 
-def measure(segment: Segment) -> dict[str, Any]:
+def measure(segment: SoakSegment) -> dict[str, Any]:
     """Figures of one segment."""
     positions = np.stack([pose.positions for pose in segment.poses])
     finite = np.isfinite(positions).all(axis=(1, 2))
@@ -157,7 +157,7 @@ def measure(segment: Segment) -> dict[str, Any]:
     }
 
 
-def _steady_stretches(segment: Segment) -> list[tuple[int, int]]:
+def _steady_stretches(segment: SoakSegment) -> list[tuple[int, int]]:
     """First and last frame (excluded) of every stretch of moving on which neither request nor style changed for a while."""
     steady = np.array(segment.since_change) >= round(SETTLE_SECONDS * FPS)
     moving = (np.array(segment.asked) > 0.3) & (np.array(segment.gaits) != Gait.JUMP)
@@ -167,7 +167,7 @@ def _steady_stretches(segment: Segment) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(starts[long_enough], ends[long_enough], strict=True)]
 
 
-def foot_movement(segment: Segment) -> list[tuple[str, float]]:
+def foot_movement(segment: SoakSegment) -> list[tuple[str, float]]:
     """Gait, and speed of the feet relative to the root over the requested speed, of every whole second of steady moving."""
     root = np.stack([pose.root_position for pose in segment.poses])
     yaw = np.array([pose.root_yaw for pose in segment.poses])
@@ -191,7 +191,7 @@ def resident_mb() -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-def _steady_speeds(segment: Segment) -> list[tuple[str, float, float]]:
+def _steady_speeds(segment: SoakSegment) -> list[tuple[str, float, float]]:
     """(gait, asked, real) in m/s of every steady stretch."""
     root = np.stack([pose.root_position for pose in segment.poses])[:, [0, 2]]
     result: list[tuple[str, float, float]] = []

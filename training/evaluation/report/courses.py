@@ -13,7 +13,7 @@ from runtime.arrays import Array
 from runtime.motion.features import FPS
 from runtime.skeleton import PART_JOINTS, SPORT_SKELETON
 from training.evaluation.metrics.crossing import mean_of
-from training.evaluation.motion.obstacles import COURSES, CourseRun
+from training.evaluation.motion.obstacles import COURSES, ObstacleRun
 from training.markdown import number, percent, table
 
 SECTION = "obstacle courses"  # of a document, between its markers
@@ -122,7 +122,7 @@ BODY_M = 1.9  # drawn over the highest ground
 DPI = 80
 
 
-def draw_courses(runs: Sequence[CourseRun], out: Path) -> None:
+def draw_courses(runs: Sequence[ObstacleRun], out: Path) -> None:
     """One course's runs, one in a row, seen from the character's left: left limbs orange, right limbs blue."""
     import matplotlib
 
@@ -150,7 +150,7 @@ def draw_courses(runs: Sequence[CourseRun], out: Path) -> None:
     pyplot.close(figure)
 
 
-def _moments(run: CourseRun, first: float, last: float) -> list[int]:
+def _moments(run: ObstacleRun, first: float, last: float) -> list[int]:
     """Frames in which the hips have gone on by `APART_M`, or have waited where they are."""
     z = run.motion.positions[:, 0, 2]
     chosen: list[int] = []

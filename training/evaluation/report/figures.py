@@ -14,7 +14,7 @@ from runtime.motion import features
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS, split_output
 from runtime.motion.model import MotionModel
-from runtime.motion.motion_encoder import MotionEncoder
+from runtime.motion.motion_encoder import ExportedMotionEncoder
 from runtime.skeleton import SPORT_SKELETON
 from training.data.contact_sheet import draw_figure
 from training.evaluation.metrics.features import has_encoder, window_set
@@ -66,7 +66,7 @@ def _embeddings(capture: Capture, subject: Subject, seed: int) -> Any:
     from sklearn.manifold import TSNE
 
     styles = _most_captured(capture)
-    encoder = MotionEncoder(subject.folder) if has_encoder(subject.folder) else None
+    encoder = ExportedMotionEncoder(subject.folder) if has_encoder(subject.folder) else None
     rows, labels = [], []
     for number, style in enumerate(styles):
         parts = driving_segments(capture, style, EMBEDDED_SECONDS, seed)

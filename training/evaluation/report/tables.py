@@ -198,7 +198,7 @@ MEASURES = {
 
 
 @dataclass(frozen=True)
-class Bar:
+class Demand:
     """One demand: how many of how many cases meet it, and which miss it by how much."""
 
     name: str
@@ -211,7 +211,7 @@ class Bar:
         return self.cases > 0 and self.met == self.cases
 
 
-def check(model: dict[str, Any], held_out: dict[str, Any]) -> list[Bar]:
+def check(model: dict[str, Any], held_out: dict[str, Any]) -> list[Demand]:
     """All bars of one model's scores."""
     bars = _distance_bars(model["following"])
     for measure, words in MEASURES.items():
@@ -236,7 +236,7 @@ def check(model: dict[str, Any], held_out: dict[str, Any]) -> list[Bar]:
     return bars
 
 
-def _distance_bars(following: dict[str, Any]) -> list[Bar]:
+def _distance_bars(following: dict[str, Any]) -> list[Demand]:
     """The distances of all walking and running styles together, then one by one."""
     bars = []
     for name, overall in following["fmd"].items():
@@ -275,10 +275,10 @@ def _skating_cases(courses: dict[str, Any], measure: str) -> tuple[list, list, l
     return flat, normal, rough
 
 
-def _bar(name: str, cases: list[tuple[str, float, float]]) -> Bar:
+def _bar(name: str, cases: list[tuple[str, float, float]]) -> Demand:
     """Of cases (name, value, limit); those with value > limit miss it."""
     missed = sorted((c for c in cases if not c[1] <= c[2]), key=lambda c: c[2] - c[1])
-    return Bar(
+    return Demand(
         name,
         len(cases) - len(missed),
         len(cases),
@@ -286,10 +286,10 @@ def _bar(name: str, cases: list[tuple[str, float, float]]) -> Bar:
     )
 
 
-def _at_least(name: str, cases: dict[str, tuple[float, float]]) -> Bar:
+def _at_least(name: str, cases: dict[str, tuple[float, float]]) -> Demand:
     """Of cases (value, limit); those with value < limit miss it."""
     missed = sorted(
         (k for k, (value, limit) in cases.items() if value < limit), key=lambda k: cases[k][0] - cases[k][1]
     )
     texts = tuple(f"{k} {cases[k][0]:.2f} < {cases[k][1]:.2f}" for k in missed)
-    return Bar(name, len(cases) - len(missed), len(cases), texts)
+    return Demand(name, len(cases) - len(missed), len(cases), texts)

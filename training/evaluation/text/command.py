@@ -20,7 +20,7 @@ from training.evaluation.text import edits
 from training.evaluation.text.edits import FREE_PROMPTS, Case, by_slot, independence, seed_changes
 from training.evaluation.text.timing import timing
 from training.evaluation.text.walks import SECONDS, Walk, Walker
-from training.layering.measured_edits import Reference, Summary, load_reference
+from training.layering.measured_edits import CapturedReference, Summary, load_reference
 
 log = logging.getLogger("sport.evaluate")
 
@@ -115,7 +115,7 @@ def _edits(args: Arguments, folder: Path, prompter: Prompter) -> dict[str, Any]:
 
 
 def _case_result(
-    case: Case, summaries: Sequence[Summary], neutral: dict[int, Summary], reference: Reference
+    case: Case, summaries: Sequence[Summary], neutral: dict[int, Summary], reference: CapturedReference
 ) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
     """The case's score, None where its measure shows nothing; and its independence, for single edits."""
     pairs = reference.edited(case.edits)

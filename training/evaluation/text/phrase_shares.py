@@ -28,7 +28,7 @@ from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel, load_model
 from runtime.motion.paths import control_script
-from runtime.prompts.english.library_data import Style
+from runtime.prompts.english.library_data import LibraryStyle
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.prompter import Prompter
 from runtime.prompts.shares import FILE, as_left_limb
@@ -41,7 +41,7 @@ from training.frames import PLAIN
 from training.layering.apply import apply
 from training.layering.catalog import EDITS
 from training.layering.measured_edits import Summary, summarise, targets, value
-from training.layering.pose_edits import Motion
+from training.layering.pose_edits import EditedMotion
 from training.text.claims import clause_share, clauses
 from training.text.measure import BodyMeasures
 
@@ -78,7 +78,7 @@ class Found:
         self.sentences[as_left_limb(phrase, part)].append(share)
         self.clauses[as_left_limb(phrase, part)].append(share)
 
-    def add_plain(self, styles: Mapping[str, Style]) -> None:
+    def add_plain(self, styles: Mapping[str, LibraryStyle]) -> None:
         """The sentences of the plain walks ask for nothing that everybody does not do: all of it is shown."""
         for name in sorted(styles):
             if name.startswith(PLAIN) and name not in UNEVEN:
@@ -156,7 +156,7 @@ def _phrases(neutral: PartDescriptions) -> Iterable[tuple[PartDescriptions, str]
             yield words, name
 
 
-def _described(motion: Motion) -> dict[str, tuple[Summary, Summary]]:
+def _described(motion: EditedMotion) -> dict[str, tuple[Summary, Summary]]:
     """Of every edit of the left and the middle: the neutral walk before and after it."""
     before = summarise(motion.hips, motion.local, motion.contacts)
     found = {}
@@ -167,13 +167,13 @@ def _described(motion: Motion) -> dict[str, tuple[Summary, Summary]]:
     return found
 
 
-def _neutral_motion(model: MotionModel, z: Any) -> Motion:
+def _neutral_motion(model: MotionModel, z: Any) -> EditedMotion:
     """A neutral walk of the model, to apply edits to."""
     controller = Controller(model, flat_ground(), 0)
     lead, frames = round(LEAD_SECONDS * FPS), round(2 * SECONDS * FPS)
     script = control_script("forward", "walk")
     poses = simulate(controller, script, [(0.0, z)], lead + frames)[lead:]
-    return Motion(
+    return EditedMotion(
         np.stack([p.hips_position for p in poses]).astype(np.float64),
         np.stack([p.local_rotations for p in poses]).astype(np.float64),
         (np.stack([p.contacts for p in poses]) > 0.5).astype(np.uint8),

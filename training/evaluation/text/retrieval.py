@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 from runtime.errors import FileError, ModelError
 from runtime.motion.model_files import open_graph, read_graph, read_metadata
-from runtime.motion.motion_encoder import MotionEncoder
+from runtime.motion.motion_encoder import ExportedMotionEncoder
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.sentence_inputs import sentence_inputs
 from runtime.prompts.text_encoder import TextEncoderLike
@@ -106,7 +106,7 @@ def held_out_clips(folder: Path, mirrored: bool) -> list[Path]:
     return found
 
 
-def encode_clips(encoder: MotionEncoder, paths: Sequence[Path]) -> Clips:
+def encode_clips(encoder: ExportedMotionEncoder, paths: Sequence[Path]) -> Clips:
     """Codes of clips; those shorter than a window (1.3 s) are left out."""
     names, styles, codes = [], [], []
     for path in paths:
@@ -119,7 +119,7 @@ def encode_clips(encoder: MotionEncoder, paths: Sequence[Path]) -> Clips:
     return Clips(names, styles, Codes.stack(codes))
 
 
-def _windows(encoder: MotionEncoder, motion: Motion, starts: NDArray[np.integer]) -> Codes:
+def _windows(encoder: ExportedMotionEncoder, motion: Motion, starts: NDArray[np.integer]) -> Codes:
     root = motion.root_features()
     joints = np.concatenate([root.joints, root.rotations], axis=-1)
     parts = []
@@ -184,7 +184,7 @@ def evaluate_retrieval(
     folder: Path, clips: Path, texts: dict[str, list[PartDescriptions]], text_encoder: TextEncoderLike
 ) -> dict[str, Any]:
     """All figures of a model folder on the held-out clips; `texts` are every style's paraphrases."""
-    encoder, side = MotionEncoder(folder), TextSide(folder, text_encoder)
+    encoder, side = ExportedMotionEncoder(folder), TextSide(folder, text_encoder)
     result: dict[str, Any] = {}
     for mirrored in (False, True):
         asked = {s: [d.mirrored() for d in ds] if mirrored else ds for s, ds in texts.items()}

@@ -37,7 +37,7 @@ SECTION = "untuned prompts"  # of a document, between its markers
 
 
 @dataclass(frozen=True)
-class Answer:
+class PromptOutcome:
     """What came of one prompt, `cpu_ms` and `wall_ms` after it; `problem` is why it has no usable answer, or ""."""
 
     prompt: str
@@ -96,7 +96,7 @@ def library_size() -> int:
     return len(load_library(asset_path("prompts/library.json"), styles))
 
 
-def measure(prompts: Sequence[str], model: MotionModel) -> tuple[list[Answer], float]:
+def measure(prompts: Sequence[str], model: MotionModel) -> tuple[list[PromptOutcome], float]:
     """An answer for each prompt, asked once, and the processor's milliseconds for a first prompt, loading included."""
     watch = Stopwatch()
     prompter = Prompter(model)
@@ -105,19 +105,19 @@ def measure(prompts: Sequence[str], model: MotionModel) -> tuple[list[Answer], f
     return [ask(prompt, prompter.library, prompter.encoder) for prompt in prompts], first_ms
 
 
-def ask(prompt: str, expander: Expander, encoder: PromptEncoder) -> Answer:
+def ask(prompt: str, expander: Expander, encoder: PromptEncoder) -> PromptOutcome:
     """One prompt to Z^t; whatever is raised on the way becomes the answer's problem."""
     watch = Stopwatch()
     try:
         expansion = expander.expand(prompt)
         z = encoder.encode(expansion.descriptions)
     except SportError as error:
-        return Answer(prompt, *watch.read(), problem=str(error))
+        return PromptOutcome(prompt, *watch.read(), problem=str(error))
     except Exception as defect:  # a defect at one prompt must not hide what the others say
-        return Answer(prompt, *watch.read(), problem=f"unexpected {defect!r}")
+        return PromptOutcome(prompt, *watch.read(), problem=f"unexpected {defect!r}")
     cpu_ms, wall_ms = watch.read()
     said = {part: getattr(expansion.descriptions, part) for part in PART_NAMES}
-    return Answer(
+    return PromptOutcome(
         prompt,
         cpu_ms,
         wall_ms,
@@ -137,7 +137,7 @@ def _problem(said: dict[str, str], z: NDArray[np.float32]) -> str:
     return "" if np.isfinite(z).all() and np.any(z) else "Z^t is zero or not finite"
 
 
-def summarise(answers: Sequence[Answer], first_ms: float) -> dict[str, Any]:
+def summarise(answers: Sequence[PromptOutcome], first_ms: float) -> dict[str, Any]:
     """Counts and times of all answers, and the bars that were missed."""
     times = np.array([answer.cpu_ms for answer in answers])
     wall = np.array([answer.wall_ms for answer in answers])
@@ -167,7 +167,7 @@ def kind_of_note(note: str) -> str:
     return re.sub(r"\d+(?:\.\d+)?", "N", re.sub(r"“[^”]*”|'[^']*'|\"[^\"]*\"", "“…”", note))
 
 
-def _missed(answers: Sequence[Answer]) -> list[str]:
+def _missed(answers: Sequence[PromptOutcome]) -> list[str]:
     slow = sum(answer.cpu_ms >= MAX_MS for answer in answers)
     bars = {
         "every prompt is answered, no part of it empty": not any(answer.problem for answer in answers),
@@ -194,7 +194,7 @@ def _figures(report: dict[str, Any]) -> list[str]:
 
 def markdown(report: dict[str, Any]) -> str:
     """Figures, bars, kinds of notes, prompts without an answer, and a sample."""
-    answers = [Answer(**{**a, "nearest": tuple(map(tuple, a["nearest"]))}) for a in report["answers"]]
+    answers = [PromptOutcome(**{**a, "nearest": tuple(map(tuple, a["nearest"]))}) for a in report["answers"]]
     lines = [f"- {line}" for line in _figures(report)]
     lines += [f"- note, {count} times: {kind}" for kind, count in report["notes"].items()]
     lines += [f"- “{prompt}”: {problem}" for prompt, problem in report["problems"].items()]
@@ -202,13 +202,13 @@ def markdown(report: dict[str, Any]) -> str:
     return "\n".join([*lines, "", *table(sample(answers))])
 
 
-def sample(answers: Sequence[Answer], rows: int = SAMPLE_ROWS) -> list[Answer]:
+def sample(answers: Sequence[PromptOutcome], rows: int = SAMPLE_ROWS) -> list[PromptOutcome]:
     """`rows` of the answers at even distances, the first among them; all of them where there are fewer."""
     rows = min(rows, len(answers))
     return [answers[i * len(answers) // rows] for i in range(rows)]
 
 
-def table(answers: Sequence[Answer]) -> list[str]:
+def table(answers: Sequence[PromptOutcome]) -> list[str]:
     """Lines of a Markdown table: the prompt, its six descriptions, the nearest entry with its similarity, the note."""
     titles = ["prompt", *(part.replace("_", " ") for part in PART_NAMES), "nearest entry", "note"]
     lines = [_row(titles), _row(["---"] * len(titles))]

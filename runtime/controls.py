@@ -20,6 +20,15 @@ class Gait(IntEnum):
     JUMP = 4
     OTHER = 5
 
+    @property
+    def label(self) -> str:
+        """Its name as files and commands write it: "walk"."""
+        return self.name.lower()
+
+
+REQUESTS = (Gait.STAND, Gait.WALK, Gait.JOG, Gait.CROUCH, Gait.JUMP)  # gaits that a person can request
+STAND_SPEED = 0.12  # m/s; slower requests mean standing
+
 
 @dataclass(frozen=True)
 class Controls:

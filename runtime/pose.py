@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from runtime.arrays import Array
 
+FPS = 60  # frames a second, of the network and of every clip
+DT = 1.0 / FPS  # seconds of a frame
+
 
 @dataclass(frozen=True)
 class Pose:

@@ -16,26 +16,25 @@ import numpy as np
 
 from runtime import rotations
 from runtime.arrays import Array
+from runtime.controls import STAND_SPEED
 from runtime.crossing.climb import Climb, Descend
 from runtime.crossing.keyed_pose import CrossingPose, smooth
 from runtime.crossing.leap import Leap, LeapStart, takeoff_m
 from runtime.crossing.steps import PlannedSteps
 from runtime.feet.ik import LEG_FEET, solve_legs
 from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
-from runtime.pose import Pose
+from runtime.pose import DT, Pose
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacles import blocked_message, step_ahead
 from runtime.terrain.way_ahead import ObstacleAhead, ObstacleKind, obstacle_ahead
 
-DT = 1.0 / 60.0
 KINDS = ("", *(kind.value for kind in ObstacleKind), "climb", "descend")
 LOOK_M = 3.0  # ahead for obstacles, beside what is covered while a character stops
 HIGHEST_LEAP_M = 0.75  # of a bar
 HIGHEST_STEP_M = 0.55  # a higher one is climbed
 HIGHEST_CLIMB_M = 1.5
 STEEPEST_GAP_M = 0.35  # that the ground behind a gap may be higher
-STAND_SPEED = 0.12  # m/s; slower requests mean standing
 STOP_M = 0.5  # from ground that nobody can walk on the root stops,
 STOP_SECONDS = 0.45  # and as much farther as it covers in this time
 HOLD_M = 0.5  # it sets off again where the way is free this much farther: else it stops and starts in turn

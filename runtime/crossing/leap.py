@@ -17,12 +17,12 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.crossing.keyed_pose import CrossingPose
 from runtime.feet.ik import LEG_FEET, LEG_SHINS, LEG_THIGHS, solve_legs
+from runtime.pose import FPS
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.way_ahead import ObstacleKind
 
 Mask = NDArray[np.bool_]
 
-FPS = 60
 TOE = np.asarray(SPORT_SKELETON.offsets[LEG_FEET[0] + 1], np.float64)  # from the ankle, on a flat foot
 HIP_DROP = float(-SPORT_SKELETON.offsets[LEG_THIGHS[0], 1])  # of the thighs' joints under the hips
 LEG = float(-SPORT_SKELETON.offsets[LEG_SHINS[0], 1] - SPORT_SKELETON.offsets[LEG_FEET[0], 1])

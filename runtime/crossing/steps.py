@@ -9,9 +9,8 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.feet.ik import LEG_FEET
-from runtime.pose import Pose
+from runtime.pose import DT, Pose
 
-DT = 1.0 / 60.0
 SOON_S = 0.08  # the next landing takes at least so long: a step may be slower than the last ones
 SETTING_OFF = 0.3  # m/s: slower, the first steps are short and quick
 STRIDE_S = (0.5, 2.2)  # seconds that a stride of two steps may take

@@ -34,7 +34,7 @@ def take_arrays(take: PreparedTake) -> dict[str, NDArray[Any]]:
     clip = take.clip
     positions, world = clip.world()
     contacts = foot_contacts(clip)
-    known = {int(gait): gait.name.lower() for gait in Gait}
+    known = {int(gait): gait.label for gait in Gait}
     gaits = np.full(len(clip), -1) if clip.gaits is None else clip.gaits
     return {
         "positions": (positions * clip.size).astype(np.float32),

@@ -117,9 +117,9 @@ def read_metadata(bvh: Path) -> TakeMetadata:
         else (),
         origin=origin_from(value),
         gait_seconds=tuple(
-            (gait.name.lower(), number_field(gaits, gait.name.lower(), 0.0))
+            (gait.label, number_field(gaits, gait.label, 0.0))
             for gait in Gait
-            if isinstance(gaits, dict) and gait.name.lower() in gaits
+            if isinstance(gaits, dict) and gait.label in gaits
         ),
         gait_changes=_gait_changes(value.get("gaits")),
         placed=_placed(value),
@@ -128,7 +128,7 @@ def read_metadata(bvh: Path) -> TakeMetadata:
 
 
 def _gait_changes(value: Any) -> tuple[tuple[float, str], ...]:
-    names = {gait.name.lower() for gait in Gait}
+    names = {gait.label for gait in Gait}
     pairs = (
         [pair for pair in value if isinstance(pair, list) and len(pair) == 2]
         if isinstance(value, list)

@@ -13,10 +13,11 @@ import numpy as np
 
 from runtime import rotations
 from runtime.arrays import Array
+from runtime.pose import DT as DT
+from runtime.pose import FPS as FPS
 from runtime.skeleton import SPORT_SKELETON, J
 
 LAYOUT_VERSION = 1
-FPS = 60
 SAMPLE_STEP = 10  # frames between two samples of the ±1 s window
 L = 12  # trajectory samples
 C = 5  # phase channels

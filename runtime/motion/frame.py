@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.arrays import Array
-from runtime.controls import Controls, Gait
+from runtime.controls import STAND_SPEED, Controls, Gait
 from runtime.crossing.crossing import CLEAR, HALF_BODY_M, LOOK_M, STOP_SECONDS, Look
 from runtime.motion import features
-from runtime.motion.features import FPS, GAITS, OUTPUT_SIZE, InputParts, OutputParts, split_output
+from runtime.motion.features import DT, GAITS, OUTPUT_SIZE, InputParts, OutputParts, split_output
 from runtime.motion.model import MotionModel, Style
 from runtime.motion.noise import drifting_noise
 from runtime.motion.phase import advance_phase
@@ -32,8 +32,6 @@ from runtime.terrain.way_ahead import EDGE_M, RUN_M
 
 Flags = NDArray[np.bool_]
 
-DT = 1.0 / FPS
-STAND_SPEED = 0.12  # m/s; slower requests mean standing
 MIN_GAIT_SPEED = 0.3  # m/s; slower, feet may well rest for a while
 CROUCH_SPEED = 0.8  # m/s at full stick
 JUMP_SECONDS = 0.7

@@ -13,7 +13,7 @@ from runtime.controls import Controls, Gait
 from runtime.errors import UsageError
 
 PATH_NAMES = ("forward", "circle", "figure8", "random")
-GAITS = {"walk": Gait.WALK, "jog": Gait.JOG, "crouch": Gait.CROUCH, "stand": Gait.STAND}
+GAITS = {gait.label: gait for gait in (Gait.WALK, Gait.JOG, Gait.CROUCH, Gait.STAND)}
 
 CIRCLE_RADIUS_M = 3.0
 FIGURE_HALF_LENGTH_M = 4.0

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 from runtime.crossing.crossing import Crossing
 from runtime.feet.foot_lock import FootLock
-from runtime.motion.features import PHASE_OFFSETS, C, split_output
+from runtime.motion.features import DT, PHASE_OFFSETS, C, split_output
 from runtime.motion.inertialization import Inertialization
 from runtime.motion.model import MotionModel
 from runtime.motion.poses import Poses, network_pose, shown_poses
@@ -77,7 +77,7 @@ def standing(
     )
     hips, local, _ = network_pose(y, trajectory, ground)
     feet, contacts = FootLock(), np.zeros((1, 4))
-    locked = feet.apply(hips[0], local[0], contacts[0], terrain, 1.0 / 60.0)
+    locked = feet.apply(hips[0], local[0], contacts[0], terrain, DT)
     still = np.zeros(1)
     return CharacterState(
         seed=np.array([seed]),

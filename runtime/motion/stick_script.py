@@ -18,11 +18,11 @@ from dataclasses import dataclass
 from itertools import accumulate
 from math import cos, radians, sin
 
-from runtime.controls import Controls, Gait
+from runtime.controls import REQUESTS, Controls, Gait
 from runtime.errors import UsageError
 from runtime.motion.paths import PlanarPose
 
-GAITS = {gait.name.lower(): gait for gait in (Gait.STAND, Gait.WALK, Gait.JOG, Gait.CROUCH, Gait.JUMP)}
+GAITS = {gait.label: gait for gait in REQUESTS}
 EXAMPLE = "stand 2; walk 3; walk@90 3; jog@0*0.5 2; jump 1"
 MAX_SECONDS = 24 * 3600.0
 MAX_CHARACTERS = 100_000
@@ -47,7 +47,7 @@ class StickSegment:
     facing: float | None = None
 
     def __str__(self) -> str:
-        text = self.gait.name.lower()
+        text = self.gait.label
         text += f"@{_plain(self.heading)}" if self.heading else ""
         text += f"*{_plain(self.amount)}" if self.amount != 1.0 else ""
         text += "" if self.facing is None else f">{_plain(self.facing)}"

@@ -82,7 +82,7 @@ def gait_of(controls: Controls) -> int:
 
 def gait_seconds(gaits: NDArray[np.integer], fps: float) -> dict[str, float]:
     """Seconds of each gait asked for in frames `(T,)` of gait numbers; empty where nothing is known of them."""
-    return {gait.name.lower(): int(n) / fps for gait in Gait if (n := np.count_nonzero(gaits == gait))}
+    return {gait.label: int(n) / fps for gait in Gait if (n := np.count_nonzero(gaits == gait))}
 
 
 def gait_changes(gaits: NDArray[np.integer] | None, fps: float) -> tuple[tuple[float, str], ...]:
@@ -90,7 +90,7 @@ def gait_changes(gaits: NDArray[np.integer] | None, fps: float) -> tuple[tuple[f
     if gaits is None or len(gaits) == 0:
         return ()
     begins = np.concatenate([[0], np.flatnonzero(np.diff(gaits)) + 1])
-    known = {int(gait): gait.name.lower() for gait in Gait}
+    known = {int(gait): gait.label for gait in Gait}
     return tuple((int(i) / fps, known[int(gaits[i])]) for i in begins if int(gaits[i]) in known)
 
 

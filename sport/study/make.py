@@ -179,7 +179,7 @@ def _scenes(
     captured = {} if clips is None else _captured_walks(clips, styles)
     for course in by_name(obstacles):
         for gait in gaits:
-            variant = gait.name.lower()
+            variant = gait.label
             for name, subject in subjects.items():
                 report(f"{course.title}, {variant}: {name}")
                 clip, ground = _over(subject, course, gait, seconds)

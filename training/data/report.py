@@ -91,7 +91,7 @@ class Report:
 
     @staticmethod
     def _table(title: str, key: str, clips: list[ClipSummary]) -> list[str]:
-        gaits = [g.name.lower() for g in Gait]
+        gaits = [g.label for g in Gait]
         lines = [
             f"| {title} | clips | minutes | held out | {' | '.join(gaits)} | contact | skating cm/frame |"
         ]

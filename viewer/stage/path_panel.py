@@ -11,7 +11,7 @@ from viewer.gui.widgets import px
 from viewer.stage.path_tool import PathTool
 from viewer.stage.stage import Stage
 
-GAITS = [(Gait.WALK, "Walk"), (Gait.JOG, "Jog"), (Gait.CROUCH, "Crouch")]
+GAITS = [(gait, gait.label.capitalize()) for gait in (Gait.WALK, Gait.JOG, Gait.CROUCH)]
 
 
 def draw(stage: Stage) -> None:

@@ -156,7 +156,7 @@ class TakeEditing:
 
             return drive_edits.with_gait(drive, frame, end - 1, gait)
 
-        self._again(f"gait {gait.name.lower()}", edit)
+        self._again(f"gait {gait.label}", edit)
 
     def move(self, track: str, index: int, start: int, end: int) -> None:
         """A span of the track "prompts" or "gaits" goes to other frames, at the cost of its neighbours."""

@@ -110,7 +110,7 @@ def _gaits(clip: Clip) -> list[GaitSpan]:
 
 
 def _gait(span: GaitSpan) -> str:
-    return Gait(span.gait).name.capitalize()
+    return Gait(span.gait).label.capitalize()
 
 
 def _grounds(clip: Clip, drive: Drive | None) -> tuple[LabelledSpan, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from runtime.controls import Gait
+from runtime.controls import REQUESTS
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.panels import Panel, PanelPlace
@@ -16,7 +16,6 @@ SPEEDS = (0.1, 2.0)
 WIDE = 520.0  # pixels at scale 1: words beside the icons
 TINY = 400.0  # in less only what has no other way stays
 PROMPT_POPUP, GAIT_POPUP = "new prompt", "new gait"
-GAITS = (Gait.STAND, Gait.WALK, Gait.JOG, Gait.CROUCH, Gait.JUMP)
 
 
 def panel(editing: TakeEditing) -> Panel:
@@ -154,7 +153,7 @@ def _popups(editing: TakeEditing) -> None:
             imgui.close_current_popup()
         imgui.end_popup()
     if imgui.begin_popup(GAIT_POPUP):
-        for gait in GAITS:
-            if imgui.selectable(f"{gait.name.capitalize()}##gait", False)[0]:
+        for gait in REQUESTS:
+            if imgui.selectable(f"{gait.label.capitalize()}##gait", False)[0]:
                 editing.insert_gait(gait)
         imgui.end_popup()

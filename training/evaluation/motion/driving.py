@@ -20,6 +20,7 @@ from runtime.pose import Pose
 from runtime.records import copied
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
+from training.data.labels import STAND_SPEED
 from training.evaluation.metrics.motion import Motion
 from training.frames import PAD, extrapolate, repeat_ends, root_motion, smooth
 
@@ -30,7 +31,6 @@ STEADY_FRAMES = 3 * FPS  # on either side of a change of prompt
 REQUEST_SIGMA = 15.0  # frames; a thumb does not follow the sway of every step
 CORRECTION_PER_S = 1.0  # a player also steers back to where the clip went
 MAX_CORRECTION = 0.5  # m/s
-STAND_SPEED = 0.15  # m/s; under it, in a frame labelled as standing, the stick is let go
 
 
 class Recorder:
@@ -114,7 +114,7 @@ def _stick(requests: Requests, frame: int, controller: Controller) -> Controls:
     gait = Gait(int(requests.gait[frame]))
     speed = float(np.linalg.norm(requests.velocity[frame]))
     facing = (float(np.sin(requests.yaw[frame])), float(np.cos(requests.yaw[frame])))
-    if gait == Gait.STAND and speed < STAND_SPEED:
+    if gait == Gait.STAND and speed < STAND_SPEED:  # in a frame labelled as standing the stick is let go
         return Controls((0.0, 0.0), facing, Gait.WALK)
     if gait in (Gait.STAND, Gait.OTHER):
         gait = Gait.WALK
@@ -254,7 +254,7 @@ def run_course(
         pose = recorder.step(Controls(_towards(course, root, place), gait=gait))
         roots.append(pose.root_position[[0, 2]])
         speeds.append(controller.requested_speed)
-    name = f"{style} {gait.name.lower()} {terrain.name}"
+    name = f"{style} {gait.label} {terrain.name}"
     labels = np.full(len(roots) - LEAD_IN_FRAMES, int(gait))
     return RingRun(
         recorder.motion(name, style, labels, LEAD_IN_FRAMES),

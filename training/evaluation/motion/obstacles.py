@@ -94,7 +94,7 @@ def run_obstacles(
         if pose.root_position[2] > end:
             break
     labels = np.full(len(roots), int(gait))
-    motion = recorder.motion(f"{style} {gait.name.lower()} {course.name}", style, labels, 0)
+    motion = recorder.motion(f"{style} {gait.label} {course.name}", style, labels, 0)
     return ObstacleRun(course, motion, np.stack(roots), np.array(speeds), tuple(sorted(blocked)), keyed / FPS)
 
 
@@ -180,9 +180,9 @@ def score_obstacles(
             for gait in gaits:
                 if course is LEVEL and classifier is None:
                     continue
-                report(f"{course.name}: {style}, {gait.name.lower()}")
+                report(f"{course.name}: {style}, {gait.label}")
                 done = run(course, style, gait)
-                row: dict[str, Any] = {"course": course.name, "style": style, "gait": gait.name.lower()}
+                row: dict[str, Any] = {"course": course.name, "style": style, "gait": gait.label}
                 row["recognised"] = _recognised(done, classifier)
                 if course is not LEVEL:
                     row |= score_run(done)

@@ -18,24 +18,38 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from benchmarks.bandwidth import read_bandwidth
 from benchmarks.bench import cpu_name
+from runtime.arrays import Float32Array
 from runtime.assets import PROJECT_ROOT, model_folder
 from runtime.atomic import check_target, write_atomic
 from runtime.errors import UsageError, run_command
 from runtime.motion.model_files import FOLDED, INT8_GRAPH, open_graph, read_graph, read_metadata
 from training.markdown import check_section, write_section
 
-Array = NDArray[np.float32]
-Feed = dict[str, Array]
+BYTES = 256 << 20  # well beyond any cache
+
+
+def read_bandwidth(threads: int, repeats: int = 8) -> float:
+    """GB/s at which `threads` threads read together: the best of `repeats` searches for a maximum."""
+    parts = np.array_split(np.ones(BYTES // 4, np.int32), threads)
+    best = float("inf")
+    with ThreadPoolExecutor(threads) as pool:
+        for _ in range(repeats):
+            begin = time.perf_counter()
+            list(pool.map(np.max, parts))
+            best = min(best, time.perf_counter() - begin)
+    return BYTES / best / 1e9
+
+
+Feed = dict[str, Float32Array]
 
 BATCHES = (1, 8, 32)
 # Every row is timed in rounds minutes apart: other tenants of a machine come and go, and would else decide single rows.
@@ -198,7 +212,7 @@ def measure(
     ]
 
 
-def _prompts(style: Variant) -> tuple[Array, list[Feed]]:
+def _prompts(style: Variant) -> tuple[Float32Array, list[Feed]]:
     """Random Z^t `(32, 6, 64)`, and each folded."""
     session = open_graph(style.path, style.data, 1)
     shape = session.get_inputs()[0].shape
@@ -210,7 +224,9 @@ def _sizes(session: Any) -> dict[str, list[int]]:
     return {value.name: value.shape for value in session.get_inputs()}
 
 
-def _feed(session: Any, batch: int, prompts: Array, folds: list[Feed], styles: str, random: Any) -> Feed:
+def _feed(
+    session: Any, batch: int, prompts: Float32Array, folds: list[Feed], styles: str, random: Any
+) -> Feed:
     sizes = _sizes(session)
     feed = {n: random.standard_normal((batch, *sizes[n][1:]), np.float32) for n in ("x", "noise")}
     if "z" in sizes:
@@ -242,7 +258,7 @@ def _figures(times: Sequence[tuple[float, float]]) -> tuple[float, float, float,
 def _errors(variants: Sequence[Variant]) -> dict[str, float]:
     """Of single frames on random inputs, by variant: the difference from the folded graph."""
     prompts, folds = _prompts(variants[0])
-    outputs: dict[str, Array] = {}
+    outputs: dict[str, Float32Array] = {}
     for variant in variants[1:]:
         session, random, ys = open_graph(variant.path, variant.data, 1), np.random.default_rng(1), []
         for number in range(0 if variant.name in outputs else ERROR_FRAMES):

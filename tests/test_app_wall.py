@@ -10,7 +10,7 @@ from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.stage.path_tool import on_screen
 from viewer.wall import labels
-from viewer.wall.lineup import SPACING_M, places
+from viewer.wall.state import SPACING_M, places
 
 
 def over(app: App, index: int) -> tuple[float, float]:

@@ -8,8 +8,10 @@ pytest.importorskip("onnxscript")
 
 from runtime.motion.features import INPUT_SIZE, OUTPUT_SIZE  # noqa: E402
 from training.batches import Normalisation  # noqa: E402
-from training.export.ablation import MixtureStepGraph  # noqa: E402
-from training.export.model import StyleGraph  # noqa: E402
+from training.export.model import (  # noqa: E402
+    MixtureStepGraph,
+    StyleGraph,
+)
 from training.export.step import export_step  # noqa: E402
 from training.networks.generator import Generator  # noqa: E402
 from training.presets import PRESETS  # noqa: E402

@@ -23,9 +23,8 @@ from gpt_endpoint import (
 from runtime.errors import PromptError, UsageError
 from runtime.prompts.expander import Expansion
 from runtime.prompts.gpt.cache import AnswerCache, cache_directory
-from runtime.prompts.gpt.check import check_endpoint
 from runtime.prompts.gpt.expander import GptExpander
-from runtime.prompts.gpt.fallback import FallbackExpander
+from runtime.prompts.gpt.fallback import FallbackExpander, check_endpoint
 from runtime.prompts.gpt.settings import GptSettings, Secret, gpt_configured, has_credentials
 
 # the cache

@@ -15,8 +15,7 @@ from gltf_characters import make_pose
 from runtime import rotations
 from runtime.assets import asset_path
 from runtime.character.character import Character, load_character, skin_vertices
-from runtime.character.hand_contact import clear_hands
-from runtime.character.hand_reach import touching
+from runtime.character.hand_contact import clear_hands, touching
 from runtime.formats.bvh_clip import load_clip_bvh
 from runtime.formats.prepare import ExportOptions
 from runtime.formats.table import save_motion

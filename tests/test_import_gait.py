@@ -14,10 +14,8 @@ from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, Ske
 from training.data import gait
 from training.data.catalog import recognise
 from training.data.foot_cleaning import clean_feet
-from training.data.heel import FOOT_OFFSET, heel_rise, pitched
-from training.data.reference_pose import standing_rotations
-from training.data.retarget import calibrate_feet, load_source, retarget
-from training.data.source_skeletons import SourceJoint, SourceSkeleton
+from training.data.retarget import FOOT_OFFSET, calibrate_feet, heel_rise, load_source, pitched, retarget
+from training.data.source_skeletons import SourceJoint, SourceSkeleton, standing_rotations
 
 LEG = 0.8351
 

@@ -21,11 +21,11 @@ from viewer.input.bindings import (
     Action,
     InputMapper,
     Intent,
+    Keyboard,
     to_controls,
 )
+from viewer.input.devices import KeyScript
 from viewer.input.gamepad import BUTTONS, GamepadState, GlfwGamepads, radial_dead_zone
-from viewer.input.keyboard import Keyboard
-from viewer.input.script import KeyScript
 
 KEYS = frozenset({"w", "a", "s", "d", "shift", "r"})
 DT = 1 / 60

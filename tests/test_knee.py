@@ -11,8 +11,7 @@ from runtime.feet.knee import Knee
 from runtime.feet.leg_scalar import leg_bones, leg_forward, rotate
 from runtime.feet.toes import TOE_LENGTH, bent
 from runtime.skeleton import TOE_HEIGHT
-from runtime.terrain.height_map import Terrain
-from runtime.terrain.point_heights import PointHeights
+from runtime.terrain.height_map import PointHeights, Terrain
 
 BONES = leg_bones(0)
 STANDING = leg_forward(BONES, (0.0, 0.95, 0.0), np.tile([1.0, 0.0, 0.0, 0.0], (31, 1)).tolist())

@@ -19,14 +19,13 @@ from runtime.pose import Pose
 from runtime.skeleton import SPORT_SKELETON, J
 from runtime.terrain.height_map import Terrain
 from sport import cli
-from viewer.live import message as messages
 from viewer.live.address import Address, parse_address
-from viewer.live.link import LiveLink
+from viewer.live.link import LiveLink, pose_message, skeleton_joints, skeleton_message, skeleton_number
 from viewer.messages import Messages
 from viewer.stage.simulation import make_pose
 
-JOINTS = messages.skeleton_joints(SPORT_SKELETON)
-NUMBER = messages.skeleton_number(JOINTS)
+JOINTS = skeleton_joints(SPORT_SKELETON)
+NUMBER = skeleton_number(JOINTS)
 
 
 def some_pose(seed: int = 0) -> Pose:
@@ -59,14 +58,14 @@ def drain(receiver: Any, count: int) -> list:
 
 def test_a_pose_comes_back_as_it_was_sent(addon: ModuleType) -> None:
     pose = some_pose()
-    found = addon.decode(messages.pose_message(pose, NUMBER, 2**32 + 7, 1.25))
+    found = addon.decode(pose_message(pose, NUMBER, 2**32 + 7, 1.25))
     assert (found.sequence, found.skeleton, found.seconds) == (7, NUMBER, 1.25)
     assert np.array_equal(np.float32(found.position), pose.hips_position)
     assert np.array_equal(np.float32(found.rotations), pose.local_rotations)
 
 
 def test_the_skeleton_is_announced_with_names_and_hierarchy(addon: ModuleType) -> None:
-    found = addon.decode(messages.skeleton_message(JOINTS, J, 0))
+    found = addon.decode(skeleton_message(JOINTS, J, 0))
     assert found.names == SPORT_SKELETON.names
     assert found.parents == SPORT_SKELETON.parents
     assert np.array_equal(np.float32(found.offsets), SPORT_SKELETON.offsets)
@@ -74,8 +73,8 @@ def test_the_skeleton_is_announced_with_names_and_hierarchy(addon: ModuleType) -
 
 
 def test_messages_fit_into_one_datagram_that_no_network_splits() -> None:
-    assert len(messages.pose_message(some_pose(), NUMBER, 0, 0.0)) == 532
-    assert len(messages.skeleton_message(JOINTS, J, 0)) < 1200
+    assert len(pose_message(some_pose(), NUMBER, 0, 0.0)) == 532
+    assert len(skeleton_message(JOINTS, J, 0)) < 1200
 
 
 @pytest.mark.parametrize(
@@ -93,11 +92,11 @@ def test_messages_fit_into_one_datagram_that_no_network_splits() -> None:
 )
 def test_what_is_no_message_is_refused(addon: ModuleType, change: Any, said: str) -> None:
     with pytest.raises(addon.MessageError, match=said):
-        addon.decode(change(messages.pose_message(some_pose(), NUMBER, 0, 0.0)))
+        addon.decode(change(pose_message(some_pose(), NUMBER, 0, 0.0)))
 
 
 def test_damaged_skeletons_are_refused(addon: ModuleType) -> None:
-    whole = messages.skeleton_message(JOINTS, J, 0)
+    whole = skeleton_message(JOINTS, J, 0)
     random = np.random.default_rng(1)
     for _ in range(300):
         data = bytearray(whole[: random.integers(len(whole))])

@@ -14,7 +14,7 @@ import pytest
 from runtime.atomic import check_target, write_atomic, write_new
 from runtime.errors import FileError
 from runtime.safe_read import printable
-from viewer.render.capture import save_png
+from viewer.render.offscreen import save_png
 
 posix = pytest.mark.skipif(os.name != "posix", reason="modes, links and pipes of POSIX")
 

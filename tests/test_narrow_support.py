@@ -19,8 +19,8 @@ from runtime.feet.narrow_support import (
     side_of_beam,
 )
 from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.height_map import PointHeights
 from runtime.terrain.library import make_terrain
-from runtime.terrain.point_heights import PointHeights
 
 BEAM = make_terrain("beam")
 

@@ -21,9 +21,8 @@ from runtime.pose import Pose
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from viewer.render.camera import OrbitCamera
-from viewer.render.capture import save_png
 from viewer.render.marks import contact_strokes, feet_of, skeleton_strokes, trajectory_strokes
-from viewer.render.offscreen import OffscreenTarget, create_offscreen_context
+from viewer.render.offscreen import OffscreenTarget, create_offscreen_context, save_png
 from viewer.render.overlays import Overlays, TrajectoryOverlay
 from viewer.render.quality import HIGH, SOFTWARE, Quality, choose_quality
 from viewer.render.renderer import Renderer

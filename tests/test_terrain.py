@@ -9,10 +9,9 @@ from PIL import Image
 from runtime.assets import asset_path
 from runtime.errors import FileError, TerrainError
 from runtime.terrain.files import write_height_png
-from runtime.terrain.height_map import Terrain
+from runtime.terrain.height_map import PointHeights, Terrain
 from runtime.terrain.library import STEP_RISE_M, TERRAIN_NAMES, load_terrain, make_terrain
 from runtime.terrain.mesh import rasterise
-from runtime.terrain.point_heights import PointHeights
 
 places = st.floats(-6.0, 6.0)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from runtime.errors import UsageError
 from runtime.motion.features import OUTPUT_SIZE, PAPER_OUTPUT_SIZE
-from runtime.prompts.direction_words import GROUPS
+from runtime.prompts.sentence_inputs import GROUPS
 
 
 @dataclass(frozen=True)

@@ -26,9 +26,8 @@ from viewer.gl_bindings import glfw, imgui
 from viewer.gui.panels import Panel
 from viewer.gui.theme import Fonts, load_fonts
 from viewer.input.bindings import Action, Intent, to_controls
-from viewer.input.devices import Devices
+from viewer.input.devices import Devices, KeyScript
 from viewer.input.gamepad import GamepadSource, GlfwGamepads
-from viewer.input.script import KeyScript
 from viewer.jobs import Jobs
 from viewer.options import ViewOptions
 from viewer.prompt import panel as prompt_panel
@@ -38,7 +37,7 @@ from viewer.prompt.prompting import Prompting
 from viewer.prompt.room import PromptRoom
 from viewer.prompt.style_edit import Side
 from viewer.prompt.suggester import Suggester
-from viewer.render.capture import save_png
+from viewer.render.offscreen import save_png
 from viewer.render.overlays import Overlays
 from viewer.screenshots import Screenshots
 from viewer.services import ControllerLike, Services

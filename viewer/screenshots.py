@@ -7,7 +7,7 @@ from pathlib import Path
 
 from viewer.jobs import Jobs
 from viewer.messages import Messages
-from viewer.render.capture import save_png, screenshot_path
+from viewer.render.offscreen import save_png, screenshot_path
 from viewer.settings import Settings
 from viewer.window import Window
 

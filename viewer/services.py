@@ -147,7 +147,7 @@ def open_expander(library: LibraryLike, gpt: GptSettings) -> Expander:
 
 def check_endpoint(gpt: GptSettings, stop: threading.Event) -> str:
     """Ask a language model one question; what it did."""
-    from runtime.prompts.gpt.check import check_endpoint as check
+    from runtime.prompts.gpt.fallback import check_endpoint as check
 
     return check(gpt, stop)
 

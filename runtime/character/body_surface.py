@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import AnyArray
 from runtime.skeleton import SPORT_SKELETON
 
 if TYPE_CHECKING:
     from runtime.character.character import Character
 
-Array = NDArray[Any]
 
 TRUNK = ("Hips", "LowerBack", "Spine", "Spine1")
 HEAD = "Head"
@@ -42,8 +41,8 @@ class Table:
 
     joint: int  # of the character
     source: int  # SPORT joint that turns it
-    origin: Array
-    radii: Array
+    origin: AnyArray
+    radii: AnyArray
     round: bool  # a head
 
 
@@ -53,7 +52,7 @@ class BodySurface:
     `hands` `(S, n, 3)` are about their joints, of the sides `sides`.
     """
 
-    def __init__(self, tables: Sequence[Table], hands: Mapping[str, Array]) -> None:
+    def __init__(self, tables: Sequence[Table], hands: Mapping[str, AnyArray]) -> None:
         self.sides = tuple(hands)
         self.hands = np.stack([hands[side] for side in self.sides])
         self.joints = np.array([table.joint for table in tables])
@@ -66,14 +65,14 @@ class BodySurface:
             [np.pad(t.radii, ((0, most - len(t.radii)), (0, 0)), mode="edge") for t in tables]
         )
 
-    def outward(self, points: Array) -> Array:
+    def outward(self, points: AnyArray) -> AnyArray:
         """Unit directions `(..., tables, 3)` from axes or centres to points in the joints' rest frames."""
         away = points - self.origins
         # a hand that goes through the middle of a head comes out at its top
         away[..., 1] = np.where(self.round, away[..., 1] + HEAD_UP_M, 0.0)
         return rotations.normalize(away)
 
-    def depth(self, points: Array) -> Array:
+    def depth(self, points: AnyArray) -> AnyArray:
         """How far `(..., tables, n)` points `(..., tables, n, 3)` in the joints' rest frames are below the surface, else 0."""
         away = points - self.origins[:, None]
         x, height, z = away[..., 0], away[..., 1], away[..., 2]
@@ -87,7 +86,7 @@ class BodySurface:
         reach = self._radius(np.clip(row, 0.0, rows - 1.0), around) * share
         return np.asarray(np.maximum(reach - np.where(ball, whole, flat), 0.0))
 
-    def _radius(self, row: Array, around: Array) -> Array:
+    def _radius(self, row: AnyArray, around: AnyArray) -> AnyArray:
         """Between the four entries beside."""
         r, a = np.floor(row).astype(np.int64), np.floor(around).astype(np.int64)
         up, on = row - r, around - a
@@ -99,7 +98,7 @@ class BodySurface:
         return np.asarray(low * (1 - up) + high * up)
 
 
-def fit_surface(character: Character, rest: Array, pivots: Array) -> BodySurface | None:
+def fit_surface(character: Character, rest: AnyArray, pivots: AnyArray) -> BodySurface | None:
     """The surface of a character from its vertices `rest` `(V, 3)` and pivots `(K, 3)` in the aligned rest pose.
 
     None where the mesh is not one: no hands, or holes all over.
@@ -122,7 +121,7 @@ def fit_surface(character: Character, rest: Array, pivots: Array) -> BodySurface
     return BodySurface(found, hands) if found else None
 
 
-def _hands(rest: Array, pivots: Array, owner: Array, joints: dict[str, int]) -> dict[str, Array]:
+def _hands(rest: AnyArray, pivots: AnyArray, owner: AnyArray, joints: dict[str, int]) -> dict[str, AnyArray]:
     found = {}
     for side in ("Left", "Right"):
         own = np.isin(owner, [side + bone for bone in ARMS[3:]] + [side[0] + "Thumb"])
@@ -132,7 +131,7 @@ def _hands(rest: Array, pivots: Array, owner: Array, joints: dict[str, int]) -> 
     return found
 
 
-def _spread(points: Array) -> Array:
+def _spread(points: AnyArray) -> AnyArray:
     """Some of the points, as far from each other as may be."""
     chosen = [int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))]
     gap = np.linalg.norm(points - points[chosen[0]], axis=1)
@@ -142,7 +141,7 @@ def _spread(points: Array) -> Array:
     return np.asarray(points[chosen])
 
 
-def _samples(character: Character, rest: Array, owner: Array) -> tuple[Array, Array]:
+def _samples(character: Character, rest: AnyArray, owner: AnyArray) -> tuple[AnyArray, AnyArray]:
     """Points on the mesh without its arms, evenly, and the SPORT joint that carries each."""
     arms = np.isin(owner, [side + bone for side in ("Left", "Right") for bone in ARMS] + ["LThumb", "RThumb"])
     triangles = character.triangles[~arms[character.triangles].any(axis=1)]
@@ -158,7 +157,7 @@ def _samples(character: Character, rest: Array, owner: Array) -> tuple[Array, Ar
     return a + u * (b - a) + v * (c - a), owner[triangles[which, 0]]
 
 
-def _table(points: Array, of: Array, name: str, joint: int, pivots: Array) -> Table | None:
+def _table(points: AnyArray, of: AnyArray, name: str, joint: int, pivots: AnyArray) -> Table | None:
     own = points[of == name]
     low, high = own.min(axis=0), own.max(axis=0)
     origin = 0.5 * (low + high)
@@ -183,7 +182,7 @@ def _table(points: Array, of: Array, name: str, joint: int, pivots: Array) -> Ta
     return Table(joint, source, origin - pivots[joint], _filled(radii), name == HEAD)
 
 
-def _filled(radii: Array) -> Array:
+def _filled(radii: AnyArray) -> AnyArray:
     """Empty entries from their neighbours round the axis, then from the rows beside."""
     filled = radii.copy()
     for r, row in enumerate(radii):

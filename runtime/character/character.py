@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import AnyArray
 from runtime.character.body_surface import BodySurface, fit_surface
 from runtime.character.guess import JointGuess, guess_joints, require
 from runtime.character.hand_contact import clear_hands
@@ -25,8 +24,6 @@ from runtime.pose import Pose
 from runtime.safe_read import is_text, reason
 from runtime.skeleton import SPORT_SKELETON
 
-Array = NDArray[Any]
-
 FILE_UNITS = (1.0, 0.01, 0.1, 0.0254, 0.001)  # metres of a unit of files, the most common first
 SMALLEST_M, LARGEST_M = 0.3, 8.0
 MIN_SIZE, MAX_SIZE = 0.1, 10.0
@@ -39,23 +36,23 @@ class Character:
     `sport_joints` `(K,)` is the SPORT joint that drives each joint, -1 where it follows its parent rigidly.
     """
 
-    positions: Array  # (V, 3) float32
-    normals: Array  # (V, 3) float32, unit
-    colors: Array  # (V, 3) float32, linear RGB 0..1
-    joint_indices: Array  # (V, 4) uint16
-    joint_weights: Array  # (V, 4) float32, rows sum to one
-    triangles: Array  # (F, 3) uint32, counter-clockwise from outside
+    positions: AnyArray  # (V, 3) float32
+    normals: AnyArray  # (V, 3) float32, unit
+    colors: AnyArray  # (V, 3) float32, linear RGB 0..1
+    joint_indices: AnyArray  # (V, 4) uint16
+    joint_weights: AnyArray  # (V, 4) float32, rows sum to one
+    triangles: AnyArray  # (F, 3) uint32, counter-clockwise from outside
     joint_names: tuple[str, ...]
     joint_parents: tuple[int, ...]  # parents before children is not guaranteed; -1 at roots
-    inverse_bind: Array  # (K, 4, 4) float32
-    rest_world: Array  # (K, 4, 4) float32
-    sport_joints: Array  # (K,)
+    inverse_bind: AnyArray  # (K, 4, 4) float32
+    rest_world: AnyArray  # (K, 4, 4) float32
+    sport_joints: AnyArray  # (K,)
     alignment: Alignment
     size: float = (
         1.0  # metres of a metre of ours in its own size; drawn and moved in ours, see `Terrain.seen_by`
     )
 
-    def joint_transforms(self, positions: Array, world_rotations: Array) -> tuple[Array, Array]:
+    def joint_transforms(self, positions: AnyArray, world_rotations: AnyArray) -> tuple[AnyArray, AnyArray]:
         """Pivots `(..., K, 3)` and turns from the rest pose `(..., K, 4)` of the character's joints in a SPORT pose.
 
         `positions` `(..., 31, 3)` and `world_rotations` `(..., 31, 4)` are the pose's joints, any leading shape.
@@ -78,13 +75,13 @@ class Character:
         pivots[..., rigid, :] = pivots[..., a.driver[rigid], :] + arms[..., rigid, :]
         return pivots, turns
 
-    def _hips(self, positions: Array, hips_turn: Array) -> Array:
+    def _hips(self, positions: AnyArray, hips_turn: AnyArray) -> AnyArray:
         left, right = (SPORT_SKELETON.index(name) for name in ("LeftUpLeg", "RightUpLeg"))
         middle = 0.5 * (positions[..., left, :] + positions[..., right, :])
         lift = np.array([0.0, self.alignment.lift, 0.0])
         return middle + lift + rotations.rotate(hips_turn, self.alignment.hips_offset)
 
-    def joint_matrices(self, positions: Array, world_rotations: Array) -> Array:
+    def joint_matrices(self, positions: AnyArray, world_rotations: AnyArray) -> AnyArray:
         """World matrices `(..., K, 4, 4)` of the joints in a SPORT pose given as in `joint_transforms`."""
         pivots, turns = self.joint_transforms(positions, world_rotations)
         matrices = np.zeros((*pivots.shape[:-1], 4, 4), np.float32)
@@ -93,7 +90,7 @@ class Character:
         matrices[..., 3, 3] = 1.0
         return matrices
 
-    def skin_matrices(self, pose: Pose) -> Array:
+    def skin_matrices(self, pose: Pose) -> AnyArray:
         """Skinning matrices `(K, 4, 4)` float32 that carry bind-pose vertices to world space in `pose`.
 
         It stands on its own feet (`adapted`).
@@ -101,7 +98,9 @@ class Character:
         positions, world = self.adapted(pose.positions, pose.world_rotations, pose.contacts)
         return (self.joint_matrices(positions, world) @ self.inverse_bind).astype(np.float32)
 
-    def adapted(self, positions: Array, world_rotations: Array, contacts: Array) -> tuple[Array, Array]:
+    def adapted(
+        self, positions: AnyArray, world_rotations: AnyArray, contacts: AnyArray
+    ) -> tuple[AnyArray, AnyArray]:
         """A SPORT pose of any leading shape as this body shows it: feet planted, hands on its own surface."""
         if not self.alignment.native:
             positions, world_rotations = plant_feet(self, positions, world_rotations, contacts)
@@ -125,7 +124,7 @@ class Character:
         return float(np.ptp(self._rest[0][:, 1]))
 
     @cached_property
-    def _rest(self) -> tuple[Array, Array]:
+    def _rest(self) -> tuple[AnyArray, AnyArray]:
         """Vertices `(V, 3)` and pivots `(K, 3)` in our rest pose."""
         still = rotations.identity((len(SPORT_SKELETON),)).astype(np.float64)
         rest = SPORT_SKELETON.rest_positions.astype(np.float64)
@@ -133,7 +132,7 @@ class Character:
         return vertices, self.joint_transforms(rest, still)[0]
 
 
-def skin_vertices(character: Character, matrices: Array) -> Array:
+def skin_vertices(character: Character, matrices: AnyArray) -> AnyArray:
     """Vertices `(V, 3)` skinned on the CPU by `matrices` `(K, 4, 4)`."""
     blended = np.einsum("vi,vijk->vjk", character.joint_weights, matrices[character.joint_indices, :3])
     return np.einsum("vjk,vk->vj", blended[..., :3], character.positions) + blended[..., 3]
@@ -208,7 +207,7 @@ def _assemble(file: GltfFile, data: MeshData, joint_map: Mapping[str, str]) -> C
     )
 
 
-def own_size(alignment: Alignment, vertices: Array) -> float:
+def own_size(alignment: Alignment, vertices: AnyArray) -> float:
     """How large a body is in ours: by the file's metres where they give one from `SMALLEST_M` to `LARGEST_M` high.
 
     Files in centimetres and the like are told by their height; where no unit fits, the body has our size.

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.arrays import AnyArray
 from runtime.character.read import (
     REMEDY,
     STRUCTURE_ERRORS,
@@ -20,8 +21,6 @@ from runtime.character.read import (
 from runtime.errors import FileError
 from runtime.safe_read import reason
 
-Array = NDArray[Any]
-
 MAX_TEXTURE_PIXELS = 8192 * 8192  # of all images of a file, and
 MAX_TEXTURE_SIDE = 8192
 PIXELS_PER_BYTE = 16  # more for each of their bytes: images of something are hardly ever packed closer
@@ -29,7 +28,7 @@ _EXPORT = "Export textures as PNG or JPEG."
 SAMPLED_PIXELS = 512  # textures are averaged down to this, since only one colour per vertex is taken
 
 
-def primitive_colors(file: GltfFile, textures: Textures, primitive: Entry, what: str, count: int) -> Array:
+def primitive_colors(file: GltfFile, textures: Textures, primitive: Entry, what: str, count: int) -> AnyArray:
     """Linear RGB `(count, 3)` of a primitive's vertices."""
     materials = file.gltf.materials or []
     color = np.ones((count, 3), np.float32)
@@ -53,7 +52,7 @@ def primitive_colors(file: GltfFile, textures: Textures, primitive: Entry, what:
 
 def _texture_colors(
     file: GltfFile, textures: Textures, primitive: Entry, info: Entry, what: str, count: int
-) -> Array:
+) -> AnyArray:
     channel = getattr(primitive.attributes, f"TEXCOORD_{info.texCoord or 0}", None)
     if channel is None:
         return np.ones((count, 3), np.float32)

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import AnyArray
 from runtime.character.tree import JointTree
-
-Array = NDArray[Any]
 
 SIDES = ("Left", "Right")
 LIMBS = {  # limb: its joints from the trunk outwards, and the least share of the longer one of its two bones
@@ -102,7 +99,9 @@ def on_four_legs(found: Mapping[str, int], tree: JointTree) -> bool:
     return _other_feet(found, tree, hips, along, length)
 
 
-def _other_feet(found: Mapping[str, int], tree: JointTree, hips: Array, along: Array, length: float) -> bool:
+def _other_feet(
+    found: Mapping[str, int], tree: JointTree, hips: AnyArray, along: AnyArray, length: float
+) -> bool:
     """Whether two ends of limbs that mirror each other stand on the ground before or behind the feet."""
     own = {joint for side in SIDES for joint in tree.under(found[side + "UpLeg"])}
     across = tree.positions[found["LeftUpLeg"]] - tree.positions[found["RightUpLeg"]]
@@ -129,7 +128,7 @@ def _other_feet(found: Mapping[str, int], tree: JointTree, hips: Array, along: A
     return False
 
 
-def lopsided(found: Mapping[str, int], tree: JointTree, axes: Array) -> float:
+def lopsided(found: Mapping[str, int], tree: JointTree, axes: AnyArray) -> float:
     """How far left and right limbs are from mirror images in `axes` `(3, 3)`, as a share of the body's size."""
     position = tree.positions @ axes.T
     middle = 0.5 * (position[found["LeftUpLeg"], 0] + position[found["RightUpLeg"], 0])
@@ -142,7 +141,7 @@ def lopsided(found: Mapping[str, int], tree: JointTree, axes: Array) -> float:
     return float(np.mean(gaps)) / max(float(np.ptp(position[:, 1])), 1e-9)
 
 
-def _middle(found: Mapping[str, int], tree: JointTree, bone: str) -> Array:
+def _middle(found: Mapping[str, int], tree: JointTree, bone: str) -> AnyArray:
     return np.asarray(
         0.5 * (tree.positions[found["Left" + bone]] + tree.positions[found["Right" + bone]]), np.float64
     )
@@ -153,5 +152,5 @@ def _end(tree: JointTree, joint: int) -> int:
     return max(tree.under(joint), key=lambda k: tree.distance(joint, k))
 
 
-def _deepest(tree: JointTree, joint: int, along: Array) -> int:
+def _deepest(tree: JointTree, joint: int, along: AnyArray) -> int:
     return max(tree.under(joint), key=lambda k: float(tree.positions[k] @ along))

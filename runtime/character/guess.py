@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import AnyArray
 from runtime.character.doubts import doubts, lopsided, on_four_legs
 from runtime.character.joint_map import joint_map_path
 from runtime.character.joints import NEEDED, REQUIRED, canonical_axes, match_centre, match_names
@@ -18,8 +17,6 @@ from runtime.character.structure import guess_by_structure, leg_count
 from runtime.character.tree import JointTree
 from runtime.errors import FileError
 from runtime.skeleton import SPORT_SKELETON
-
-Array = NDArray[Any]
 
 BY_TREE = "tree and rest pose"
 STILL = 0.01  # radians: a joint that turns less in a whole motion does not move
@@ -45,7 +42,7 @@ class JointGuess:
 
     names: tuple[str, ...]
     parents: tuple[int, ...]
-    positions: Array  # (K, 3) rest pose, scene space
+    positions: AnyArray  # (K, 3) rest pose, scene space
     found: dict[str, int]
     origin: str
     chosen: frozenset[str]
@@ -94,9 +91,9 @@ def guess_skeleton(
     path: Path,
     names: tuple[str, ...],
     tree: JointTree,
-    points: Array,
+    points: AnyArray,
     joint_map: Mapping[str, str],
-    turning: Array | None = None,
+    turning: AnyArray | None = None,
 ) -> JointGuess:
     """What the joints of a skeleton without a mesh play, in a rest pose with `points` `(N, 3)` on its body.
 
@@ -137,7 +134,7 @@ def _believed(
     )
 
 
-def _bending(found: Mapping[str, int], tree: JointTree, turning: Array) -> dict[str, int]:
+def _bending(found: Mapping[str, int], tree: JointTree, turning: AnyArray) -> dict[str, int]:
     """The guess with limbs that begin at the joint that turns: a buttock or a shoulder piece above it does not."""
     moved = dict(found)
     for side in ("Left", "Right"):
@@ -155,7 +152,7 @@ def _found(data: MeshData, names: tuple[str, ...]) -> tuple[dict[str, int], str]
 
 
 def _told(
-    tree: JointTree, points: Array, names: tuple[str, ...], humanoid: Mapping[str, int]
+    tree: JointTree, points: AnyArray, names: tuple[str, ...], humanoid: Mapping[str, int]
 ) -> tuple[dict[str, int], str]:
     by_name, convention = match_names(names)
     by_name = {**by_name, **humanoid}

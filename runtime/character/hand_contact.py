@@ -2,21 +2,60 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import AnyArray
 from runtime.character.body_surface import BodySurface
-from runtime.character.hand_reach import ANCHORS, ramp, reach, touching
 from runtime.character.two_bones import bend
 from runtime.skeleton import SPORT_SKELETON
 
 if TYPE_CHECKING:
     from runtime.character.character import Character
 
-Array = NDArray[Any]
+
+ANCHORS = tuple(SPORT_SKELETON.index(name) for name in ("Hips", "Spine1", "Head"))
+# Of our own body, metres: half width and depth of the trunk, from under the hips to the neck; the head about its middle.
+TRUNK_WIDTH, TRUNK_DEPTH, TRUNK_LOW, TRUNK_HIGH = 0.16, 0.11, -0.06, 0.5
+HEAD_RADIUS, HEAD_UP = 0.13, 0.08
+NEAR_M, FAR_M = 0.06, 0.14  # from the surface to the wrist: touching, and free
+BENT, STRAIGHT = np.radians((75.0, 40.0))  # of the elbow
+
+
+def touching(positions: AnyArray, world_rotations: AnyArray, arm: tuple[int, ...]) -> AnyArray:
+    """How far `(...)` the hand of an arm (SPORT joints) of a pose touches trunk or head: 0 free, 1 on it."""
+    wrist = positions[..., arm[2], :]
+    seen = rotations.rotate(rotations.inverse(world_rotations[..., 0, :]), wrist - positions[..., 0, :])
+    over = np.maximum(np.maximum(TRUNK_LOW - seen[..., 1], seen[..., 1] - TRUNK_HIGH), 0.0)
+    widths = np.hypot(seen[..., 0] / TRUNK_WIDTH, seen[..., 2] / TRUNK_DEPTH)
+    aside = np.hypot(seen[..., 0], seen[..., 2]) * (1.0 - 1.0 / np.maximum(widths, 1.0))
+    trunk = np.hypot(aside, over)
+    middle = positions[..., ANCHORS[2], :] + np.array([0.0, HEAD_UP, 0.0])
+    head = np.maximum(np.linalg.norm(wrist - middle, axis=-1) - HEAD_RADIUS, 0.0)
+    upper, fore = (positions[..., arm[k + 1], :] - positions[..., arm[k], :] for k in (0, 1))
+    cosine = np.sum(upper * fore, axis=-1) / np.linalg.norm(upper, axis=-1) / np.linalg.norm(fore, axis=-1)
+    bent = np.arccos(np.clip(cosine, -1.0, 1.0))
+    return ramp(np.minimum(trunk, head), FAR_M, NEAR_M) * ramp(bent, STRAIGHT, BENT)
+
+
+def reach(positions: AnyArray, anchors: AnyArray, arm: tuple[int, ...]) -> AnyArray:
+    """Where `(..., 3)` the wrist belongs beside a character's own joints `anchors` `(..., 3, 3)`: those of `ANCHORS`.
+
+    Near an anchor it keeps the place from there. Trunks are turned alike, so places from them can be compared.
+    """
+    away = positions[..., arm[2], None, :] - positions[..., ANCHORS, :]
+    weight = 1.0 / np.maximum(np.sum(away * away, axis=-1, keepdims=True), 1e-4)
+    place: AnyArray = ((anchors + away) * weight).sum(axis=-2) / weight.sum(axis=-2)
+    return place
+
+
+def ramp(value: AnyArray, none: float, full: float) -> AnyArray:
+    """0 at `none`, 1 at `full`, smooth between."""
+    t = np.clip((value - none) / (full - none), 0.0, 1.0)
+    return np.asarray(t * t * (3.0 - 2.0 * t))
+
 
 ROUNDS = 4  # of turning and of pushing: what leaves one part may still be in the next
 MOST_TURN = 1.2  # radians that a wrist gives way
@@ -33,7 +72,9 @@ BELOW = {
 }  # fmt: skip
 
 
-def clear_hands(character: Character, positions: Array, world_rotations: Array) -> tuple[Array, Array]:
+def clear_hands(
+    character: Character, positions: AnyArray, world_rotations: AnyArray
+) -> tuple[AnyArray, AnyArray]:
     """A SPORT pose as `joint_transforms` takes it, any leading shape, whose hands lie on the character's surface.
 
     The wrist turns first, so that fingers that would sink in lie along the body; then shoulder and elbow take the hand
@@ -67,8 +108,12 @@ def _joint(character: Character, side: str, bone: int) -> int:
 
 
 def _placed(
-    character: Character, sides: tuple[str, ...], pivots: Array, positions: Array, world_rotations: Array
-) -> tuple[Array, Array]:
+    character: Character,
+    sides: tuple[str, ...],
+    pivots: AnyArray,
+    positions: AnyArray,
+    world_rotations: AnyArray,
+) -> tuple[AnyArray, AnyArray]:
     """Pivots and rotations with hands that touch the body in their place on this one."""
     source = character.alignment.source
     if not all(np.any(source == j) for j in ANCHORS):
@@ -90,7 +135,7 @@ class _Seen:
     """The hands as the joints of the surface's tables see them; any leading shape `...`, S sides and T tables."""
 
     def __init__(
-        self, character: Character, body: BodySurface, pivots: Array, world_rotations: Array
+        self, character: Character, body: BodySurface, pivots: AnyArray, world_rotations: AnyArray
     ) -> None:
         self.body = body
         self.wrists = pivots[..., [_joint(character, side, 2) for side in body.sides], :]
@@ -102,7 +147,7 @@ class _Seen:
         self.places = pivots[..., body.joints, :]
         self.ahead = rotations.to_matrix(world_rotations[..., :1, :])[..., 2]  # (..., 1, 3)
 
-    def _depth(self, hands: Array, way: Array | float = 0.0) -> tuple[Array, Array]:
+    def _depth(self, hands: AnyArray, way: AnyArray | float = 0.0) -> tuple[AnyArray, AnyArray]:
         """Greatest depth `(..., S, T)` of hands about the wrists, moved by `way`, and the ways out `(..., S, T, 3)`."""
         points = (self.wrists + way)[..., None, :] + hands
         middle = 0.5 * (
@@ -120,7 +165,7 @@ class _Seen:
         """Whether no hand is inside."""
         return not np.any(self._depth(self.hands)[0])
 
-    def turns(self) -> Array:
+    def turns(self) -> AnyArray:
         """Turns `(..., S, 4)` of the hands in the wrists towards lying along the body: out, and forward where they stick in."""
         turns = np.zeros((*self.wrists.shape[:-1], 4))
         turns[..., 0] = 1.0
@@ -141,10 +186,10 @@ class _Seen:
             turns = rotations.multiply(rotations.from_axis_angle(rotations.normalize(axis), angle), turns)
         return turns
 
-    def way_out(self, turns: Array) -> Array:
+    def way_out(self, turns: AnyArray) -> AnyArray:
         """How far `(..., S, 3)` turned hands have to go until none of their points is inside trunk or head."""
         hands = rotations.rotate(turns[..., None, :], self.hands)
-        way: Array = np.zeros(self.wrists.shape, np.float64)
+        way: AnyArray = np.zeros(self.wrists.shape, np.float64)
         for _ in range(ROUNDS):
             deep, out = self._depth(hands, way)
             if not np.any(deep):
@@ -155,8 +200,8 @@ class _Seen:
 
 
 def _turned(
-    character: Character, side: str, turn: Array, positions: Array, world_rotations: Array
-) -> tuple[Array, Array]:
+    character: Character, side: str, turn: AnyArray, positions: AnyArray, world_rotations: AnyArray
+) -> tuple[AnyArray, AnyArray]:
     """The pose with a hand turned in its wrist."""
     world, at, below = np.array(world_rotations), np.array(positions), list(BELOW[side])
     free = ~np.any(turn[..., 1:], axis=-1)[..., None, None]
@@ -169,14 +214,19 @@ def _turned(
     return at, world
 
 
-def _seen(vectors: Array, axes: Array) -> Array:
+def _seen(vectors: AnyArray, axes: AnyArray) -> AnyArray:
     """Vectors `(..., sides, tables, 3)` in the axes `(..., tables, 3, 3)` of the tables."""
     return np.asarray((vectors[..., None, :] @ axes[..., None, :, :, :])[..., 0, :])
 
 
 def _bent(
-    character: Character, side: str, way: Array, pivots: Array, positions: Array, world_rotations: Array
-) -> tuple[Array, Array]:
+    character: Character,
+    side: str,
+    way: AnyArray,
+    pivots: AnyArray,
+    positions: AnyArray,
+    world_rotations: AnyArray,
+) -> tuple[AnyArray, AnyArray]:
     """The pose with an arm bent so that its hand goes `way` further, in the plane of its elbow."""
     shoulder, elbow, hand = (pivots[..., _joint(character, side, bone), :] for bone in range(3))
     upper, lower, moved = bend(shoulder, elbow, hand, hand + way, _ELBOW)

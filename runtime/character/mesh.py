@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import AnyArray
 from runtime.character.color import Textures, primitive_colors
 from runtime.character.joints import CONVENTIONS
 from runtime.character.nodes import ancestors, nearest_of, node_world_matrices
@@ -23,8 +24,6 @@ from runtime.character.read import (
 )
 from runtime.errors import FileError
 
-Array = NDArray[Any]
-
 MAX_VERTICES = 1_000_000  # of all primitives; characters in games have 100,000
 MAX_TRIANGLES = 2_000_000
 MAX_JOINTS = 1024
@@ -36,19 +35,19 @@ _SKINNED_AT_ONCE = 1 << 15  # vertices, whose blended matrices take 400 bytes ea
 class MeshData:
     """All skinned primitives of a file over one list of joints; shapes as in `Character`."""
 
-    positions: Array
-    normals: Array
-    colors: Array
-    joint_indices: Array
-    joint_weights: Array
-    triangles: Array
+    positions: AnyArray
+    normals: AnyArray
+    colors: AnyArray
+    joint_indices: AnyArray
+    joint_weights: AnyArray
+    triangles: AnyArray
     joint_nodes: tuple[int, ...] = ()
     joint_parents: tuple[int, ...] = ()
-    inverse_bind: Array = field(default_factory=lambda: np.zeros((0, 4, 4), np.float32))
-    rest_world: Array = field(default_factory=lambda: np.zeros((0, 4, 4)))
+    inverse_bind: AnyArray = field(default_factory=lambda: np.zeros((0, 4, 4), np.float32))
+    rest_world: AnyArray = field(default_factory=lambda: np.zeros((0, 4, 4)))
     humanoid: dict[str, int] = field(default_factory=dict)
 
-    def rest_positions(self) -> Array:
+    def rest_positions(self) -> AnyArray:
         """Vertices `(V, 3)` as the file shows them, skinned by the joints' rest transforms."""
         matrices = (self.rest_world @ self.inverse_bind)[:, :3]
         result = np.empty((len(self.positions), 3))
@@ -64,7 +63,7 @@ class _Palette:
 
     def __init__(self, file: GltfFile) -> None:
         self.nodes: list[int] = []
-        self.inverse_bind: list[Array] = []
+        self.inverse_bind: list[AnyArray] = []
         self.first: dict[int, int] = {}  # entry of a node, the first one where it has several
         self._file = file
         self._index: dict[tuple[int, bytes], int] = {}
@@ -83,7 +82,7 @@ class _Palette:
             self._slots[skin] = np.array([self._add(j, m) for j, m in zip(joints, inverse, strict=False)])
         return self._slots[skin]
 
-    def _add(self, node: int, inverse_bind: Array) -> int:
+    def _add(self, node: int, inverse_bind: AnyArray) -> int:
         key = (node, np.round(inverse_bind, 5).astype(np.float32).tobytes())
         if key not in self._index:
             if len(self.nodes) == MAX_JOINTS:
@@ -97,7 +96,7 @@ class _Palette:
         return self._index[key]
 
 
-def _skin_joints(file: GltfFile, index: int) -> tuple[list[int], Array]:
+def _skin_joints(file: GltfFile, index: int) -> tuple[list[int], AnyArray]:
     """The nodes of skin `index` and their inverse bind matrices `(joints or more, 4, 4)`."""
     skins, nodes = file.gltf.skins, file.gltf.nodes
     if not 0 <= index < len(skins):
@@ -126,7 +125,7 @@ class _Reader:
         self._textures = Textures(file)
         self._primitives = self._vertices = self._triangles = 0
 
-    def read(self, mesh: int, slots: NDArray[np.int64], rigid: Array | None) -> list[MeshData]:
+    def read(self, mesh: int, slots: NDArray[np.int64], rigid: AnyArray | None) -> list[MeshData]:
         """The triangles of a mesh whose joints are `slots`; for `rigid` see `_read_primitive`."""
         meshes = self._file.gltf.meshes or []
         if not 0 <= mesh < len(meshes):
@@ -187,7 +186,7 @@ def read_meshes(file: GltfFile) -> MeshData:
 
 
 def _read_attachment(
-    reader: _Reader, node: int, mesh: int, joint: int, world: Array, palette: _Palette
+    reader: _Reader, node: int, mesh: int, joint: int, world: AnyArray, palette: _Palette
 ) -> list[MeshData]:
     """A mesh without skin that hangs on a joint (glasses, a sword): it moves rigidly with that joint."""
     slot = palette.first[joint]
@@ -200,7 +199,7 @@ def _read_primitive(
     primitive: Entry,
     slots: NDArray[np.int64],
     what: str,
-    rigid: Array | None,
+    rigid: AnyArray | None,
     textures: Textures,
 ) -> MeshData:
     """One primitive; `rigid` `(4, 4)` carries a mesh without weights to the bind space of its only joint."""
@@ -237,14 +236,14 @@ def _read_primitive(
     )
 
 
-def _vectors(file: GltfFile, index: Any, what: str, width: int) -> Array:
+def _vectors(file: GltfFile, index: Any, what: str, width: int) -> AnyArray:
     values = read_accessor(file, index, what)
     if values.shape[1] != width:
         raise FileError(f"{file.name}: {what} has {values.shape[1]} components; expected {width}.", REMEDY)
     return values.astype(np.float32)
 
 
-def _matching(file: GltfFile, index: Any, what: str, widths: tuple[int, ...], count: int) -> Array:
+def _matching(file: GltfFile, index: Any, what: str, widths: tuple[int, ...], count: int) -> AnyArray:
     values = read_accessor(file, index, what)
     if len(values) != count or values.shape[1] not in widths:
         raise FileError(
@@ -253,11 +252,11 @@ def _matching(file: GltfFile, index: Any, what: str, widths: tuple[int, ...], co
     return values
 
 
-def vertex_normals(positions: Array, triangles: Array) -> Array:
+def vertex_normals(positions: AnyArray, triangles: AnyArray) -> AnyArray:
     """Area-weighted vertex normals `(V, 3)`."""
     a, b, c = (positions[triangles[:, i]].astype(np.float64) for i in range(3))
     face = np.cross(b - a, c - a)
-    normals: Array = np.stack(
+    normals: AnyArray = np.stack(
         [np.bincount(triangles.T.ravel(), np.tile(face[:, i], 3), len(positions)) for i in range(3)], axis=1
     )
     return rotations.normalize(normals)
@@ -265,7 +264,7 @@ def vertex_normals(positions: Array, triangles: Array) -> Array:
 
 def _influences(
     file: GltfFile, attributes: Any, slots: NDArray[np.int64], what: str, count: int
-) -> tuple[Array, Array]:
+) -> tuple[AnyArray, AnyArray]:
     joints, weights = [], []
     for channel in ("0", "1"):  # up to eight influences; the four strongest are kept
         j = getattr(attributes, f"JOINTS_{channel}", None)
@@ -294,7 +293,7 @@ def _merge(parts: list[MeshData]) -> MeshData:
     base = np.cumsum([0] + [len(p.positions) for p in parts[:-1]])
     triangles = [p.triangles + np.uint32(b) for p, b in zip(parts, base, strict=True)]
 
-    def join(name: str) -> Array:
+    def join(name: str) -> AnyArray:
         return np.concatenate([getattr(p, name) for p in parts])
 
     return MeshData(

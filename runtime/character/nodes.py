@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Container
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import AnyArray
 from runtime.character.read import MAX_VALUE, REMEDY, GltfFile
 from runtime.errors import FileError
-
-Array = NDArray[Any]
 
 
 def ancestors(file: GltfFile) -> tuple[list[int], list[int]]:
@@ -45,7 +42,7 @@ def nearest_of(order: list[int], parents: list[int], wanted: Container[int]) -> 
     return nearest
 
 
-def node_world_matrices(file: GltfFile, order: list[int], parents: list[int]) -> Array:
+def node_world_matrices(file: GltfFile, order: list[int], parents: list[int]) -> AnyArray:
     """Rest transforms `(nodes, 4, 4)` in scene space, float64, of nodes as `ancestors` gives them."""
     world = np.zeros((len(parents), 4, 4))
     for i in order:
@@ -56,8 +53,8 @@ def node_world_matrices(file: GltfFile, order: list[int], parents: list[int]) ->
     return world
 
 
-def _local_matrix(file: GltfFile, i: int) -> Array:
-    def values(name: str, default: tuple[float, ...]) -> Array:
+def _local_matrix(file: GltfFile, i: int) -> AnyArray:
+    def values(name: str, default: tuple[float, ...]) -> AnyArray:
         given = getattr(node, name)
         array = np.array(default if given is None else given, np.float64)
         if array.shape != (len(default),) or not np.all(np.abs(array) < MAX_VALUE):

@@ -7,19 +7,19 @@ its own; while it stands, it stands still.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import AnyArray
 from runtime.character.two_bones import bend
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON
 
 if TYPE_CHECKING:
     from runtime.character.character import Character
 
-Array = NDArray[Any]
 
 LEGS = tuple(
     tuple(SPORT_SKELETON.index(side + bone) for bone in ("UpLeg", "Leg", "Foot", "ToeBase"))
@@ -43,15 +43,15 @@ class Soles:
     """
 
     joints: NDArray[np.int64]  # (2, 3) of the character: upper leg, lower leg, foot
-    heel: Array  # (2, 3)
-    ball: Array  # (2, 3)
-    aside: Array  # (2, 3) how much further out its hip joints are
-    foot: Array  # (2, n, 3) the outline of the foot
-    toes: Array  # (2, n, 3) and of the toes, about
-    toe_joint: Array  # (2, 3)
+    heel: AnyArray  # (2, 3)
+    ball: AnyArray  # (2, 3)
+    aside: AnyArray  # (2, 3) how much further out its hip joints are
+    foot: AnyArray  # (2, n, 3) the outline of the foot
+    toes: AnyArray  # (2, n, 3) and of the toes, about
+    toe_joint: AnyArray  # (2, 3)
 
 
-def find_soles(character: Character, rest: Array, pivots: Array) -> Soles:
+def find_soles(character: Character, rest: AnyArray, pivots: AnyArray) -> Soles:
     """The feet of a character from its vertices `rest` `(V, 3)` and pivots `(K, 3)` in the aligned rest pose."""
     alignment = character.alignment
     joint_of = {int(s): k for k, s in enumerate(alignment.source) if s >= 0}
@@ -83,7 +83,7 @@ def find_soles(character: Character, rest: Array, pivots: Array) -> Soles:
     return Soles(joints, *(np.stack(each) for each in zip(*sides, strict=True)))
 
 
-def _outline(points: Array) -> Array:
+def _outline(points: AnyArray) -> AnyArray:
     """The points `(OUTLINE, 3)` that lie furthest down, ahead and back."""
     angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, OUTLINE)
     directions = np.stack([np.zeros(OUTLINE), -np.cos(angles), np.sin(angles)], axis=1)
@@ -91,8 +91,8 @@ def _outline(points: Array) -> Array:
 
 
 def plant_feet(
-    character: Character, positions: Array, world_rotations: Array, contacts: Array
-) -> tuple[Array, Array]:
+    character: Character, positions: AnyArray, world_rotations: AnyArray, contacts: AnyArray
+) -> tuple[AnyArray, AnyArray]:
     """A SPORT pose as `Character.joint_transforms` takes it, any leading shape, whose legs put this character's feet down.
 
     `contacts` `(..., 4)` as those of a pose. Positions stay, for they are those of the motion.
@@ -111,7 +111,7 @@ def plant_feet(
     return positions, world
 
 
-def _flat_toes(foot: Array, toes: Array) -> Array:
+def _flat_toes(foot: AnyArray, toes: AnyArray) -> AnyArray:
     """Toes that bend up under a heel that rises: those of the motion hardly do, and longer ones would go into the ground."""
     pitch, own = (np.arcsin(np.clip(rotations.rotate(q, KNEE)[..., 1], -1.0, 1.0)) for q in (foot, toes))
     wanted = np.minimum(pitch + TOE_BEND, 0.0)
@@ -121,7 +121,7 @@ def _flat_toes(foot: Array, toes: Array) -> Array:
     return rotations.multiply(rotations.from_axis_angle(axis, -up), toes)
 
 
-def _shift(soles: Soles, foot: Array, toes: Array, toe_contact: Array) -> Array:
+def _shift(soles: Soles, foot: AnyArray, toes: AnyArray, toe_contact: AnyArray) -> AnyArray:
     """From our ankles to these `(..., 2, 3)`: a foot rolls over the ball on its toes, over the heel with toes up."""
     ahead = rotations.rotate(foot, KNEE)
     level = rotations.from_yaw(np.arctan2(ahead[..., 0], ahead[..., 2]))

@@ -10,12 +10,10 @@ from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import AnyArray
 from runtime.errors import FileError
 from runtime.safe_read import parse_json, read_bounded, reason
-
-Array = NDArray[Any]
 
 SUFFIXES = (".glb", ".gltf", ".vrm")  # a VRM is a GLB
 MAX_FILE_BYTES = 256 * 1024 * 1024
@@ -219,7 +217,7 @@ def accessor_count(file: GltfFile, index: Any) -> int:
     return count if isinstance(count, int) and count > 0 else 0
 
 
-def read_accessor(file: GltfFile, index: Any, what: str) -> Array:
+def read_accessor(file: GltfFile, index: Any, what: str) -> AnyArray:
     """Values `(count, width)` of an accessor, normalised integers as float32; `what` stands in error messages."""
     accessors = file.gltf.accessors or []
     if not isinstance(index, int) or not 0 <= index < len(accessors):
@@ -239,7 +237,7 @@ def read_accessor(file: GltfFile, index: Any, what: str) -> Array:
     return values
 
 
-def _accessor_values(file: GltfFile, accessor: Entry, what: str) -> Array:
+def _accessor_values(file: GltfFile, accessor: Entry, what: str) -> AnyArray:
     dtype = np.dtype(_COMPONENTS[accessor.componentType]).newbyteorder("<")
     width, count = _WIDTHS[accessor.type], accessor.count
     if not isinstance(count, int) or count < 1:

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import AnyArray
 from runtime.character.character import Character, own_size
 from runtime.character.joints import align
 from runtime.errors import UsageError
 from runtime.skeleton import SPORT_SKELETON
-
-Array = NDArray[Any]
 
 LOW, HIGH = 0.4, 2.5  # of every share
 GIRTH = 0.5  # power of a limb's length that its thickness grows by
@@ -79,7 +76,7 @@ def shaped(character: Character, shape: BodyShape) -> Character:
     )
 
 
-def _growth(name: str, shape: BodyShape) -> Array:
+def _growth(name: str, shape: BodyShape) -> AnyArray:
     """How much the flesh about a joint grows along each axis of the rest pose."""
     if name.endswith(("UpLeg", "Leg")):
         return np.array([shape.legs**GIRTH, shape.legs, shape.legs**GIRTH])

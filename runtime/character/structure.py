@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import AnyArray
 from runtime.character.tree import JointTree
-
-Array = NDArray[Any]
 
 # shares of the height of all joints
 NEAR_GROUND = 0.2  # ends of legs
@@ -40,7 +37,7 @@ class _Leg:
         return self.tip if self.foot < 0 else self.foot
 
 
-def guess_by_structure(tree: JointTree, vertices: Array) -> dict[str, int]:
+def guess_by_structure(tree: JointTree, vertices: AnyArray) -> dict[str, int]:
     """SPORT joint -> index by tree and rest pose; empty where no upright body with two legs and arms is seen.
 
     `vertices` `(V, 3)` are the mesh in that pose. Sides go by where the feet point.
@@ -144,14 +141,14 @@ def _pair(tree: JointTree, joint: int, legs: list[_Leg]) -> tuple[_Leg, ...] | N
     return best
 
 
-def _across(tree: JointTree, legs: tuple[_Leg, ...]) -> Array:
+def _across(tree: JointTree, legs: tuple[_Leg, ...]) -> AnyArray:
     """Unit direction over the ground from the second leg to the first."""
     first, second = (_leg_joints(tree, leg, tree.parents[leg.top])["UpLeg"] for leg in legs)
     gap = (tree.positions[first] - tree.positions[second]) * (1.0, 0.0, 1.0)
     return np.asarray(gap / max(float(np.linalg.norm(gap)), 1e-9))
 
 
-def _left(tree: JointTree, legs: tuple[_Leg, ...], vertices: Array) -> Array:
+def _left(tree: JointTree, legs: tuple[_Leg, ...], vertices: AnyArray) -> AnyArray:
     """The direction of the character's left: up times where its toes, or the vertices of its feet, point."""
     across = _across(tree, legs)
     forward = np.zeros(3)
@@ -198,7 +195,7 @@ def _shorter(tree: JointTree, a: int, b: int, c: int) -> float:
 
 
 def _arms(
-    tree: JointTree, hips: int, legs: tuple[_Leg, ...], across: Array
+    tree: JointTree, hips: int, legs: tuple[_Leg, ...], across: AnyArray
 ) -> tuple[int, tuple[list[int], list[int]]]:
     """The joint where the arms fork, and the chain of each arm to its farthest end; -1 where there are none."""
     middle = 0.5 * (tree.positions[legs[0].top] + tree.positions[legs[1].top])
@@ -232,7 +229,7 @@ def _trunk_root(tree: JointTree, hips: int, in_legs: set[int]) -> int:
     return hips
 
 
-def _arm_joints(tree: JointTree, chain: list[int], chest: int, across: Array) -> dict[str, int]:
+def _arm_joints(tree: JointTree, chain: list[int], chest: int, across: AnyArray) -> dict[str, int]:
     out = np.abs((tree.positions[chain] - tree.positions[chest]) @ across)
     if len(chain) > 3 and out[0] < 0.5 * out[1]:
         return {"Shoulder": chain[0], **_free_arm(tree, chain[1:])}
@@ -260,7 +257,7 @@ def _free_arm(tree: JointTree, chain: list[int]) -> dict[str, int]:
     return joints
 
 
-def _wrist(tree: JointTree, chain: list[int], share: Array) -> int:
+def _wrist(tree: JointTree, chain: list[int], share: AnyArray) -> int:
     """The first joint of the outer half with several fingers, else the first one near the tip."""
     below = tree.heights[0]
     for i in range(2, len(chain)):
@@ -276,7 +273,7 @@ def _trunk(
     chest: int,
     legs: tuple[_Leg, ...],
     arms: tuple[list[int], list[int]],
-    vertices: Array,
+    vertices: AnyArray,
 ) -> dict[str, int]:
     """Spine, neck and head."""
     found: dict[str, int] = {}

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from runtime.arrays import AnyArray
 
 
 class JointTree:
     """Joints by index with their parents (-1 at roots) and positions `(K, 3)`, Y up."""
 
-    def __init__(self, parents: Sequence[int], positions: Array) -> None:
+    def __init__(self, parents: Sequence[int], positions: AnyArray) -> None:
         self.parents = tuple(parents)
         self.positions = np.asarray(positions, np.float64)
         self.children: list[list[int]] = [[] for _ in self.parents]
@@ -87,7 +85,7 @@ class JointTree:
         """How far two joints are from each other."""
         return float(np.linalg.norm(self.positions[a] - self.positions[b]))
 
-    def along(self, chain: Sequence[int]) -> Array:
+    def along(self, chain: Sequence[int]) -> AnyArray:
         """How far each joint of a chain is from its first one, along the chain."""
         steps = np.linalg.norm(np.diff(self.positions[list(chain)], axis=0), axis=1)
         return np.concatenate([[0.0], np.cumsum(steps)])

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
-
-Array = NDArray[Any]
+from runtime.arrays import AnyArray
 
 REACH = 0.9995  # of the limb's length
 GIVES_WAY_M = 0.005  # pull on the middle joint of a limb that is straight
 
 
-def bend(top: Array, middle: Array, end: Array, target: Array, toward: Array) -> tuple[Array, Array, Array]:
+def bend(
+    top: AnyArray, middle: AnyArray, end: AnyArray, target: AnyArray, toward: AnyArray
+) -> tuple[AnyArray, AnyArray, AnyArray]:
     """World rotations of both bones that bring the end of a limb to `target`, and where it comes to lie.
 
     All `(..., 3)`. The limb stays in its plane; a straight one bends `toward`.

@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime import rotations
+from runtime.arrays import AnyArray
 from runtime.character.character import Character
 from runtime.errors import FileError
 from runtime.skeleton import SPORT_SKELETON
@@ -18,7 +18,6 @@ from runtime.skeleton import SPORT_SKELETON
 if TYPE_CHECKING:
     from pygltflib import GLTF2, Animation
 
-Array = NDArray[Any]
 
 _ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
 _COMPONENT_TYPES = {"uint8": 5121, "uint16": 5123, "uint32": 5125, "float32": 5126}
@@ -34,12 +33,12 @@ class ClipLike(Protocol):
         ...
 
     @property
-    def hips_positions(self) -> Array:
+    def hips_positions(self) -> AnyArray:
         """Hips `(T, 3)` in metres."""
         ...
 
     @property
-    def local_rotations(self) -> Array:
+    def local_rotations(self) -> AnyArray:
         """Quaternions `(T, 31, 4)` relative to the parent joint."""
         ...
 
@@ -123,7 +122,7 @@ def _add_nodes(gltf: GLTF2, character: Character, name: str) -> None:
     gltf.scene = 0
 
 
-def local_transforms(character: Character, world: Array) -> tuple[Array, Array, Array]:
+def local_transforms(character: Character, world: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:
     """Translations `(..., K, 3)`, quaternions `(..., K, 4)`, scales `(..., K, 3)` relative to the parent joint."""
     world = np.asarray(world, np.float64)
     parents = np.array(character.joint_parents)
@@ -136,7 +135,7 @@ def local_transforms(character: Character, world: Array) -> tuple[Array, Array, 
 
 
 def _animation(
-    gltf: GLTF2, blob: bytearray, character: Character, positions: Array, world: Array, fps: float
+    gltf: GLTF2, blob: bytearray, character: Character, positions: AnyArray, world: AnyArray, fps: float
 ) -> Animation:
     import pygltflib as g
 
@@ -147,7 +146,7 @@ def _animation(
     time_accessor = _accessor(gltf, blob, times, bounds=True)
     animation = g.Animation(name="clip", samplers=[], channels=[])
 
-    def add(node: int, path: str, values: Array) -> None:
+    def add(node: int, path: str, values: AnyArray) -> None:
         output = _accessor(gltf, blob, values.astype(np.float32))
         animation.samplers.append(
             g.AnimationSampler(input=time_accessor, output=output, interpolation="LINEAR")
@@ -171,7 +170,7 @@ def _animation(
 def _accessor(
     gltf: GLTF2,
     blob: bytearray,
-    values: Array,
+    values: AnyArray,
     target: int | None = None,
     *,
     normalized: bool = False,

@@ -21,8 +21,7 @@ from runtime.feet.narrow_support import Balance, SidewaysLead, pull_of_beam, sid
 from runtime.feet.planted_foot import PlantedFoot
 from runtime.feet.settings import SETTINGS
 from runtime.feet.toes import bent
-from runtime.terrain.height_map import Terrain
-from runtime.terrain.point_heights import PointHeights
+from runtime.terrain.height_map import PointHeights, Terrain
 
 
 @dataclass(frozen=True)

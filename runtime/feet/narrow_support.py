@@ -11,7 +11,7 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.feet.leg_scalar import LegPose, Vector, add, damp, dot, scale, subtract
 from runtime.skeleton import SPORT_SKELETON
-from runtime.terrain.point_heights import PointHeights
+from runtime.terrain.height_map import PointHeights
 
 DROP_M = 0.12  # that the ground beside must be lower than a beam: less is a step, which a foot takes
 LEVEL_M = 0.06  # that the ground of a beam may differ across it

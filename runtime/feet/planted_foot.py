@@ -30,7 +30,7 @@ from runtime.feet.leg_scalar import (
 )
 from runtime.feet.settings import SETTINGS
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
-from runtime.terrain.point_heights import PointHeights
+from runtime.terrain.height_map import PointHeights
 
 ANCHORS = ("", "heel", "toe")
 NOWHERE: Vector = (0.0, 0.0, 0.0)

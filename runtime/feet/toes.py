@@ -15,7 +15,7 @@ from runtime.feet.leg_scalar import (
     unit,
 )
 from runtime.skeleton import TOE_HEIGHT
-from runtime.terrain.point_heights import PointHeights
+from runtime.terrain.height_map import PointHeights
 
 TOE_LENGTH = 0.06  # m, from the toe joint to the tip
 STEEPEST = 0.055  # m that the tip may be raised over the joint: about 65 degrees

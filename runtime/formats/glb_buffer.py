@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import AnyArray
 from runtime.atomic import write_atomic
 from runtime.character.read import (
     REMEDY,
@@ -24,7 +24,6 @@ from runtime.safe_read import reason
 if TYPE_CHECKING:
     from pygltflib import GLTF2
 
-Array = NDArray[Any]
 
 ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963
 _COMPONENT_TYPES = {"uint8": 5121, "uint16": 5123, "uint32": 5125, "float32": 5126}
@@ -107,7 +106,7 @@ class GlbBuffer:
         )
         return len(self.gltf.bufferViews) - 1
 
-    def add(self, values: Array, target: int | None = None, *, bounds: bool = False) -> int:
+    def add(self, values: AnyArray, target: int | None = None, *, bounds: bool = False) -> int:
         """The index of a new accessor that holds `values` `(count, width)`; floats are written as float32."""
         import pygltflib as g
 

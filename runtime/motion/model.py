@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Float32Array
 from runtime.assets import model_folder
 from runtime.errors import ModelError
 from runtime.motion.features import C
@@ -25,8 +25,6 @@ from runtime.motion.model_files import (
     run_graph,
 )
 
-Array = NDArray[np.float32]
-
 THREADS = 4  # whose last lists of styles are kept stacked
 MIN_STRENGTH, MAX_STRENGTH = 0.0, 2.0
 
@@ -35,14 +33,14 @@ MIN_STRENGTH, MAX_STRENGTH = 0.0, 2.0
 class Style:
     """What a prompt contributes to every frame: the modulator's folded weights and the natural speeds."""
 
-    z: Array  # (6, 64), as it came from the prompt, whatever the strength
-    front_bias: Array
-    content_weight: Array
-    content_bias: Array
+    z: Float32Array  # (6, 64), as it came from the prompt, whatever the strength
+    front_bias: Float32Array
+    content_weight: Float32Array
+    content_bias: Float32Array
     walk_speed: float  # m/s
     jog_speed: float
     # amplitude and turns a second (C, 2) of the phases at rest; zeros of a model that does not tell
-    rest: Array = field(default_factory=lambda: np.zeros((C, 2), np.float32))
+    rest: Float32Array = field(default_factory=lambda: np.zeros((C, 2), np.float32))
 
 
 class MotionModel:
@@ -79,7 +77,9 @@ class MotionModel:
         self._styles_apart = check_graphs(
             folder, prompt, self._style, self._step, self.noise_shape, self.style_shape, step
         )
-        self._stacked: dict[int, tuple[tuple[Style, ...], dict[str, Array]]] = {}  # by the thread that asks
+        self._stacked: dict[
+            int, tuple[tuple[Style, ...], dict[str, Float32Array]]
+        ] = {}  # by the thread that asks
         self.provider = self._step.get_providers()[0].removesuffix("ExecutionProvider")
 
     @property
@@ -93,11 +93,11 @@ class MotionModel:
         return self.folder / "prompt.onnx"
 
     @property
-    def neutral(self) -> Array:
+    def neutral(self) -> Float32Array:
         """Z^t `(6, 64)` of neutral walking; zeros, the middle of all training sentences, where a model does not tell it."""
         return np.zeros(self.style_shape, np.float32) if self._neutral_code is None else self._neutral_code
 
-    def fold_style(self, z: Array, strength: float = 1.0) -> Style:
+    def fold_style(self, z: Float32Array, strength: float = 1.0) -> Style:
         """Fold Z^t `(6, 64)` into the modulator's weights: once per prompt, and per frame while prompts blend.
 
         The code is drawn out from that of neutral walking, n: n + s (z - n), s being `strength` times what the model's
@@ -121,7 +121,9 @@ class MotionModel:
         rest = np.asarray(speeds[2:], np.float32).reshape(2, -1).T if len(speeds) > 2 else np.zeros((C, 2))
         return Style(z, bias, weight, content_bias, walk, max(jog, 1.3 * walk), rest.astype(np.float32))
 
-    def step(self, x: Array, noise: Array, style: Style | Sequence[Style]) -> tuple[Array, Array]:
+    def step(
+        self, x: Float32Array, noise: Float32Array, style: Style | Sequence[Style]
+    ) -> tuple[Float32Array, Float32Array]:
         """y `(B, 473)` and alpha `(B, experts)` of inputs `(B, 472)` and noise `(B, *noise_shape)`.
 
         `style` is one for all characters, or one for each; the same list again is not stacked anew.
@@ -130,7 +132,7 @@ class MotionModel:
         y, alpha = run_graph(self._step, self._step_path, None, feed)
         return y, alpha
 
-    def _folded(self, style: Style | Sequence[Style], count: int) -> dict[str, Array]:
+    def _folded(self, style: Style | Sequence[Style], count: int) -> dict[str, Float32Array]:
         if isinstance(style, Style):
             tensors = {name: getattr(style, name) for name in FOLDED}
             return {name: tensor[None] for name, tensor in tensors.items()} if self._styles_apart else tensors
@@ -149,7 +151,9 @@ class MotionModel:
         return tensors
 
 
-def _strength(folder: Path, metadata: dict[str, Any], shape: tuple[int, int]) -> tuple[Array | None, float]:
+def _strength(
+    folder: Path, metadata: dict[str, Any], shape: tuple[int, int]
+) -> tuple[Float32Array | None, float]:
     """Neutral Z^t and the strength that a model shows styles with; None and 1 for a model without (it has no strength)."""
     section = metadata.get("strength")
     if section is None:

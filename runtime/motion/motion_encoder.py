@@ -5,12 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Float32Array
 from runtime.errors import ModelError
 from runtime.motion.model_files import open_graph, read_graph, read_metadata
-
-Array = NDArray[np.float32]
 
 _JOINTS, _ROOT = (40, 31, 9), (40, 3)
 
@@ -22,7 +20,7 @@ class ExportedMotionEncoder:
         data = read_graph(folder, "motion", read_metadata(folder))
         self._session = open_graph(folder / "motion.onnx", data, threads)
 
-    def encode(self, joints: Array, root: Array) -> tuple[Array, Array]:
+    def encode(self, joints: Float32Array, root: Float32Array) -> tuple[Float32Array, Float32Array]:
         """Mean and log-variance `(B, 6, 64)` of sequences of 40 samples, every second frame at 60 Hz.
 
         `joints` `(B, 40, 31, 9)`: position (metres, relative to the root and to the ground's height) and 6D rotation;

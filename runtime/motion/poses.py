@@ -13,8 +13,7 @@ from runtime.motion.features import OutputParts
 from runtime.motion.trajectory import PRESENT, Trajectory
 from runtime.pose import Pose
 from runtime.skeleton import SPORT_SKELETON, J
-from runtime.terrain.height_map import Terrain
-from runtime.terrain.point_heights import PointHeights
+from runtime.terrain.height_map import PointHeights, Terrain
 
 _FLOAT32 = {"dtype": np.float32}
 

@@ -6,14 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Float32Array
 from runtime.motion.model import Style
 from runtime.motion.style_mix import StyleMix, mixed
 
-Array = NDArray[np.float32]
-
-Fold = Callable[[Array | StyleMix], Style]
+Fold = Callable[[Float32Array | StyleMix], Style]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +46,11 @@ class StyleBlend:
         return StyleBlend(codes, ends, _between(ends, codes))
 
     @staticmethod
-    def constant(style: Array | StyleMix, strength: float, fold: Fold) -> StyleBlend:
+    def constant(style: Float32Array | StyleMix, strength: float, fold: Fold) -> StyleBlend:
         """One style that holds; ModelError where a code does not fit the model."""
         return StyleBlend.of(StyleCodes(_mix(style), _mix(style), strength=strength), fold)
 
-    def towards(self, style: Array | StyleMix, seconds: float, fold: Fold) -> StyleBlend:
+    def towards(self, style: Float32Array | StyleMix, seconds: float, fold: Fold) -> StyleBlend:
         """From what is shown now to another style; ModelError where a code does not fit the model."""
         if seconds <= 0.0:
             return StyleBlend.constant(style, self.codes.strength, fold)
@@ -78,7 +76,7 @@ class StyleBlend:
         return self.codes.progress < 1.0
 
 
-def _mix(style: Array | StyleMix) -> StyleMix:
+def _mix(style: Float32Array | StyleMix) -> StyleMix:
     """A code `(6, 64)` as a mix of one."""
     return style if isinstance(style, StyleMix) else StyleMix((1.0,), (np.array(style, np.float32),))
 

@@ -10,11 +10,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Float32Array
 from runtime.motion.model import Style
 
-Array = NDArray[np.float32]
 Shares = tuple[float, ...]  # of the second of two styles, at even parts of the change from the first
 
 LINEAR: Shares = (0.0, 1.0)
@@ -26,7 +25,7 @@ class StyleMix:
     """Codes Z^t `(6, 64)` with their shares, which sum to one."""
 
     shares: tuple[float, ...]
-    codes: tuple[Array, ...]
+    codes: tuple[Float32Array, ...]
 
 
 def even_weights(shares: Shares, weights: Sequence[float]) -> Shares:
@@ -49,7 +48,7 @@ def mixed(styles: Sequence[Style], shares: Sequence[float]) -> Style:
     if len(styles) == 1:
         return styles[0]
 
-    def mean(name: str) -> Array:
+    def mean(name: str) -> Float32Array:
         total = np.float32(shares[0]) * getattr(styles[0], name)
         for share, style in zip(shares[1:], styles[1:], strict=True):
             total += np.float32(share) * getattr(style, name)
@@ -66,18 +65,18 @@ def mixed(styles: Sequence[Style], shares: Sequence[float]) -> Style:
 class StyleFolder:
     """Folds codes and mixes at one strength, each code once."""
 
-    def __init__(self, fold: Callable[[Array, float], Style], strength: float) -> None:
+    def __init__(self, fold: Callable[[Float32Array, float], Style], strength: float) -> None:
         self._fold = fold
         self.strength = strength
         self._known: dict[bytes, Style] = {}
 
-    def fold(self, style: Array | StyleMix) -> Style:
+    def fold(self, style: Float32Array | StyleMix) -> Style:
         """The folded style; ModelError where a code does not fit the model."""
         if not isinstance(style, StyleMix):
             return self._folded(style)
         return mixed([self._folded(z) for z in style.codes], style.shares)
 
-    def _folded(self, z: Array) -> Style:
+    def _folded(self, z: Float32Array) -> Style:
         key = np.ascontiguousarray(z, np.float32).tobytes()
         found = self._known.pop(key, None) or self._fold(z, self.strength)
         self._known[key] = found  # the latest last

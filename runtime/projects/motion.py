@@ -10,11 +10,9 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import AnyArray
 from runtime.skeleton import J
-
-Array = NDArray[Any]
 
 PIECE = 300  # frames: 5 s
 HIPS_STEP_M = 1.0 / 16384.0
@@ -33,7 +31,7 @@ def pieces(count: int) -> Iterator[slice]:
         yield slice(first, min(first + PIECE, count))
 
 
-def packed_frames(hips: Array, rotations: Array, contacts: Array, gaits: Array | None) -> bytes:
+def packed_frames(hips: AnyArray, rotations: AnyArray, contacts: AnyArray, gaits: AnyArray | None) -> bytes:
     """The bytes of T frames; hips `(T, 3)`, rotations `(T, 31, 4)`, contacts `(T, 4)`, gaits `(T,)`."""
     places = np.round(np.asarray(hips, np.float64) / HIPS_STEP_M).astype(np.int32)
     largest = np.abs(rotations).argmax(axis=-1)
@@ -53,7 +51,7 @@ def packed_frames(hips: Array, rotations: Array, contacts: Array, gaits: Array |
     return b"".join(packed_table(column) for column in columns)
 
 
-def unpacked_frames(data: bytes, count: int) -> tuple[Array, Array, Array, Array]:
+def unpacked_frames(data: bytes, count: int) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray]:
     """Hips, rotations, contacts and gaits of `packed_frames`; ValueError for other bytes."""
     if len(data) != BYTES * count:
         raise ValueError(f"{len(data)} bytes of {count} frames")
@@ -76,19 +74,19 @@ def unpacked_frames(data: bytes, count: int) -> tuple[Array, Array, Array, Array
     return hips, rotations.astype(np.float32), contacts, unpacked_table(parts[4], count, np.int8)[:, 0]
 
 
-def _others(largest: Array) -> Array:
+def _others(largest: AnyArray) -> AnyArray:
     """The three other components `(..., 3)` of a quaternion."""
     return (largest[..., None] + np.arange(1, 4)) % 4
 
 
-def _differences(values: Array) -> Array:
+def _differences(values: AnyArray) -> AnyArray:
     """Second differences along time, small numbers of either sign first; whole numbers that overflow come back again."""
     for _ in range(2):
         values = np.diff(values, axis=0, prepend=np.zeros_like(values[:1]))
     return (values << 1) ^ (values >> (8 * values.itemsize - 1))
 
 
-def _sums(values: Array) -> Array:
+def _sums(values: AnyArray) -> AnyArray:
     """What `_differences` were made of."""
     unsigned = values.view(f"u{values.itemsize}")
     values = (unsigned >> 1).view(values.dtype) ^ -(values & 1)
@@ -97,14 +95,14 @@ def _sums(values: Array) -> Array:
     return values
 
 
-def packed_table(values: Array) -> bytes:
+def packed_table(values: AnyArray) -> bytes:
     """Columns `(T, columns)` one after the other, and of their numbers the low bytes first: what is alike stands together."""
     count, width = values.shape
     apart = np.ascontiguousarray(values.T).view(np.uint8).reshape(width, count, -1)
     return np.ascontiguousarray(apart.transpose(2, 0, 1)).tobytes()
 
 
-def unpacked_table(data: bytes, count: int, kind: Any) -> Array:
+def unpacked_table(data: bytes, count: int, kind: Any) -> AnyArray:
     """What `packed_table` were made of `(T, columns)`."""
     size = np.dtype(kind).itemsize
     planes = np.frombuffer(data, np.uint8).reshape(size, -1, count)

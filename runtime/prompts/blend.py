@@ -9,15 +9,14 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from runtime.arrays import Float32Array
 from runtime.errors import PromptError
 from runtime.motion.style_mix import StyleMix
 from runtime.prompts.parts import PartDescriptions
 from runtime.safe_read import parse_json
 from runtime.skeleton import PART_NAMES
 
-Array = NDArray[np.float32]
 Words = str | PartDescriptions  # a prompt, or what the six parts do
 Weights = tuple[float, ...]  # one for each of PART_NAMES: 0 is prompt A, 1 is prompt B
 
@@ -40,7 +39,7 @@ def check_weights(weights: Mapping[str, Any], default: float = 0.0) -> Weights:
     return tuple(float(weights.get(part, default)) for part in PART_NAMES)
 
 
-def mix_of_parts(z_a: Array, z_b: Array, weights: Sequence[float]) -> StyleMix:
+def mix_of_parts(z_a: Float32Array, z_b: Float32Array, weights: Sequence[float]) -> StyleMix:
     """The mix in which part k is `weights[k]` (0 to 1) of the way from prompt A to prompt B.
 
     Its codes have each part wholly of A or of B: those of B come in the order of their weights. Equal weights give the

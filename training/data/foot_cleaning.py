@@ -12,7 +12,7 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.feet.ik import MAX_REACH, solve_legs
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
-from training.data.heel import heel_rise, pitched
+from training.data.retarget import heel_rise, pitched
 
 GroundHeight = Callable[[Array, Array], Array]
 

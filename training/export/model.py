@@ -16,14 +16,27 @@ from runtime.motion.features import FPS, LAYOUT_VERSION
 from runtime.motion.model_files import FOLDED
 from runtime.skeleton import SPORT_SKELETON, J
 from training.batches import Normalisation
-from training.export.ablation import MixtureStepGraph
 from training.export.graph import BATCH, export_graph
 from training.export.model_card import model_card
-from training.export.step import StepGraph, export_step
+from training.export.step import FrameGraph, StepGraph, export_step
 from training.networks.content import JOINT_FEATURES, SEQUENCE_LENGTH, ContentEncoder
 from training.networks.diffusion import ReverseStep
 from training.networks.generator import Generator
 from training.presets import ModelConfig
+
+
+class MixtureStepGraph(FrameGraph):
+    """One frame by the one-layer MoE decoder E_d: the interface of `StepGraph`, but the noise changes nothing."""
+
+    def __init__(self, generator: Generator, normal: Normalisation) -> None:
+        super().__init__(generator, normal)
+        self.decoder = generator.mixture_decoder
+
+    def forward(
+        self, x: Tensor, noise: Tensor, front_bias: Tensor, content_weight: Tensor, content_bias: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        e, alpha = self.embed(x, front_bias, content_weight, content_bias)
+        return self.decoder(e, alpha) * self.y_deviation + self.y_mean, alpha
 
 
 class PromptGraph(nn.Module):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import socket
+import struct
 import time
+import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -12,9 +14,44 @@ import numpy as np
 from runtime.errors import SportError, UsageError
 from runtime.pose import Pose
 from runtime.skeleton import SPORT_SKELETON, Skeleton
-from viewer.live import message
 from viewer.live.address import Address, parse_address
 from viewer.messages import Messages
+
+MAGIC = b"SPRT"
+VERSION = 1
+SKELETON, POSE = 1, 2
+_HEADER = struct.Struct("<4sBBHII")  # magic, version, kind, joints, sequence, skeleton
+_ROOT = struct.Struct("<d3f")  # seconds, position of the uppermost joint
+_JOINT = struct.Struct("<h3fB")  # parent, offset, bytes of the name
+_SEQUENCES = 1 << 32
+
+
+def skeleton_joints(skeleton: Skeleton) -> bytes:
+    """Names, parents and offsets of all joints; what a skeleton message holds behind its header."""
+    found = []
+    for name, parent, offset in zip(skeleton.names, skeleton.parents, skeleton.offsets, strict=True):
+        text = name.encode("utf-8")
+        found.append(_JOINT.pack(parent, *(float(v) for v in offset), len(text)) + text)
+    return b"".join(found)
+
+
+def skeleton_number(joints: bytes) -> int:
+    """What tells one skeleton from another: poses carry it, too."""
+    return zlib.crc32(joints)
+
+
+def skeleton_message(joints: bytes, count: int, sequence: int) -> bytes:
+    """The announcement of `count` joints from `skeleton_joints`; `sequence` is that of the pose that comes next."""
+    header = _HEADER.pack(MAGIC, VERSION, SKELETON, count, sequence % _SEQUENCES, skeleton_number(joints))
+    return header + joints
+
+
+def pose_message(pose: Pose, skeleton: int, sequence: int, seconds: float) -> bytes:
+    """A pose after `seconds` of motion: position of the hips in metres, local rotations w, x, y, z."""
+    rotations = np.ascontiguousarray(pose.local_rotations, "<f4")
+    header = _HEADER.pack(MAGIC, VERSION, POSE, len(rotations), sequence % _SEQUENCES, skeleton)
+    return header + _ROOT.pack(seconds, *(float(v) for v in pose.hips_position)) + rotations.tobytes()
+
 
 ANNOUNCE_S = 1.0  # a receiver that comes later knows the skeleton after so long
 STEP_S = 1.0 / 60.0  # between poses of the simulation
@@ -56,7 +93,7 @@ class LiveLink:
         except OSError as error:
             raise UsageError(f"{self.name}: {error.strerror or error}.", "Use 127.0.0.1.") from error
         self._socket.setblocking(False)  # a full buffer must not hold up a frame
-        self._joints, self._size = message.skeleton_joints(SPORT_SKELETON), 1.0
+        self._joints, self._size = skeleton_joints(SPORT_SKELETON), 1.0
         self.sent = self.dropped = 0
         self._motion_s, self._announced_s = 0.0, self.clock() - ANNOUNCE_S
         if self.address.loopback:
@@ -89,16 +126,16 @@ class LiveLink:
         if self._socket is None:
             return
         if size != self._size:
-            self._joints, self._size = message.skeleton_joints(scaled(SPORT_SKELETON, size)), size
+            self._joints, self._size = skeleton_joints(scaled(SPORT_SKELETON, size)), size
             self._announced_s = self.clock() - ANNOUNCE_S
-        now, number = self.clock(), message.skeleton_number(self._joints)
+        now, number = self.clock(), skeleton_number(self._joints)
         if now - self._announced_s >= ANNOUNCE_S:
             count = len(SPORT_SKELETON)
-            if self._send(message.skeleton_message(self._joints, count, self.sent + self.dropped)):
+            if self._send(skeleton_message(self._joints, count, self.sent + self.dropped)):
                 self._announced_s = now
         for pose in poses:
             pose = replace(pose, hips_position=pose.hips_position * np.float32(size))
-            went = self._send(message.pose_message(pose, number, self.sent + self.dropped, self._motion_s))
+            went = self._send(pose_message(pose, number, self.sent + self.dropped, self._motion_s))
             self._motion_s += step_s
             self.sent, self.dropped = self.sent + went, self.dropped + (not went)
 

@@ -68,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     from runtime.formats.bvh_clip import load_clip_bvh
     from runtime.formats.ground import ground_of
     from runtime.formats.prepare import on_its_ground
-    from viewer.render.capture import save_png
+    from viewer.render.offscreen import save_png
 
     parser = argparse.ArgumentParser(prog="python -m viewer.tools.contact_sheet", description=__doc__)
     parser.add_argument("clips", nargs="+", type=Path, metavar="BVH")

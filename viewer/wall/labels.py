@@ -15,8 +15,7 @@ from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.widgets import px
 from viewer.render.camera import Camera
 from viewer.stage.path_tool import on_screen
-from viewer.wall.lineup import LONGEST_ROW
-from viewer.wall.state import WallState
+from viewer.wall.state import LONGEST_ROW, WallState
 from viewer.wall.wall import Wall
 
 HEAD = SPORT_SKELETON.index("Head")

@@ -25,8 +25,7 @@ from viewer.stage.camera_control import CameraControl
 from viewer.stage.simulation import STEP_SECONDS, interpolate
 from viewer.stage.stage import Stage
 from viewer.takes.takes import Takes
-from viewer.wall.lineup import centre_of, distance_to, places
-from viewer.wall.state import FEWEST, MOST, Candidate, WallState
+from viewer.wall.state import FEWEST, MOST, Candidate, WallState, centre_of, distance_to, places
 
 if TYPE_CHECKING:
     from runtime.terrain.height_map import Terrain

@@ -48,21 +48,22 @@ def test_heights_of_the_way_end_at_what_one_can_climb():
     assert within_steps(slope[None], 6)[0].tolist() == np.minimum(slope, 1.5).tolist()
 
 
-@pytest.mark.parametrize("height", [-8.0, 6.0, 8.0, 20.0])
-@pytest.mark.parametrize("gait", [Gait.WALK, Gait.JOG])
+@pytest.mark.parametrize(
+    ("height", "gait"), [(-8.0, Gait.WALK), (6.0, Gait.JOG), (8.0, Gait.WALK), (20.0, Gait.JOG)]
+)
 def test_a_cliff_stops_the_walker_who_says_so_and_goes_back(height, gait):
-    controller = Controller(load_model(), cliff(height))
+    controller = Controller(load_model(), cliff(height, z=2.5))
     hips, said = [], set()
-    for frame in range(420):
-        pose = controller.step(Controls((0.0, 1.0 if frame < 300 else -1.0), gait=gait))
+    for frame in range(290):
+        pose = controller.step(Controls((0.0, 1.0 if frame < 200 else -1.0), gait=gait))
         hips.append(pose.positions[0])
-        if frame == 299:
+        if frame == 199:
             assert controller.blocked is not None
             said.add(controller.blocked.split(" of ")[0].split()[-1])
-            assert 3.0 < pose.root_position[2] < 4.0
+            assert 1.5 < pose.root_position[2] < 2.5
     assert said == {"up" if height > 0 else "drop"}
     assert controller.blocked is None
-    assert pose.root_position[2] < 3.0
+    assert pose.root_position[2] < 1.5
     hips = np.array(hips)
     assert np.abs(np.diff(hips, axis=0)).max() < 0.08
     assert hips[:, 1].min() > 0.5

@@ -97,6 +97,7 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.setattr(stage_motion, "measure", functools.partial(stage_motion.measure, count=2000))
         patch.setattr(pipeline, "PHASE_BATCH", 16)
         content = pipeline.stage_content
+        patch.setattr(content, "STATISTICS_WINDOWS", 128)
         patch.setattr(content, "run", functools.partial(content.run, batch=16))
         rows = stage_motion.RandomRows
         patch.setattr(
@@ -159,6 +160,13 @@ def test_an_ablation_is_trained_exported_and_walked(
 
 def test_the_full_model_is_walked(full: Path) -> None:
     walks(full / "model")
+
+
+def test_stage_2_alone_is_exported(short: Path, full: Path) -> None:
+    options = ["--preset", "compact", "--clips", str(short), "--out", str(full), "--device", "cpu"]
+    assert pipeline.main(["export", *options, "--decoder", "mixture"]) == 0  # w/o diffusion
+    written = json.loads((full / "model-mixture" / "metadata.json").read_text(encoding="utf-8"))
+    assert written["decoder"] == "mixture"  # its graph has a test of its own: test_export_ablation.py
 
 
 def test_paper_rotations_is_trained_exported_and_walked(short: Path, tmp_path: Path) -> None:

@@ -144,8 +144,6 @@ def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(
     steps = {"phase": 2, "content": 2, "words": 2, "stage2": 3, "stage3": 3}
     counts = [f"--{stage}-steps={count}" for stage, count in steps.items()]
     assert main(["all", *common, *counts, "--layers", "0"]) == 0
-    assert main(["export", *common, "--decoder", "mixture"]) == 0  # stage 2 alone: w/o-Diffusion
-    assert load_model(out / "model-mixture").metadata["decoder"] == "mixture"
     model = load_model(out / "model")
     if exact_8_bit_products():
         assert load_model(out / "model", precision="int8").metadata["quantised"]["relative_error"] > 0.0

@@ -42,6 +42,7 @@ LAMBDA_STATISTICS = 0.5
 # Of what clips do, which the paper has not either (training.networks.content.MeasuresReader).
 LAMBDA_MEASURES = 2.0
 MEASURED_CLIPS = 2048  # whose words are held to it in every step
+STATISTICS_WINDOWS = 4096  # that centre and spread of the pose statistics are measured on
 TEXT_BATCHES = 4  # of windows that words alone are to tell the statistics of, in every step
 # On the components (about 0.05) of sentence embeddings, of a random strength for each: near words give near content, and
 # what the direction words tell is not learned by heart from the embeddings instead.
@@ -286,9 +287,9 @@ def _measured(
 def _measure_statistics(
     module: ContentEncoder, sequences: Sequences, batches: DrawnWindows, batch: int
 ) -> None:
-    """Centre and spread of the pose statistics, where the module reads these, from some 4096 windows."""
+    """Centre and spread of the pose statistics, where the module reads these, from some `STATISTICS_WINDOWS`."""
     if module.statistics is not None:
-        drawn = [next(batches) for _ in range(max(1, 4096 // batch))]
+        drawn = [next(batches) for _ in range(max(1, STATISTICS_WINDOWS // batch))]
         module.statistics.measure(torch.cat([sequences(d.start, d.plan)[0] for d in drawn]))
 
 

@@ -162,11 +162,21 @@ def test_the_full_model_is_walked(full: Path) -> None:
     walks(full / "model")
 
 
-def test_stage_2_alone_is_exported(short: Path, full: Path) -> None:
+def test_stage_2_alone_is_exported(short: Path, full: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its graph has a test of its own (`test_export_ablation.py`); this is the command of "w/o diffusion"."""
+    exported = []
+    monkeypatch.setattr(pipeline, "_write_model", lambda trained, _args, to: exported.append((trained, to)))
     options = ["--preset", "compact", "--clips", str(short), "--out", str(full), "--device", "cpu"]
-    assert pipeline.main(["export", *options, "--decoder", "mixture"]) == 0  # w/o diffusion
-    written = json.loads((full / "model-mixture" / "metadata.json").read_text(encoding="utf-8"))
-    assert written["decoder"] == "mixture"  # its graph has a test of its own: test_export_ablation.py
+    assert pipeline.main(["export", *options, "--decoder", "mixture"]) == 0
+    ((trained, to),) = exported
+    assert (trained.decoder, to) == ("mixture", full / "model-mixture")
+    saved = torch.load(full / "stage2_final.pt", map_location="cpu", weights_only=True)["module"]
+    assert all(
+        torch.equal(value, saved[name])
+        for name, value in trained.generator.state_dict().items()
+        if name in saved
+    )
+    assert not trained.sigma_bar_squared.any()
 
 
 def test_paper_rotations_is_trained_exported_and_walked(short: Path, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from browser import browser  # noqa: F401  (fixture)
 from gpt_endpoint import endpoint, expander_of, settings_of  # noqa: F401  (fixtures)
 from slow_model import asking, model  # noqa: F401  (fixtures)
 

@@ -2,7 +2,17 @@
 
 Install: Edit > Preferences > Add-ons > Install from Disk. Then File > Import > SPORT take, and the tab SPORT in the
 sidebar of the 3D view. Without Blender, `python sport_viewer.py [HOST:PORT] [SECONDS]` counts the poses that arrive.
-The message of the live link is described in docs/guide/blender.md.
+
+The message of the live link: UDP, one a datagram, little-endian. Position and rotations are the shown pose, after foot
+lock and leg IK: metres, right-handed, Y up, +Z forward, the left is +X.
+
+    header      magic 4 bytes SPRT; version u8, 1; kind u8, 1 skeleton or 2 pose; joints u16, 31
+                sequence u32: poses sent before this message, modulo 2^32, gaps are losses
+                skeleton u32: CRC-32 of the skeleton message behind its header
+    skeleton    first and once a second. Each joint: parent i16 (-1 at the root), offset from the parent 3 f32, length of
+                the name u8, name in UTF-8. Parents come before children; rest rotations are the identity
+    pose        60 a second: seconds of motion since the link was switched on f64, position of the root joint 3 f32, and
+                for each joint its rotation against the parent 4 f32 (w, x, y, z): 532 bytes for 31 joints
 """
 
 import contextlib
@@ -33,7 +43,7 @@ bl_info = {
     "category": "Animation",
 }
 
-# --- the message: little-endian, see docs/guide/blender.md
+# --- the message: little-endian, see above
 
 VERSION = 1
 SKELETON, POSE = 1, 2

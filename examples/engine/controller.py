@@ -1,0 +1,335 @@
+"""The controller outside this program: numpy and onnxruntime alone, one style on level ground, before foot lock.
+
+`docs/engine.md` explains each step. `python examples/engine/controller.py` walks the shipped golden motion and a circle.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+
+DT, FPS, PRESENT = 1 / 60, 60, 60  # seconds, Hz, index of the present in windows of 121 frames
+STAND, WALK, JOG, CROUCH, JUMP, OTHER = range(6)
+SAMPLES = np.arange(0, 120, 10)  # the network's 12 samples of the path, the present is the seventh
+SOLES = [4, 5, 9, 10]  # left foot, left toe base, right foot, right toe base
+ARMS = [17, 18, 19, 24, 25, 26]  # shoulder, arm, forearm of both sides
+INPUT = {"path": 24, "facing": 24, "heights": 36, "joints": 93, "velocities": 93, "gait": 72, "phase": 130}
+OUTPUT = {"path": (6, 2), "facing": (6, 2), "joints": (31, 3), "velocities": (31, 3), "root": (3,), "contacts": (4,),
+          "phase": (7, 5, 2), "rotations": (31, 6)}  # fmt: skip
+
+
+def kept(half_life: float) -> float:
+    """Share of a difference that is left after a frame."""
+    return float(0.5 ** (DT / half_life))
+
+
+def angle(value):
+    """Radians brought to -pi..pi."""
+    return (value + np.pi) % (2 * np.pi) - np.pi
+
+
+def turned(vectors, yaw):
+    """World vectors (..., 2) or (..., 3) of vectors relative to a root that faces `yaw`; its negative is the inverse."""
+    x, z, result = vectors[..., 0], vectors[..., -1], np.array(vectors, np.float64)
+    result[..., 0], result[..., -1] = np.cos(yaw) * x + np.sin(yaw) * z, np.cos(yaw) * z - np.sin(yaw) * x
+    return result
+
+
+def unwrapped(angles):
+    """Angles (n, m) without jumps of 2 pi along the first axis."""
+    result = angles.copy()
+    result[1:] -= 2 * np.pi * np.cumsum(np.round(np.diff(angles, axis=0) / (2 * np.pi)), axis=0)
+    return result
+
+
+def matrices(six):
+    """Rotation matrices (..., 3, 3) of 6D rotations: their first two columns, made orthonormal."""
+    x = six[..., :3] / np.linalg.norm(six[..., :3], axis=-1, keepdims=True)
+    y = six[..., 3:] - (x * six[..., 3:]).sum(-1, keepdims=True) * x
+    y = y / np.linalg.norm(y, axis=-1, keepdims=True)
+    return np.stack([x, y, np.cross(x, y)], axis=-1)
+
+
+def between(samples: int, frames: int):
+    """Shares (frames, samples) of samples ten frames apart in every frame, linear; the last is kept beyond it."""
+    at = np.minimum(np.arange(frames), 10 * (samples - 1))
+    return np.maximum(1 - np.abs(at[:, None] - 10 * np.arange(samples)) / 10, 0.0)
+
+
+def quaternions(m):
+    """Unit quaternions (..., 4), w first and positive, of rotation matrices."""
+    xx, yy, zz = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
+    wx, wy, wz = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]
+    xy, xz, yz = m[..., 0, 1] + m[..., 1, 0], m[..., 0, 2] + m[..., 2, 0], m[..., 1, 2] + m[..., 2, 1]
+    rows = np.stack([np.stack([1 + xx + yy + zz, wx, wy, wz], -1), np.stack([wx, 1 + xx - yy - zz, xy, xz], -1),
+                     np.stack([wy, xy, 1 - xx + yy - zz, yz], -1), np.stack([wz, xz, yz, 1 - xx - yy + zz], -1)], -2)  # fmt: skip
+    best = np.argmax(np.diagonal(rows, axis1=-2, axis2=-1), -1)  # the largest is the best conditioned
+    q = np.take_along_axis(rows, best[..., None, None], -2)[..., 0, :]
+    return q / np.linalg.norm(q, axis=-1, keepdims=True) * np.where(q[..., :1] < 0, -1, 1)
+
+
+def vectors(m):
+    """Rotation vectors (..., 3), axis times radians, of rotation matrices."""
+    q = quaternions(m)
+    length = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    return q[..., 1:] * np.where(
+        length > 1e-12, 2 * np.arctan2(length, q[..., :1]) / np.maximum(length, 1e-12), 2.0
+    )
+
+
+def turns(v):
+    """Rotation matrices (..., 3, 3) of rotation vectors (Rodrigues)."""
+    size = np.linalg.norm(v, axis=-1)[..., None, None]
+    zero = np.zeros(v.shape[:-1])
+    k = np.stack([zero, -v[..., 2], v[..., 1], v[..., 2], zero, -v[..., 0], -v[..., 1], v[..., 0], zero], -1)
+    k = k.reshape(*v.shape[:-1], 3, 3)
+    return np.eye(3) + np.sinc(size / np.pi) * k + 0.5 * np.sinc(size / (2 * np.pi)) ** 2 * (k @ k)
+
+
+class Noise:
+    """N(0, 1) at every time and smooth over time: each number is a sum of three slow waves."""
+
+    def __init__(self, seed: int) -> None:
+        self.waves = np.random.default_rng(seed).standard_normal((6, 5 * 8 * 473), np.float32) / np.float32(
+            np.sqrt(3)
+        )
+
+    def __call__(self, seconds: float):
+        turns = 2 * np.pi * seconds / np.array([1.7, 2.9, 5.3])
+        weights = np.concatenate([np.cos(turns), np.sin(turns)]).astype(np.float32)
+        return (weights @ self.waves).reshape(1, 5, 8, 473)
+
+
+class Controller:
+    """One character; `step` is 1/60 s."""
+
+    def __init__(self, model: Path, z, offsets, parents, seed: int = 0, temperature: float = 0.7) -> None:
+        meta = json.loads((model / "metadata.json").read_text(encoding="utf-8"))
+        session = onnxruntime.InferenceSession
+        folded = session(model / "style.onnx").run(None, {"z": np.float32(z)})
+        self.style = {name: value[None] for name, value in
+                      zip(("front_bias", "content_weight", "content_bias"), folded, strict=False)}  # fmt: skip
+        walk, jog = np.clip(folded[3][:2], [0.4, 1.2], [2.2, 5.0])
+        self.rest = folded[3][2:].reshape(2, 5)  # amplitude and turns a second of the phases at rest
+        self.clock, self.clock_share = np.zeros(5), np.zeros(5)
+        self.full = {WALK: float(walk), JOG: float(max(jog, 1.3 * walk)), CROUCH: 0.8, JUMP: float(walk)}
+        self.network = session(model / "step.onnx")
+        self.noise, self.temperature, self.frame = Noise(seed), np.float32(temperature), 0
+        self.offsets, self.parents = np.float64(offsets), np.array(parents)
+        y = self.split(np.array(meta["start"]["output"], np.float64))
+        self.joints, self.velocities = y["joints"], np.zeros((31, 3))
+        start = np.array(meta["start"]["phase"]).reshape(13, 10)
+        self.phase = np.stack(
+            [np.interp(np.arange(121), np.arange(0, 121, 10), c) for c in start.T], -1
+        ).reshape(121, 5, 2)
+        self.stand()
+        self.jump_left = self.requested = self.speed = self.measured = 0.0
+        self.expected = self.followed = self.stood = 0.0  # of the regulator
+        self.integral, self.share, self.feet = 1.0, 1.0, self.joints[SOLES]
+        self.foot_speed = self.slow = 0.0
+        self.arms = self.local(matrices(y["rotations"]))[ARMS]
+        self.late, self.late_speed = np.zeros((6, 3)), np.zeros((6, 3))
+
+    def local(self, world):
+        """Rotations (31, 3, 3) against the parents."""
+        result = world.copy()
+        result[1:] = np.swapaxes(world[self.parents[1:]], -1, -2) @ world[1:]
+        return result
+
+    def stand(self, gait=None) -> None:
+        """A path that rests at the origin, facing +Z."""
+        self.xz, self.yaw = np.zeros((121, 2)), np.zeros(121)
+        self.gait = np.eye(6)[np.full(121, STAND)] if gait is None else gait
+        self.velocity, self.wanted_yaw = np.zeros(2), 0.0
+
+    def settle(self, gait: int = WALK) -> None:
+        """Come to rest in the style, in two seconds that nobody sees."""
+        for _ in range(120):
+            self.step(0.0, 0.0, gait, facing=0.0)
+        self.stand(self.gait)
+
+    @staticmethod
+    def split(y):
+        """The named parts of an output (473,)."""
+        ends = np.cumsum([np.prod(shape) for shape in OUTPUT.values()])[:-1]
+        return {
+            name: part.reshape(OUTPUT[name]) for name, part in zip(OUTPUT, np.split(y, ends), strict=True)
+        }
+
+    def step(self, x: float, z: float, gait: int = WALK, facing: float | None = None):
+        """Hips (3,), world rotations (31, 3, 3) and joints (31, 3) 1/60 s later; `x`, `z` are the stick, at most 1 long."""
+        velocity, label, facing = self.request(x, z, gait, facing)
+        self.steer(velocity, label, facing)
+        noise = self.temperature * self.noise(self.frame * DT)
+        self.frame += 1
+        feed = {"x": self.input()[None], "noise": noise, **self.style}
+        y = self.split(self.network.run(["y"], feed)[0][0].astype(np.float64))
+        here, yaw = self.xz[PRESENT], self.yaw[PRESENT]
+        place = np.array([here[0], 0.0, here[1]])
+        hips = turned(y["joints"][0], yaw) + place
+        about = np.array([[np.cos(yaw), 0, np.sin(yaw)], [0, 1, 0], [-np.sin(yaw), 0, np.cos(yaw)]])
+        world, joints = about @ matrices(y["rotations"]), np.tile(hips, (31, 1))
+        local = self.slowed(self.local(world))
+        for joint, parent in enumerate(self.parents[1:], 1):
+            world[joint] = world[parent] @ local[joint]
+            joints[joint] = joints[parent] + world[parent] @ self.offsets[joint]
+        self.feed_back(y, turned(joints - place, -yaw), here, yaw)
+        return hips, world, joints
+
+    def slowed(self, local):
+        """Local rotations with arms that turn by 20 rad/s at most: what is too fast comes later, by a damped spring."""
+        arms, before = local[ARMS], self.arms
+        self.arms = arms
+        turn = vectors(arms @ np.swapaxes(before, -1, -2))
+        speed = np.linalg.norm(turn, axis=-1, keepdims=True) * FPS
+        if np.abs(self.late).max() <= 1e-3 and speed.max() <= 20:
+            self.late, self.late_speed = np.zeros((6, 3)), np.zeros((6, 3))
+            return local
+        excess = turn * np.maximum(0, 1 - 20 / np.maximum(speed, 1e-9))
+        late = vectors(turns(self.late) @ turns(-excess))
+        rate = 2 * np.log(2) / 0.2
+        went, left = self.late_speed + rate * late, np.exp(-rate * DT)
+        self.late, self.late_speed = left * (late + went * DT), left * (self.late_speed - rate * went * DT)
+        local[ARMS] = turns(self.late) @ arms
+        return local
+
+    def request(self, x: float, z: float, gait: int, facing: float | None):
+        """The velocity, gait label and facing that the stick requests, by way of the speed regulator."""
+        size = float(np.hypot(x, z))
+        x, z, amount = (x / size, z / size, 1.0) if size > 1 else (x, z, size)
+        full, moving = self.full[gait], amount * self.full[gait] > 0.12
+        velocity = np.array([x, z]) * full if moving else np.zeros(2)
+        self.requested = amount * full
+        self.jump_left = 0.7 if gait == JUMP else self.jump_left
+        if self.jump_left > 0:
+            self.jump_left, gait = self.jump_left - DT, JUMP
+        elif not moving and gait != CROUCH:
+            gait = STAND
+        if facing is None and moving:
+            facing = np.arctan2(velocity[0], velocity[1])
+        self.expected += (self.requested - self.expected) * (1 - kept(0.4))
+        self.followed += (self.speed * self.share - self.followed) * (1 - kept(0.12))
+        self.stood = self.stood + DT if self.followed < 0.4 * self.expected and moving else 0.0
+        most = 3.0 if self.stood > 0.7 else 2.0
+        error = np.clip((self.expected - self.followed) / max(self.requested, 0.12), -1, 1)
+        self.integral = np.clip(self.integral + 0.6 * error * DT, 0.35, most)
+        gain = np.clip(self.integral + 2.0 * error, 0.35, most)
+        if not moving:
+            self.expected = self.followed = 0.0
+            self.integral = gain = 1.0
+        return velocity * gain, np.eye(6)[gait], facing
+
+    def steer(self, velocity, label, facing) -> None:
+        """Blend the request into the coming second of the path."""
+        self.velocity = self.velocity + (velocity - self.velocity) * (1 - kept(0.09))
+        if facing is not None:
+            self.wanted_yaw += angle(facing - self.wanted_yaw) * (1 - kept(0.09))
+        time = np.arange(1, 61) / 60
+        steps = np.diff(self.xz[PRESENT:], axis=0)
+        steps += (self.velocity / FPS - steps) * (1 - (1 - time) ** 8)[:, None]
+        self.xz[PRESENT + 1 :] = self.xz[PRESENT] + np.cumsum(steps, axis=0)
+        self.yaw[PRESENT + 1 :] += angle(self.wanted_yaw - self.yaw[PRESENT + 1 :]) * (1 - (1 - time) ** 3)
+        self.gait[PRESENT:] = self.gait[PRESENT] + (label - self.gait[PRESENT]) * (1 - kept(0.1))
+
+    def input(self):
+        """x (472,), float32; heights are 0 on level ground."""
+        yaw, facing = self.yaw[PRESENT], np.stack([np.sin(self.yaw[SAMPLES]), np.cos(self.yaw[SAMPLES])], -1)
+        parts = [turned(self.xz[SAMPLES] - self.xz[PRESENT], -yaw), turned(facing, -yaw), np.zeros(36), self.joints,
+                 self.velocities, self.gait[SAMPLES], self.phase[::10]]  # fmt: skip
+        return np.concatenate([part.ravel() for part in parts]).astype(np.float32)
+
+    def feed_back(self, y, joints, here, yaw: float) -> None:
+        """What the next frame begins from; `joints` are relative to the root."""
+        self.joints, self.velocities = joints, y["velocities"]
+        forecast, shares = y["phase"], between(7, 61)
+        length = shares @ np.hypot(forecast[..., 0], forecast[..., 1])
+        turns = shares @ unwrapped(np.arctan2(forecast[..., 0], forecast[..., 1]))
+        coming = length[..., None] * np.stack([np.sin(turns), np.cos(turns)], -1)
+        self.phase = np.concatenate([self.phase[1:61], coming])
+        feet, before = joints[SOLES], self.feet
+        self.feet = feet
+        self.unstall(np.linalg.norm(feet - before, axis=-1).sum() * FPS / 4)
+
+        resting = self.gait[PRESENT, STAND]
+        self.swing_at_rest(resting > 0.9)
+        velocity = turned(y["root"][:2], yaw) * (1 - resting**4)  # at rest nobody creeps
+        self.speed = float(np.hypot(*velocity))
+        self.measured += (self.speed - self.measured) * (1 - kept(0.25))
+        self.carried(y["contacts"], feet - before)
+        if (
+            self.measured > 0.5 * self.requested and self.requested > 0.12
+        ):  # strides a little longer or shorter
+            velocity = velocity * np.clip(self.requested / max(self.measured, 1e-9), 0.65, 1.25)
+        turn = y["root"][2] * DT
+        self.advance(velocity, turn, turned(y["path"], yaw + turn), turned(y["facing"], yaw + turn))
+
+    def unstall(self, foot_speed: float) -> None:
+        """Turn the phases on while the root travels and the feet hardly move."""
+        self.foot_speed += (foot_speed - self.foot_speed) * (1 - kept(0.1))
+        travels = self.measured > 0.5 * self.requested and self.jump_left <= 0 and self.requested > 0.3
+        self.slow = self.slow + DT if travels and self.foot_speed < 0.35 * self.requested else 0.0
+        if self.slow > 0.25:
+            sine, cosine = self.phase[..., 0].copy(), self.phase[..., 1].copy()
+            s, c = np.sin(2 * np.pi * 2 * DT), np.cos(2 * np.pi * 2 * DT)
+            self.phase = np.stack([sine * c + cosine * s, cosine * c - sine * s], -1)
+
+    def swing_at_rest(self, stands: bool) -> None:
+        """Clocks for the phases of what goes on moving in a standing body, such as a waving hand."""
+        swings = (self.rest[0] > 1.7) & (self.rest[1] > 1.15) & stands
+        rate = np.clip(2.0 / np.maximum(self.rest[0], 1.7) * self.rest[1], 0.7, 2.0)
+        now = np.arctan2(self.phase[PRESENT, :, 0], self.phase[PRESENT, :, 1]) / (2 * np.pi)
+        self.clock = np.where(self.clock_share == 0, now, self.clock) + rate / FPS
+        share = self.clock_share + (swings - self.clock_share) * (1 - kept(0.25))
+        self.clock_share = np.where(swings | (share > 0.01), share, 0.0)
+        around = 2 * np.pi * (self.clock + rate * (np.arange(-60, 61) * DT)[:, None])
+        swung = 2.0 * np.stack([np.sin(around), np.cos(around)], -1)
+        self.phase = self.phase + self.clock_share[:, None] * (swung - self.phase)
+
+    def carried(self, contacts, moved) -> None:
+        """The share of the root's speed that the planted feet carry, which the regulator goes by."""
+        weights = np.clip(contacts, 0, 1) ** 2
+        back = np.hypot(*(weights[:, None] * moved[:, [0, 2]]).sum(0)) * FPS / max(weights.sum(), 0.25)
+        share = np.clip(back / max(self.measured, 0.3), 0.5, 1.5) if weights.sum() > 0.25 else self.share
+        self.share += ((1.0 if self.measured < 0.3 else share) - self.share) * (1 - kept(0.3))
+
+    def advance(self, velocity, turn: float, path, facing) -> None:
+        """Move the path on by a frame: the past shifts, the coming second is the network's."""
+        for window in (self.xz, self.yaw, self.gait):
+            window[:PRESENT] = window[1 : PRESENT + 1].copy()
+        self.xz[PRESENT] += velocity * DT
+        self.yaw[PRESENT] += turn
+        frames = np.arange(1, 61)
+        held = between(6, 61)[1:]
+        onward = held.copy()  # beyond the last sample the path goes on as it went
+        onward[:, -1] += np.maximum(frames - 50, 0) / 10
+        onward[:, -2] -= np.maximum(frames - 50, 0) / 10
+        self.xz[PRESENT + 1 :] = self.xz[PRESENT] + onward @ (path - path[0])
+        around = angle(np.arctan2(facing[:, 0], facing[:, 1]) - self.yaw[PRESENT])
+        self.yaw[PRESENT + 1 :] = self.yaw[PRESENT] + held @ unwrapped(around[:, None])[:, 0]
+
+
+def main() -> None:
+    """Walk the golden motion and say how far the joints are from it, then walk a circle."""
+    root = Path(__file__).resolve().parents[2]
+    with np.load(root / "assets/golden_step.npz") as file:
+        golden = {name: file[name] for name in file.files}
+    model, body = root / "assets/models/compact", (golden["offsets"], golden["parents"])
+    character = Controller(model, golden["z"], *body, temperature=0.0)
+    shown = [character.step(x, z, int(gait), None)[2] for x, z, gait in golden["stick"]]
+    print(f"golden motion: {1e3 * np.abs(np.array(shown) - golden['motion']).max():.6f} mm at most")
+    character = Controller(model, golden["z"], *body, seed=1)
+    character.settle()
+    for frame in range(300):
+        heading = frame / 60
+        hips, _, _ = character.step(np.sin(heading), np.cos(heading))
+        if frame % 60 == 59:
+            print(
+                f"{(frame + 1) / 60:.0f} s: hips at x {hips[0]:+.2f} m, y {hips[1]:.2f} m, z {hips[2]:+.2f} m"
+            )
+
+
+if __name__ == "__main__":
+    main()

@@ -71,7 +71,18 @@ def check_command(line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
     elif words[:2] == ["python", "-m"]:
         check_help(words[2], words[3:], monkeypatch, capsys)
     else:
-        assert words[0] in ("pip", "sudo", "git", "npm", "node", ".ci/run", "pytest", "ruff", "mypy", "python"), line
+        assert words[0] in (
+            "pip",
+            "sudo",
+            "git",
+            "npm",
+            "node",
+            ".ci/run",
+            "pytest",
+            "ruff",
+            "mypy",
+            "python",
+        ), line
 
 
 def check_help(

@@ -187,7 +187,7 @@ class Desk(RuleBasedStateMachine):
         while self.jobs.waiting:
             self.jobs.work()
         self.takes.rescue()
-        assert not self.takes.trouble
+        assert not self.takes.incomplete
         for item in self.takes.state.items:
             assert self.held(item.clip), f"{item.name} is lost"
         self.takes.journals.close(discard=True)

@@ -458,7 +458,7 @@ class App:
         if self.interrupted or not self.options.offscreen:
             for path in self.takes.rescue(until):
                 self.state.messages.note(f"Kept an unsaved take: {path}")
-            lost = self.takes.trouble or lost
+            lost = self.takes.incomplete or lost
         else:
             self.takes.journals.close(discard=True)
         if not self.options.offscreen:

@@ -101,7 +101,7 @@ def guess_skeleton(
 
     FileError where the map names a joint that is not there, `NotUpright` for a quadruped.
     """
-    found, origin = _told(tree, points, names, {})
+    found, origin = _guessed_joints(tree, points, names, {})
     if turning is not None:
         found = _bending(found, tree, turning)
     return _believed(path, names, tree, found, origin, joint_map)
@@ -148,10 +148,10 @@ def _bending(found: Mapping[str, int], tree: JointTree, turning: AnyArray) -> di
 
 
 def _found(data: MeshData, names: tuple[str, ...]) -> tuple[dict[str, int], str]:
-    return _told(_tree(data), data.rest_positions(), names, data.humanoid)
+    return _guessed_joints(_tree(data), data.rest_positions(), names, data.humanoid)
 
 
-def _told(
+def _guessed_joints(
     tree: JointTree, points: AnyArray, names: tuple[str, ...], humanoid: Mapping[str, int]
 ) -> tuple[dict[str, int], str]:
     by_name, convention = match_names(names)

@@ -176,7 +176,7 @@ def align(found: Mapping[str, int], parents: Sequence[int], rest_world: Array, v
     anchor = np.array(
         [driver[p] if source[k] >= 0 and (p := parents[k]) >= 0 else driver[k] for k in range(len(parents))]
     )
-    _hang_on_limbs(found, anchor, parents)
+    _attach_to_limbs(found, anchor, parents)
     order = _carriers_first([int(k) for k in np.flatnonzero(source >= 0)], anchor, hips)
     turns = _turns(found, order, anchor, source, position)
     legs = 0.5 * (position[found["LeftUpLeg"]] + position[found["RightUpLeg"]])
@@ -203,7 +203,7 @@ def align(found: Mapping[str, int], parents: Sequence[int], rest_world: Array, v
     )
 
 
-def _hang_on_limbs(found: Mapping[str, int], anchor: NDArray[np.int64], parents: Sequence[int]) -> None:
+def _attach_to_limbs(found: Mapping[str, int], anchor: NDArray[np.int64], parents: Sequence[int]) -> None:
     """Carry feet and hands that hang on the root, as targets of a rig do, by their limbs."""
     for side in _SIDED:
         for bone, above in _LIMBS:

@@ -85,7 +85,7 @@ class FootLock:
         self.hips.carry(legs, self.feet, dt)
         drop = -self.hips.offset
         result = np.array(self.balance.apply(local_rotations, self.on_beam, dt), copy=True)
-        targets = [foot.within_reach(led, drop, ground) for foot, led in zip(self.feet, legs, strict=True)]
+        targets = [foot.within_reach(leg, drop, ground) for foot, leg in zip(self.feet, legs, strict=True)]
         reaches = [
             knee.follow(leg, leg.raised(-drop), target, foot.bones, dt)
             for knee, leg, target, foot in zip(self.knees, incoming, targets, self.feet, strict=True)

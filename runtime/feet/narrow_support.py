@@ -1,4 +1,4 @@
-"""Feet on a beam: on high, narrow ground feet are led sideways onto its middle, around each other, and arms go out."""
+"""Feet on a beam: on high, narrow ground feet are moved sideways onto its middle, around each other, and arms go out."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DROP_M = 0.12  # that the ground beside must be lower than a beam: less is a ste
 LEVEL_M = 0.06  # that the ground of a beam may differ across it
 BESIDE_M = 0.35  # on both sides of the hips the ground is low,
 ALONG_M = 0.2  # and before and behind them it is high: no hurdle, no step, no wall
-FARTHEST_M = 0.3  # that a foot is led
+FARTHEST_M = 0.3  # that a foot is moved
 SCAN_M = 0.45  # to both sides
 SPACING_M = 0.025
 INLINE_M = 0.02  # from the middle, to its own side, a foot is put down
@@ -81,7 +81,7 @@ def pull_of_beam(hips: Vector, side: Vector | None, ground: PointHeights) -> tup
 
 @dataclass
 class SidewaysLead:
-    """How far one foot is led sideways, from frame to frame."""
+    """How far one foot is moved sideways, from frame to frame."""
 
     sign: float = 1.0  # 1 left, -1 right
     offset: Vector = NOTHING
@@ -90,7 +90,7 @@ class SidewaysLead:
     def apply(
         self, leg: LegPose, other: LegPose, side: Vector | None, held: bool, ground: PointHeights, dt: float
     ) -> LegPose:
-        """The leg with its toe and ankle led along `side` (see `side_of_beam`); a held foot keeps its lead."""
+        """The leg with its toe and ankle moved along `side` (see `side_of_beam`); a held foot keeps its lead."""
         if not held:
             goal = NOTHING if side is None else self._lead(leg, other, side, ground)
             if goal == NOTHING == self.offset:

@@ -43,14 +43,14 @@ class PhraseShares:
         ]
         return sum(known) / len(known) if known else None
 
-    def hardly_shown(self, descriptions: PartDescriptions) -> dict[str, float]:
+    def weakly_shown(self, descriptions: PartDescriptions) -> dict[str, float]:
         """Parts whose sentences are shown by less than `HARDLY`, with their shares."""
         found = {part: self.of(getattr(descriptions, part), part) for part in PART_NAMES}
         return {part: share for part, share in found.items() if share is not None and share < HARDLY}
 
     def note(self, descriptions: PartDescriptions) -> str:
         """A sentence for the user about what is hardly shown, or ""."""
-        weak = self.hardly_shown(descriptions)
+        weak = self.weakly_shown(descriptions)
         if not weak:
             return ""
         listed = (

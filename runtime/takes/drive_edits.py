@@ -144,7 +144,7 @@ def with_gait(drive: Drive, first: int, last: int, gait: Gait) -> Edit:
         raise UsageError(f"gait from frame {first} to {last}: no frame.", "Choose a later end.")
     frames = list(drive.frames)
     for i in range(first - drive.start, last + 1 - drive.start):
-        frames[i] = _asked(frames[i], gait, frames, i)
+        frames[i] = _requested(frames[i], gait, frames, i)
     return Edit(replace(drive, frames=tuple(frames)), first)
 
 
@@ -167,7 +167,7 @@ def move_gait(drive: Drive, index: int, start: int, end: int) -> Edit:
     return edit
 
 
-def _asked(frame: DrivenFrame, gait: Gait, frames: Sequence[DrivenFrame], i: int) -> DrivenFrame:
+def _requested(frame: DrivenFrame, gait: Gait, frames: Sequence[DrivenFrame], i: int) -> DrivenFrame:
     old = frame.controls
     if gait is Gait.STAND:
         asked = Controls((0.0, 0.0), old.facing, Gait.WALK)

@@ -34,7 +34,7 @@ EXPERIMENTS = {
     "text": "training.evaluation.text.command:TEXT",
     "table1": "training.evaluation.table1:TABLE1",
     "distances": "training.evaluation.on_captured_paths:DISTANCES",
-    "told-apart": "training.evaluation.on_captured_paths:TOLD_APART",
+    "two-sample": "training.evaluation.on_captured_paths:TWO_SAMPLE",
     "same-path": "training.evaluation.on_captured_paths:SAME_PATH",
     "gait": "training.evaluation.on_straight_walks:GAIT",
     "blend-steps": "training.evaluation.on_straight_walks:BLEND_STEPS",

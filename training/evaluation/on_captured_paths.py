@@ -18,7 +18,7 @@ from runtime.motion.features import FPS
 from runtime.motion.motion_encoder import ExportedMotionEncoder
 from runtime.takes.clip import Clip
 from training.evaluation.experiment import Experiment, Setting
-from training.evaluation.metrics.classifiers import area_under_curve, halves_told_apart
+from training.evaluation.metrics.classifiers import area_under_curve, halves_auc
 from training.evaluation.metrics.feature_groups import GROUPS, group_features
 from training.evaluation.metrics.features import has_encoder, kinematic_features, temporal_features
 from training.evaluation.metrics.motion import (
@@ -145,7 +145,7 @@ def captured(clips: Path, length: float, styles: Iterable[str] | None = None) ->
     return [s.load() for g in groups for s in driving_segments(capture, g, length)]
 
 
-def told_from(ours: WindowFeatures, theirs: WindowFeatures) -> dict[str, float]:
+def two_sample_auc(ours: WindowFeatures, theirs: WindowFeatures) -> dict[str, float]:
     """AUC of each kind of features; a path and its clip lie in the same fold."""
     labels = np.repeat([1, 0], [len(ours.takes), len(theirs.takes)])
     takes = np.concatenate([ours.takes, theirs.takes])
@@ -157,7 +157,7 @@ def told_from(ours: WindowFeatures, theirs: WindowFeatures) -> dict[str, float]:
     }
 
 
-def told_apart(setting: Setting) -> dict[str, Any]:
+def two_sample(setting: Setting) -> dict[str, Any]:
     """Every model, and one half of the captured takes from the other."""
     segments = captured(setting.clips, setting.args.seconds, setting.args.styles)
     theirs = windows_of(segments)
@@ -165,25 +165,25 @@ def told_apart(setting: Setting) -> dict[str, Any]:
     for subject in setting.subjects:
         setting.report(f"{subject.name}: {len(segments)} paths")
         made = [follow(subject.model, m, subject.style(m.style, 0), k) for k, m in enumerate(segments)]
-        rows[subject.name] = told_from(windows_of(made), theirs)
+        rows[subject.name] = two_sample_auc(windows_of(made), theirs)
     rows["capture, half of the takes from the other"] = {
-        n: halves_told_apart(theirs.features[n], theirs.takes, forest=n in GROUPS) for n in FEATURES
+        n: halves_auc(theirs.features[n], theirs.takes, forest=n in GROUPS) for n in FEATURES
     }
     return {"windows": len(theirs.takes), "rows": rows}
 
 
-def told_apart_table(found: dict[str, Any]) -> str:
+def two_sample_table(found: dict[str, Any]) -> str:
     """Area under the curve of each kind of features."""
     rows = [[n, *(f"{row[f]:.2f}" for f in FEATURES)] for n, row in found["rows"].items()]
     lines = table_lines([f"area under the curve, {found['windows']} windows", *FEATURES], rows)
     return "\n".join(lines).rstrip("\n")
 
 
-TOLD_APART = Experiment(
+TWO_SAMPLE = Experiment(
     "Is our motion told from capture? Trees see windows of captured clips and of the character on the same paths, "
     "whole and part of the body by part, and are tested on takes that they have not seen.",
-    told_apart,
-    told_apart_table,
+    two_sample,
+    two_sample_table,
     "told from capture",
     clips=True,
     models=2,

@@ -42,14 +42,14 @@ class Guide:
     done: int = 0  # bits
     _walked_s: float = 0.0
     _left_s: float = DONE_SECONDS
-    _asked: str = ""  # the prompt that was there at the beginning
+    _first_prompt: str = ""  # the prompt that was there at the beginning
     _takes: int = 0
 
     def begin(self) -> None:
         """Show the steps from the first one on."""
         self.shown, self.done = True, 0
         self._walked_s, self._left_s = 0.0, DONE_SECONDS
-        self._asked, self._takes = self._prompt, len(self.takes.state.items)
+        self._first_prompt, self._takes = self._prompt, len(self.takes.state.items)
 
     def skip(self) -> None:
         """Away with it, for good."""
@@ -70,11 +70,11 @@ class Guide:
             return
         self.settings.first_minute_seen = True  # it was seen: it does not come back by itself
         self._walked_s += dt * moving
-        self._asked = self._asked or self._prompt  # the first answer comes by itself
+        self._first_prompt = self._first_prompt or self._prompt  # the first answer comes by itself
         answer, items = self.prompt.edit.a, self.takes.state.items
         signs = (
             self._walked_s >= WALK_SECONDS,
-            self._prompt != self._asked,
+            self._prompt != self._first_prompt,
             answer is not None and any(arm in answer.edited for arm in ARMS),
             len(items) > self._takes,
             any(item.saved or item.exported for item in items[self._takes :]),

@@ -20,20 +20,20 @@ class EvenBlends:
 
     jobs: Jobs
     measure: Measure | None = None  # of the model in use; None: blends stay linear
-    _asked: tuple[Any, Any] | None = None  # the pair's codes
+    _pair: tuple[Any, Any] | None = None  # the pair's codes
 
     def use(self, measure: Measure | None) -> None:
         """Measure with another model."""
-        self.measure, self._asked = measure, None
+        self.measure, self._pair = measure, None
 
     def poll(self, edit: StyleEdit, measured: Callable[[Callable[[StyleEdit], StyleEdit]], None]) -> None:
         """Have a new pair measured; `measured` is called with what puts its shares into an edit."""
         if edit.a is None or edit.b is None or edit.shares != LINEAR or not mixes(edit.weights):
             return
         a, b, measure = edit.a.z, edit.b.z, self.measure
-        if measure is None or (self._asked is not None and self._asked[0] is a and self._asked[1] is b):
+        if measure is None or (self._pair is not None and self._pair[0] is a and self._pair[1] is b):
             return
-        self._asked = a, b
+        self._pair = a, b
 
         def evened(shares: Shares, other: StyleEdit) -> StyleEdit:
             same = other.a is not None and other.b is not None and other.a.z is a and other.b.z is b

@@ -81,7 +81,7 @@ def _heading(part: str, prompt: PromptState, prompting: Prompting) -> None:
 
 def _mark_weak(part: str, prompt: PromptState) -> None:
     """Beside the part's name where a walk was measured to show next to nothing of its words."""
-    share = prompt.hardly_shown(part)
+    share = prompt.weakly_shown(part)
     if share is None or prompt.parts[part] != prompt.applied(part):
         return
     imgui.same_line(0, px(6))

@@ -80,7 +80,7 @@ class PromptState:
         """Sides whose answer is on its way."""
         return {side for side in Side if self.questions[side] is not None}
 
-    def hardly_shown(self, part: str) -> float | None:
+    def weakly_shown(self, part: str) -> float | None:
         """Share (0 to 1) of a part's words that the model shows on a walk, where that is hardly anything.
 
         None for the words of the walk that the program begins with: nobody asked for anything that is not shown.

@@ -27,7 +27,7 @@ class Rescue:
     asked: Callable[[], Path]  # the folder of exports
     state_folder: Path
     save: Callable[[ClipItem, Path], Path]  # writes under a free name in a folder; the path
-    trouble: bool = False  # a take was lost, or went elsewhere than asked
+    incomplete: bool = False  # a take was lost, or went elsewhere than asked
     written: list[Path] = field(default_factory=list)
 
     def keep(self, item: ClipItem) -> None:
@@ -45,10 +45,10 @@ class Rescue:
             else:
                 self.written.append(path)
                 if number:
-                    self.trouble = True
+                    self.incomplete = True
                     self.messages.error(f"{item.name} is in {path}, not where it was asked for: {reason}")
                 return
-        self.trouble = True
+        self.incomplete = True
         kept = "" if item.journal is None else " What its journal holds is offered at the next start."
         self.messages.error(f"{item.name} could not be saved: {reason}{kept}")
 

@@ -56,7 +56,7 @@ class Takes:
     load_ground: Callable[[str], Terrain]  # by name or file
     is_safe: Callable[[ClipItem], bool]  # it is in a project's file
     is_offered: Callable[[ClipItem], bool]  # it is in a session that the next start offers
-    trouble: bool = False  # a take was lost, or is elsewhere than asked
+    incomplete: bool = False  # a take was lost, or is elsewhere than asked
     _writers: dict[Path, ClipItem] = field(default_factory=dict)  # whose clip a file of this session holds
     _proposed: str | None = None  # what was put into the export field, until something else is typed
     _target: Path | None = None  # the file that it means: a name may hold what no field can show
@@ -280,14 +280,14 @@ class Takes:
     def lay(self, item: ClipItem, spec: str, said: str = "") -> None:
         """Put the ground of a name or file under a take; `said` of it then. The live ground stays."""
         if spec == self.stage.terrain_spec:
-            self._laid(item, self.stage.terrain, said)
+            self._shown(item, self.stage.terrain, said)
         else:
             load = partial(self.load_ground, spec)
             self.jobs.submit(
-                f"ground of {id(item)}", load, lambda t: self._laid(item, t, said), reading=Path(spec).name
+                f"ground of {id(item)}", load, lambda t: self._shown(item, t, said), reading=Path(spec).name
             )
 
-    def _laid(self, item: ClipItem, ground: Terrain, said: str) -> None:
+    def _shown(self, item: ClipItem, ground: Terrain, said: str) -> None:
         item.ground = ground
         playback = self.state.playback
         if playback is not None and self.state.played is item:
@@ -433,7 +433,7 @@ class Takes:
 
         After the time `until` (of `time.monotonic`) those stay where they are that the next start offers anyway.
 
-        `trouble` says afterwards whether anything was lost or went elsewhere than asked.
+        `incomplete` says afterwards whether anything was lost or went elsewhere than asked.
         """
         if self.recorder.recording:
             self.toggle_recording()
@@ -446,7 +446,7 @@ class Takes:
                 self.messages.note(f"{item.name} is not exported: the next start offers it.")
             else:
                 rescue.keep(item)
-        self.trouble = self.trouble or rescue.trouble
+        self.incomplete = self.incomplete or rescue.incomplete
         return rescue.written
 
     def _save(self, item: ClipItem, folder: Path) -> Path:

@@ -54,11 +54,13 @@ class Grammar:
         return self._found[name]
 
     def _rules(self, rules: list[list[Any]]) -> Rules:
-        return tuple((self._compiled(pattern), self._said(said)) for pattern, said in rules)
+        return tuple((self._compiled(pattern), self._sentences_of(said)) for pattern, said in rules)
 
-    def _said(self, said: Any) -> Any:
+    def _sentences_of(self, said: Any) -> Any:
         """Sentences in place of their names; a sentence without a name is its own."""
-        return self._sentences.get(said, said) if isinstance(said, str) else tuple(map(self._said, said))
+        return (
+            self._sentences.get(said, said) if isinstance(said, str) else tuple(map(self._sentences_of, said))
+        )
 
     def _compiled(self, pattern: str) -> re.Pattern[str]:
         text = _joined(pattern)

@@ -136,9 +136,7 @@ def area_under_curve(
     return float(roc_auc_score(labels, scores))
 
 
-def halves_told_apart(
-    features: Array, takes: NDArray[np.integer], seed: int = 0, forest: bool = False
-) -> float:
+def halves_auc(features: Array, takes: NDArray[np.integer], seed: int = 0, forest: bool = False) -> float:
     """The same of one half of the takes against the other, mean over random halves: what cannot be told."""
     rng = np.random.default_rng(seed)
     names = np.unique(takes)

@@ -24,12 +24,12 @@ def _state(monkeypatch, table: dict[tuple[str, str], float], model: str = "compa
 def test_only_weak_words_of_the_loaded_model_are_marked(monkeypatch) -> None:
     table = {("arm", "hanging"): 0.1, ("leg", "hanging"): 0.3}
     state = _state(monkeypatch, table)
-    assert state.hardly_shown("left_arm") == 0.1
-    assert state.hardly_shown("right_arm") == 0.1  # limbs share what was measured
-    assert state.hardly_shown("left_leg") is None
-    assert state.hardly_shown("head") is None  # never measured
-    assert _state(monkeypatch, table, model="another").hardly_shown("left_arm") is None
-    assert PromptState(model="compact").hardly_shown("left_arm") is None  # nothing answered yet
+    assert state.weakly_shown("left_arm") == 0.1
+    assert state.weakly_shown("right_arm") == 0.1  # limbs share what was measured
+    assert state.weakly_shown("left_leg") is None
+    assert state.weakly_shown("head") is None  # never measured
+    assert _state(monkeypatch, table, model="another").weakly_shown("left_arm") is None
+    assert PromptState(model="compact").weakly_shown("left_arm") is None  # nothing answered yet
 
 
 def test_the_walk_that_the_program_begins_with_has_no_marks_until_its_words_are_changed(monkeypatch) -> None:
@@ -38,5 +38,5 @@ def test_the_walk_that_the_program_begins_with_has_no_marks_until_its_words_are_
     for words, share in ((WORDS, None), (edited, 0.2)):
         answer = Answer(DEFAULT_PROMPT, WORDS, words, np.zeros((6, 64), np.float32))
         state.edit = StyleEdit((answer, None))
-        assert state.hardly_shown("left_arm") == share
-        assert state.hardly_shown("right_arm") is None
+        assert state.weakly_shown("left_arm") == share
+        assert state.weakly_shown("right_arm") is None

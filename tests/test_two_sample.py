@@ -8,9 +8,9 @@ pytest.importorskip("sklearn")
 from runtime import rotations
 from runtime.skeleton import SPORT_SKELETON, J
 from runtime.terrain.height_map import Terrain
-from training.evaluation.metrics.classifiers import area_under_curve, halves_told_apart
+from training.evaluation.metrics.classifiers import area_under_curve, halves_auc
 from training.evaluation.metrics.motion import Motion
-from training.evaluation.on_captured_paths import FEATURES, WHOLE, told_from, windows_of
+from training.evaluation.on_captured_paths import FEATURES, WHOLE, two_sample_auc, windows_of
 
 TAKES, FRAMES = 6, 160
 FLAT = Terrain.flat(size_m=20.0)
@@ -29,10 +29,10 @@ def takes(swing: float, seed: int) -> list[Motion]:
     return found
 
 
-def test_an_arm_that_swings_less_is_told_from_the_capture_and_halves_of_it_are_not(monkeypatch):
+def test_an_arm_that_swings_less_is_two_sample_auc_the_capture_and_halves_of_it_are_not(monkeypatch):
     monkeypatch.setattr("training.evaluation.on_captured_paths.HOP", 4)
     theirs = windows_of(takes(0.8, 0))
-    told = told_from(windows_of(takes(0.3, 1)), theirs)
+    told = two_sample_auc(windows_of(takes(0.3, 1)), theirs)
     assert told["kinematic"] > 0.9
     assert told["trajectories"] > 0.7  # single places tell of it only where the arm is far out
     assert told["arms"] > 0.9
@@ -40,7 +40,7 @@ def test_an_arm_that_swings_less_is_told_from_the_capture_and_halves_of_it_are_n
         max(told[name] for name in ("feet", "thighs", "knees", "head", "pelvis")) < 0.6
     )  # the arm alone differs
     assert set(told) == set(FEATURES)
-    assert all(halves_told_apart(theirs.features[name], theirs.takes) < 0.75 for name in WHOLE)
+    assert all(halves_auc(theirs.features[name], theirs.takes) < 0.75 for name in WHOLE)
 
 
 @pytest.fixture(autouse=True)

@@ -43,6 +43,7 @@ _LIMB = re.compile(
     rf"\b(?P<limb>(?:{_ARM}|{_LEG}))(?P<plural>s)?\b"
 )
 _BARE = r"\bthe (?:other(?: one)?|(?P<one>left|right) one)(?= (?:\w+ing|\w+ed|%s)\b)"  # "the other hanging"
+_RELATIVE = ("one", "other", "opposite", "same")  # words that name a side by another
 _EACH_OTHER = re.compile(r" (?:before|in front of|after|behind|over|across) the other\b")  # both, in turn
 _CLAUSE_END = re.compile(r"[,;.:!?]| and | while | with | but ")
 _SAME_SIDE = r"hip|thigh|pocket|waist|side|knee|ear|eye|temple|cheek|breast|chest"
@@ -136,25 +137,24 @@ def _with_sides(text: str, hand: str) -> str:
             side = _side_meant(text, match, owners, spoken, single.get(is_arm, ""), hand if is_arm else "")
         if "one" in owners:
             single[is_arm] = side or hand or "right"
-        kept = [word for word in owners if word not in ("one", "other", "opposite", "same", *OPPOSITE)]
-        named = side and not match["plural"] and not {"both", "two"} & set(owners)
-        if named and set(owners) & {"one", "other", "opposite", "same"}:
-            kept = [word for word in kept if word not in ("the", "a", "an")]
-        said += "".join(
-            (
-                match["place"] or "",
-                *(f"{w} " for w in kept),
-                f"{side} " if side else "",
-                match["adjective"] or "",
-            )
-        )
-        said += noun + (match["plural"] or "")
+        said += _with_side(match, side)
         # "right hand holding the left elbow": the elbow is no subject of its own
         if side and not (match["place"] and match.start() < subject_end):
             spoken = _Spoken(noun, side)
             end = re.compile(r"[,;.:!?]| and | while ").search(text, match.end())
             subject_end = end.start() if end else len(text)
     return said + text[at:]
+
+
+def _with_side(match: re.Match[str], side: str) -> str:
+    """The words of one limb with its side, "" for none, in place of "one", "other", "same" and the like."""
+    owners = match["owners"].split()
+    kept = [word for word in owners if word not in (*_RELATIVE, *OPPOSITE)]
+    single = not match["plural"] and not {"both", "two"} & set(owners)
+    if side and single and set(owners) & set(_RELATIVE):
+        kept = [word for word in kept if word not in ("the", "a", "an")]
+    words = " ".join([*kept, side] if side else kept)
+    return f"{match['place'] or ''}{words}{' ' if words else ''}{match['adjective'] or ''}{match['limb']}{match['plural'] or ''}"
 
 
 def _side_meant(

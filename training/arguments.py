@@ -23,7 +23,7 @@ class StageSteps:
     words: int = WORD_STEPS
     stage2: int = 20000
     stage3: int = 6000
-    batch: int = 1024
+    batch: int = 256  # of stages 2 and 3; what two cores can do in a night
 
 
 def build_parser() -> argparse.ArgumentParser:

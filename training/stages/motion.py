@@ -186,7 +186,7 @@ def run_stage2(
     config: ModelConfig,
     data: MotionData,
     steps: int,
-    batch: int = 1024,
+    batch: int = 256,
     max_minutes: float | None = None,
 ) -> Generator:
     """Train everything but the diffusion decoder; AdamWR: cosine annealing with warm restarts (Sec. III-G)."""
@@ -309,7 +309,7 @@ def run_stage3(
     data: MotionData,
     module: Generator,
     steps: int,
-    batch: int = 1024,
+    batch: int = 256,
     max_minutes: float | None = None,
 ) -> Generator:
     """Train the denoiser on `target_codes` (Eq. 14), then also with stage-2 supervision of the blended output."""

@@ -117,7 +117,7 @@ def test_numbered_frames_and_variants(take: Path, capsys: pytest.CaptureFixture)
 
 
 @pytest.mark.parametrize("command", ["generate", "convert"])
-@pytest.mark.parametrize("name", ["x.usd", "x", "x.GLTF", "take.bvh.txt"])
+@pytest.mark.parametrize("name", ["x.abc", "x", "x.GLTF", "take.bvh.txt"])
 def test_an_ending_that_nothing_writes_is_refused_with_those_that_are(
     command: str, name: str, take: Path, capsys: pytest.CaptureFixture
 ) -> None:
@@ -143,7 +143,10 @@ def test_an_ending_that_nothing_writes_is_refused_with_those_that_are(
         (["x.glb", "--character", "gone.glb"], "gone.glb"),
         (["x.glb", "--terrain", "lava"], "lava"),
         (["x.glb", "--in-place", "--with-ground"], "--in-place"),
-        (["x.bvh", "--with-ground"], "--with-ground: nothing that a .bvh file has; .glb, .fbx have it"),
+        (
+            ["x.bvh", "--with-ground"],
+            "--with-ground: nothing that a .bvh file has; .glb, .fbx, .usdz, .usd have it",
+        ),
         (["x.glb", "y.glb", "--ground-out", "g.obj"], "--ground-out"),
         (["up.bvh"], "over itself"),
     ],

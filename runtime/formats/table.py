@@ -47,6 +47,19 @@ def _check_fbx(path: Path) -> None:
     check_fbx(path)
 
 
+def _write_usd(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None) -> str:
+    from runtime.formats.usd import save_usd
+
+    save_usd(take, path, options, terrain)
+    return describe(take, path)
+
+
+def _check_usd(path: Path) -> None:
+    from runtime.formats.usd import check_usd
+
+    check_usd(path)
+
+
 def _write_npz(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None) -> str:
     from runtime.formats.arrays import save_npz
 
@@ -110,10 +123,13 @@ class Format:
 _ARRAYS = frozenset({"fps", "loop", "strides", "in_place", "at_origin"})
 _FILM = frozenset({"loop", "strides"}) | CHARACTER
 _SKINNED = MOTION | CHARACTER | {"with_ground", "engine", "humanoid_names", "animation_only", "with_takes"}
+_USD = MOTION | CHARACTER | {"with_ground", "animation_only"}
 _TABLE = (
     Format(".bvh", "BVH: motion", "motion of the 31-joint skeleton", MOTION | {"unit", "euler_order"}, _write_bvh, keeps_motion=True),
     Format(".glb", "GLB: character with motion", "character with motion (glTF binary)", _SKINNED, _write_glb, keeps_motion=True),
     Format(".fbx", "FBX: through Blender", "character with motion, through Blender", _SKINNED, _write_fbx, _check_fbx, keeps_motion=True),
+    Format(".usdz", "USDZ: character with motion", "character with motion and textures (UsdSkel, packed)", _USD, _write_usd, _check_usd),
+    Format(".usd", "USD: character with motion", "the same without textures, one binary layer", _USD, _write_usd, _check_usd),
     Format(".html", "HTML: page to look at", "page with character and ground, plays in any browser", MOTION | CHARACTER | {"with_takes"}, _write_page),
     Format(".npz", "NPZ: arrays", "positions, rotations, root, contacts, phase as NumPy arrays", _ARRAYS, _write_npz, ignores=MOTION),
     Format(".csv", "CSV: table", "the same, a row a frame", _ARRAYS, _write_csv, ignores=MOTION),

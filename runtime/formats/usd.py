@@ -1,0 +1,379 @@
+"""A take as USD (UsdSkel): the character's meshes, skin, materials and skeleton, moved by one skeleton animation.
+
+The document of `runtime.formats.glb` is written again prim by prim, with joints that have no scales. Needs `usd-core`.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runtime import rotations
+from runtime.arrays import AnyArray
+from runtime.atomic import atomic_path
+from runtime.character.nodes import ancestors, node_world_matrices
+from runtime.character.read import Entry, GltfFile, buffer_view_bytes, open_gltf, read_accessor
+from runtime.errors import FileError, UsageError
+from runtime.formats.glb import glb_document
+from runtime.formats.prepare import ExportOptions, PreparedTake
+from runtime.terrain.height_map import Terrain
+
+ROOT = "/take"
+BIND_SAME = 1e-4  # of the elements of inverse bind matrices that are one
+
+
+def check_usd(path: Path) -> None:
+    """UsageError says how to get USD where the library is not there."""
+    if importlib.util.find_spec("pxr") is None:
+        raise UsageError(
+            f"{path}: USD is written by the library usd-core, which is not installed.",
+            "Run pip install usd-core (or '.[usd]'), or write a .glb.",
+        )
+
+
+def save_usd(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None = None) -> None:
+    """Write a prepared take as `.usd` (one layer) or `.usdz` (with its textures inside).
+
+    UsageError without the library, FileError when the character cannot be used or the file not be written.
+    """
+    check_usd(path)
+    from pxr import Tf, UsdUtils
+
+    with tempfile.TemporaryDirectory(prefix="sport-usd-") as name, atomic_path(path) as target:
+        folder = Path(name)
+        glb, layer, packed = folder / "take.glb", folder / "take.usdc", folder / "take.usdz"
+        document, _ = glb_document(take, replace(options, plain=True), terrain)
+        document.save(glb)
+        textures = folder if path.suffix.lower() == ".usdz" else None
+        try:
+            _Stage(open_gltf(glb), layer, take, textures).write()
+            if textures is not None and not UsdUtils.CreateNewUsdzPackage(str(layer), str(packed)):
+                raise FileError(f"{path}: the package was not written.", "Write a .usd instead.")
+        except Tf.ErrorException as error:
+            raise FileError(f"{path}: USD refuses the take ({str(error)[:200]}).", "Write a .glb.") from error
+        target.write_bytes((layer if textures is None else packed).read_bytes())
+
+
+@dataclass
+class _Skin:
+    """A skeleton prim: its path, and for each joint of a skin of the file its place among all joints."""
+
+    path: str
+    inverse_bind: AnyArray
+    slots: AnyArray
+
+
+class _Stage:
+    """A file of a take, and the stage that it becomes."""
+
+    def __init__(self, file: GltfFile, layer: Path, take: PreparedTake, textures: Path | None) -> None:
+        from pxr import Gf, Sdf, Usd, UsdGeom
+
+        self.file, self.take, self.textures = file, take, textures
+        self.order, self.parents = ancestors(file)
+        self.world = node_world_matrices(file, self.order, self.parents)
+        skins = file.gltf.skins or []
+        self.joints = self._joint_nodes()
+        self.slot = {node: k for k, node in enumerate(self.joints)}
+        self.stage = Usd.Stage.CreateNew(str(layer))
+        UsdGeom.SetStageUpAxis(self.stage, UsdGeom.Tokens.y)
+        UsdGeom.SetStageMetersPerUnit(self.stage, 1.0)
+        self.stage.SetTimeCodesPerSecond(take.clip.fps)
+        self.stage.SetFramesPerSecond(take.clip.fps)
+        self.stage.SetStartTimeCode(0)
+        self.stage.SetEndTimeCode(len(take.clip) - 1)
+        self.Gf, self.Sdf, self.Usd = Gf, Sdf, Usd
+        self.skins = [self._skin(k) for k in range(len(skins))]
+        self._materials: dict[int, Any] = {}
+
+    def _joint_nodes(self) -> list[int]:
+        """Nodes of the skeleton, parents first: those that move, those of skins, and what lies between."""
+        gltf = self.file.gltf
+        wanted = {node for skin in gltf.skins or [] for node in skin.joints}
+        wanted |= {channel.target.node for channel in gltf.animations[0].channels}
+        tops = {node for node in self.order if self.parents[node] < 0}
+        for node in list(wanted):
+            while self.parents[node] >= 0:
+                node = self.parents[node]
+                if node not in tops:
+                    wanted.add(node)
+        return [node for node in self.order if node in wanted]
+
+    def _names(self) -> list[str]:
+        """The path of each joint, of names that USD takes, each once."""
+        from pxr import Tf
+
+        paths: list[str] = []
+        for node in self.joints:
+            name = Tf.MakeValidIdentifier(self.file.gltf.nodes[node].name or f"joint_{node}")
+            above = self.slot.get(self.parents[node])
+            path = name if above is None else f"{paths[above]}/{name}"
+            paths.append(path if path not in paths else f"{path}_{node}")
+        return paths
+
+    def _matrices(self, matrices: AnyArray | list[Any]) -> Any:
+        """Matrices of column vectors as USD has them: transposed."""
+        return [self.Gf.Matrix4d(*np.asarray(m, np.float64).T.ravel().tolist()) for m in matrices]
+
+    def _skin(self, index: int) -> _Skin:
+        skin = self.file.gltf.skins[index]
+        slots = np.array([self.slot[node] for node in skin.joints])
+        inverse = np.tile(np.eye(4), (len(slots), 1, 1))
+        if skin.inverseBindMatrices is not None:
+            read = read_accessor(self.file, skin.inverseBindMatrices, f"skin {index}")
+            inverse = read[: len(slots)].reshape(-1, 4, 4).transpose(0, 2, 1).astype(np.float64)
+        bind = self.world[self.joints].copy()
+        bind[slots] = np.linalg.inv(inverse)
+        for k, known in enumerate(self.skins if hasattr(self, "skins") else []):
+            if np.allclose(known.inverse_bind, np.linalg.inv(bind), atol=BIND_SAME):
+                return _Skin(self.skins[k].path, known.inverse_bind, slots)
+        return _Skin(f"{ROOT}/skeleton" + (f"_{index}" if index else ""), np.linalg.inv(bind), slots)
+
+    def write(self) -> None:
+        """Write all prims and save the layer."""
+        from pxr import Usd, UsdSkel, Vt
+
+        root = UsdSkel.Root.Define(self.stage, ROOT)
+        self.stage.SetDefaultPrim(root.GetPrim())
+        Usd.ModelAPI(root).SetKind("component")
+        animation = self._animation()
+        local = self._local_rest()
+        if not self.skins:  # the motion alone
+            self.skins = [_Skin(f"{ROOT}/skeleton", np.linalg.inv(self.world[self.joints]), np.zeros(0, int))]
+        for path in dict.fromkeys(skin.path for skin in self.skins):
+            skin = next(each for each in self.skins if each.path == path)
+            skeleton = UsdSkel.Skeleton.Define(self.stage, path)
+            skeleton.CreateJointsAttr(Vt.TokenArray(self._names()))
+            skeleton.CreateBindTransformsAttr(self._matrices(np.linalg.inv(skin.inverse_bind)))
+            skeleton.CreateRestTransformsAttr(self._matrices(local))
+            binding = UsdSkel.BindingAPI.Apply(skeleton.GetPrim())
+            binding.CreateAnimationSourceRel().SetTargets([animation.GetPath()])
+        for node in self.order:
+            if self.file.gltf.nodes[node].mesh is not None:
+                self._meshes(node)
+        self._extent(root)
+        extras = (self.file.gltf.scenes[0].extras or {}).get("sport")
+        if extras is not None:
+            root.GetPrim().SetCustomDataByKey("sport", _plain(extras))
+        self.stage.GetRootLayer().Save()
+
+    def _local_rest(self) -> AnyArray:
+        world = self.world[self.joints]
+        above = [self.slot.get(self.parents[node], -1) for node in self.joints]
+        return np.stack(
+            [m if p < 0 else np.linalg.inv(world[p]) @ m for m, p in zip(world, above, strict=True)]
+        )
+
+    def _animation(self) -> Any:
+        """Translations, rotations and scales of all joints, a sample a frame."""
+        from pxr import Gf, UsdSkel, Vt
+
+        gltf, frames = self.file.gltf, len(self.take.clip)
+        rest = self._local_rest()
+        scales = np.linalg.norm(rest[:, :3, :3], axis=1)
+        places = np.tile(rest[:, :3, 3], (frames, 1, 1))
+        turns = np.tile(rotations.from_matrix(rest[:, :3, :3] / scales[:, None]), (frames, 1, 1))
+        for channel in gltf.animations[0].channels:
+            sampler = gltf.animations[0].samplers[channel.sampler]
+            values, k = (
+                read_accessor(self.file, sampler.output, "the animation"),
+                self.slot[channel.target.node],
+            )
+            if channel.target.path == "rotation":
+                turns[:, k] = values[:, [3, 0, 1, 2]]
+            elif channel.target.path == "translation":
+                places[:, k] = values
+        animation = UsdSkel.Animation.Define(self.stage, f"{ROOT}/animation")
+        animation.CreateJointsAttr(Vt.TokenArray(self._names()))
+        translations, quaternions = animation.CreateTranslationsAttr(), animation.CreateRotationsAttr()
+        animation.CreateScalesAttr([Gf.Vec3h(*row) for row in scales.tolist()])
+        for frame in range(frames):
+            translations.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(places[frame], np.float32)), frame)
+            quaternions.Set(Vt.QuatfArray([Gf.Quatf(*row) for row in turns[frame].tolist()]), frame)
+        return animation
+
+    def _meshes(self, node: int) -> None:
+        """The meshes of a node: skinned, carried by the joint above, or still."""
+        from pxr import Tf, UsdGeom
+
+        gltf = self.file.gltf
+        named = Tf.MakeValidIdentifier(gltf.nodes[node].name or f"mesh_{node}")
+        for number, primitive in enumerate(gltf.meshes[gltf.nodes[node].mesh].primitives):
+            path = f"{ROOT}/{named}" + (f"_{number}" if number else "")
+            if self.stage.GetPrimAtPath(path):
+                path += f"_{node}"
+            mesh = UsdGeom.Mesh.Define(self.stage, path)
+            count = self._geometry(mesh, primitive)
+            self._bind(mesh, node, primitive, count)
+            if primitive.material is not None:
+                self._shade(mesh, primitive.material)
+
+    def _geometry(self, mesh: Any, primitive: Entry) -> int:
+        """Points, triangles, normals, texture coordinates, colours; how many points."""
+        from pxr import UsdGeom, Vt
+
+        def read(name: str) -> AnyArray | None:
+            index = primitive.attributes.get(name)
+            return (
+                None
+                if index is None
+                else np.ascontiguousarray(read_accessor(self.file, index, name), np.float32)
+            )
+
+        points = read("POSITION")
+        assert points is not None  # the character was loaded before
+        count = len(points)
+        indices = (
+            np.arange(count)
+            if primitive.indices is None
+            else read_accessor(self.file, primitive.indices, "indices")
+        )
+        triangles = np.ascontiguousarray(indices.ravel()[: len(indices.ravel()) // 3 * 3], np.int32)
+        mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
+        mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(triangles) // 3, 3, np.int32)))
+        mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(triangles))
+        mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+        mesh.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(np.stack([points.min(0), points.max(0)])))
+        api, types = UsdGeom.PrimvarsAPI(mesh), self.Sdf.ValueTypeNames
+        normals, uv, colors = read("NORMAL"), read("TEXCOORD_0"), read("COLOR_0")
+        if normals is not None:
+            mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals))
+            mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+        if uv is not None:
+            flipped = np.ascontiguousarray(np.stack([uv[:, 0], 1.0 - uv[:, 1]], -1), np.float32)
+            primvar = api.CreatePrimvar("st", types.TexCoord2fArray, UsdGeom.Tokens.vertex)
+            primvar.Set(Vt.Vec2fArray.FromNumpy(flipped))
+        if colors is not None:
+            mesh.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex).Set(
+                Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(colors[:, :3]))
+            )
+        return count
+
+    def _bind(self, mesh: Any, node: int, primitive: Entry, count: int) -> None:
+        """The skin of a mesh; a mesh on a joint follows it alone, any other stands still where it is."""
+        from pxr import UsdGeom, UsdSkel
+
+        number, above = self.file.gltf.nodes[node].skin, node
+        while above >= 0 and above not in self.slot:
+            above = self.parents[above]
+        if number is None and above < 0:
+            if not np.allclose(self.world[node], np.eye(4)):
+                UsdGeom.Xformable(mesh).AddTransformOp().Set(self._matrices([self.world[node]])[0])
+            return
+        binding = UsdSkel.BindingAPI.Apply(mesh.GetPrim())
+        skin = self.skins[number or 0]
+        place = np.eye(4)
+        if number is None:
+            slots, weights = np.full((count, 1), self.slot[above]), np.ones((count, 1))
+            bind = np.linalg.inv(skin.inverse_bind[self.slot[above]])
+            place = bind @ np.linalg.inv(self.world[above]) @ self.world[node]
+        else:
+            sets = [k for k in (0, 1) if f"JOINTS_{k}" in primitive.attributes]
+            read = [read_accessor(self.file, primitive.attributes[f"JOINTS_{k}"], "joints") for k in sets]
+            slots = skin.slots[np.concatenate(read, axis=1).astype(int)]
+            read = [read_accessor(self.file, primitive.attributes[f"WEIGHTS_{k}"], "weights") for k in sets]
+            weights = np.concatenate(read, axis=1).astype(np.float64)
+            weights /= np.maximum(weights.sum(1, keepdims=True), 1e-9)
+        width = slots.shape[1]
+        binding.CreateJointIndicesPrimvar(False, width).Set(np.ascontiguousarray(slots, np.int32).ravel())
+        binding.CreateJointWeightsPrimvar(False, width).Set(np.ascontiguousarray(weights, np.float32).ravel())
+        binding.CreateGeomBindTransformAttr(self._matrices([place])[0])
+        binding.CreateSkeletonRel().SetTargets([skin.path])
+
+    def _shade(self, mesh: Any, index: int) -> None:
+        from pxr import UsdShade
+
+        if index not in self._materials:
+            self._materials[index] = self._material(index)
+        UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(self._materials[index])
+        mesh.CreateDoubleSidedAttr(bool(self.file.gltf.materials[index].doubleSided))
+
+    def _material(self, index: int) -> Any:
+        """A preview surface with base colour (a texture in a package, else the mesh's colours), roughness and metal."""
+        from pxr import UsdShade
+
+        entry, types, connect = self.file.gltf.materials[index], self.Sdf.ValueTypeNames, "ConnectableAPI"
+        surface = entry.pbrMetallicRoughness or Entry()
+        path = f"{ROOT}/materials/{re.sub('[^A-Za-z0-9_]', '_', f'm{index}_' + (entry.name or ''))}"
+        self.stage.DefinePrim(f"{ROOT}/materials", "Scope")
+        material = UsdShade.Material.Define(self.stage, path)
+        shader = UsdShade.Shader.Define(self.stage, f"{path}/surface")
+        shader.CreateIdAttr("UsdPreviewSurface")
+        shader.CreateInput("roughness", types.Float).Set(float(_or(surface.roughnessFactor, 1.0)))
+        shader.CreateInput("metallic", types.Float).Set(float(_or(surface.metallicFactor, 1.0)))
+        factor = [float(v) for v in _or(surface.baseColorFactor, (1.0, 1.0, 1.0, 1.0))]
+        color = shader.CreateInput("diffuseColor", types.Color3f)
+        color.Set(tuple(factor[:3]))
+        file = None if surface.baseColorTexture is None else self._texture(surface.baseColorTexture.index)
+        reader = UsdShade.Shader.Define(self.stage, f"{path}/reader")
+        kind = "float2" if file else "float3"
+        reader.CreateIdAttr(f"UsdPrimvarReader_{kind}")
+        reader.CreateInput("varname", types.String).Set("st" if file else "displayColor")
+        output = reader.CreateOutput("result", types.Float2 if file else types.Float3)
+        if file is not None:
+            texture = UsdShade.Shader.Define(self.stage, f"{path}/texture")
+            texture.CreateIdAttr("UsdUVTexture")
+            texture.CreateInput("file", types.Asset).Set(file)
+            texture.CreateInput("sourceColorSpace", types.Token).Set("sRGB")
+            texture.CreateInput("scale", types.Float4).Set(tuple(factor))
+            for axis in ("wrapS", "wrapT"):
+                texture.CreateInput(axis, types.Token).Set("repeat")
+            texture.CreateInput("st", types.Float2).ConnectToSource(output)
+            color.ConnectToSource(texture.CreateOutput("rgb", types.Float3))
+        elif surface.baseColorTexture is None and self._colored(index):
+            reader.CreateInput("fallback", types.Float3).Set(tuple(factor[:3]))
+            color.ConnectToSource(output)
+        else:
+            self.stage.RemovePrim(reader.GetPath())
+        material.CreateSurfaceOutput().ConnectToSource(getattr(shader, connect)(), "surface")
+        return material
+
+    def _colored(self, material: int) -> bool:
+        """Whether the vertices of all meshes with a material have colours."""
+        used = [p for mesh in self.file.gltf.meshes for p in mesh.primitives if p.material == material]
+        return all("COLOR_0" in p.attributes for p in used)
+
+    def _texture(self, index: int) -> str | None:
+        """The name of a texture's file beside the layer; None where the form has none, or for other images."""
+        source = self.file.gltf.textures[index].source
+        if self.textures is None or source is None:
+            return None
+        data = bytes(buffer_view_bytes(self.file, self.file.gltf.images[source].bufferView, "an image"))
+        ending = {b"\x89PNG": "png", b"\xff\xd8\xff\xe0": "jpg"}.get(
+            data[:4], "jpg" if data[:2] == b"\xff\xd8" else ""
+        )
+        if not ending:
+            return None
+        (self.textures / f"texture_{source}.{ending}").write_bytes(data)
+        return f"./texture_{source}.{ending}"
+
+    def _extent(self, root: Any) -> None:
+        """The box of the whole take, so that a viewer finds it: the way of the joints and half a body more."""
+        from pxr import UsdGeom
+
+        positions = self.take.clip.world()[0].reshape(-1, 3)
+        low, high = positions.min(axis=0) - 0.5, positions.max(axis=0) + 0.5
+        UsdGeom.ModelAPI.Apply(root.GetPrim()).SetExtentsHint(
+            [self.Gf.Vec3f(*low.tolist()), self.Gf.Vec3f(*high.tolist())]
+        )
+
+
+def _or(value: Any, default: Any) -> Any:
+    return default if value is None else value
+
+
+def _plain(value: Any) -> Any:
+    """A value that USD keeps as custom data: texts for what it has no type for."""
+    import json
+
+    if isinstance(value, dict):
+        return {key: json.dumps(v) if isinstance(v, Sequence | dict) and not isinstance(v, str) else v
+                for key, v in value.items() if v is not None}  # fmt: skip
+    return str(value)

@@ -25,6 +25,8 @@ from runtime.safe_read import read_bounded
 from runtime.skeleton import PART_NAMES
 from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent, gait_of, gait_seconds, origin_of
+from runtime.takes.pinned import pinned
+from runtime.takes.pins import Pin, parse_pins
 from runtime.terrain.height_map import Terrain
 
 if TYPE_CHECKING:
@@ -103,6 +105,7 @@ def generate_clip(
     strength: float = 1.0,
     prompter: Prompter | None = None,
     size: float = 1.0,
+    pins: str | Sequence[Pin] = (),
 ) -> Clip:
     """Generate a clip of `seconds` (10, or the length of `controls`) at 60 frames a second; equal arguments give equal bytes.
 
@@ -110,10 +113,12 @@ def generate_clip(
     `runtime.motion.stick_script`, in place of path, gait and speed.
     `prompt` is one prompt, six descriptions, a blend of two, or several prompts with times (also those of a take),
     `terrain` a name, file or terrain, `path` and `gait` are those of `runtime.motion.paths`. `model` is a model folder, by default the shipped one, or a loaded model; `expander`, `report` and
-    `text_encoder` are those of `Prompter`, or `prompter` is one of that model; `strength` is that of `Controller`; `size` is that of `Character`: a smaller body takes smaller steps on the same ground. SportError names what cannot be used.
+    `text_encoder` are those of `Prompter`, or `prompter` is one of that model; `strength` is that of `Controller`; `size` is that of `Character`: a smaller body takes smaller steps on the same ground.
+    `pins` bend the poses: text of `runtime.takes.pins`, or pins. SportError names what cannot be used.
     """
     script, first_gait, seconds = _script(controls, path, gait, seconds, speed, seed)
     _check(seconds, transition_seconds, strength, seed)
+    held = parse_pins(pins) if isinstance(pins, str) else tuple(pins)
     events, asked = _events(prompt)
     controller = _controller(terrain, model, seed, strength, size)
     meant: dict[str, PartDescriptions] = {}
@@ -127,7 +132,8 @@ def generate_clip(
     spec = str(terrain) if not isinstance(terrain, Terrain) else terrain.name
     origin, durations = origin_of(controller, spec), tuple(gait_seconds(gaits, FPS).items())
     clip = clip_of(poses, name, events, spec)
-    return replace(clip, origin=origin, gaits=gaits, gait_seconds=durations, size=size)
+    clip = replace(clip, origin=origin, gaits=gaits, gait_seconds=durations, size=size)
+    return pinned(clip, held) if held else clip
 
 
 def _script(

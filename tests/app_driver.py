@@ -27,6 +27,8 @@ WIDGETS = (
     "selectable",
     "begin_combo",
     "begin_tab_item",
+    "drag_int",
+    "menu_item",
 )
 
 

@@ -154,10 +154,10 @@ def test_tracks_are_taller_where_there_is_room(start: Start, size: tuple[int, in
     for parts in (False, True):
         app.state.takes.timeline.part_tracks = parts
         run(app, 2)
-        rows = {label: box for label, box in drawn(app) if label in ("##gaits", "##feet")}
+        rows = {label: box for label, box in drawn(app) if label in ("##gaits", "##foot 1")}
         _, top, _, bottom = rows["##gaits"]
         assert bottom - top >= least
-        assert rows["##feet"][3] <= app.shell._layout.transport.y + app.shell._layout.transport.height  # type: ignore[union-attr]
+        assert rows["##foot 1"][3] <= app.shell._layout.transport.y + app.shell._layout.transport.height  # type: ignore[union-attr]
 
 
 def test_the_words_shown_are_those_of_the_take_that_plays(start: Start) -> None:

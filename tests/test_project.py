@@ -151,8 +151,8 @@ def test_words_that_were_typed_live_on_when_a_take_is_driven_again(take: Take, m
 
 def test_other_versions_and_other_files_are_refused_with_a_sentence(tmp_path: Path) -> None:
     path = tmp_path / "a.sport"
-    saved(path, version=3)
-    with pytest.raises(FileError, match=r"a\.sport: a project of version 3; this program reads version 2"):
+    saved(path, version=4)
+    with pytest.raises(FileError, match=r"a\.sport: a project of version 4; this program reads version 3"):
         load_project(path)
     saved(path, format="sport-take")
     with pytest.raises(FileError, match="not a project of this program"):

@@ -58,9 +58,10 @@ from viewer.stage.stage import Stage
 from viewer.stage.state import StageState
 from viewer.state import AppState
 from viewer.takes import panel as clips_panel
-from viewer.takes import transport, words_panel
+from viewer.takes import pin_panel, transport, words_panel
 from viewer.takes.editing import TakeEditing
 from viewer.takes.ghosts import Trails, ghosts
+from viewer.takes.pinning import Pinning
 from viewer.takes.takes import Takes
 from viewer.wall import labels
 from viewer.wall import panel as wall_panel
@@ -169,7 +170,7 @@ class App:
         self.takes = Takes(
             state.takes, settings, messages, stage, jobs, ClipRecorder(), drives, self.state_folder,
             self.stage.read_ground, is_safe=lambda _: self.desk.projects.kept,
-            is_offered=lambda _: self.desk.projects.in_session,
+            is_offered=lambda _: self.desk.projects.in_session, live_pins=self.stage.pins.cut,
         )  # fmt: skip
         self.prompting = Prompting(
             prompt, settings, messages, lambda: stage.controller, self.takes.mark_style,
@@ -178,6 +179,7 @@ class App:
         self.expanders = Expanders(prompt.expander, settings, jobs, services, self.prompting)
         self.suggester = Suggester(prompt, settings, jobs)
         self.editing = TakeEditing(self.takes, self.stage, self.prompting)
+        self.pinning = Pinning(self.editing, self.stage)
         self.wall = Wall(state.wall, settings, messages, self.stage, self.takes, self.prompting)
         self.prompt = PromptRoom(
             prompt, settings, self.prompting, self.expanders, self.suggester, self.wall.toggle
@@ -205,12 +207,18 @@ class App:
             prompt_panel.panel(self.prompt, live),
             words_panel.panel(editing),
             wall_panel.panel(wall),
-            scene_panel.panel(stage, self.open_files, lambda: desk.ask_file(self.open_files)),
+            scene_panel.panel(
+                stage,
+                self.open_files,
+                lambda: desk.ask_file(self.open_files),
+                lambda width: pin_panel.draw_live(self.pinning, width),
+            ),
             clips_panel.panel(takes, desk.exporting.open),
-            transport.panel(editing),
+            transport.panel(editing, self.pinning),
             labels.panel(wall),
             clips_panel.sign(takes),
             bar.panel(desk, Undo(self.prompting, editing)),
+            pin_panel.panel(self.pinning),
             guide.panel(desk.guide, covered=lambda: wall.state.open),
             settings_panel.panel(desk, fonts),
             exports_panel.panel(desk.exporting, fonts),
@@ -296,6 +304,7 @@ class App:
         state.shell.crouching = self.devices.mapper.crouching
         self.jobs.deliver()
         self.prompting.poll()
+        self.pinning.poll()
         self.desk.poll(dt, intent.move != (0.0, 0.0))
         self._simulate(dt, intent)
         pose, *others = self.wall.shown(not self.options.offscreen) or [self._shown_pose()]
@@ -370,19 +379,22 @@ class App:
             around = ghosts(playback, round(settings.ghost_frames))
         if playback is not None and settings.show_trails:
             trails = self.trails.around(playback)
-        return make_overlays(settings, live, self.stage.path.overlay(), others, around, trails)
+        pins = None if others else self.pinning.overlay()
+        return make_overlays(settings, live, self.stage.path.overlay(), others, around, trails, pins)
 
     def _shown_pose(self) -> Pose:
         playback = self.state.takes.playback
         if playback is not None:
-            return playback.pose()
+            return self.pinning.shown_pose() or playback.pose()
         simulation = self.state.stage.simulation
-        return simulation.current if self.options.offscreen else simulation.shown()
+        pose = simulation.current if self.options.offscreen else simulation.shown()
+        return self.stage.pins.bend(pose, self.pinning.now)
 
     def _move_camera(self, pose: Pose, intent: Intent, dt: float) -> None:
         camera, ground = self.stage.camera, self.takes.ground_to_show()
         self.stage.draw_ground(ground)
-        drawing = self.stage.path.use_mouse(camera.current, ground)
+        pinning = self.pinning.use_mouse(camera.current)
+        drawing = pinning or self.stage.path.use_mouse(camera.current, ground)
         wheel, dragging = camera.use_mouse(drawing)
         moving = intent.move != (0.0, 0.0) and not intent.strafe and not dragging
         zoom = intent.zoom * dt + wheel

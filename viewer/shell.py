@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from runtime.safe_read import printable
+from runtime.skeleton import PART_NAMES
 from viewer.gl_bindings import imgui
 from viewer.gui import help, status, theme, widgets
 from viewer.gui.focus import Focus, close_innermost, is_drawn
@@ -22,6 +23,7 @@ from viewer.messages import Messages
 from viewer.settings import Settings
 from viewer.stage.state import StageState
 from viewer.takes.state import TakesState
+from viewer.takes.tracks import lanes
 
 _STATUS = FIXED | imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
 _COLUMNS = (PanelPlace.LEFT, PanelPlace.RIGHT_TOP, PanelPlace.RIGHT_BOTTOM)
@@ -123,9 +125,11 @@ class Shell:
             self._scale, self._scene_height = scale, 0.0
         imgui.get_style().font_scale_main = self.settings.text_size
         size, playing = imgui.get_io().display_size, self.takes.playback is not None
-        parts = self.takes.timeline.part_tracks
+        played = self.takes.played
+        tracks = len(PART_NAMES) if self.takes.timeline.part_tracks else 0
+        tracks += 0 if played is None else len(lanes(played.edits.pins))
         panels = self.state.panels_open
-        self._layout = arrange(size.x, size.y, scale, panels, playing, self._scene_height, parts)
+        self._layout = arrange(size.x, size.y, scale, panels, playing, self._scene_height, tracks)
 
     def draw_at(self, scale: float) -> None:
         """Fit and draw every panel, for a pass that only takes input."""

@@ -23,10 +23,11 @@ from runtime.skeleton import J
 from runtime.takes.clip import Clip, are_poses
 from runtime.takes.drive import Drive
 from runtime.takes.metadata import event_from, gait_seconds, origin_from
+from runtime.takes.pose_edits import NO_EDITS, PoseEdits, read_edits
 from runtime.terrain.height_map import Terrain
 
 SUFFIX = ".sport"
-FORMAT, VERSION = "sport-project", 2
+FORMAT, VERSION = "sport-project", 3
 MAX_TAKES = 10_000
 MAX_FRAMES = 2_000_000  # of a take: nine hours
 MAX_TEXT = 4096  # characters of a name
@@ -44,12 +45,17 @@ STRUCTURE_ERRORS = (
 
 @dataclass(frozen=True, eq=False)
 class StoredVersion:
-    """One version of a take: its frames, what drove it, where it was exported to, and the edit that made it."""
+    """One version of a take: its frames, what drove it, where it was exported to, and the edit that made it.
+
+    Of edited poses the driven ones are kept; they are bent again when the project is opened.
+    """
 
     clip: Clip
     drive: Drive | None = None
     saved: str = ""
     label: str = ""
+    base: Clip | None = None  # as it was driven, where `edits` bend the poses
+    edits: PoseEdits = NO_EDITS
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +220,7 @@ def _take(take: StoredTake, archive: ArchiveWriter, drives: DriveWriter) -> Json
 
 
 def _version(version: StoredVersion, archive: ArchiveWriter, drives: DriveWriter) -> Json:
-    clip = version.clip
+    clip = version.clip if version.base is None else version.base
     check_motion(clip)
     frames = archive.packed.once("frames", clip, lambda: [_piece(clip, part) for part in pieces(len(clip))])
     return {
@@ -230,6 +236,7 @@ def _version(version: StoredVersion, archive: ArchiveWriter, drives: DriveWriter
         "placed": None if clip.placed is None else list(clip.placed),
         "size": clip.size,
         "drive": None if version.drive is None else drives.drive(version.drive),
+        "edits": version.edits.to_json() if version.edits else None,
         "saved": _label(version.saved),
         "label": _label(version.label),
     }
@@ -269,7 +276,12 @@ def _read_version(value: Json, archive: ArchiveReader, drives: DriveReader) -> S
     drive = None if value["drive"] is None else drives.drive(value["drive"])
     if drive is not None and len(drive) != count:
         raise FileError(f"{archive.path}: a take of {count} frames that was driven for {len(drive)}.", REMEDY)
-    return StoredVersion(clip, drive, _text(value["saved"]), _text(value["label"]))
+    edits = NO_EDITS if value["edits"] is None else read_edits(value["edits"])
+    shown = edits.apply(clip)
+    if edits:
+        check_motion(shown, archive.path)
+    base = clip if edits else None
+    return StoredVersion(shown, drive, _text(value["saved"]), _text(value["label"]), base, edits)
 
 
 def _piece(clip: Clip, part: slice) -> bytes:

@@ -78,6 +78,15 @@ def _add_course(generate: argparse.ArgumentParser) -> None:
         "--transition", type=float, default=1.0, metavar="S", help="seconds between prompts"
     )
     generate.add_argument(
+        "--pin",
+        action="append",
+        default=[],
+        metavar="TEXT",
+        help='hold a part of the body (again for more): "left hand 0.3 1.1 0.4 from 2 to 4", '
+        '"left hand 0.5 0.9 0 rail 0.5 0.9 4", "look 0 1.6 5", "left foot 0.1 0 2 from 1 to 2", "pose 1.5 from 2 to 3"; '
+        "metres of the world, or after the point: along",
+    )
+    generate.add_argument(
         "--strength",
         type=float,
         default=1.0,
@@ -173,6 +182,7 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
             report=note,
             prompter=prompter,
             size=size,
+            pins="; ".join(options.pin),
         )
         if not format_of(out).film:
             clip = clip.resampled(export.fps)

@@ -8,9 +8,9 @@ MARGIN = 10.0  # all lengths at scale 1
 STATUS_HEIGHT = 30.0
 LEFT_WIDTH, RIGHT_WIDTH = 316.0, 296.0
 SCENE_MIN_WIDTH = 240.0  # of the free view between the columns
-TIMELINE_HEIGHT = 196.0  # two rows of buttons, the ruler and the tracks
-TRACKS_HEIGHT = 84.0  # of that, the tracks
-PART_TRACKS_HEIGHT = 110.0  # more, with a track for each body part
+TIMELINE_HEIGHT = 202.0  # two rows of buttons, the ruler and the tracks
+TRACKS_HEIGHT = 89.0  # of that, the tracks
+MORE_TRACK_HEIGHT = 18.4  # more, for each track of a body part or of pins
 TALL_FROM, TALL_TO, TALLER = 700.0, 1000.0, 0.6  # in views of such heights the tracks grow by this share
 MAX_TIMELINE_SHARE = 0.45  # of the height above the status line
 SCENE_PANEL_HEIGHT = 384.0  # with its sections folded; they scroll where there is no more room
@@ -53,7 +53,7 @@ def arrange(
     panels: bool = True,
     transport: bool = False,
     scene_height: float = 0.0,
-    part_tracks: bool = False,
+    more_tracks: int = 0,
 ) -> Layout:
     """Lay the panels out in a window of `width` x `height` screen units.
 
@@ -65,18 +65,18 @@ def arrange(
     column_height = height - status_height - 2 * m
     full = Rect(0.0, 0.0, width, max(height - status_height, 1.0))
     if not panels or column_height < 80 * scale:
-        bar = _timeline(full, scale, part_tracks) if transport else None
+        bar = _timeline(full, scale, more_tracks) if transport else None
         return Layout(status, None, None, None, None, None, bar, full)
     if width < (LEFT_WIDTH + RIGHT_WIDTH + SCENE_MIN_WIDTH + 4 * MARGIN) * scale:
         tabs_width = min(LEFT_WIDTH * scale, width - 2 * m)
         tabs = Rect(m, m, tabs_width, column_height)
         view = Rect(tabs_width + 2 * m, 0.0, max(width - tabs_width - 2 * m, 1.0), full.height)
-        bar = _timeline(view, scale, part_tracks) if transport else None
+        bar = _timeline(view, scale, more_tracks) if transport else None
         return Layout(status, None, None, None, tabs, None, bar, view)
     prompt = Rect(m, m, LEFT_WIDTH * scale, min(column_height, PROMPT_MAX_HEIGHT * scale))
     right = width - m - RIGHT_WIDTH * scale
     view = Rect(prompt.x + prompt.width, 0.0, right - prompt.x - prompt.width, full.height)
-    bar = _timeline(view, scale, part_tracks) if transport else None
+    bar = _timeline(view, scale, more_tracks) if transport else None
     most = column_height - m - CLIPS_MIN_HEIGHT * scale
     if most < SCENE_PANEL_HEIGHT * scale:
         right_tabs = Rect(right, m, RIGHT_WIDTH * scale, column_height)
@@ -102,12 +102,12 @@ def framing(layout: Layout) -> tuple[float, float, float]:
     return across, 1.0 - share, share
 
 
-def _timeline(view: Rect, scale: float, part_tracks: bool) -> Rect | None:
+def _timeline(view: Rect, scale: float, more_tracks: int) -> Rect | None:
     """Under the view, which it takes from: `framing` shows the character above it."""
     m = MARGIN * scale
-    parts = PART_TRACKS_HEIGHT if part_tracks else 0.0
+    more = MORE_TRACK_HEIGHT * more_tracks
     room = min(max((view.height / scale - TALL_FROM) / (TALL_TO - TALL_FROM), 0.0), 1.0)
-    wanted = (TIMELINE_HEIGHT + parts + room * TALLER * (TRACKS_HEIGHT + parts)) * scale
+    wanted = (TIMELINE_HEIGHT + more + room * TALLER * (TRACKS_HEIGHT + more)) * scale
     height = min(wanted, MAX_TIMELINE_SHARE * view.height)
     width = view.width - 2 * m
     if width < 180 * scale or height < 88 * scale:

@@ -166,25 +166,30 @@ class Contents:
 
 def stored(item: ClipItem) -> StoredTake:
     """A take of the list as it is kept."""
-    shown = StoredVersion(item.clip, item.drive, str(item.saved or ""), item.label)
+    shown = StoredVersion(item.clip, item.drive, str(item.saved or ""), item.label, item.base, item.edits)
     older, newer = (tuple(_stored(v) for v in versions) for versions in (item.older, item.newer))
     return StoredTake(shown, older, newer, item.recorded, item.given)
 
 
 def _stored(version: TakeVersion) -> StoredVersion:
-    return StoredVersion(version.clip, version.drive, str(version.saved or ""), version.label)
+    return StoredVersion(
+        version.clip, version.drive, str(version.saved or ""), version.label, version.base, version.edits
+    )
 
 
 def item_of(take: StoredTake) -> ClipItem:
     """A kept take for the list; its model is still to be found."""
     item = ClipItem(take.shown.clip, _existing(take.shown.saved), take.recorded, drive=take.shown.drive)
     item.label, item.given = take.shown.label, take.name
+    item.base, item.edits = take.shown.base, take.shown.edits
     item.older, item.newer = ([_version(v) for v in versions] for versions in (take.older, take.newer))
     return item
 
 
 def _version(version: StoredVersion) -> TakeVersion:
-    return TakeVersion(version.clip, version.drive, _existing(version.saved), version.label)
+    return TakeVersion(
+        version.clip, version.drive, _existing(version.saved), version.label, version.base, version.edits
+    )
 
 
 def _existing(saved: str) -> Path | None:

@@ -9,7 +9,7 @@ from runtime.arrays import Array
 from runtime.pose import Pose
 from runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, SPORT_SKELETON, TOE_HEIGHT
 from runtime.terrain.height_map import Terrain
-from viewer.render.overlays import PathOverlay, TrailOverlay, TrajectoryOverlay
+from viewer.render.overlays import PathOverlay, PinOverlay, TrailOverlay, TrajectoryOverlay
 
 Strokes = NDArray[np.void]
 
@@ -32,6 +32,7 @@ BONE_RADIUS_PX = 1.6
 JOINT_RADIUS_PX = 3.2
 OUTLINE_PX = 1.3
 TRAIL_RADIUS_PX = 1.4
+PIN_RADIUS_PX, RAIL_RADIUS_PX = 5.0, 1.8
 REFERENCE_HEIGHT_PX = 720
 
 PAST = (0.36, 0.40, 0.45)
@@ -40,6 +41,7 @@ LEFT = (0.00, 0.56, 0.60)
 RIGHT = (0.91, 0.38, 0.05)
 MIDDLE = (0.20, 0.24, 0.30)
 OUTLINE = (1.0, 1.0, 1.0, 0.85)
+PIN = (0.86, 0.20, 0.46)
 FREE = (0.45, 0.48, 0.52)
 TOUCHING = (0.10, 0.76, 0.30)
 SPEED_COLORS = (
@@ -161,6 +163,18 @@ def trail_strokes(trails: TrailOverlay, pixel_scale: float) -> Strokes:
     colors = np.stack([*rgb, alpha], -1).reshape(-1, 4)
     start, end = points[:-1].reshape(-1, 3), points[1:].reshape(-1, 3)
     return make_strokes(start, end, TRAIL_RADIUS_PX * pixel_scale, colors)
+
+
+def pin_strokes(pins: PinOverlay, pixel_scale: float) -> Strokes:
+    """A dot at each point over everything, a larger one where it is selected, and lines for rails."""
+    size, rim = PIN_RADIUS_PX * pixel_scale, OUTLINE_PX * pixel_scale
+    places, rails = np.asarray(pins.points, np.float32), np.asarray(pins.rails, np.float32)
+    dots = make_strokes(places, places, size, (*PIN, 1.0))
+    around = make_strokes(places, places, size + rim, OUTLINE)
+    dots["radius"][pins.selected, 0] *= 1.4
+    around["radius"][pins.selected, 0] += 0.4 * size + rim
+    lines = make_strokes(rails[:, 0], rails[:, 1], RAIL_RADIUS_PX * pixel_scale, (*PIN, 0.85))
+    return np.concatenate([lines, around, dots])
 
 
 def feet_of(poses: list[Pose]) -> Array:

@@ -38,6 +38,15 @@ class TrailOverlay:
 
 
 @dataclass(frozen=True)
+class PinOverlay:
+    """Points that hands, feet and looks are pinned to, and rails between two of them."""
+
+    points: Array  # (n, 3) metres
+    selected: NDArray[np.bool_]  # (n,)
+    rails: Array  # (m, 2, 3)
+
+
+@dataclass(frozen=True)
 class Overlays:
     """Toggles and extra figures of one frame; `Overlays()` shows the grid and nothing else."""
 
@@ -48,5 +57,6 @@ class Overlays:
     show_grid: bool = True
     path: PathOverlay | None = None
     trails: TrailOverlay | None = None
+    pins: PinOverlay | None = None
     ghosts: list[Pose] = field(default_factory=list)  # translucent, for comparison
     extra_poses: list[Pose] = field(default_factory=list)  # drawn like the main character

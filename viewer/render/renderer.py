@@ -16,6 +16,7 @@ from viewer.render.marks import (
     contact_strokes,
     feet_of,
     path_strokes,
+    pin_strokes,
     skeleton_strokes,
     trail_strokes,
     trajectory_strokes,
@@ -112,6 +113,8 @@ class Renderer:
             self._overlays.draw_on_top(skeleton_strokes(pose, pixel_scale))
         if overlays.show_contacts and pose is not None:
             self._overlays.draw_on_top(contact_dots(pose, pixel_scale))
+        if overlays.pins is not None:
+            self._overlays.draw_on_top(pin_strokes(overlays.pins, pixel_scale))
 
     def release(self) -> None:
         """Free all GPU objects."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from runtime.pose import Pose
-from viewer.render.overlays import Overlays, PathOverlay, TrailOverlay, TrajectoryOverlay
+from viewer.render.overlays import Overlays, PathOverlay, PinOverlay, TrailOverlay, TrajectoryOverlay
 from viewer.services import ControllerLike
 from viewer.settings import Settings
 
@@ -21,10 +21,11 @@ def make_overlays(
     others: Sequence[Pose] = (),
     ghosts: Sequence[Pose] = (),
     trails: TrailOverlay | None = None,
+    pins: PinOverlay | None = None,
 ) -> Overlays:
     """Overlays of the live character; without a controller there is no trajectory. `others` are drawn beside it.
 
-    `ghosts` are translucent, `trails` the lines of its joints.
+    `ghosts` are translucent, `trails` the lines of its joints, `pins` the points it is bent to.
     """
     trajectory = None
     if settings.show_trajectory and controller is not None:
@@ -41,4 +42,5 @@ def make_overlays(
         extra_poses=list(others),
         ghosts=list(ghosts),
         trails=trails,
+        pins=pins,
     )

@@ -19,18 +19,28 @@ from viewer.stage.stage import Stage
 _SHOWN = ("show_trajectory", "show_skeleton", "show_contacts", "show_grid", "show_ghosts", "show_trails")
 
 
-def panel(stage: Stage, open_files: Callable[[list[Path]], None], browse: Callable[[], None]) -> Panel:
-    """The scene panel."""
+def panel(
+    stage: Stage,
+    open_files: Callable[[list[Path]], None],
+    browse: Callable[[], None],
+    draw_pins: Callable[[float], None],
+) -> Panel:
+    """The scene panel; `draw_pins` is its button, of a width, for pins of the live character."""
     return Panel(
         "Scene",
         PanelPlace.RIGHT_TOP,
-        lambda _: draw(stage, open_files, browse),
+        lambda _: draw(stage, open_files, browse, draw_pins),
         ICON.scene,
         actions=stage.actions,
     )
 
 
-def draw(stage: Stage, open_files: Callable[[list[Path]], None], browse: Callable[[], None]) -> None:
+def draw(
+    stage: Stage,
+    open_files: Callable[[list[Path]], None],
+    browse: Callable[[], None],
+    draw_pins: Callable[[float], None],
+) -> None:
     """Contents of the panel; `browse` asks for a file to open."""
     _terrain(stage)
     _open_file(stage, open_files, browse)
@@ -38,7 +48,7 @@ def draw(stage: Stage, open_files: Callable[[list[Path]], None], browse: Callabl
     if mode != stage.camera.mode:
         stage.use_camera(mode)
     _views(stage)
-    path_panel.draw(stage)
+    path_panel.draw(stage, draw_pins)
     _toggles(stage.settings)
     _drawing(stage)
     live_panel.draw(stage.live, stage.vmc)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from runtime.controls import Gait
 from runtime.motion.paths import PlanarPose
 from viewer.gl_bindings import imgui
@@ -14,23 +16,25 @@ from viewer.stage.stage import Stage
 GAITS = [(gait, gait.label.capitalize()) for gait in (Gait.WALK, Gait.JOG, Gait.CROUCH)]
 
 
-def draw(stage: Stage) -> None:
-    """Contents of this part."""
+def draw(stage: Stage, draw_pins: Callable[[float], None]) -> None:
+    """Contents of this part; `draw_pins` fills the end of its first row, of a width."""
     tool = stage.path
-    half = (imgui.get_content_region_avail().x - px(4)) / 2
+    third = (imgui.get_content_region_avail().x - 2 * px(4)) / 3
     hint = "A drag on the ground draws the path, a click adds a point. Drag a point to move it, Delete removes it."
-    tool.active = widgets.toggle("Draw a path", tool.active, half, hint)
+    tool.active = widgets.toggle("Draw a path", tool.active, third, hint)
     imgui.same_line(0, px(4))
     imgui.begin_disabled(not tool.points)
     if tool.walk is not None:
-        if widgets.button(f"{ICON.stop} Stop###walk path", half, "Give the stick back"):
+        if widgets.button(f"{ICON.stop} Stop###walk path", third, "Give the stick back"):
             tool.stop()
     elif widgets.button(
-        f"{ICON.walk} Walk it###walk path", half, "From where the character stands; any key of yours ends it"
+        f"{ICON.walk} Walk it###walk path", third, "From where the character stands; any key of yours ends it"
     ):
         pose = stage.state.simulation.current
         tool.start(PlanarPose(float(pose.root_position[0]), float(pose.root_position[2]), pose.root_yaw))
     imgui.end_disabled()
+    imgui.same_line(0, px(4))
+    draw_pins(third)
     if tool.active:
         _selected(tool)
 

@@ -13,7 +13,7 @@ from runtime.character.read import SUFFIXES as GLTF_SUFFIXES
 from runtime.controls import Controls
 from runtime.motion.paths import PlanarPose
 from runtime.motion.snapshot import Snapshot
-from runtime.pose import Pose
+from runtime.pose import FPS, Pose
 from runtime.prompts.gpt.settings import GptSettings
 from runtime.takes.drive import DriveRecorder, GroundChange
 from runtime.terrain.files import SUFFIXES as GROUNDS
@@ -27,6 +27,7 @@ from viewer.services import Loaded, Services
 from viewer.settings import Settings
 from viewer.stage.camera_control import CameraControl
 from viewer.stage.joint_mapping import JointMapping
+from viewer.stage.live_pins import LivePins
 from viewer.stage.path_tool import PathTool
 from viewer.stage.simulation import Simulation
 from viewer.stage.state import StageState
@@ -50,6 +51,7 @@ class Stage:
     drives: DriveRecorder  # hears what changes the controller
     shown: Callable[[], Pose]  # the pose in view: the live one, or that of a take
     camera: CameraControl = field(default_factory=CameraControl)
+    pins: LivePins = field(default_factory=LivePins)
     character_path: Path | None = None
     _character: Any = None
     _first_view: str = ""
@@ -109,15 +111,17 @@ class Stage:
         self.camera.frame_character(self.shown())
 
     def advance(self, seconds: float, controls: Controls) -> list[Pose]:
-        """Let time pass for the character; the new poses."""
+        """Let time pass for the character; the new poses, without what pins do to them."""
         self._keep_size()
         simulation = self.state.simulation
         if simulation.controller is not None:
             simulation.controller.temperature = self.settings.temperature
             simulation.controller.strength = self.settings.strength
         poses = simulation.advance(seconds, controls)
-        self.live.publish(poses, size=self.state.terrain.unit_m)
-        self.vmc.publish(poses)
+        first = self.drives.next_frame
+        shown = [self.pins.bend(pose, (first + i) / FPS) for i, pose in enumerate(poses)]
+        self.live.publish(shown, size=self.state.terrain.unit_m)
+        self.vmc.publish(shown)
         if simulation.problem:
             self.drives.forget()
             self.messages.error(simulation.problem, SIMULATION)

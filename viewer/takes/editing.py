@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 SLOT = "driving a take"
 MAX_LABEL = 32  # characters of a prompt in the name of an edit
-Edited = tuple["Clip", "Drive"]
+Edited = tuple["Clip", "Drive", "Clip"]  # as it is shown, what drove it, and without the edits of its poses
 
 
 @dataclass
@@ -177,14 +177,15 @@ class TakeEditing:
         if item is None or item.drive is None or item.maker is None or self.busy:
             self.messages.warn(self.fixed)
             return
-        clip, drive, maker = item.clip, item.drive, item.maker
-        self.progress = 0.0
+        clip, driven, drive, maker = item.clip, item.driven, item.drive, item.maker
+        edits, self.progress = item.edits, 0.0
 
         def work() -> Edited:
             from runtime.takes.drive import played_again
 
             made = edit(drive)
-            return played_again(clip, made.drive, maker.twin(), made.first, self._note_progress)
+            base, again = played_again(driven, made.drive, maker.twin(), made.first, self._note_progress)
+            return edits.apply(base), again, base
 
         self.takes.jobs.submit(SLOT, work, lambda made: self._take(item, clip, made, label))
 
@@ -193,8 +194,9 @@ class TakeEditing:
 
     def _take(self, item: ClipItem, before: Clip, made: Edited, label: str) -> None:
         if item.clip is before:  # not undone meanwhile
-            item.edit(*made, label)
-            self._shown(item)
+            clip, drive, base = made
+            item.edit(clip, drive, label, base if item.edits else None, item.edits)
+            self.show(item)
             self.messages.note(f"{item.name}: {label}. Ctrl+Z brings the version before back.")
 
     def keep_trim(self) -> None:
@@ -225,7 +227,7 @@ class TakeEditing:
         elif item is not None and item.undo_label:
             label = item.undo_label
             item.undo()
-            self._shown(item)
+            self.show(item)
             self.messages.note(f"{item.name}: undone: {label}.")
 
     def redo(self) -> None:
@@ -235,10 +237,11 @@ class TakeEditing:
             self.messages.note(f"{item.name}: done again: trim.")
         elif item is not None and item.redo_label:
             item.redo()
-            self._shown(item)
+            self.show(item)
             self.messages.note(f"{item.name}: done again: {item.label}.")
 
-    def _shown(self, item: ClipItem) -> None:
+    def show(self, item: ClipItem) -> None:
+        """Another version of a take is there; where it plays, that is shown."""
         playback = self.state.playback
         if playback is not None and self.state.played is item:
             playback.show(item.clip)

@@ -149,13 +149,14 @@ class Playback:
 
     def pose(self) -> Pose:
         """The pose at the current time, standing on the terrain shown."""
-        return self._standing(self.clip.sample(self.time_s))
+        return self.standing(self.clip.sample(self.time_s))
 
     def pose_at(self, frame: int) -> Pose:
         """The pose of a frame, standing on the terrain shown."""
-        return self._standing(self.clip.pose(frame))
+        return self.standing(self.clip.pose(frame))
 
-    def _standing(self, pose: Pose) -> Pose:
+    def standing(self, pose: Pose) -> Pose:
+        """A pose of the clip, with its root on the terrain shown."""
         x, _, z = (float(v) for v in pose.hips_position)
         ground = np.array([x, float(self.terrain.height(x, z)), z], np.float32)
         return dataclasses.replace(pose, root_position=ground)

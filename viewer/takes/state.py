@@ -6,6 +6,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from runtime.takes.pose_edits import NO_EDITS, PoseEdits
+
 if TYPE_CHECKING:
     from runtime.takes.clip import Clip
     from runtime.takes.drive import Drive
@@ -29,6 +31,8 @@ class TakeVersion:
     drive: Drive | None
     saved: Path | None
     label: str
+    base: Clip | None = None
+    edits: PoseEdits = NO_EDITS
 
 
 @dataclass
@@ -47,6 +51,8 @@ class ClipItem:
     given: str = ""  # the name that the user gave it
     ground: Terrain | None = None  # that it was made on, where that is known
     exported: Path | None = None  # the last file that was made of it, whole or not
+    base: Clip | None = None  # as it was driven, where `edits` bend the poses of `clip`
+    edits: PoseEdits = NO_EDITS
 
     def drop_journal(self) -> None:
         """The take is exported, or not wanted: nothing is left to recover."""
@@ -98,15 +104,27 @@ class ClipItem:
         """The edit that redo would do again; "" when there is none."""
         return self.newer[-1].label if self.newer else ""
 
-    def edit(self, clip: Clip, drive: Drive, label: str) -> None:
-        """Show a new version; the one before is kept."""
+    @property
+    def driven(self) -> Clip:
+        """The clip without the edits of its poses."""
+        return self.clip if self.base is None else self.base
+
+    def edit(
+        self,
+        clip: Clip,
+        drive: Drive | None,
+        label: str,
+        base: Clip | None = None,
+        edits: PoseEdits = NO_EDITS,
+    ) -> None:
+        """Show a new version, whose poses `edits` bend from those of `base`; the one before is kept."""
         self.older.append(self._version())
         self.newer.clear()
         while (
             len(self.older) > 1 and sum(v.clip.local_rotations.nbytes for v in self.older) > MAX_OLDER_BYTES
         ):
             del self.older[0]
-        self._show(TakeVersion(clip, drive, None, label))
+        self._show(TakeVersion(clip, drive, None, label, base, edits))
 
     def undo(self) -> None:
         """Show the version before the last edit."""
@@ -121,11 +139,11 @@ class ClipItem:
             self._show(self.newer.pop())
 
     def _version(self) -> TakeVersion:
-        return TakeVersion(self.clip, self.drive, self.saved, self.label)
+        return TakeVersion(self.clip, self.drive, self.saved, self.label, self.base, self.edits)
 
     def _show(self, version: TakeVersion) -> None:
         self.clip, self.drive, self.saved = version.clip, version.drive, version.saved
-        self.label = version.label
+        self.label, self.base, self.edits = version.label, version.base, version.edits
 
 
 @dataclass(frozen=True)

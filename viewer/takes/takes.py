@@ -18,6 +18,8 @@ from runtime.errors import SportError, UsageError
 from runtime.pose import Pose
 from runtime.safe_read import printable
 from runtime.takes.metadata import Origin, gait_of, origin_of
+from runtime.takes.pins import Pin
+from runtime.takes.pose_edits import PoseEdits
 from viewer.input.bindings import Action
 from viewer.jobs import Jobs
 from viewer.messages import Messages
@@ -56,6 +58,9 @@ class Takes:
     load_ground: Callable[[str], Terrain]  # by name or file
     is_safe: Callable[[ClipItem], bool]  # it is in a project's file
     is_offered: Callable[[ClipItem], bool]  # it is in a session that the next start offers
+    live_pins: Callable[[int, int], tuple[Pin, ...]] = (
+        lambda _first, _frames: ()
+    )  # that the character held from a frame on
     incomplete: bool = False  # a take was lost, or is elsewhere than asked
     _writers: dict[Path, ClipItem] = field(default_factory=dict)  # whose clip a file of this session holds
     _proposed: str | None = None  # what was put into the export field, until something else is typed
@@ -154,8 +159,12 @@ class Takes:
             self.messages.warn(str(error))
             return None
         clips.counter += 1
-        drive = self.drives.cut(self.recorder.next_frame - len(clip))
-        item = ClipItem(clip, None, True, drive=drive, maker=self.stage.controller, ground=self.stage.terrain)
+        first = self.recorder.next_frame - len(clip)
+        drive, edits = self.drives.cut(first), PoseEdits(self.live_pins(first, len(clip)))
+        item = ClipItem(
+            edits.apply(clip), None, True, drive=drive, maker=self.stage.controller, ground=self.stage.terrain,
+            base=clip if edits else None, edits=edits,
+        )  # fmt: skip
         self._add(item)
         self.messages.note(f"{clip.name}: {clip.seconds:.1f} s in the clip list. Export writes it as BVH.")
         return item

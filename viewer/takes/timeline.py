@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from runtime.skeleton import PART_NAMES
 from runtime.takes.drive_edits import Span, fitted
@@ -12,55 +11,44 @@ from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.theme import Color
 from viewer.gui.widgets import px
+from viewer.takes import pose_tracks
 from viewer.takes.editing import TakeEditing
+from viewer.takes.pinning import Pinning
 from viewer.takes.playback import Playback
 from viewer.takes.state import Drag
-from viewer.takes.tracks import LabelledSpan, Tracks
+from viewer.takes.track_drawing import (
+    GRIP,
+    SMALL,
+    TEXT_SHARE,
+    TrackRow,
+    draw_bar,
+    draw_rect,
+    draw_text,
+    new_row,
+    shown_at,
+    take_mouse,
+)
+from viewer.takes.tracks import LabelledSpan, lanes
 
-NAMES_WIDTH = 70.0  # pixels at scale 1
-NAMES_FROM = 420.0  # in a narrower bar the tracks have no names
-RULER, PROMPTS, ROW, FEET = 26.0, 21.0, 15.0, 6.0  # heights at scale 1, where there is no more room
+RULER, PROMPTS, ROW, FEET = 26.0, 21.0, 15.0, 8.0  # heights at scale 1, where there is no more room
 SPACING = 3.0
 TALLEST = 1.6  # of these heights, where there is
-EDGE = 4.0  # beside both ends of a row, for half a handle
-GRIP = 7.0  # how near to an end of a span or to a handle the mouse takes it
 TICK_STEPS = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 3600, 7200, 18000, 36000)
 TICK_WIDTH = 56.0  # at least, between two numbers
-NAME_SIZE = theme.FONT_SIZE * 0.87  # letters of the names
-SMALL, TEXT_SHARE = theme.FONT_SIZE * 0.8, 0.76  # letters: at least, and of a row's height
 PROMPT_TINTS = (theme.ACCENT_FILL, (0.36, 0.55, 0.78, 0.42))
 GAIT_TINT: Color = (0.78, 0.62, 0.34, 0.42)
 GROUND_TINT: Color = (0.55, 0.58, 0.62, 0.35)
 PART_TINT: Color = (0.36, 0.55, 0.78, 0.28)
 
 
-@dataclass(frozen=True)
-class _Row:
-    """One track on the screen: where it lies, and how frames map to it."""
-
-    left: float
-    top: float
-    width: float
-    height: float
-    frames: int
-
-    def x(self, frame: float) -> float:
-        """Screen position of a frame."""
-        return self.left + frame / max(self.frames - 1, 1) * self.width
-
-    def frame_at(self, x: float) -> int:
-        """The frame under a screen position, within the clip."""
-        share = min(max((x - self.left) / max(self.width, 1.0), 0.0), 1.0)
-        return round(share * max(self.frames - 1, 1))
-
-
-def draw(editing: TakeEditing, playback: Playback) -> None:
+def draw(editing: TakeEditing, pinning: Pinning, playback: Playback) -> None:
     """The tracks, one below the other, as tall as there is room; in less height than they need they scroll."""
     tracks = editing.tracks
     if tracks is None:
         return
     parts = PART_NAMES if editing.state.timeline.part_tracks else ()
-    tall = _growth(len(parts))
+    rows = lanes(pinning.pins)
+    tall = _growth(len(parts) + len(rows))
     imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(SPACING)))
     # the ruler above the tracks is as wide as they are, also where they scroll (known from the frame before)
     storage, key = imgui.get_state_storage(), imgui.get_id("tracks scroll")
@@ -74,10 +62,12 @@ def draw(editing: TakeEditing, playback: Playback) -> None:
             _still(name, tracks.parts[part], ROW * tall, PART_TINT, playback)
         _spans("Gait", "gaits", tracks.gaits, ROW * tall, editing, playback)
         _still("Ground", tracks.grounds, ROW * tall, GROUND_TINT, playback)
-        _feet(tracks, FEET * tall, playback)
+        if rows:
+            pose_tracks.draw_pins(pinning, rows, ROW * tall, playback)
+        pose_tracks.draw_feet(pinning, FEET * tall, playback)
         bottom = imgui.get_cursor_screen_pos().y
-        row = _row("", 0.0, playback.frames)
-        _rect(_at(row, playback), top, _at(row, playback) + px(1), bottom, theme.TEXT, 0.0)
+        row = new_row("", 0.0, playback.frames)
+        draw_rect(shown_at(row, playback), top, shown_at(row, playback) + px(1), bottom, theme.TEXT, 0.0)
         scrolls = imgui.get_scroll_max_y() > 0.0
     imgui.end_child()
     storage.set_bool(key, scrolls)
@@ -86,29 +76,12 @@ def draw(editing: TakeEditing, playback: Playback) -> None:
         editing.keep_trim()
 
 
-def _growth(parts: int) -> float:
-    """How many times taller the tracks may be; `parts` is how many body parts have one."""
-    rows = 4 + parts
-    heights = PROMPTS + (2 + parts) * ROW + 2 * FEET + 2.0
+def _growth(more: int) -> float:
+    """How many times taller the tracks may be, with so many `more` for body parts and pins."""
+    rows = 4 + more
+    heights = PROMPTS + (2 + more) * ROW + 2 * FEET + 2.0
     free = imgui.get_content_region_avail().y / px(1.0) - RULER - (rows + 2) * SPACING
     return min(max(free / heights, 1.0), TALLEST)
-
-
-def _row(name: str, height: float, frames: int, less: float = 0.0) -> _Row:
-    """The next row; its name stands on the left where there is room."""
-    width, corner = imgui.get_content_region_avail().x - less, imgui.get_cursor_screen_pos()
-    names = px(NAMES_WIDTH) if width + less >= px(NAMES_FROM) else 0.0
-    if names and name:
-        _text(corner.x, corner.y, name, theme.MUTED, names - px(4), px(height), NAME_SIZE)
-    edge = px(EDGE)
-    return _Row(corner.x + names + edge, corner.y, width - names - 2 * edge, px(height), frames)
-
-
-def _button(name: str, row: _Row) -> None:
-    """Makes a row take the mouse, and a little beside its ends."""
-    edge = px(EDGE)
-    imgui.set_cursor_screen_pos(imgui.ImVec2(row.left - edge, row.top))
-    imgui.invisible_button(f"##{name}", imgui.ImVec2(max(row.width, 1.0) + 2 * edge, max(row.height, 1.0)))
 
 
 # --- ruler
@@ -116,29 +89,31 @@ def _button(name: str, row: _Row) -> None:
 
 def _ruler(playback: Playback, less: float) -> None:
     """Frame numbers, the part that is kept with its handles, and the frame shown; drag to scrub."""
-    row = _row("Frame", RULER, playback.frames, less)
+    row = new_row("Frame", RULER, playback.frames, less)
     _scrub(row, playback)
     base = row.top + row.height * 0.62
     bottom = row.top + row.height
-    _rect(row.x(0), base, row.x(playback.frames - 1), bottom, theme.FIELD)
-    _rect(row.x(playback.first), base, row.x(playback.last), bottom, theme.ACCENT_FILL)
+    draw_rect(row.x(0), base, row.x(playback.frames - 1), bottom, theme.FIELD)
+    draw_rect(row.x(playback.first), base, row.x(playback.last), bottom, theme.ACCENT_FILL)
     per_frame = row.width / max(playback.frames - 1, 1)
     step = next((s for s in TICK_STEPS if s * per_frame >= px(TICK_WIDTH)), TICK_STEPS[-1])
     for number in range(0, playback.frames, step):
         x = row.x(number)
-        _rect(x, base - px(4), x + 1, base, theme.MUTED, 0.0)
+        draw_rect(x, base - px(4), x + 1, base, theme.MUTED, 0.0)
         if x + px(28) < row.left + row.width or not number:
-            _text(x + px(3), row.top, str(number), theme.MUTED, px(60), px(SMALL) / TEXT_SHARE)
+            draw_text(x + px(3), row.top, str(number), theme.MUTED, px(60), px(SMALL) / TEXT_SHARE)
     for frame, side in ((playback.first, 1), (playback.last, -1)):
         x = row.x(frame)
-        _rect(min(x, x + side * px(5)), base - px(1), max(x, x + side * px(5)), bottom, theme.ACCENT, px(2))
-    x = _at(row, playback)
-    _rect(x - px(1.5), row.top, x + px(1.5), bottom, theme.TEXT, px(1))
+        draw_rect(
+            min(x, x + side * px(5)), base - px(1), max(x, x + side * px(5)), bottom, theme.ACCENT, px(2)
+        )
+    x = shown_at(row, playback)
+    draw_rect(x - px(1.5), row.top, x + px(1.5), bottom, theme.TEXT, px(1))
 
 
-def _scrub(row: _Row, playback: Playback) -> None:
+def _scrub(row: TrackRow, playback: Playback) -> None:
     imgui.push_id("ruler")
-    _button("timeline", row)
+    take_mouse("timeline", row)
     held, hovered = imgui.is_item_active(), imgui.is_item_hovered()
     mouse, storage, key = imgui.get_io().mouse_pos, imgui.get_state_storage(), imgui.get_id("held")
     lower = mouse.y >= row.top + row.height * 0.5
@@ -172,8 +147,8 @@ def _spans(
     name: str, key: str, bars: Sequence[LabelledSpan], height: float, editing: TakeEditing, playback: Playback
 ) -> None:
     """A track whose spans can be dragged; a click goes to its frame."""
-    state, row = editing.state.timeline, _row(name, height, playback.frames)
-    _button(key, row)
+    state, row = editing.state.timeline, new_row(name, height, playback.frames)
+    take_mouse(key, row)
     mouse_x, hovered = imgui.get_io().mouse_pos.x, imgui.is_item_hovered()
     frame, grabbed = row.frame_at(mouse_x), _grabbed(row, bars, mouse_x)
     if state.drag is not None and state.drag.dropped and not editing.busy:
@@ -190,7 +165,7 @@ def _spans(
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
     for i, bar in enumerate(_moved(bars, drag)):
         tint = GAIT_TINT if key == "gaits" else PROMPT_TINTS[i % 2]
-        _bar(row, bar, tint, bar.span.start <= playback.frame < bar.span.end)
+        draw_bar(row, bar, tint, bar.span.start <= playback.frame < bar.span.end)
 
 
 def _press(
@@ -221,7 +196,7 @@ def _carry(
     return drag
 
 
-def _grabbed(row: _Row, bars: Sequence[LabelledSpan], x: float) -> tuple[int, str] | None:
+def _grabbed(row: TrackRow, bars: Sequence[LabelledSpan], x: float) -> tuple[int, str] | None:
     """Which span is under the mouse, and which part of it."""
     for i, bar in enumerate(bars):
         left, right = row.x(bar.span.start), row.x(bar.span.end)
@@ -279,61 +254,11 @@ def _moved(bars: Sequence[LabelledSpan], drag: Drag | None) -> list[LabelledSpan
 
 def _still(name: str, bars: Sequence[LabelledSpan], height: float, tint: Color, playback: Playback) -> None:
     """A track that is only looked at."""
-    row = _row(name, height, playback.frames)
-    _button(f"track {name}", row)
+    row = new_row(name, height, playback.frames)
+    take_mouse(f"track {name}", row)
     if imgui.is_item_hovered():
         found = _grabbed(row, bars, imgui.get_io().mouse_pos.x)
         if found is not None:
             widgets.tooltip(bars[found[0]].hint or bars[found[0]].text)
     for bar in bars:
-        _bar(row, bar, tint, False)
-
-
-def _feet(tracks: Tracks, height: float, playback: Playback) -> None:
-    """When the left foot (above) and the right one bear the character."""
-    row = _row("Feet", 2 * height + 2, playback.frames)
-    _button("feet", row)
-    widgets.tooltip("When a foot bears the character: the left one above, the right one below")
-    for i, spans in enumerate(tracks.contacts):
-        top = row.top + i * px(height + 2)
-        _rect(row.left, top, row.left + row.width, top + px(height), theme.FIELD, px(1))
-        for span in spans:
-            right = min(row.x(span.end), row.left + row.width)
-            _rect(row.x(span.start), top, right, top + px(height), theme.ACCENT, px(1))
-
-
-# --- drawing
-
-
-def _at(row: _Row, playback: Playback) -> float:
-    """Where the time shown lies."""
-    return row.x(min(max(playback.time_s * playback.clip.fps, 0.0), playback.frames - 1.0))
-
-
-def _bar(row: _Row, bar: LabelledSpan, tint: Color, lit: bool) -> None:
-    left, right = row.x(bar.span.start), min(row.x(bar.span.end), row.left + row.width)
-    right = max(right - px(1), left + 1)
-    fill = (*tint[:3], min(tint[3] + (0.12 if lit else 0.0), 1.0))
-    _rect(left, row.top, right, row.top + row.height, theme.FIELD, px(3))
-    _rect(left, row.top, right, row.top + row.height, fill, px(3))
-    _text(left + px(5), row.top, bar.text, theme.TEXT, right - left - px(8), row.height)
-
-
-def _rect(left: float, top: float, right: float, bottom: float, tint: Color, rounding: float = 2.0) -> None:
-    low, high = imgui.ImVec2(left, top), imgui.ImVec2(right, bottom)
-    imgui.get_window_draw_list().add_rect_filled(low, high, widgets.packed(tint), rounding)
-
-
-def _text(
-    x: float, top: float, text: str, tint: Color, width: float, height: float, size: float = 0.0
-) -> None:
-    """Words in the middle of a height and of a size that fits it, cut to a width; none where not even the first fits."""
-    if width < px(12):
-        return
-    size = size or min(max(TEXT_SHARE * height / px(1.0), SMALL), theme.FONT_SIZE)
-    imgui.push_font(None, size)
-    y = top + (height - imgui.get_text_line_height()) / 2
-    imgui.get_window_draw_list().add_text(
-        imgui.ImVec2(x, y), widgets.packed(tint), widgets.elided(text, width)
-    )
-    imgui.pop_font()
+        draw_bar(row, bar, tint, False)

@@ -1,12 +1,12 @@
-"""What lies on the tracks of a timeline, as plain data: prompts, the words of each part, gaits, grounds, foot contacts."""
+"""What lies on the tracks of a timeline, as plain data: prompts, the words of each part, gaits and grounds."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.controls import Gait
 from runtime.errors import SportError
@@ -17,8 +17,7 @@ from runtime.takes.clip import Clip
 from runtime.takes.drive import Drive, GroundChange, StyleChange
 from runtime.takes.drive_edits import GaitSpan, PromptSpan, Span, gait_spans, prompt_spans
 from runtime.takes.metadata import PromptEvent, title
-
-CONTACT = 0.5  # of a heel or toe: it bears the character
+from runtime.takes.pins import Pin
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,6 @@ class Tracks:
     parts: dict[str, tuple[LabelledSpan, ...]]
     gaits: tuple[LabelledSpan, ...]
     grounds: tuple[LabelledSpan, ...]
-    contacts: tuple[tuple[Span, ...], tuple[Span, ...]]  # left foot, right foot
 
     def prompt_at(self, frame: int) -> int:
         """Which prompt holds in a frame; -1 for none."""
@@ -55,7 +53,6 @@ def tracks_of(clip: Clip, drive: Drive | None) -> Tracks:
         {part: _part(spans, part) for part in PART_NAMES},
         tuple(LabelledSpan(s, _gait(s)) for s in _gaits(clip)),
         _grounds(clip, drive),
-        (_contacts(clip.contacts[:, :2]), _contacts(clip.contacts[:, 2:])),
     )
 
 
@@ -126,8 +123,14 @@ def _short(spec: str) -> str:
     return Path(spec).name.replace("_", " ").capitalize() if "." not in spec else Path(spec).name
 
 
-def _contacts(feet: NDArray[np.floating]) -> tuple[Span, ...]:
-    """Frames in which a heel or a toe of one foot bears the character."""
-    down = np.concatenate([[False], (feet > CONTACT).any(axis=1), [False]])
-    edges = np.flatnonzero(np.diff(down.astype(np.int8)))
-    return tuple(Span(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True))
+def lanes(pins: Sequence[Pin]) -> list[list[int]]:
+    """Pins by their places, such that those of a lane do not overlap."""
+    found: list[list[int]] = []
+    for i in sorted(range(len(pins)), key=lambda i: pins[i].start):
+        free = (lane for lane in found if pins[lane[-1]].end <= pins[i].start)
+        lane = next(free, None)
+        if lane is None:
+            found.append([i])
+        else:
+            lane.append(i)
+    return found

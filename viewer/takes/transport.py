@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from runtime.controls import REQUESTS
+from runtime.takes.pins import Pinned
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.panels import Panel, PanelPlace
@@ -10,15 +11,16 @@ from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.takes import timeline
 from viewer.takes.editing import TakeEditing
+from viewer.takes.pinning import Pinning
 from viewer.takes.playback import Playback
 
 SPEEDS = (0.1, 2.0)
 WIDE = 520.0  # pixels at scale 1: words beside the icons
 TINY = 400.0  # in less only what has no other way stays
-PROMPT_POPUP, GAIT_POPUP = "new prompt", "new gait"
+PROMPT_POPUP, GAIT_POPUP, PIN_POPUP = "new prompt", "new gait", "new pin"
 
 
-def panel(editing: TakeEditing) -> Panel:
+def panel(editing: TakeEditing, pinning: Pinning) -> Panel:
     """The bar; Escape in the view leaves the take."""
 
     def close() -> bool:
@@ -26,10 +28,10 @@ def panel(editing: TakeEditing) -> Panel:
         editing.takes.close_playback()
         return was_open
 
-    return Panel("Transport", PanelPlace.BELOW, lambda _: draw(editing), close=close)
+    return Panel("Transport", PanelPlace.BELOW, lambda _: draw(editing, pinning), close=close)
 
 
-def draw(editing: TakeEditing) -> None:
+def draw(editing: TakeEditing, pinning: Pinning) -> None:
     """Contents of the bar."""
     playback = editing.state.playback
     if playback is None:
@@ -39,8 +41,8 @@ def draw(editing: TakeEditing) -> None:
     if not wide:
         editing.state.timeline.part_tracks = False  # its button is not there
     _playing(playback, editing, wide, tiny)
-    _editing(playback, editing, wide, tiny)
-    timeline.draw(editing, playback)
+    _editing(playback, editing, pinning, wide, tiny)
+    timeline.draw(editing, pinning, playback)
 
 
 def _playing(playback: Playback, editing: TakeEditing, wide: bool, tiny: bool) -> None:
@@ -90,7 +92,7 @@ def _time(playback: Playback, editing: TakeEditing, space: float) -> None:
     widgets.muted(fitting[0] if fitting else "")
 
 
-def _editing(playback: Playback, editing: TakeEditing, wide: bool, tiny: bool) -> None:
+def _editing(playback: Playback, editing: TakeEditing, pinning: Pinning, wide: bool, tiny: bool) -> None:
     """What lies on the tracks: trim, new spans, undo, and going on from here."""
     gap, fixed = px(4), editing.fixed
     if not tiny:  # the handles of the ruler do the same
@@ -110,7 +112,14 @@ def _editing(playback: Playback, editing: TakeEditing, wide: bool, tiny: bool) -
     ):
         imgui.open_popup(GAIT_POPUP)
     imgui.end_disabled()
-    _popups(editing)
+    imgui.same_line(0, gap)
+    imgui.begin_disabled(bool(pinning.fixed))
+    if widgets.button(
+        "+ Pin", 0.0, pinning.fixed or "Hold a hand, a foot, the look or the pose from this frame on"
+    ):
+        imgui.open_popup(PIN_POPUP)
+    imgui.end_disabled()
+    _popups(editing, pinning)
     imgui.same_line(0, gap)
     undo, redo = editing.undo_labels
     if widgets.icon_button(ICON.undo, "take undo", f"Undo {undo} (Ctrl+Z)", theme.TEXT, bool(undo)):
@@ -138,7 +147,7 @@ def _go_on(editing: TakeEditing, fixed: str, words: str) -> None:
     imgui.end_disabled()
 
 
-def _popups(editing: TakeEditing) -> None:
+def _popups(editing: TakeEditing, pinning: Pinning) -> None:
     state = editing.state.timeline
     if imgui.begin_popup(PROMPT_POPUP):
         if imgui.is_window_appearing():
@@ -156,4 +165,9 @@ def _popups(editing: TakeEditing) -> None:
         for gait in REQUESTS:
             if imgui.selectable(f"{gait.label.capitalize()}##gait", False)[0]:
                 editing.insert_gait(gait)
+        imgui.end_popup()
+    if imgui.begin_popup(PIN_POPUP):
+        for what in Pinned:
+            if imgui.selectable(f"{str(what).capitalize()}##pin", False)[0]:
+                pinning.add(what)
         imgui.end_popup()

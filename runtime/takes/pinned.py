@@ -1,0 +1,304 @@
+"""Poses bent to their pins: two-bone IK of arms and legs, a spine that leans to reach, a head that turns, poses that stay.
+
+The network's motion goes on underneath: where no pin holds, frames are bit by bit as they were.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from runtime import rotations
+from runtime.arrays import Array
+from runtime.feet.ik import LEG_FEET, LEG_TOES, solve_legs, two_bone
+from runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, REST_HIPS_HEIGHT, SPORT_SKELETON
+from runtime.takes.clip import Clip
+from runtime.takes.pins import Pin, Pinned
+
+ARMS = {Pinned.LEFT_HAND: (18, 19, 20), Pinned.RIGHT_HAND: (25, 26, 27)}  # upper arm, forearm, hand
+ARM_M = float(np.linalg.norm(SPORT_SKELETON.offsets[[19, 20]], axis=1).sum())
+LEG_M = float(np.linalg.norm(SPORT_SKELETON.offsets[[3, 4]], axis=1).sum())
+CHEST, HEAD = 13, 16
+SPINE = ((11, 1 / 3), (12, 1 / 3), (13, 1 / 3))  # joints that lean together, with their shares
+ORDER = (Pinned.POSE, Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT, Pinned.LOOK, Pinned.LEFT_HAND, Pinned.RIGHT_HAND)
+NECK = ((14, 0.3), (15, 0.3), (16, 0.4))  # joints that turn to look, with their shares
+EASY_ARM, LONGEST_ARM = 0.94, 0.995  # of its length: from the first on an arm straightens with falling speed
+EASY_LEG, MOST_DROP_M = 0.985, 0.2  # of its length, and how far the hips sink so that a leg is not longer
+MOST_LEAN = np.radians(60.0)  # of the spine, to bring a hand nearer
+LETS_GO = (1.9, 2.6)  # reaches of an arm from the shoulder: a hand begins to give a point up, and has
+FOOT_LETS_GO = (1.02, 1.3)  # lengths of a leg from the hip
+LOOKS_AWAY = np.radians((90.0, 150.0))  # so far behind, the head begins to give a point up, and has
+MOST_TURN = np.radians(75.0)  # of the head
+POLE_M = 0.03  # an elbow less far out of its line than this bends towards down and back
+UPPER_BODY = tuple(j for part in ("torso", "left_arm", "right_arm", "head") for j in PART_JOINTS[part] if j)
+_FORWARD = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass
+class _Frames:
+    """Some frames while they are bent: hips `(T, 3)`, local rotations `(T, 31, 4)`, contacts `(T, 4)`."""
+
+    hips: Array
+    local: Array
+    contacts: Array
+
+    def world(self) -> tuple[Array, Array]:
+        return SPORT_SKELETON.forward_kinematics(self.hips, self.local)
+
+
+def pinned(clip: Clip, pins: Sequence[Pin], only: int | None = None) -> Clip:
+    """The clip with its poses bent to the pins, in their order: poses, feet, looks, then hands; all frames, or `only` one."""
+    made = _Frames(clip.hips_positions.copy(), clip.local_rotations.copy(), clip.contacts.copy())
+    seconds = np.arange(len(clip)) / clip.fps
+    for pin in sorted(pins, key=lambda pin: ORDER.index(pin.what)):
+        weights = pin.weights(seconds)
+        if only is not None:
+            weights = np.where(np.arange(len(clip)) == only, weights, 0.0)
+        held = np.flatnonzero(weights > 0.0)
+        if len(held) == 0:
+            continue
+        part = slice(int(held[0]), int(held[-1]) + 1)
+        frames = _Frames(made.hips[part].astype(float), made.local[part].astype(float), made.contacts[part])
+        if pin.what is Pinned.POSE:
+            at = min(round(pin.of * clip.fps), len(clip) - 1)
+            _hold_pose(frames, clip.local_rotations[at], weights[part])
+        else:
+            _bend(frames, pin, weights[part])
+        made.hips[part], made.local[part], made.contacts[part] = frames.hips, frames.local, frames.contacts
+    return replace(clip, hips_positions=made.hips, local_rotations=made.local, contacts=made.contacts)
+
+
+def bent_pose(
+    hips: Array, local: Array, contacts: Array, pins: Sequence[tuple[Pin, float]]
+) -> tuple[Array, Array, Array]:
+    """Hips `(3,)`, local rotations `(31, 4)` and contacts `(4,)` of one pose, bent to pins with their weights; poses are left out."""
+    frames = _Frames(np.asarray(hips, float)[None], np.asarray(local, float)[None], np.array(contacts)[None])
+    for pin, weight in sorted(pins, key=lambda entry: ORDER.index(entry[0].what)):
+        if pin.what is not Pinned.POSE and weight > 0.0:
+            _bend(frames, pin, np.array([weight]))
+    return frames.hips[0].astype(np.float32), frames.local[0].astype(np.float32), frames.contacts[0]
+
+
+def farthest(clip: Clip, pin: Pin) -> float:
+    """Metres from a hand or foot to its pin in the worst frame in which it is to be there; 0 for others."""
+    first, last = (min(max(round(at * clip.fps), 0), len(clip) - 1) for at in (pin.start, pin.end))
+    if pin.what in (Pinned.POSE, Pinned.LOOK):
+        return 0.0
+    part = slice(first, last + 1)
+    frames = _Frames(clip.hips_positions[part], clip.local_rotations[part], clip.contacts[part])
+    positions, world = frames.world()
+    goals = _goals(pin, frames, positions, world)
+    return float(np.linalg.norm(positions[:, _joint(pin.what)] - goals, axis=1).max())
+
+
+def point_of(what: Pinned, positions: Array, world: Array) -> Array:
+    """Where a pin of a pose `(31, 3)`, `(31, 4)` would hold it as it is: `(3,)`; a look two metres ahead of the eyes."""
+    if what is Pinned.LOOK:
+        ahead = np.asarray(positions[HEAD] + 2.0 * rotations.rotate(world[HEAD], _FORWARD))
+        return ahead
+    joint = np.array(positions[_joint(what)], float)
+    return joint - (0.0, ANKLE_HEIGHT, 0.0) if what in (Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT) else joint
+
+
+def in_world(pin: Pin, hips: Array, hips_rotation: Array) -> tuple[Array, ...]:
+    """The point of a pin beside a character, and the end of its rail, in the world: `(3,)` each."""
+    points = [np.array(point, float) for point in (pin.point, pin.rail) if point is not None]
+    if pin.along:
+        turn, below = rotations.from_yaw(_yaw(hips_rotation)), hips - np.array([0.0, REST_HIPS_HEIGHT, 0.0])
+        points = [below + rotations.rotate(turn, point) for point in points]
+    return tuple(points)
+
+
+def along_with(point: Array, hips: Array, hips_rotation: Array) -> Array:
+    """A point of the world `(3,)` as it lies beside a character: left, up from its ground, ahead."""
+    offset = np.asarray(point) - hips
+    back = rotations.inverse(rotations.from_yaw(_yaw(hips_rotation)))
+    return np.asarray(rotations.rotate(back, offset) + np.array([0.0, REST_HIPS_HEIGHT, 0.0]))
+
+
+def _bend(frames: _Frames, pin: Pin, weights: Array) -> None:
+    positions, world = frames.world()
+    goals = _goals(pin, frames, positions, world)
+    if pin.what is Pinned.LOOK:
+        _look(frames, positions, world, goals, weights)
+    elif pin.what in ARMS:
+        _reach(frames, positions, world, goals, weights, pin.what)
+    else:
+        _step_on(frames, positions, world, goals, weights, 0 if pin.what is Pinned.LEFT_FOOT else 1)
+
+
+def _goals(pin: Pin, frames: _Frames, positions: Array, world: Array) -> Array:
+    """Where the pinned joint is to be in each frame `(T, 3)`."""
+    points = np.broadcast_to(np.array(pin.point, float), (len(positions), 3))
+    ends = points if pin.rail is None else np.broadcast_to(np.array(pin.rail, float), points.shape)
+    if pin.along:
+        turn = rotations.from_yaw(_yaw(world[:, 0]))
+        below = frames.hips - (0.0, REST_HIPS_HEIGHT, 0.0)
+        points, ends = (below + rotations.rotate(turn, p) for p in (points, ends))
+    if pin.rail is not None:
+        near = positions[:, ARMS[pin.what][0] if pin.what in ARMS else _joint(pin.what)]
+        along = ends - points
+        share = np.sum((near - points) * along, -1) / np.maximum(np.sum(along * along, -1), 1e-9)
+        points = points + np.clip(share, 0.0, 1.0)[:, None] * along
+    sole = pin.what in (Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT)
+    return np.asarray(points + np.array([0.0, ANKLE_HEIGHT if sole else 0.0, 0.0]))
+
+
+def _joint(what: Pinned) -> int:
+    if what in ARMS:
+        return ARMS[what][2]
+    return HEAD if what is Pinned.LOOK else int(LEG_FEET[int(what is Pinned.RIGHT_FOOT)])
+
+
+def _hold_pose(frames: _Frames, pose: Array, weights: Array) -> None:
+    """Arms, spine and head as in another frame; the legs walk on."""
+    joints = list(UPPER_BODY)
+    frames.local[:, joints] = rotations.slerp(
+        frames.local[:, joints], pose[None, joints].astype(float), weights[:, None]
+    )
+
+
+def _look(frames: _Frames, positions: Array, world: Array, goals: Array, weights: Array) -> None:
+    facing = rotations.rotate(world[:, HEAD], _FORWARD)
+    wanted = rotations.normalize(goals - positions[:, HEAD])
+    chest = rotations.rotate(world[:, CHEST], _FORWARD)
+    off = np.arccos(np.clip(np.sum(chest * wanted, -1), -1.0, 1.0))
+    weights = weights * _falls(off, *LOOKS_AWAY)
+    turn = rotations.to_rotation_vector(rotations.between(facing, wanted))
+    angle = np.linalg.norm(turn, axis=-1, keepdims=True)
+    turn = turn * weights[:, None] * np.minimum(1.0, MOST_TURN / np.maximum(angle, 1e-9))
+    _turn(frames, world, NECK, turn)
+
+
+def _reach(
+    frames: _Frames, positions: Array, world: Array, goals: Array, weights: Array, what: Pinned
+) -> None:
+    """A hand to its goal; the spine leans where the arm is too short, and the hand lets go of what is far too far."""
+    shoulder, elbow, hand = ARMS[what]
+    distance = np.linalg.norm(goals - positions[:, shoulder], axis=-1)
+    weights = weights * _falls(distance / ARM_M, *LETS_GO)
+    own = np.linalg.norm(positions[:, hand] - positions[:, shoulder], axis=-1)
+    for _ in range(3):
+        lack = distance - np.maximum(own, EASY_ARM * ARM_M)
+        lack = weights * _smooth_positive(lack - 0.005, 0.01)
+        base = positions[:, SPINE[0][0]]
+        arm, aim = positions[:, shoulder] - base, rotations.normalize(goals - base)
+        span = np.maximum(np.linalg.norm(arm, axis=-1), 1e-6)
+        axis = rotations.normalize(np.cross(arm, aim))
+        room = np.arccos(np.clip(np.sum(arm * aim, -1) / span, -1.0, 1.0))
+        angle = np.minimum(np.minimum(lack / span, room), MOST_LEAN)
+        _turn(frames, world, SPINE, axis * angle[:, None])
+        positions, world = frames.world()
+        distance = np.linalg.norm(goals - positions[:, shoulder], axis=-1)
+    now = positions[:, hand]
+    target = positions[:, shoulder] + _between_reaches(
+        now - positions[:, shoulder],
+        goals - positions[:, shoulder],
+        _soft_arm(distance, now - positions[:, shoulder]),
+        weights,
+    )
+    first, second = two_bone(
+        positions[:, shoulder],
+        positions[:, elbow],
+        now,
+        target,
+        _elbow_pole(positions, world, shoulder, elbow, hand),
+    )
+    upper, fore = rotations.multiply(first, world[:, shoulder]), rotations.multiply(second, world[:, elbow])
+    parent = SPORT_SKELETON.parents[shoulder]
+    held = weights[:, None] > 0.0
+    frames.local[:, shoulder] = np.where(held, _relative(world[:, parent], upper), frames.local[:, shoulder])
+    frames.local[:, elbow] = np.where(held, _relative(upper, fore), frames.local[:, elbow])
+
+
+def _between_reaches(now: Array, goal: Array, length: Array, weights: Array) -> Array:
+    """From the shoulder `(T, 3)` on the way from `now` to `goal`, of a `length`: around the shoulder, not through the body."""
+    turn = rotations.between(rotations.normalize(now), rotations.normalize(goal))
+    way = rotations.slerp(np.broadcast_to(rotations.identity(), turn.shape), turn, weights)
+    span = np.linalg.norm(now, axis=-1)
+    far = span + weights * (length - span)
+    return np.asarray(rotations.rotate(way, rotations.normalize(now)) * far[:, None])
+
+
+def _elbow_pole(positions: Array, world: Array, shoulder: int, elbow: int, hand: int) -> Array:
+    """Where the elbow is to bend: where it does, and down and back where the arm is all but straight."""
+    axis = rotations.normalize(positions[:, hand] - positions[:, shoulder])
+    bend = positions[:, elbow] - positions[:, shoulder]
+    bend = bend - np.sum(bend * axis, -1, keepdims=True) * axis
+    out = np.linalg.norm(bend, axis=-1, keepdims=True)
+    easy = rotations.rotate(world[:, CHEST], np.array([0.0, -0.6, -0.8]))
+    return rotations.normalize(bend + np.maximum(POLE_M - out, 0.0) * easy)
+
+
+def _step_on(
+    frames: _Frames, positions: Array, world: Array, goals: Array, weights: Array, side: int
+) -> None:
+    """A foot flat on its mark, bearing; it lets go of one that the leg does not reach."""
+    hip, ankle = positions[:, 2 + 5 * side], positions[:, LEG_FEET[side]]
+    weights = weights * _falls(np.linalg.norm(goals - hip, axis=-1) / LEG_M, *FOOT_LETS_GO)
+    frames.hips[:, 1] -= weights * drop_to(hip, goals)
+    targets = positions[:, LEG_FEET].astype(float)
+    targets[:, side] = ankle + weights[:, None] * (goals - ankle)
+    feet = world[:, LEG_FEET].astype(float)
+    most = np.flatnonzero(weights >= weights.max() - 1e-9)
+    middle = int(most[len(most) // 2])
+    flat = np.broadcast_to(rotations.from_yaw(_yaw(feet[middle : middle + 1, side])), feet[:, side].shape)
+    feet[:, side] = rotations.slerp(feet[:, side], flat, weights)
+    solved = solve_legs(frames.hips, frames.local, targets, feet)
+    toe = LEG_TOES[side]
+    held = weights[:, None, None] > 0.0
+    frames.local[:] = np.where(held, solved, frames.local)
+    straight = np.broadcast_to(rotations.identity(), frames.local[:, toe].shape)
+    frames.local[:, toe] = rotations.slerp(frames.local[:, toe], straight, weights)
+    chances = frames.contacts[:, 2 * side : 2 * side + 2]
+    frames.contacts[:, 2 * side : 2 * side + 2] = np.where(weights[:, None] > 0.99, 1.0, chances)
+
+
+def drop_to(hip: Array, ankle: Array) -> Array:
+    """Metres `(T,)` that hips sink so that a leg from `hip` to `ankle` `(T, 3)` is not quite straight; at most `MOST_DROP_M`."""
+    across = np.sum((ankle - hip)[:, [0, 2]] ** 2, axis=-1)
+    high = np.sqrt(np.maximum((EASY_LEG * LEG_M) ** 2 - across, (0.5 * LEG_M) ** 2))
+    drop = np.asarray(_smooth_positive(hip[:, 1] - ankle[:, 1] - high, 0.005))
+    return np.minimum(drop, MOST_DROP_M)
+
+
+def _smooth_positive(value: Array, width: float) -> Array:
+    """The positive part, with no corner at zero."""
+    return 0.5 * (value + np.sqrt(value * value + width * width))
+
+
+def _soft_arm(distance: Array, now: Array) -> Array:
+    """How far an arm that is `now` `(T, 3)` stretches towards a goal at a distance: straighter than that it becomes slowly."""
+    easy, room = EASY_ARM * ARM_M, (LONGEST_ARM - EASY_ARM) * ARM_M
+    over = np.maximum(distance - easy, 0.0)
+    soft = np.where(over > 0.0, easy + room * (1.0 - np.exp(-over / room)), distance)
+    return np.maximum(soft, np.minimum(distance, np.linalg.norm(now, axis=-1)))
+
+
+def _turn(frames: _Frames, world: Array, chain: Sequence[tuple[int, float]], turn: Array) -> None:
+    """Turn the joints of a chain by their shares of rotation vectors of the world `(T, 3)`, each with those below it."""
+    angle, axis = np.linalg.norm(turn, axis=-1), rotations.normalize(turn)
+    turned, total = world[:, SPORT_SKELETON.parents[chain[0][0]]], 0.0
+    for joint, share in chain:
+        total += share
+        now = rotations.multiply(rotations.from_axis_angle(axis, total * angle), world[:, joint])
+        made = _relative(turned, now)
+        frames.local[:, joint] = np.where(angle[:, None] > 0.0, made, frames.local[:, joint])
+        turned = now
+
+
+def _falls(value: Array, begins: float, ends: float) -> Array:
+    """1 up to `begins`, smoothly down to 0 at `ends`."""
+    t = np.clip((value - begins) / (ends - begins), 0.0, 1.0)
+    return 1.0 - t * t * (3.0 - 2.0 * t)
+
+
+def _relative(parent: Array, world: Array) -> Array:
+    return rotations.normalize(rotations.multiply(rotations.inverse(parent), world))
+
+
+def _yaw(rotation: Array) -> Array:
+    facing = rotations.rotate(rotation, _FORWARD)
+    return np.arctan2(facing[..., 0], facing[..., 2])

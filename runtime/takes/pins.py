@@ -1,0 +1,169 @@
+"""Pins: a hand or foot at a point, a look at one, a pose that stays, from one time to another, and pins as text.
+
+"left hand 0.3 1.1 0.4 from 2 to 4" is a pin; `runtime.takes.pinned` bends the poses.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from runtime.arrays import Array
+from runtime.errors import UsageError
+
+DEFAULT_EASE_S = 0.3
+MAX_TIME_S, MAX_COORDINATE_M, MAX_EASE_S = 36_000.0, 100_000.0, 60.0
+MAX_PINS = 1000
+FORM = 'Write "left hand 0.3 1.1 0.4 from 2 to 4", "look 0 1.6 5 from 0 to 3" or "pose 1.5 from 2 to 3".'
+
+
+class Pinned(StrEnum):
+    """What a pin moves."""
+
+    LEFT_HAND = "left hand"
+    RIGHT_HAND = "right hand"
+    LEFT_FOOT = "left foot"
+    RIGHT_FOOT = "right foot"
+    LOOK = "look"
+    POSE = "pose"  # of arms, spine and head
+
+
+@dataclass(frozen=True)
+class Pin:
+    """A point that a part of the body reaches from `start` to `end` (seconds), eased in before and out after.
+
+    `point` is in metres of the clip's world: of a foot where its sole stands. With `rail` it is the place nearest to the shoulder
+    on the straight rail from `point` to `rail`. With `along` it goes with the character: metres to its left, up from
+    its ground, ahead. A pose is that of the time `of`.
+    """
+
+    what: Pinned
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    start: float = 0.0
+    end: float = 1.0
+    ease_in: float = DEFAULT_EASE_S
+    ease_out: float = DEFAULT_EASE_S
+    rail: tuple[float, float, float] | None = None
+    along: bool = False
+    of: float = 0.0
+
+    def __post_init__(self) -> None:
+        numbers = (*self.point, *(self.rail or ()))
+        if not all(abs(value) <= MAX_COORDINATE_M for value in numbers):
+            raise UsageError(f"pin {self.what}: a point farther away than {MAX_COORDINATE_M:.0f} m.", FORM)
+        if not 0.0 <= self.start <= self.end <= MAX_TIME_S or not 0.0 <= self.of <= MAX_TIME_S:
+            raise UsageError(
+                f"pin {self.what} from {self.start:g} to {self.end:g} s: expected a start before the end.",
+                FORM,
+            )
+        if not (0.0 <= self.ease_in <= MAX_EASE_S and 0.0 <= self.ease_out <= MAX_EASE_S):
+            raise UsageError(
+                f"pin {self.what}: ease of {self.ease_in:g} s; expected 0 to {MAX_EASE_S:g}.", FORM
+            )
+
+    def weights(self, seconds: Array) -> Array:
+        """How far the pin holds at times `(T,)`: 1 from `start` to `end`, smoothly to 0 within the eases."""
+        rise = _smooth((seconds - (self.start - self.ease_in)) / max(self.ease_in, 1e-6))
+        fall = _smooth(((self.end + self.ease_out) - seconds) / max(self.ease_out, 1e-6))
+        held = (seconds >= self.start - 1e-9) & (seconds <= self.end + 1e-9)
+        return np.where(held, 1.0, np.where(seconds < self.start, rise, fall))
+
+    def to_text(self) -> str:
+        """The pin as `parse_pins` reads it."""
+        place = f"{self.of:g}" if self.what is Pinned.POSE else _triple(self.point)
+        rail = f" rail {_triple(self.rail)}" if self.rail is not None else ""
+        along = " along" if self.along else ""
+        ease = f" ease {self.ease_in:g} {self.ease_out:g}"
+        return f"{self.what} {place}{rail}{along} from {self.start:g} to {self.end:g}{ease}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values, see `read_pin`."""
+        return {
+            **vars(self),
+            "what": str(self.what),
+            "point": list(self.point),
+            "rail": self.rail and list(self.rail),
+        }
+
+
+def read_pin(value: Mapping[str, Any]) -> Pin:
+    """A pin of `Pin.to_json`; KeyError, TypeError, ValueError or UsageError for what is none."""
+
+    def triple(entry: Sequence[Any]) -> tuple[float, float, float]:
+        x, y, z = (_number(part) for part in entry)
+        return x, y, z
+
+    rail = value["rail"]
+    start, end, ease_in, ease_out, of = (
+        _number(value[name]) for name in ("start", "end", "ease_in", "ease_out", "of")
+    )
+    what, along = Pinned(value["what"]), value["along"] is True
+    held = None if rail is None else triple(rail)
+    return Pin(what, triple(value["point"]), start, end, ease_in, ease_out, held, along, of)
+
+
+_NUMBER = r"-?\d{1,6}(?:\.\d{1,9})?"
+_POINT = rf"({_NUMBER})[ ,]+({_NUMBER})[ ,]+({_NUMBER})"
+_PIN = re.compile(
+    rf"(?P<what>[a-z ]+?) +(?:at +|to +)?(?:(?P<point>{_POINT})|(?P<of>{_NUMBER}))(?: +rail +(?P<rail>{_POINT}))?"
+    rf"(?P<along> +along)?(?: +from +(?P<start>{_NUMBER}) +to +(?P<end>{_NUMBER}))?"
+    rf"(?: +ease +(?P<ease_in>{_NUMBER})(?: +(?P<ease_out>{_NUMBER}))?)?"
+)
+
+
+def parse_pins(text: str) -> tuple[Pin, ...]:
+    """Pins as text, separated by semicolons; without times a pin holds from the first frame to the last. UsageError shows the form."""
+    entries = [entry.strip() for entry in text.split(";") if entry.strip()]
+    if len(entries) > MAX_PINS:
+        raise UsageError(f"{len(entries)} pins; expected at most {MAX_PINS}.", "Use fewer.")
+    return tuple(_parse(entry) for entry in entries)
+
+
+def _parse(entry: str) -> Pin:
+    found = _PIN.fullmatch(" ".join(entry.lower().split()))
+    names = [str(name) for name in Pinned]
+    if found is None or found["what"] not in names:
+        raise UsageError(f"pin '{entry[:60]}': expected what ({', '.join(names)}), a point and times.", FORM)
+    what = Pinned(found["what"])
+    if (found["of"] is not None) != (what is Pinned.POSE):
+        raise UsageError(f"pin '{entry[:60]}': a point is three numbers, a pose one time.", FORM)
+
+    def point(name: str) -> tuple[float, float, float]:
+        x, y, z = (float(part) for part in re.findall(_NUMBER, found[name]))
+        return x, y, z
+
+    timed = found["start"] is not None
+    ease_in = float(found["ease_in"] or (DEFAULT_EASE_S if timed else 0.0))
+    return Pin(
+        what,
+        point("point") if found["point"] else (0.0, 0.0, 0.0),
+        float(found["start"]) if timed else 0.0,
+        float(found["end"]) if timed else MAX_TIME_S,
+        ease_in,
+        float(found["ease_out"] or ease_in),
+        point("rail") if found["rail"] else None,
+        found["along"] is not None,
+        float(found["of"] or 0.0),
+    )
+
+
+def _smooth(t: Array) -> Array:
+    """0 to 1 with no slope, and no acceleration, at both ends (Perlin 2002)."""
+    t = np.clip(t, 0.0, 1.0)
+    return t * t * t * (t * (6.0 * t - 15.0) + 10.0)
+
+
+def _triple(point: Sequence[float]) -> str:
+    return " ".join(f"{value:g}" for value in point)
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ValueError(f"{str(value)[:20]}: expected a number")
+    return float(value)

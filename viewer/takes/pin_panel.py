@@ -1,0 +1,148 @@
+"""The card of the selected pin over the view, and the row of the scene panel that pins the live character."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from runtime.takes.pins import Pin, Pinned
+from viewer.gl_bindings import imgui
+from viewer.gui import theme, widgets
+from viewer.gui.layout import Rect
+from viewer.gui.panels import Panel, PanelPlace
+from viewer.gui.theme import ICON
+from viewer.gui.widgets import px
+from viewer.takes.pinning import Pinning, shown_end
+
+WIDTH, MARGIN = 214.0, 10.0  # pixels at scale 1
+MIN_VIEW = 230.0
+LIVE = (Pinned.LEFT_HAND, Pinned.RIGHT_HAND, Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT, Pinned.LOOK)
+
+
+def panel(pinning: Pinning) -> Panel:
+    """The card, while a pin is selected; Escape closes it."""
+    return Panel(
+        "Pin", PanelPlace.VIEW, lambda view: _card(pinning, view), shown=lambda: pinning.pin is not None,
+        close=pinning.close,
+    )  # fmt: skip
+
+
+def draw_live(pinning: Pinning, width: float) -> None:
+    """A button for what the live character holds; chosen parts are pinned where they are, and dragged in the view."""
+    held, playing = [pin.what for pin in pinning.stage.pins.held], pinning.item is not None
+    imgui.begin_disabled(playing)
+    hint = "A hand, a foot or the look stays at a point, which is dragged in the view"
+    if widgets.toggle("Hold…" if not held else f"Holds {len(held)}", bool(held), width, hint) != bool(held):
+        imgui.open_popup("hold")
+    imgui.end_disabled()
+    if imgui.begin_popup("hold"):
+        for what in LIVE:
+            if imgui.menu_item(str(what).capitalize(), "", what in held)[0]:
+                pinning.toggle_live(what)
+        imgui.end_popup()
+
+
+def _card(pinning: Pinning, view: Rect) -> None:
+    pin = pinning.pin
+    if pin is None or view.width < px(MIN_VIEW):
+        return
+    corner = imgui.ImVec2(view.x + view.width - px(MARGIN), view.y + px(MARGIN))
+    imgui.set_next_window_pos(corner, imgui.Cond_.always, imgui.ImVec2(1.0, 0.0))
+    imgui.set_next_window_size(imgui.ImVec2(px(WIDTH), 0))
+    flags = (
+        imgui.WindowFlags_.no_decoration
+        | imgui.WindowFlags_.no_move
+        | imgui.WindowFlags_.no_saved_settings
+        | imgui.WindowFlags_.no_focus_on_appearing
+    )
+    imgui.push_style_var(imgui.StyleVar_.window_padding, imgui.ImVec2(px(10), px(8)))
+    imgui.begin("Pin", None, flags)
+    imgui.pop_style_var()
+    _title(pinning, pin)
+    if pin.what is not Pinned.POSE:
+        _points(pinning, pin)
+    if pinning.item is not None:
+        _times(pinning, pin)
+    imgui.end()
+
+
+def _title(pinning: Pinning, pin: Pin) -> None:
+    side = imgui.get_frame_height()
+    imgui.align_text_to_frame_padding()
+    widgets.label(str(pin.what).capitalize(), theme.ACCENT)
+    imgui.same_line(imgui.get_content_region_avail().x + imgui.get_style().window_padding.x - 2 * side)
+    remove = "Remove the pin" if pinning.item is not None else "Let go"
+    if widgets.icon_button(ICON.trash, "remove pin", remove, theme.TEXT):
+        pinning.delete()
+    imgui.same_line(0, 0)
+    if widgets.icon_button(ICON.close, "close pin", "Close (Esc)", theme.TEXT):
+        pinning.close()
+
+
+def _points(pinning: Pinning, pin: Pin) -> None:
+    """Where it is, by numbers; the handles in the view do the same."""
+    x, y, z = _triple(pinning, pin, "point", pin.point)
+    pinning.try_change(lambda: replace(pin, point=(x, y, z)))
+    half = (imgui.get_content_region_avail().x - px(4)) / 2
+    hint = "The point goes along with the character instead of staying in the world"
+    if widgets.toggle("Goes along", pin.along, half, hint) != pin.along:
+        pinning.put_along(pin, not pin.along)
+    imgui.same_line(0, px(4))
+    rails = pin.what not in (Pinned.LOOK, Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT)
+    imgui.begin_disabled(not rails)
+    hint = "It slides along a straight rail to a second point"
+    if widgets.toggle("Rail", pin.rail is not None, half, hint) != (pin.rail is not None):
+        pinning.put_rail(pin, pin.rail is None)
+    imgui.end_disabled()
+    current = pinning.pin
+    if current is not None and current.rail is not None:
+        x, y, z = _triple(pinning, current, "rail", current.rail)
+        pinning.try_change(lambda: replace(current, rail=(x, y, z)))
+
+
+def _triple(pinning: Pinning, pin: Pin, name: str, value: tuple[float, float, float]) -> tuple[float, ...]:
+    changed = []
+    third = (imgui.get_content_region_avail().x - 2 * px(4)) / 3
+    hints = ("To its left" if pin.along else "X", "Up", "Ahead" if pin.along else "Z")
+    for number, (axis, hint) in enumerate(zip("xyz", hints, strict=True)):
+        if number:
+            imgui.same_line(0, px(4))
+        imgui.set_next_item_width(third)
+        _, entry = imgui.drag_float(f"##pin {name} {axis}", value[number], 0.005, -1000.0, 1000.0, "%.2f m")
+        widgets.tooltip(f"{hint}, metres. Drag, or double-click to type.")
+        changed.append(entry if abs(entry - value[number]) > 1e-6 else value[number])
+    return tuple(changed)
+
+
+def _times(pinning: Pinning, pin: Pin) -> None:
+    """From which frame to which, and how slowly it comes and goes."""
+    item = pinning.item
+    if item is None:
+        return
+    fps, last = item.clip.fps, len(item.clip) - 1
+    half = (imgui.get_content_region_avail().x - px(4)) / 2
+    first, end = round(pin.start * fps), round(shown_end(pin, item.clip) * fps)
+    imgui.set_next_item_width(half)
+    _, new_first = imgui.drag_int("##pin from", first, 0.3, 0, end, "from %d")
+    widgets.tooltip("The first frame in which it holds fully")
+    imgui.same_line(0, px(4))
+    imgui.set_next_item_width(half)
+    _, new_end = imgui.drag_int("##pin to", end, 0.3, first, last, "to %d")
+    widgets.tooltip("The last frame in which it holds fully")
+    imgui.set_next_item_width(half)
+    _, ease_in = imgui.drag_float("##pin in", pin.ease_in, 0.005, 0.0, 5.0, "in %.2f s")
+    widgets.tooltip("How long it comes before")
+    imgui.same_line(0, px(4))
+    imgui.set_next_item_width(half)
+    _, ease_out = imgui.drag_float("##pin out", pin.ease_out, 0.005, 0.0, 5.0, "out %.2f s")
+    widgets.tooltip("How long it goes after")
+    now = pinning.pin
+    eased = abs(ease_in - pin.ease_in) + abs(ease_out - pin.ease_out) > 1e-6
+    if now is None or not (eased or (new_first, new_end) != (first, end)):
+        return
+    start = new_first / fps if new_first != first else pin.start
+    stop = new_end / fps if new_end != end else pin.end
+    pinning.try_change(
+        lambda: replace(
+            now, start=start, end=max(stop, start), ease_in=max(ease_in, 0.0), ease_out=max(ease_out, 0.0)
+        )
+    )

@@ -84,7 +84,7 @@ _CHANGES = [
     ({"buffers__0__uri": "../../etc/lost.bin"}, "outside"),
     ({"nodes__0__children": [0]}, "tree"),
     ({"nodes__7__children": [0]}, "node"),
-    ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "compression"),
+    ({"extensionsRequired": "KHR_draco_mesh_compression"}, "extensionsRequired"),
     ({"nodes__3__rotation": "north"}, "damaged"),
     ({"nodes__3__scale": [1, float("inf"), 1]}, "scale of node 3"),
     ({"buffers": [None]}, "buffers"),

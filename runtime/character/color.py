@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.arrays import AnyArray
+from runtime.character.images import open_image, texture_source
 from runtime.character.read import (
     REMEDY,
     STRUCTURE_ERRORS,
@@ -69,7 +69,7 @@ def _texture_colors(
 
 
 class Textures:
-    """The images of a file, each decoded once: PNG or JPEG, and no more pixels than images of their bytes have."""
+    """The images of a file, each decoded once, and no more pixels than images of their bytes have."""
 
     def __init__(self, file: GltfFile) -> None:
         self._file = file
@@ -82,7 +82,7 @@ class Textures:
         textures, images = self._file.gltf.textures or [], self._file.gltf.images or []
         if not isinstance(texture, int) or not 0 <= texture < len(textures):
             raise FileError(f"{name}: texture {str(texture)[:40]} is missing.", REMEDY)
-        source = textures[texture].source
+        source = texture_source(textures[texture])
         if not isinstance(source, int) or not 0 <= source < len(images):
             raise FileError(f"{name}: the image of texture {texture} is missing.", _EXPORT)
         if source not in self._pixels:
@@ -97,11 +97,8 @@ class Textures:
     def _decode(self, data: bytes, what: str) -> NDArray[np.uint8]:
         from PIL import Image
 
-        # Pillow guesses the format by asking all of its readers, one of which hands PostScript to Ghostscript
-        if not data.startswith((b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff")):
-            raise FileError(f"{self._file.name}: {what} is neither PNG nor JPEG.", _EXPORT)
         try:
-            with Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as image:
+            with open_image(data, self._file.path, what) as image:
                 # each scan of a JPEG is another pass over the whole image
                 passes = 1 + data.count(b"\xff\xda") // 16 if image.format == "JPEG" else 1
                 self._left += len(data) * PIXELS_PER_BYTE - image.width * image.height * passes

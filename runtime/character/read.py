@@ -12,10 +12,12 @@ from urllib.parse import unquote
 import numpy as np
 
 from runtime.arrays import AnyArray
+from runtime.character.fbx_file import HEADS, fbx_as_glb
+from runtime.character.unpack import MESHOPT, unpack
 from runtime.errors import FileError
 from runtime.safe_read import parse_json, read_bounded, reason
 
-SUFFIXES = (".glb", ".gltf", ".vrm")  # a VRM is a GLB
+SUFFIXES = (".glb", ".gltf", ".vrm", ".fbx")  # a VRM is a GLB; an FBX is made one
 MAX_FILE_BYTES = 256 * 1024 * 1024
 MAX_VALUE = 1e9  # of any coordinate or matrix element
 MAX_ENTRIES = 20_000  # of a list of the document
@@ -30,7 +32,6 @@ _COMPONENTS: dict[int, type] = {
     5126: np.float32,
 }
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-_COMPRESSION = {"KHR_draco_mesh_compression", "EXT_meshopt_compression"}
 _LISTS = (
     "accessors",
     "buffers",
@@ -82,14 +83,16 @@ class GltfFile:
 
 
 def open_gltf(path: Path) -> GltfFile:
-    """Read a .glb or .gltf with its buffers; FileError when it is missing, too large, damaged or compressed."""
+    """Read a .glb, .gltf or .fbx with its buffers, unpacked; FileError when it is missing, too large or damaged."""
     data = _read(path)
+    if data.startswith(HEADS):
+        data = fbx_as_glb(path)
     if data[:4] == b"glTF":
         text, blob = _chunks(data, path)
     elif data.lstrip()[:1] == b"{" or data[:3] == b"\xef\xbb\xbf":
         text, blob = data, memoryview(b"")
     else:
-        raise FileError(f"{path}: neither a binary nor a JSON glTF file.", REMEDY)
+        raise FileError(f"{path}: neither a binary nor a JSON glTF file, nor an FBX.", REMEDY)
     try:
         gltf = _entries(parse_json(text))
     except ValueError as error:
@@ -97,7 +100,7 @@ def open_gltf(path: Path) -> GltfFile:
     if not isinstance(gltf, Entry):
         raise FileError(f"{path}: the glTF container holds no document.", REMEDY)
     _check_document(gltf, path)
-    return GltfFile(path, gltf, _load_buffers(path, gltf, blob))
+    return GltfFile(path, gltf, tuple(unpack(path, gltf, _load_buffers(path, gltf, blob))))
 
 
 def _entries(value: Any) -> Any:
@@ -136,13 +139,10 @@ def _chunks(data: bytes, path: Path) -> tuple[bytes, memoryview]:
 
 
 def _check_document(gltf: Entry, path: Path) -> None:
-    """FileError unless the document is made of lists of objects of a bearable number, and not compressed."""
-    required = gltf.extensionsRequired or []
-    used = _COMPRESSION & {name for name in required if isinstance(name, str)} if required else set()
-    if used:
-        raise FileError(
-            f"{path}: compressed with {', '.join(sorted(used))}.", "Export it without mesh compression."
-        )
+    """FileError unless the document is made of lists of objects of a bearable number."""
+    for field in ("extensionsUsed", "extensionsRequired"):
+        if not isinstance(gltf.get(field) or [], list):
+            raise FileError(f"{path}: its list of {field} is damaged.", REMEDY)
     for field in _LISTS:
         entries = gltf.get(field) or []
         if not isinstance(entries, list) or not all(isinstance(entry, Entry) for entry in entries):
@@ -151,9 +151,12 @@ def _check_document(gltf: Entry, path: Path) -> None:
             raise FileError(f"{path}: {len(entries)} {field}; expected at most {MAX_ENTRIES}.", REMEDY)
 
 
-def _load_buffers(path: Path, gltf: Entry, blob: memoryview) -> tuple[memoryview, ...]:
-    buffers, total = [], 0
+def _load_buffers(path: Path, gltf: Entry, blob: memoryview) -> list[memoryview]:
+    buffers, total = list[memoryview](), 0
     for i, buffer in enumerate(gltf.buffers or []):
+        if any((buffer.extensions or {}).get(name) for name in MESHOPT) and not buffer.uri and i:
+            buffers.append(memoryview(b""))  # what readers without the extension would read
+            continue
         data = blob if not buffer.uri else memoryview(read_uri(path, buffer.uri, "buffer"))
         wanted = buffer.byteLength
         if not isinstance(wanted, int) or not 0 <= wanted <= len(data):
@@ -162,7 +165,7 @@ def _load_buffers(path: Path, gltf: Entry, blob: memoryview) -> tuple[memoryview
         if total > MAX_FILE_BYTES:
             raise FileError(f"{path}: its buffers are larger than {MAX_FILE_BYTES >> 20} MB.", REMEDY)
         buffers.append(data)
-    return tuple(buffers)
+    return buffers
 
 
 def read_uri(path: Path, uri: Any, what: str) -> bytes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,7 @@ import numpy as np
 
 from runtime.arrays import AnyArray
 from runtime.atomic import write_atomic
+from runtime.character.images import EXTENSIONS, MAX_SIDE, open_image, texture_source
 from runtime.character.read import (
     REMEDY,
     STRUCTURE_ERRORS,
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
 ARRAY_BUFFER, ELEMENT_BUFFER = 34962, 34963
 _COMPONENT_TYPES = {"uint8": 5121, "uint16": 5123, "uint32": 5125, "float32": 5126}
 _ELEMENT_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
-NAMES_ACCESSORS = {"EXT_mesh_gpu_instancing", "KHR_draco_mesh_compression", "EXT_meshopt_compression"}
+NAMES_ACCESSORS = {"EXT_mesh_gpu_instancing"}
 WEIGHT_ERROR = 1e-3  # of their sum: 8 bits round by as much
 _IMAGE_TYPES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 
@@ -51,16 +53,31 @@ class GlbBuffer:
         for index, view in enumerate(gltf.bufferViews):
             held = buffer_view_bytes(file, index, f"buffer view {index}")
             view.byteOffset, view.buffer = made._append(held), 0
-        for image in gltf.images:
-            if image.uri is None:
-                continue
-            data = read_uri(file.path, image.uri, "image")
-            image.mimeType = next(
-                (t for head, t in _IMAGE_TYPES.items() if data.startswith(head)), image.mimeType
-            )
-            image.bufferView, image.uri = made.add_view(data), None
+        made._embed_images(file)
         made._normalise_weights(file)
         return made
+
+    def _embed_images(self, file: GltfFile) -> None:
+        """All images inside the buffer, as PNG or JPEG: other forms are extensions that many programs lack."""
+        gltf = self.gltf
+        for number, image in enumerate(gltf.images):
+            what = f"image {number}"
+            if image.uri is not None:
+                data = read_uri(file.path, image.uri, "image")
+            elif image.mimeType in _IMAGE_TYPES.values():
+                continue
+            else:
+                data = bytes(buffer_view_bytes(file, image.bufferView, what))
+            kind = next((t for head, t in _IMAGE_TYPES.items() if data.startswith(head)), None)
+            if kind is None:
+                data, kind = _as_png(data, file, what), "image/png"
+            image.mimeType, image.uri, image.bufferView = kind, None, self.add_view(data)
+        for number, texture in enumerate(gltf.textures or []):
+            texture.source = texture_source(file.gltf.textures[number])
+            for name in EXTENSIONS:
+                (texture.extensions or {}).pop(name, None)
+        for names in (gltf.extensionsUsed, gltf.extensionsRequired):
+            names[:] = [name for name in names or [] if name not in EXTENSIONS]
 
     def _normalise_weights(self, file: GltfFile) -> None:
         """Skin weights that do not add up to one are replaced: a valid file has none, and many exporters write them."""
@@ -172,6 +189,21 @@ class GlbBuffer:
         self.gltf.buffers = [g.Buffer(byteLength=len(self._blob))]
         self.gltf.set_binary_blob(bytes(self._blob))
         return b"".join(self.gltf.save_to_bytes())
+
+
+def _as_png(data: bytes, file: GltfFile, what: str) -> bytes:
+    """An image of another form as PNG; FileError where it is damaged or too large."""
+    from PIL import Image
+
+    out = io.BytesIO()
+    try:
+        with open_image(data, file.path, what) as image:
+            if max(image.size) > MAX_SIDE:
+                raise FileError(f"{file.name}: {what} is larger than {MAX_SIDE} pixels a side.", REMEDY)
+            image.save(out, "PNG")
+    except (Image.DecompressionBombError, *STRUCTURE_ERRORS, OSError, SyntaxError, EOFError) as error:
+        raise FileError(f"{file.name}: {what} is damaged ({reason(error)}).", REMEDY) from error
+    return out.getvalue()
 
 
 def _renumbered(entries: list[Any], holders: list[tuple[Any, str]]) -> list[Any]:

@@ -43,6 +43,21 @@ def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[
         app.close()
 
 
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """One viewer offscreen on flat ground with a fake model for every test of a file; each test clears what it needs."""
+    from app_driver import InjectedPads
+    from viewer_fakes import fake_services
+
+    from viewer.app import App
+    from viewer.options import ViewOptions
+
+    options = ViewOptions(offscreen=True, terrain="flat")
+    app = App(options, fake_services(False), InjectedPads(), tmp_path_factory.mktemp("config"))
+    yield app
+    app.close()
+
+
 @pytest.fixture(scope="session")
 def exported_tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of `tiny_model.tiny_trained()`; a test that changes it copies it.

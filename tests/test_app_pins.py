@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from app_driver import InjectedPads, click_on, message, place, press, run
-from viewer_fakes import fake_services
+from app_driver import click_on, message, place, press, run
 
 from runtime.formats.bvh_clip import load_clip_bvh
 from runtime.skeleton import SPORT_SKELETON
@@ -18,20 +16,10 @@ from runtime.takes.pinned import farthest
 from runtime.takes.pins import Pinned
 from viewer.app import App
 from viewer.gl_bindings import imgui
-from viewer.options import ViewOptions
 from viewer.stage.path_tool import on_screen
 from viewer.takes.state import ClipItem
 
 HAND = SPORT_SKELETON.index("LeftHand")
-
-
-@pytest.fixture(scope="module")
-def desk(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """One window for every test here."""
-    config = tmp_path_factory.mktemp("config")
-    app = App(ViewOptions(offscreen=True, terrain="flat"), fake_services(False), InjectedPads(), config)
-    yield app
-    app.close()
 
 
 @pytest.fixture

@@ -58,11 +58,12 @@ from viewer.stage.stage import Stage
 from viewer.stage.state import StageState
 from viewer.state import AppState
 from viewer.takes import panel as clips_panel
-from viewer.takes import pin_panel, transport, words_panel
+from viewer.takes import pin_panel, reference, transport, words_panel
 from viewer.takes.editing import TakeEditing
 from viewer.takes.ghosts import Trails, ghosts
 from viewer.takes.pinning import Pinning
 from viewer.takes.takes import Takes
+from viewer.takes.way_editing import WayEditing
 from viewer.wall import labels
 from viewer.wall import panel as wall_panel
 from viewer.wall.wall import Wall
@@ -180,6 +181,7 @@ class App:
         self.suggester = Suggester(prompt, settings, jobs)
         self.editing = TakeEditing(self.takes, self.stage, self.prompting)
         self.pinning = Pinning(self.editing, self.stage)
+        self.way = WayEditing(self.editing, self.stage.path)
         self.wall = Wall(state.wall, settings, messages, self.stage, self.takes, self.prompting)
         self.prompt = PromptRoom(
             prompt, settings, self.prompting, self.expanders, self.suggester, self.wall.toggle
@@ -219,6 +221,7 @@ class App:
             clips_panel.sign(takes),
             bar.panel(desk, Undo(self.prompting, editing)),
             pin_panel.panel(self.pinning),
+            reference.panel(takes.reference),
             guide.panel(desk.guide, covered=lambda: wall.state.open),
             settings_panel.panel(desk, fonts),
             exports_panel.panel(desk.exporting, fonts),
@@ -305,6 +308,7 @@ class App:
         self.jobs.deliver()
         self.prompting.poll()
         self.pinning.poll()
+        self.way.poll()
         self.desk.poll(dt, intent.move != (0.0, 0.0))
         self._simulate(dt, intent)
         pose, *others = self.wall.shown(not self.options.offscreen) or [self._shown_pose()]
@@ -379,7 +383,10 @@ class App:
             around = ghosts(playback, round(settings.ghost_frames))
         if playback is not None and settings.show_trails:
             trails = self.trails.around(playback)
-        pins = None if others else self.pinning.overlay()
+        beside = None if playback is None else self.takes.reference.pose(playback)
+        if beside is not None:
+            (around if self.takes.reference.over else others).append(beside)
+        pins = None if others and playback is None else self.pinning.overlay()
         return make_overlays(settings, live, self.stage.path.overlay(), others, around, trails, pins)
 
     def _shown_pose(self) -> Pose:

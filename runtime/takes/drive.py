@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import count, islice
 from typing import Any, Protocol
 
 import numpy as np
@@ -181,8 +181,28 @@ def redrive(
     Nothing of `drive` may have been changed before `first_frame`. `controller` has the model of the take and is left
     after the last frame. `progress` hears the share that is done. About 1 ms a frame, and up to `KEYFRAME_STEPS` frames before the first.
     """
-    key = keyframe_for(drive, first_frame)
     end = len(drive) if last_frame is None else last_frame + 1
+    key = keyframe_for(drive, first_frame).frame
+
+    def recorded(number: int, _: Pose | None) -> Controls | None:
+        progress((number - key) / max(end - key, 1))
+        return drive.frame(number).controls if number < end else None
+
+    return started(drive, controller, first_frame, recorded)
+
+
+def started(
+    drive: Drive,
+    controller: Drivable,
+    first_frame: int,
+    stick: Callable[[int, Pose | None], Controls | None],
+) -> tuple[list[Pose], tuple[Keyframe, ...]]:
+    """Poses from `first_frame` on under a `stick`, until that gives None, and the keyframes.
+
+    `stick` gets the number of each frame and the pose before it, if that is of `first_frame` or later; before, the recorded
+    stick leads to `first_frame`. Settings and changes are those of the drive, whose last settings hold on.
+    """
+    key = keyframe_for(drive, first_frame)
     ground = drive.ground(key.frame)
     if ground is not None:
         controller.set_terrain(ground.terrain)
@@ -195,15 +215,18 @@ def redrive(
         if change.frame > key.frame or again:
             later.setdefault(change.frame, []).append(change)
     poses: list[Pose] = []
-    for number in range(key.frame, end):
+    for number in count(key.frame):
+        frame = drive.frame(min(number, len(drive) - 1))
+        controls = frame.controls if number < first_frame else stick(number, poses[-1] if poses else None)
+        if controls is None:
+            break
         for change in later.get(number, ()):
             change.apply(controller)
         if number >= first_frame and (not keyframes or number - keyframes[-1].frame >= KEYFRAME_STEPS):
             keyframes.append(Keyframe(number, take_snapshot(controller)))  # type: ignore[arg-type]
-        pose = _step(controller, drive.frame(number))
+        pose = _step(controller, replace(frame, controls=controls))
         if number >= first_frame:
             poses.append(pose)
-        progress((number + 1 - key.frame) / (end - key.frame))
     return poses, tuple(keyframes)
 
 
@@ -230,20 +253,22 @@ def played_again(
 ) -> tuple[Clip, Drive]:
     """The take of an edited drive: frames before `first_frame` from `clip`, the rest by the recorded stick."""
     poses, keyframes = redrive(drive, controller, first_frame, progress=progress)
-    _check_driven(poses)
     made = replace(drive, keyframes=keyframes)
-    gaits = made.gaits()
-    return (
-        replace(
-            clip,
-            hips_positions=_joined(clip.hips_positions, first_frame, [p.hips_position for p in poses]),
-            local_rotations=_joined(clip.local_rotations, first_frame, [p.local_rotations for p in poses]),
-            contacts=_joined(clip.contacts, first_frame, [p.contacts for p in poses]),
-            prompts=made.prompts(),
-            gaits=gaits,
-            gait_seconds=tuple(gait_seconds(gaits, clip.fps).items()),
-        ),
-        made,
+    return played_poses(clip, made, poses, first_frame), made
+
+
+def played_poses(clip: Clip, drive: Drive, poses: Sequence[Pose], first_frame: int) -> Clip:
+    """The clip with other poses from `first_frame` on, and the prompts and gaits of the drive that made them; FileError."""
+    _check_driven(poses)
+    gaits = drive.gaits()
+    return replace(
+        clip,
+        hips_positions=_joined(clip.hips_positions, first_frame, [p.hips_position for p in poses]),
+        local_rotations=_joined(clip.local_rotations, first_frame, [p.local_rotations for p in poses]),
+        contacts=_joined(clip.contacts, first_frame, [p.contacts for p in poses]),
+        prompts=drive.prompts(),
+        gaits=gaits,
+        gait_seconds=tuple(gait_seconds(gaits, clip.fps).items()),
     )
 
 

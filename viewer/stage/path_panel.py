@@ -21,10 +21,19 @@ def draw(stage: Stage, draw_pins: Callable[[float], None]) -> None:
     tool = stage.path
     third = (imgui.get_content_region_avail().x - 2 * px(4)) / 3
     hint = "A drag on the ground draws the path, a click adds a point. Drag a point to move it, Delete removes it."
-    tool.active = widgets.toggle("Draw a path", tool.active, third, hint)
+    if tool.drive is not None:
+        hint = "The way of the take: drag its points, choose speed and gait of each leg, delete the last ones to end there"
+    tool.active = widgets.toggle(
+        "Draw a path" if tool.drive is None else "Edit its way", tool.active, third, hint
+    )
     imgui.same_line(0, px(4))
-    imgui.begin_disabled(not tool.points)
-    if tool.walk is not None:
+    imgui.begin_disabled(not tool.points or (tool.drive is not None and not tool.active))
+    if tool.drive is not None:
+        if widgets.button(
+            f"{ICON.walk} Drive it###drive path", third, "Drive the take again along these points"
+        ):
+            tool.drive()
+    elif tool.walk is not None:
         if widgets.button(f"{ICON.stop} Stop###walk path", third, "Give the stick back"):
             tool.stop()
     elif widgets.button(

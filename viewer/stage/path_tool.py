@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -36,6 +37,7 @@ class PathTool:
     selected: int = -1
     walk: PathWalk | None = None
     begun: bool = False  # since the last `walk_began`
+    drive: Callable[[], None] | None = None  # the points are the way of a take, which this drives again
     _time_s: float = 0.0
     _held: bool = False  # the mouse drags the selected point
     _drawing: bool = False  # the drag began with a new point and sets more

@@ -27,11 +27,13 @@ from viewer.takes.tracks import Tracks, tracks_of, words_of
 
 if TYPE_CHECKING:
     from runtime.takes.clip import Clip
-    from runtime.takes.drive import Drive, StyleChange
+    from runtime.takes.drive import Drivable, Drive, StyleChange
     from runtime.takes.drive_edits import Edit, PromptSpan
 
 SLOT = "driving a take"
 MAX_LABEL = 32  # characters of a prompt in the name of an edit
+# the driven clip, its drive, a controller of its model and what hears the progress; another clip with its drive
+Work = Callable[["Clip", "Drive", "Drivable", Callable[[float], None]], tuple["Clip", "Drive"]]
 Edited = tuple["Clip", "Drive", "Clip"]  # as it is shown, what drove it, and without the edits of its poses
 
 
@@ -172,7 +174,20 @@ class TakeEditing:
     # --- driving again
 
     def _again(self, label: str, edit: Callable[[Drive], Edit]) -> None:
-        """Drive the take that plays again by the recorded stick, on a worker thread."""
+        """Drive the take that plays again by the recorded stick after an edit of its drive."""
+
+        def work(
+            driven: Clip, drive: Drive, maker: Drivable, progress: Callable[[float], None]
+        ) -> tuple[Clip, Drive]:
+            from runtime.takes.drive import played_again
+
+            made = edit(drive)
+            return played_again(driven, made.drive, maker, made.first, progress)
+
+        self.run(label, work)
+
+    def run(self, label: str, work: Work) -> None:
+        """Drive the take that plays again by `work`, on a worker thread."""
         item = self.state.played
         if item is None or item.drive is None or item.maker is None or self.busy:
             self.messages.warn(self.fixed)
@@ -180,14 +195,11 @@ class TakeEditing:
         clip, driven, drive, maker = item.clip, item.driven, item.drive, item.maker
         edits, self.progress = item.edits, 0.0
 
-        def work() -> Edited:
-            from runtime.takes.drive import played_again
-
-            made = edit(drive)
-            base, again = played_again(driven, made.drive, maker.twin(), made.first, self._note_progress)
+        def made() -> Edited:
+            base, again = work(driven, drive, maker.twin(), self._note_progress)
             return edits.apply(base), again, base
 
-        self.takes.jobs.submit(SLOT, work, lambda made: self._take(item, clip, made, label))
+        self.takes.jobs.submit(SLOT, made, lambda result: self._take(item, clip, result, label))
 
     def _note_progress(self, share: float) -> None:
         self.progress = share

@@ -187,6 +187,12 @@ def _take_menu(takes: Takes, i: int) -> None:
     if imgui.menu_item("Mirror", "", False)[0]:
         takes.mirror(i)
     widgets.tooltip("A second take with left and right exchanged")
+    played = takes.state.playback is not None and takes.state.playback.index != i
+    if imgui.menu_item("Show beside", "", takes.reference.item is takes.state.items[i], played)[0]:
+        takes.reference.show(takes.state.items[i])
+    widgets.tooltip(
+        "Compare it with the take that plays" if played else "Play another take to compare it with"
+    )
     if imgui.menu_item("Remove", "", False)[0]:
         takes.remove(i)
 

@@ -108,8 +108,20 @@ class Playback:
         self.seek(wanted)
 
     def show(self, clip: Clip) -> None:
-        """Another version of the clip, of the same length, at the same time."""
+        """Another version of the clip at the same time; of another length, it keeps what it can of the trim."""
+        whole, before = not self.trimmed, self.frames
         self.clip = clip
+        if self.frames != before:
+            last = self.frames - 1
+            self._marks = self.first, self.last = (
+                (0, last) if whole else self._fitted((self.first, self.last))
+            )
+            self.time_s = min(self.time_s, last / clip.fps)
+
+    def _fitted(self, marks: tuple[int, int]) -> tuple[int, int]:
+        """Trim marks within the clip."""
+        last = min(marks[1], self.frames - 1)
+        return max(min(marks[0], last - MIN_FRAMES + 1), 0), last
 
     def trim_in(self, frame: int | None = None) -> None:
         """Keep the clip from a frame, the one shown by default."""
@@ -144,7 +156,7 @@ class Playback:
             return False
         step = steps.pop()
         other.append(step)
-        self._marks = self.first, self.last = step.before if back else step.after
+        self._marks = self.first, self.last = self._fitted(step.before if back else step.after)
         return True
 
     def pose(self) -> Pose:

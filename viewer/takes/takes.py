@@ -29,6 +29,7 @@ from viewer.stage.state import StageState
 from viewer.takes.journals import Journals
 from viewer.takes.opening import Opening
 from viewer.takes.playback import Playback
+from viewer.takes.reference import Reference
 from viewer.takes.rescue import Rescue
 from viewer.takes.state import ClipItem, Removed, TakesState
 
@@ -71,6 +72,7 @@ class Takes:
     )  # a ground, as a take of another size sees it
 
     def __post_init__(self) -> None:
+        self.reference = Reference(self.state)
         self.journals = Journals(self.state, self.messages, self.jobs, self.folder / "journals", self._add)
         self.opening = Opening(self.messages, self.jobs, self.stage, self._take_opened, self.lay)
 
@@ -205,6 +207,7 @@ class Takes:
             return
         self.close_playback()
         item = clips.items.pop(index)
+        self.reference.forget(item)
         item.drop_journal()
         self._writers = {path: writer for path, writer in self._writers.items() if writer is not item}
         clips.removed = [*clips.removed, Removed(item, index)][-MAX_REMOVED:]
@@ -269,6 +272,7 @@ class Takes:
         clips = self.state
         clips.items.clear()
         clips.removed.clear()
+        self.reference.item = None
         clips.selected = clips.renaming = -1
         clips.export_path = ""
 

@@ -1,0 +1,90 @@
+"""The real application without a display: the way of a take edited and driven again, and a reference beside a take."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from app_driver import click_on, place, press, run
+
+from runtime.controls import Gait
+from runtime.motion.point_path import Waypoint
+from runtime.takes.clip import Clip
+from runtime.takes.mirror import mirrored
+from viewer.app import App
+from viewer.takes.state import ClipItem
+
+
+@pytest.fixture
+def app(desk: App) -> App:
+    """The window as it was at its start, with a take of two seconds straight ahead that plays."""
+    desk.takes.close_playback()
+    run(desk, 2)
+    desk.takes.clear()
+    desk.stage.path.clear()
+    desk.stage.reset_character()
+    run(desk, 2)
+    desk.takes.toggle_recording()
+    desk.window.inject_key("w", True)
+    run(desk, 70)
+    desk.window.inject_key("w", False)
+    desk.takes.toggle_recording()
+    desk.takes.play(0)
+    run(desk, 3)
+    return desk
+
+
+def shown(app: App) -> Clip:
+    return app.state.takes.items[0].clip
+
+
+def test_the_way_of_a_take_is_bent_slowed_ended_and_undone(app: App) -> None:
+    tool, before = app.stage.path, shown(app)
+    tool.points.append(Waypoint(9.0, 9.0))  # the live character's
+    click_on(app, "Edit its way")
+    assert [(p.x, p.z, p.gait) for p in tool.points] == [
+        pytest.approx((*before.hips_positions[-1][[0, 2]], Gait.WALK), abs=0.01)
+    ]
+    tool.change(x=1.0, z=1.0, speed=0.5)
+    click_on(app, "##drive path")
+    run(app, 3)
+    made = shown(app)
+    end = made.hips_positions[-1]
+    assert np.hypot(end[0] - 1.0, end[2] - 1.0) < 0.65  # it stops within reach of its end
+    assert len(made) != len(before)
+    speeds = np.linalg.norm(np.diff(made.hips_positions[:, [0, 2]], axis=0), axis=1) * 60.0
+    assert speeds.max() == pytest.approx(0.7, abs=0.02)  # half of 1.4 m/s
+    assert app.state.takes.playback is not None
+    assert app.state.takes.playback.last == len(made) - 1
+    assert app.state.takes.items[0].label == "way"
+    press(app, "ctrl", "z")
+    assert shown(app) is before
+    app.takes.close_playback()
+    run(app, 2)
+    assert [(p.x, p.z) for p in tool.points] == [(9.0, 9.0)]
+    assert not tool.active
+
+
+def test_a_reference_stands_beside_the_take_in_sync_and_over_it(app: App) -> None:
+    takes, playback = app.takes, app.state.takes.playback
+    assert playback is not None
+    takes.state.items.append(ClipItem(mirrored(shown(app))))
+    takes.reference.show(takes.state.items[1])
+    playback.seek(30)
+    run(app, 2)
+    pose, beside = playback.pose(), takes.reference.pose(playback)
+    assert beside is not None
+    assert beside.hips_position - pose.hips_position == pytest.approx([-1.0, 0.0, 0.0], abs=0.01)
+    assert len(app._overlays(None, []).extra_poses) == 1
+    click_on(app, "Over it")
+    assert len(app._overlays(None, []).ghosts) == 1
+    x, y = place(app, "##reference offset")
+    for at, down in ((x, None), (x, True), (x + 40.0, True), (x + 40.0, False)):
+        app.window.inject_mouse(at, y, None if down is None else 0, bool(down))
+        run(app, 2)
+    assert takes.reference.offset_s > 0.1
+    ahead = takes.reference.pose(playback)
+    assert ahead is not None
+    later = float(ahead.hips_position[2] - pose.hips_position[2])
+    assert later == pytest.approx(1.4 * takes.reference.offset_s, abs=0.03)
+    takes.remove(1)
+    assert not takes.reference.shown

@@ -1,6 +1,6 @@
 """Run by Blender, not by pytest: imports a take, or follows the live link, with the add-on, and writes what it has as JSON.
 
-in_blender.py ADDON take TARGET PATH...      in_blender.py ADDON live TARGET POSES
+in_blender.py ADDON take TARGET PATH...      in_blender.py ADDON live TARGET POSES [RIG]
 """
 
 import importlib.util
@@ -44,11 +44,14 @@ def take(path):
     }
 
 
-def live(wanted):
+def live(wanted, rig=""):
     """Follow the link until so many poses came; the armature at the end, and the recorded action's."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.context.scene.render.fps = 60
-    link = addon.LiveLink(bpy.context, "127.0.0.1", 0)
+    if rig:
+        bpy.ops.import_scene.gltf(filepath=rig, bone_heuristic="BLENDER", disable_bone_shape=True)
+    own = next((thing for thing in bpy.data.objects if thing.type == "ARMATURE"), None)
+    link = addon.LiveLink(bpy.context, "127.0.0.1", 0, own)
     link.recording = True
     print(link.receiver.address[1], flush=True)
     end = time.monotonic() + 60.0
@@ -73,7 +76,7 @@ def live(wanted):
     return result
 
 
-result = [take(path) for path in rest] if what == "take" else live(int(rest[0]))
+result = [take(path) for path in rest] if what == "take" else live(int(rest[0]), *rest[1:])
 with open(target, "w") as file:
     json.dump(result, file)
 addon.unregister()

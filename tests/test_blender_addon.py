@@ -17,6 +17,7 @@ from walker import walk
 
 from runtime.assets import PROJECT_ROOT
 from runtime.character.character import load_character
+from runtime.character.joints import CONVENTIONS
 from runtime.formats.fbx import find_blender
 from runtime.formats.prepare import ExportOptions, prepare
 from runtime.formats.table import save_motion
@@ -63,7 +64,9 @@ def files(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Pat
     ground = folder / "walk-ground.obj", folder / "m" / "ground.glb"
     save_motion(clip, made["cm"], ExportOptions(fps=30.0), HILLS, ground[0])
     save_motion(clip, made["m"], ExportOptions(fps=60.0, unit="m"), HILLS, ground[1])
-    save_motion(clip, made["glb"], ExportOptions(fps=30.0, character=rig, with_ground=True), HILLS)
+    save_motion(
+        clip, made["glb"], ExportOptions(fps=30.0, character=rig, with_ground=True, fit_to_motion=True), HILLS
+    )
     return made
 
 
@@ -133,7 +136,6 @@ def test_blender_imports_takes_with_markers_and_ground(
     take = prepare(clip, ExportOptions(fps=30.0, character=files["rig"]), HILLS)
     ours = to_blender(
         character.joint_matrices(*character.adapted(*take.clip.world(), take.clip.contacts))[..., :3, 3]
-        * character.size
     )
     theirs = np.array([[frame[name] for name in character.joint_names] for frame in found[2]["frames"]])
     assert np.linalg.norm(ours - theirs, axis=-1).max() < 1e-3
@@ -141,9 +143,9 @@ def test_blender_imports_takes_with_markers_and_ground(
     assert found[2]["materials"] >= 2
 
 
-def start_live(target: Path, poses: int) -> tuple[subprocess.Popen[str], int]:
+def start_live(target: Path, poses: int, *rig: Path) -> tuple[subprocess.Popen[str], int]:
     """Blender following the link, and the port that it listens at."""
-    process = subprocess.Popen(blender_command(IN_BLENDER, ADDON, "live", target, poses),
+    process = subprocess.Popen(blender_command(IN_BLENDER, ADDON, "live", target, poses, *rig),
                                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)  # fmt: skip
     assert process.stdout is not None
     for line in process.stdout:
@@ -171,3 +173,46 @@ def test_blender_follows_the_live_link_and_records_it(clip: Clip, tmp_path: Path
         assert np.linalg.norm(theirs - last, axis=-1).max() < 1e-3
     assert found["range"][0] == 1
     assert found["keys"] == 60, "a key in each frame, at whatever rate Blender came to look"
+
+
+@needs_blender
+def test_the_live_link_drives_a_rig_of_others(clip: Clip, tmp_path: Path) -> None:
+    """Its limbs point as the viewer's do, its hips are as high as its legs are long."""
+    rig = RIGS["mixamo"](tmp_path / "rig.glb")
+    process, port = start_live(tmp_path / "found.json", 20, rig)
+    link = LiveLink(Messages(), address=Address(port=port))
+    link.start()
+    for k in range(20):
+        link.publish([clip.pose(k)])
+        time.sleep(1.0 / 60.0)
+    _, errors = process.communicate(timeout=120)
+    assert process.returncode == 0, errors
+    shown, character = json.loads((tmp_path / "found.json").read_text())["shown"], load_character(rig)
+    bones = {
+        SPORT_SKELETON.names[joint]: np.array(shown[bone])
+        for bone, joint in zip(character.joint_names, character.sport_joints, strict=True)
+        if joint >= 0
+    }
+    ours = dict(zip(SPORT_SKELETON.names, to_blender(clip.pose(19).positions), strict=True))
+    for side in ("Left", "Right"):
+        for a, b in (("UpLeg", "Leg"), ("Leg", "Foot"), ("Arm", "ForeArm"), ("ForeArm", "Hand")):
+            there, here = (at[side + b] - at[side + a] for at in (bones, ours))
+            cosine = there @ here / np.linalg.norm(there) / np.linalg.norm(here)
+            assert np.degrees(np.arccos(min(cosine, 1.0))) < 0.5, side + a
+    legs = [
+        np.linalg.norm(at["LeftUpLeg"] - at["LeftLeg"]) + np.linalg.norm(at["LeftLeg"] - at["LeftFoot"])
+        for at in (bones, ours)
+    ]
+    for joint in ("LeftFoot", "RightFoot"):
+        assert bones[joint][2] / legs[0] == pytest.approx(ours[joint][2] / legs[1], abs=0.06)
+
+
+def test_the_addons_names_are_those_of_the_program(addon: ModuleType) -> None:
+    """One table in two places: Blender has nothing of the program."""
+    for convention, table in CONVENTIONS.items():
+        if convention == "SPORT":
+            continue
+        found = addon.guess_joints([f"Rig_{name}" for name in table.values()])
+        expected = {joint: f"Rig_{name}" for joint, name in table.items()}
+        assert found == expected, convention
+    assert addon.guess_joints(["Cube", "Lamp"]) == {}

@@ -118,7 +118,7 @@ def test_several_takes_share_a_file_without_meshes(tmp_path: Path) -> None:
         (".glb", {"engine": "quake"}, "unreal, unity, godot, maya, blender"),
         (".glb", {"humanoid_names": True}, "--for unreal"),
         (".bvh", {"engine": "unity"}, r"\.glb, \.fbx have it"),
-        (".mp4", {"animation_only": True}, r"\.glb, \.fbx have it"),
+        (".mp4", {"animation_only": True}, r"\.glb, \.fbx, \.usdz, \.usd have it"),
     ],
 )
 def test_what_does_not_go_together_is_said(suffix: str, options: dict, message: str, tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.formats.glb import save_glb
 from runtime.formats.ground import save_ground
 from runtime.formats.prepare import ExportOptions, prepare
+from runtime.formats.table import FORMATS
 from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
@@ -185,3 +186,8 @@ def test_the_window_walks_a_body_in_its_own_size(start: Callable[..., Any], body
     run(app, 2)
     assert app.stage.state.terrain.unit_m == 1.0
     assert np.allclose(app.stage.state.simulation.current.root_position[[0, 2]], before, atol=0.1)
+
+
+def test_every_form_with_a_character_can_fit_it_to_the_motion() -> None:
+    for form in FORMATS.values():
+        assert ("character" in form.options) == ("fit_to_motion" in form.options), form.suffix

@@ -29,7 +29,7 @@ from typing import ClassVar, NamedTuple
 try:
     import bpy
     from bpy_extras.io_utils import ImportHelper
-    from mathutils import Quaternion, Vector
+    from mathutils import Matrix, Quaternion, Vector
 except ModuleNotFoundError:  # a receiver without Blender
     bpy = None
 
@@ -395,6 +395,183 @@ def build_armature(context, skeleton, name="SPORT live"):
     return thing
 
 
+# The viewer's joints, and what they are called in other rigs, lower case letters and digits only: {s} is left, {i} is l.
+JOINTS = [
+    "Hips",
+    "LowerBack",
+    "Spine",
+    "Spine1",
+    "Neck1",
+    "Head",
+    "{S}Shoulder",
+    "{S}Arm",
+    "{S}ForeArm",
+    "{S}Hand",
+    "{S}HandIndex1",
+    "{S}UpLeg",
+    "{S}Leg",
+    "{S}Foot",
+    "{S}ToeBase",
+]
+_HUMANOID = (
+    "hips spine chest upperchest neck head {s}shoulder {s}upperarm {s}lowerarm {s}hand {s}middleproximal "
+    "{s}upperleg {s}lowerleg {s}foot {s}toes"
+)
+_SMPL = (
+    "pelvis spine1 spine2 spine3 neck head {s}collar {s}shoulder {s}elbow {s}wrist {s}middle1 {s}hip {s}knee "
+    "{s}ankle {s}foot"
+)
+CONVENTIONS = (
+    # Mixamo, VRM, VRoid, Unreal, SMPL, its short form, Rigify, CMU, Unity, DAZ
+    "hips spine spine1 spine2 neck head {s}shoulder {s}arm {s}forearm {s}hand {s}handmiddle1 {s}upleg {s}leg {s}foot {s}toebase",
+    _HUMANOID,
+    " ".join(f"jbip{'' if '{' in name else 'c'}{name.replace('{s}', '{i}')}" for name in _HUMANOID.split()),
+    "pelvis spine01 spine02 spine03 neck01 head clavicle{i} upperarm{i} lowerarm{i} hand{i} middle01{i} thigh{i} calf{i} foot{i} ball{i}",
+    _SMPL,
+    _SMPL.replace("{s}", "{i}"),
+    "spine spine001 spine002 spine003 spine004 spine006 shoulder{i} upperarm{i} forearm{i} hand{i} fmiddle01{i} thigh{i} shin{i} foot{i} toe{i}",
+    "root lowerback upperback thorax upperneck head {i}clavicle {i}humerus {i}radius {i}hand {i}fingers {i}femur {i}tibia {i}foot {i}toes",
+    " ".join(name.replace("{s}", "") + "{i}" * ("{s}" in name) for name in _HUMANOID.split()),
+    "hip abdomen - chest neck head {i}collar {i}shldr {i}forearm {i}hand {i}mid1 {i}thigh {i}shin {i}foot {i}toe",
+)
+NEEDED = [
+    "Hips", "Head", *(s + b for s in ("Left", "Right") for b in ("UpLeg", "Leg", "Foot", "Arm", "ForeArm"))
+]  # fmt: skip
+AIMS = {
+    "Arm": "ForeArm",
+    "ForeArm": "Hand",
+    "Hand": "HandIndex1",
+    "UpLeg": "Leg",
+    "Leg": "Foot",
+    "Foot": "ToeBase",
+}
+ANKLE_M = 0.066  # of a standing foot of the viewer's skeleton
+
+
+def guess_joints(names):
+    """Names of a rig's bones by the viewer's joints, in the convention that recognises most of them; {} for none."""
+    starts = [name[: cut.end()] for name in names for cut in re.finditer(r"[-_:|. ]", name)]
+    prefix = max((p for p in set(starts) if starts.count(p) > 0.6 * len(names)), key=len, default="")
+    best = {}
+    for strip in ("", prefix):
+        index = {}
+        for name in names:
+            bare = re.sub(r"^(DEF|ORG)[-_]", "", re.split(r"[:|]", name.removeprefix(strip))[-1])
+            index.setdefault(re.sub(r"^mixamorig\d*|[^a-z0-9]", "", bare.lower()), name)
+        for convention in CONVENTIONS:
+            found = {}
+            for joint, called in zip(JOINTS, convention.split(), strict=True):
+                for side in ("Left", "Right") if "{S}" in joint else ("",):
+                    bone = index.get(called.format(s=side.lower(), i=side[:1].lower()))
+                    if bone is not None:
+                        found[joint.format(S=side)] = bone
+            if sum(j in found for j in NEEDED) > sum(j in best for j in NEEDED):
+                best = found
+    return best
+
+
+class Retarget:
+    """Turns poses of the viewer into channels of a rig with other names, axes, proportions and rest pose.
+
+    Limbs turn onto the viewer's rest directions, so that an A-pose is no hindrance; the rig keeps its own size. ValueError
+    says which bones are missing.
+    """
+
+    def __init__(self, armature, skeleton, found):
+        missing = [joint for joint in NEEDED if joint not in found]
+        if missing:
+            raise ValueError(
+                f"{armature.name}: no bone found for {', '.join(missing)}; rename them as in Mixamo"
+            )
+        self.skeleton, bones = skeleton, armature.pose.bones
+        self.joint = {name: skeleton.names.index(name) for name in found if name in skeleton.names}
+        self.bone = {found[name]: name for name in self.joint}
+        rest = {bone.name: bone.bone.matrix_local for bone in bones}
+        place = {name: rest[found[name]].to_translation() for name in self.joint}
+        self.facing = _axes(place)
+        place = {name: self.facing @ at for name, at in place.items()}
+        ours = [Vector() for _ in skeleton.names]
+        for joint, parent in enumerate(skeleton.parents):
+            if parent >= 0:
+                ours[joint] = ours[parent] + to_blender(skeleton.offsets[joint])
+        self.ours = {name: ours[joint] for name, joint in self.joint.items()}
+        self.scale = _leg(place) / _leg(self.ours)
+        self.turns = {name: self._turn(name, place) for name in self.joint}
+        middle = 0.5 * (place["LeftUpLeg"] + place["RightUpLeg"])
+        self.hips = place["Hips"] - middle
+        ankle = min(place["LeftFoot"].z, place["RightFoot"].z)
+        self.lift = ankle - ANKLE_M * self.scale if abs(ankle) < 0.3 * _leg(place) else 0.0
+        self.order = [(bone, rest[bone.name], bone.parent and rest[bone.parent.name]) for bone in bones]
+
+    def _turn(self, name, place):
+        """What turns a bone of the rig from its rest direction onto that of the viewer's skeleton."""
+        side = next((s for s in ("Left", "Right") if name.startswith(s)), "")
+        bone = name[len(side) :]
+        if bone == "ToeBase":
+            bone, name = "Foot", f"{side}Foot"
+        aim = side + AIMS.get(bone, "")
+        if not side or name not in place or aim not in place:
+            return self._turn(side + "ForeArm", place) if side and bone == "Hand" else Quaternion()
+        theirs, wanted = place[aim] - place[name], self.ours[aim] - self.ours[name]
+        if bone == "Foot":
+            theirs.z = wanted.z = 0.0
+        return theirs.rotation_difference(wanted) if theirs.length and wanted.length else Quaternion()
+
+    def channels(self, pose):
+        """Pose bones with rotation, and location at the hips."""
+        turns, at = [], []
+        for joint, parent in enumerate(self.skeleton.parents):
+            w, x, y, z = pose.rotations[joint]
+            turn = Quaternion((w, x, -z, y))
+            if parent < 0:
+                turns.append(turn)
+                at.append(to_blender(pose.position))
+            else:
+                turns.append(turns[parent] @ turn)
+                at.append(at[parent] + turns[parent] @ to_blender(self.skeleton.offsets[joint]))
+        back = self.facing.inverted()
+        posed = {}
+        for bone, rest, above in self.order:
+            local = rest if above is None else above.inverted() @ rest
+            held = local if above is None else posed[bone.parent.name] @ local
+            name = self.bone.get(bone.name)
+            if name is None:
+                posed[bone.name] = held
+                continue
+            turn = turns[self.joint[name]] @ self.turns[name] @ (self.facing @ rest.to_quaternion())
+            wanted = (back @ turn).to_matrix().to_4x4()
+            wanted.translation = held.translation
+            if name == "Hips":
+                middle = 0.5 * (at[self.joint["LeftUpLeg"]] + at[self.joint["RightUpLeg"]])
+                hips = (
+                    self.scale * middle + turns[self.joint[name]] @ self.hips + Vector((0.0, 0.0, self.lift))
+                )
+                wanted.translation = back @ hips
+            posed[bone.name] = wanted
+            basis = held.inverted() @ wanted
+            yield bone, basis.to_quaternion(), basis.to_translation() if name == "Hips" else None
+
+
+def _leg(place):
+    return sum(
+        (place[a] - place[b]).length
+        for side in ("Left", "Right")
+        for a, b in ((f"{side}UpLeg", f"{side}Leg"), (f"{side}Leg", f"{side}Foot"))
+    )
+
+
+def _axes(place):
+    """The quarter turns that put a rig's left on +X and its head on +Z, as a quaternion."""
+    rows = []
+    for direction in (place["LeftUpLeg"] - place["RightUpLeg"], place["Head"] - place["Hips"]):
+        axis = max(range(3), key=lambda k: abs(direction[k]))
+        rows.append(Vector([math.copysign(1.0, direction[axis]) if k == axis else 0.0 for k in range(3)]))
+    left, up = rows
+    if abs(left.dot(up)) > 0.5:
+        raise ValueError("the rig does not stand upright at rest")
+    return Matrix((left, up.cross(left), up)).to_quaternion()
+
+
 class LiveLink:
     """Puts what a `Receiver` gets on an armature, and keeps it while recording."""
 
@@ -402,7 +579,7 @@ class LiveLink:
         self.receiver = Receiver(host, port)
         self.name = armature.name if armature else ""
         self.recording, self.recorded = False, []
-        self._bones, self._number = [], None
+        self._bones, self._number, self._retarget = [], None, None
         self._context = context
 
     def step(self):
@@ -429,7 +606,7 @@ class LiveLink:
             return
         if self.armature is None:
             self.name = build_armature(self._context, skeleton).name
-        bones, self._bones = self.armature.pose.bones, []
+        bones, self._bones, self._retarget = self.armature.pose.bones, [], None
         for joint, name in enumerate(skeleton.names):
             bone = bones.get(name)
             if bone is not None:
@@ -437,13 +614,18 @@ class LiveLink:
                 rest = bone.bone.matrix_local
                 head = rest.to_translation() if skeleton.parents[joint] < 0 else None
                 self._bones.append((joint, bone, rest.to_quaternion(), head))
-        if not self._bones:
-            self._number = None
-            raise ValueError(f"{self.name}: none of its bones is called as a joint of the viewer")
         self._number = skeleton.number
+        if len(self._bones) < len(skeleton.names):  # a rig of its own
+            found = guess_joints([bone.name for bone in bones])
+            self._retarget = Retarget(self.armature, skeleton, found)
+            for name in found.values():
+                bones[name].rotation_mode = "QUATERNION"
 
     def _channels(self, pose):
         """Pose bones with rotation, and location at the root: bones have other axes at rest than the viewer's joints."""
+        if self._retarget is not None:
+            yield from self._retarget.channels(pose)
+            return
         for joint, bone, rest, head in self._bones:
             w, x, y, z = pose.rotations[joint]
             turn = rest.inverted() @ Quaternion((w, x, -z, y)) @ rest
@@ -617,7 +799,7 @@ def register():
     )
     scene.sport_armature = props.PointerProperty(
         name="Armature",
-        description="With the viewer's joint names; empty: a new one",
+        description="Your own rig, or one with the viewer's joint names; empty: a new one",
         type=bpy.types.Object,
         poll=lambda _, thing: thing.type == "ARMATURE",
     )

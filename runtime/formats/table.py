@@ -91,7 +91,7 @@ def _write_ground(take: PreparedTake, path: Path, options: ExportOptions, terrai
 
 
 MOTION = frozenset({"fps", "loop", "strides", "in_place", "ground_root", "at_origin", "rest_frame"})
-CHARACTER = frozenset({"character", "joint_map"})
+CHARACTER = frozenset({"character", "joint_map", "fit_to_motion"})
 # without effect on a format that lacks them: a command may write several files, and only some have them
 INDIFFERENT = frozenset({"fps", "unit", "euler_order", "start_s", "end_s", *CHARACTER})
 

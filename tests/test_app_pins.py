@@ -109,7 +109,7 @@ def test_a_pin_of_a_take_is_dragged_undone_and_exported(app: App, tmp_path: Path
 def test_the_card_sets_frames_and_removes(app: App) -> None:
     item = take(app)
     add_pin(app, "Right hand")
-    click_on(app, "Goes along")
+    click_on(app, "Along")
     assert item.edits.pins[0].along
     click_on(app, "Rail")
     assert item.edits.pins[0].rail is not None

@@ -42,7 +42,7 @@ def way_of(clip: Clip, drive: Drive, first: int = 0) -> tuple[Waypoint, ...]:
     for a, b in itertools.pairwise(corners):
         frames = [drive.frame(first + i).controls for i in range(a, b + 1)]
         moving = [c for c in frames if gait_of(c) != Gait.STAND] or frames
-        stick = float(np.mean([hypot(*c.move) for c in moving]))
+        stick = float(np.median([hypot(*c.move) for c in moving]))
         gaits = [c.gait for c in moving if c.gait is not Gait.JUMP] or [Gait.WALK]
         gait = max(set(gaits), key=gaits.count)
         points.append(Waypoint(float(path[b, 0]), float(path[b, 1]), min(max(stick, SLOWEST), 1.0), gait))

@@ -190,7 +190,7 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
         ("Trajectory, skeleton, contacts", "F2, F3, F4", ""),
         ("Grid, panels", "F5, F10", "Back (panels)"),
         ("Full screen", "F11", ""),
-        ("Keys to the next panel, back to the view", "F6, Esc", ""),
+        ("Next panel, back to the view", "F6, Esc", ""),
     )),
     ("Prompt", (
         ("Write a prompt, leave the field", "Enter, Esc", ""),

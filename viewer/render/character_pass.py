@@ -19,8 +19,12 @@ from viewer.render.shaders import load_program
 MAX_JOINTS = 256  # the block in skinning.glsl
 SLOT_BYTES = MAX_JOINTS * 64
 SHADOW_CELL_M = 0.018
+NEARER_M = 0.1  # so much nearer, a ghost may hide the character
 GHOST_TINT = (0.20, 0.45, 0.80, 0.75)  # linear colour, share
-GHOST_OPACITY = 0.38
+GHOST_OPACITY, COVERING_OPACITY = (
+    0.38,
+    0.12,
+)  # the second of ghosts before the character, which must not hide it
 
 
 class SkinnedMesh(Protocol):
@@ -46,7 +50,12 @@ class CharacterDraw:
     """One character in one frame."""
 
     pose: Pose
-    ghost: bool = False
+    opacity: float = 1.0  # less: a ghost
+
+    @property
+    def ghost(self) -> bool:
+        """Whether it is translucent."""
+        return self.opacity < 1.0
 
 
 class CharacterPass:
@@ -129,10 +138,11 @@ class CharacterPass:
 
     def draw_ghosts(self, target: moderngl.Framebuffer) -> None:
         """Draw the translucent characters: first their depth, then only their nearest surface."""
-        set_uniforms(self._programs["surface"], {"tint": GHOST_TINT, "opacity": GHOST_OPACITY})
+        set_uniforms(self._programs["surface"], {"tint": GHOST_TINT})
         self._ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
         for slot, draw in enumerate(self._draws):
             if draw.ghost:
+                set_uniforms(self._programs["surface"], {"opacity": draw.opacity})
                 self._ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
                 self._ctx.depth_func = "<"
                 target.color_mask = False, False, False, False
@@ -155,6 +165,16 @@ class CharacterPass:
         self._joints.release()
         for program in self._programs.values():
             program.release()
+
+
+def ghost_draws(ghosts: list[Pose], pose: Pose | None, eye: Array) -> list[CharacterDraw]:
+    """Ghosts around a character as they are drawn: fainter where they stand between it and the `eye` `(3,)`."""
+
+    def away(one: Pose) -> float:
+        return float(np.linalg.norm(one.hips_position - eye))
+
+    limit = 0.0 if pose is None else away(pose) - NEARER_M
+    return [CharacterDraw(g, COVERING_OPACITY if away(g) < limit else GHOST_OPACITY) for g in ghosts]
 
 
 def coarse_triangles(positions: Array, triangles: NDArray[np.integer]) -> NDArray[np.integer]:

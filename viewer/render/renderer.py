@@ -8,7 +8,7 @@ import numpy as np
 from runtime.pose import Pose
 from runtime.terrain.height_map import Terrain
 from viewer.render.camera import Camera
-from viewer.render.character_pass import CharacterDraw, CharacterPass, SkinnedMesh
+from viewer.render.character_pass import CharacterDraw, CharacterPass, SkinnedMesh, ghost_draws
 from viewer.render.frame import SHADOW_MARGIN_M, SHADOW_REACH_M, FrameUniforms, RenderFrame, make_frame
 from viewer.render.marks import (
     REFERENCE_HEIGHT_PX,
@@ -66,7 +66,7 @@ class Renderer:
         frame = make_frame(camera, scene.size, solid, reach, self.quality.shadow_map_size)
         self._frame.write(frame)
         self._terrain.prepare(frame, np.array([camera.target[0], camera.target[2]]))
-        draws = [CharacterDraw(p) for p in solid] + [CharacterDraw(p, ghost=True) for p in overlays.ghosts]
+        draws = [CharacterDraw(p) for p in solid] + ghost_draws(overlays.ghosts, pose, camera.position)
         self._characters.prepare(draws)
 
         self._draw_shadow_map(frame)

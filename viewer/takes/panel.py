@@ -43,7 +43,7 @@ def draw(takes: Takes, export_window: Callable[[], None]) -> None:
     _record(takes)
     recovery_panel.draw(takes.journals)
     export_height = _export_height() if takes.state.current is not None else 0.0
-    below = imgui.get_frame_height_with_spacing() if _has_below(takes) else 0.0
+    below = imgui.get_frame_height_with_spacing() if takes.state.removed else 0.0
     minimum = imgui.get_frame_height_with_spacing() * 1.5
     height = max(imgui.get_content_region_avail().y - export_height - below, minimum)
     if imgui.begin_child("clip list", imgui.ImVec2(0, height)):
@@ -95,29 +95,23 @@ def _list(takes: Takes) -> None:
     imgui.pop_style_var()
 
 
-def _has_below(takes: Takes) -> bool:
-    return bool(takes.state.removed) or len(takes.state.items) > 1
-
-
 def _below(takes: Takes) -> None:
-    """What can be done with the list, in one row: bring a removed take back, export all."""
-    clips, free = takes.state, imgui.get_content_region_avail().x
-    both = bool(clips.removed) and len(clips.items) > 1
+    """Bring a removed take back."""
+    clips = takes.state
     if clips.removed:
-        gone, width = clips.removed[-1].item.name, (free - px(4)) / 2 if both else free
+        gone, width = clips.removed[-1].item.name, imgui.get_content_region_avail().x
         text = widgets.elided(f"{ICON.undo} Bring back {gone}", width - px(20))
         if widgets.button(f"{text}###restore", width, f"{gone} was removed"):
             takes.restore()
-    if both:
-        imgui.same_line(0, px(4))
-    if len(clips.items) > 1:
-        busy = takes.jobs.busy(EXPORT_ALL)
-        imgui.begin_disabled(busy)
-        text = "Exporting…" if busy else f"{ICON.save} Export all {len(clips.items)}"
-        hint = f"Every take as BVH into {printable(takes.settings.export_folder)}"
-        if widgets.button(f"{text}###export all", -1, hint):
-            takes.export_all()
-        imgui.end_disabled()
+
+
+def _export_all(takes: Takes, width: float) -> None:
+    busy = takes.jobs.busy(EXPORT_ALL)
+    imgui.begin_disabled(busy)
+    hint = f"Every take as BVH into {printable(takes.settings.export_folder)}"
+    if widgets.button(f"{'…' if busy else f'All {len(takes.state.items)}'}###export all", width, hint):
+        takes.export_all()
+    imgui.end_disabled()
 
 
 def _name_field(takes: Takes, i: int) -> None:
@@ -238,13 +232,18 @@ def _export(takes: Takes, export_window: Callable[[], None]) -> None:
     busy = takes.jobs.busy(f"export {clips.current.name}") if clips.current else False
     imgui.begin_disabled(busy)
     trimmed = clips.playback is not None and clips.playback.trimmed
-    text = "Exporting…" if busy else "Export trimmed BVH" if trimmed else "Export BVH"
-    more = px(64)
-    width = imgui.get_content_region_avail().x - more - px(4)
-    hint = "Write the clip for Blender, Maya, MotionBuilder"
+    several = len(clips.items) > 1
+    text = "Exporting…" if busy else "Export trimmed BVH" if trimmed and not several else "Export BVH"
+    more, every = px(64), px(52) if several else 0.0
+    width = imgui.get_content_region_avail().x - more - px(4) - (every + px(4) if several else 0.0)
+    what = "what lies between the trim marks" if trimmed else "the clip"
+    hint = f"Write {what} for Blender, Maya, MotionBuilder"
     if widgets.button(f"{ICON.save} {text}###export", width, hint, True) or entered:
         takes.export()
     imgui.end_disabled()
     imgui.same_line(0, px(4))
+    if several:
+        _export_all(takes, every)
+        imgui.same_line(0, px(4))
     if widgets.button("More…###more formats", more, "GLB, FBX, film, loop, root and ground (Ctrl+E)"):
         export_window()

@@ -13,7 +13,8 @@ from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.takes.pinning import Pinning, shown_end
 
-WIDTH, MARGIN = 214.0, 10.0  # pixels at scale 1
+WIDTH, SMALL_WIDTH, MARGIN = 214.0, 158.0, 10.0  # pixels at scale 1
+SMALL_VIEW = 520.0  # in a narrower one the card is small, so that it hides nobody
 MIN_VIEW = 230.0
 LIVE = (Pinned.LEFT_HAND, Pinned.RIGHT_HAND, Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT, Pinned.LOOK)
 
@@ -47,7 +48,7 @@ def _card(pinning: Pinning, view: Rect) -> None:
         return
     corner = imgui.ImVec2(view.x + view.width - px(MARGIN), view.y + px(MARGIN))
     imgui.set_next_window_pos(corner, imgui.Cond_.always, imgui.ImVec2(1.0, 0.0))
-    imgui.set_next_window_size(imgui.ImVec2(px(WIDTH), 0))
+    imgui.set_next_window_size(imgui.ImVec2(px(SMALL_WIDTH if view.width < px(SMALL_VIEW) else WIDTH), 0))
     flags = (
         imgui.WindowFlags_.no_decoration
         | imgui.WindowFlags_.no_move
@@ -84,7 +85,7 @@ def _points(pinning: Pinning, pin: Pin) -> None:
     pinning.try_change(lambda: replace(pin, point=(x, y, z)))
     half = (imgui.get_content_region_avail().x - px(4)) / 2
     hint = "The point goes along with the character instead of staying in the world"
-    if widgets.toggle("Goes along", pin.along, half, hint) != pin.along:
+    if widgets.toggle("Along", pin.along, half, hint) != pin.along:
         pinning.put_along(pin, not pin.along)
     imgui.same_line(0, px(4))
     rails = pin.what not in (Pinned.LOOK, Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT)
@@ -107,7 +108,7 @@ def _triple(pinning: Pinning, pin: Pin, name: str, value: tuple[float, float, fl
         if number:
             imgui.same_line(0, px(4))
         imgui.set_next_item_width(third)
-        _, entry = imgui.drag_float(f"##pin {name} {axis}", value[number], 0.005, -1000.0, 1000.0, "%.2f m")
+        _, entry = imgui.drag_float(f"##pin {name} {axis}", value[number], 0.005, -1000.0, 1000.0, "%.2f")
         widgets.tooltip(f"{hint}, metres. Drag, or double-click to type.")
         changed.append(entry if abs(entry - value[number]) > 1e-6 else value[number])
     return tuple(changed)

@@ -22,7 +22,7 @@ from runtime.terrain.height_map import Terrain
 from viewer.stage.simulation import Simulation
 
 FRAME_BYTES = 1 + 4 * ROW
-HEADER = Header("Take 1", 60.0, "hills", Origin(model="compact", seed=3, temperature=0.5), 1e9)
+HEADER = Header("Take 1", 60.0, "hills", Origin(model="compact", seed=3, temperature=0.5), 1e9, 0.62)
 
 
 def record(folder: Path, frames: int = 40) -> tuple[TakeJournal, Clip]:
@@ -58,6 +58,7 @@ def test_a_journal_holds_the_take_frame_by_frame(tmp_path: Path) -> None:
     for name in ("hips_positions", "local_rotations", "contacts", "gaits"):
         assert np.array_equal(getattr(back, name), getattr(clip, name)), name
     assert back.prompts == clip.prompts
+    assert back.size == 0.62
     assert found.seconds == pytest.approx(40 / 60, abs=0.02)
     found.delete()
     assert list(tmp_path.iterdir()) == []

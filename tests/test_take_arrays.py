@@ -7,11 +7,14 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 from walker import walk
 
+from runtime.errors import UsageError
+from runtime.formats import arrays
 from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.formats.prepare import ExportOptions
-from runtime.formats.table import save_motion
+from runtime.formats.table import check_export, save_motion
 from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
 from runtime.terrain.height_map import Terrain
@@ -61,3 +64,21 @@ def test_a_csv_has_a_row_a_frame(tmp_path: Path) -> None:
     assert rows[-1]["gait"] == "walk"
     at = [float(rows[45][f"LeftHand_{axis}"]) for axis in "xyz"]
     assert np.abs(np.array(at) - CLIP.world()[0][90, 20]).max() < 1e-4
+
+
+def test_parquet_has_the_columns_of_the_table(tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas", reason="needs the extra [tables]")
+    pytest.importorskip("pyarrow", reason="needs the extra [tables]")
+    for name in ("take.csv", "take.parquet"):
+        save_motion(CLIP, tmp_path / name, ExportOptions(), FLAT)
+    table, again = pandas.read_csv(tmp_path / "take.csv"), pandas.read_parquet(tmp_path / "take.parquet")
+    assert list(again.columns) == list(table.columns)
+    numbers = [name for name in table.columns if name not in ("gait", "prompt")]
+    np.testing.assert_allclose(again[numbers], table[numbers], atol=1e-6)
+    assert again["prompt"].fillna("").tolist() == table["prompt"].fillna("").tolist()
+
+
+def test_without_pandas_the_sentence_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(arrays.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(UsageError, match="pip install pandas pyarrow"):
+        check_export(Path("take.parquet"), ExportOptions())

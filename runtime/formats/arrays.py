@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import itertools
 import json
 from dataclasses import asdict
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from runtime.atomic import atomic_path, write_atomic
 from runtime.controls import Gait
+from runtime.errors import UsageError
 from runtime.formats.prepare import PreparedTake
 from runtime.formats.sidecar import markers
 from runtime.skeleton import SPORT_SKELETON
@@ -89,6 +91,40 @@ def save_npz(take: PreparedTake, path: Path) -> None:
 
 def save_csv(take: PreparedTake, path: Path) -> None:
     """Write a row a frame: time, root, contacts, phase, gait, prompt, joint positions and rotations; FileError."""
+    columns, words = take_columns(take)
+    table = np.column_stack([values for _, values in columns])
+    lines = [",".join([name for name, _ in columns] + ["gait", "prompt"])]
+    for row, gait, prompt in zip(table.tolist(), *words, strict=True):
+        quoted = prompt.replace('"', '""')
+        lines.append(",".join("" if v != v else f"{v:.7g}" for v in row) + f',{gait},"{quoted}"')
+    write_atomic(path, "\n".join(lines) + "\n")
+
+
+def check_parquet(path: Path) -> None:
+    """UsageError says how to get Parquet where pandas or pyarrow is not there."""
+    missing = [name for name in ("pandas", "pyarrow") if importlib.util.find_spec(name) is None]
+    if missing:
+        raise UsageError(
+            f"{path}: Parquet is written by pandas and pyarrow, and {' and '.join(missing)} is not installed.",
+            "Run pip install pandas pyarrow (or '.[tables]'), or write a .csv.",
+        )
+
+
+def save_parquet(take: PreparedTake, path: Path) -> None:
+    """Write the columns of `save_csv` as Parquet, numbers as float32; UsageError without pandas, FileError."""
+    check_parquet(path)
+    import pandas
+
+    columns, (gaits, prompts) = take_columns(take)
+    frame = pandas.DataFrame({name: values.astype(np.float32) for name, values in columns})
+    frame["gait"], frame["prompt"] = gaits, prompts
+    frame.attrs = {"fps": take.clip.fps, "name": take.clip.name}
+    with atomic_path(path) as temporary:
+        frame.to_parquet(temporary, index=False)
+
+
+def take_columns(take: PreparedTake) -> tuple[list[tuple[str, NDArray[Any]]], tuple[list[str], list[str]]]:
+    """Named columns of numbers `(T,)`, and the gait and the prompt of each frame."""
     arrays = take_arrays(take)
     columns: list[tuple[str, NDArray[Any]]] = [("seconds", arrays["seconds"])]
     columns += [(f"root_{axis}", arrays["root_positions"][:, k]) for k, axis in enumerate("xyz")]
@@ -98,13 +134,7 @@ def save_csv(take: PreparedTake, path: Path) -> None:
     for j, name in enumerate(SPORT_SKELETON.names):
         columns += [(f"{name}_{axis}", arrays["positions"][:, j, k]) for k, axis in enumerate("xyz")]
         columns += [(f"{name}_q{axis}", arrays["rotations"][:, j, k]) for k, axis in enumerate("wxyz")]
-    table = np.column_stack([values for _, values in columns])
-    prompts = [marker for marker in markers(take.clip) if marker["kind"] == "prompt"]
-    lines = [",".join([name for name, _ in columns] + ["gait", "prompt"])]
-    for row, seconds, gait in zip(
-        table.tolist(), arrays["seconds"].tolist(), arrays["gaits"].tolist(), strict=True
-    ):
-        begun = [marker["name"] for marker in prompts if marker["seconds"] <= seconds + 1e-6]
-        words = begun[-1].replace('"', '""') if begun else ""
-        lines.append(",".join("" if v != v else f"{v:.7g}" for v in row) + f',{gait},"{words}"')
-    write_atomic(path, "\n".join(lines) + "\n")
+    begun = [(m["seconds"], m["name"]) for m in markers(take.clip) if m["kind"] == "prompt"]
+    at = arrays["seconds"].tolist()
+    prompts = [next((name for when, name in reversed(begun) if when <= s + 1e-6), "") for s in at]
+    return columns, (arrays["gaits"].tolist(), prompts)

@@ -74,6 +74,19 @@ def _write_csv(take: PreparedTake, path: Path, options: ExportOptions, terrain: 
     return describe(take, path)
 
 
+def _write_parquet(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None) -> str:
+    from runtime.formats.arrays import save_parquet
+
+    save_parquet(take, path)
+    return describe(take, path)
+
+
+def _check_parquet(path: Path) -> None:
+    from runtime.formats.arrays import check_parquet
+
+    check_parquet(path)
+
+
 def _write_page(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None) -> str:
     from runtime.formats.page import save_page
 
@@ -133,6 +146,7 @@ _TABLE = (
     Format(".html", "HTML: page to look at", "page with character and ground, plays in any browser", MOTION | CHARACTER | {"with_takes"}, _write_page),
     Format(".npz", "NPZ: arrays", "positions, rotations, root, contacts, phase as NumPy arrays", _ARRAYS, _write_npz, ignores=MOTION),
     Format(".csv", "CSV: table", "the same, a row a frame", _ARRAYS, _write_csv, ignores=MOTION),
+    Format(".parquet", "Parquet: table", "the same, through pandas", _ARRAYS, _write_parquet, _check_parquet, ignores=MOTION),
     Format(".mp4", "MP4: film", "film (H.264)", _FILM),
     Format(".png", "PNG: numbered frames", "film as numbered frames, name_00000.png and on", _FILM),
     Format(".webp", "WebP: animation", "animated WebP", _FILM),

@@ -15,7 +15,7 @@ import time
 import uuid
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -26,7 +26,7 @@ from runtime.errors import FileError, SportError
 from runtime.file_lock import open_locked
 from runtime.safe_read import is_text, parse_json, printable
 from runtime.skeleton import J
-from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, MAX_NORM_ERROR, Clip
+from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, MAX_NORM_ERROR, MAX_SIZE, MIN_SIZE, Clip
 from runtime.takes.metadata import Origin, PromptEvent, event_from, origin_from
 from runtime.takes.recorder import ClipRecorder
 
@@ -50,6 +50,7 @@ class Header:
     terrain: str  # name or file of the ground
     origin: Origin
     begun: float = 0.0  # seconds since 1970
+    size: float = 1.0  # of the body that the take is made for, see `Clip.size`
 
 
 class TakeJournal:
@@ -262,13 +263,14 @@ def _header(line: bytes, path: Path) -> Header:
     fps, begun, origin = value.get("fps"), value.get("begun"), value.get("origin")
     if not isinstance(fps, int | float) or not 1.0 <= fps <= MAX_FPS:
         raise FileError(f"{path}: expected fps from 1 to {MAX_FPS:.0f}.", "Remove it.")
-    name, terrain = value.get("name"), value.get("terrain")
+    name, terrain, size = value.get("name"), value.get("terrain"), value.get("size")
     return Header(
         name=name[:200] if is_text(name) else "take",
         fps=float(fps),
         terrain=terrain[:4096] if is_text(terrain) else "flat",
         origin=origin_from(origin if isinstance(origin, dict) else {}),
         begun=float(begun) if isinstance(begun, int | float) and 0 <= begun < 1e11 else 0.0,
+        size=float(size) if isinstance(size, int | float) and MIN_SIZE <= size <= MAX_SIZE else 1.0,
     )
 
 
@@ -288,7 +290,7 @@ def read_journal(file: BinaryIO, path: Path) -> Clip:
             break
     if not frames:
         raise FileError(f"{path}: no frame of the take is left.", "Discard it.")
-    return recorder.stop(header.name, header.terrain, header.origin)
+    return replace(recorder.stop(header.name, header.terrain, header.origin), size=header.size)
 
 
 def _records(file: BinaryIO) -> Iterator[NDArray[np.float32] | PromptEvent]:

@@ -33,10 +33,12 @@ class Journals:
     add: Callable[[ClipItem], None]  # puts a recovered take into the list
     _running: TakeJournal | None = None  # of the take that is being recorded
 
-    def begin(self, recorder: ClipRecorder, name: str, terrain: str, origin: Origin) -> None:
-        """Write down the take that begins now."""
+    def begin(
+        self, recorder: ClipRecorder, name: str, terrain: str, origin: Origin, size: float = 1.0
+    ) -> None:
+        """Write down the take that begins now, of a body of a size."""
         self._running = journal = TakeJournal(
-            self.folder, Header(name, recorder.fps, terrain, origin, time.time())
+            self.folder, Header(name, recorder.fps, terrain, origin, time.time(), size)
         )
         in_force = recorder.prompt_in_force
         if in_force is not None:
@@ -59,7 +61,7 @@ class Journals:
     def keep(self, clip: Clip) -> TakeJournal:
         """Write down a take that was cut from the memory."""
         journal = TakeJournal(
-            self.folder, Header(clip.name, clip.fps, clip.terrain, clip.origin, time.time())
+            self.folder, Header(clip.name, clip.fps, clip.terrain, clip.origin, time.time(), clip.size)
         )
         count = len(clip)
         gaits = np.full(count, -1, np.float32) if clip.gaits is None else clip.gaits.astype(np.float32)

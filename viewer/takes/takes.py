@@ -133,7 +133,8 @@ class Takes:
             self.recorder.start()
             ground = self.stage.terrain_spec
             origin = origin_of(self.stage.controller, ground)
-            self.journals.begin(self.recorder, f"Take {self.state.counter + 1}", ground, origin)
+            name, size = f"Take {self.state.counter + 1}", self.stage.terrain.unit_m
+            self.journals.begin(self.recorder, name, ground, origin, size)
             self.messages.note(f"Take {self.state.counter + 1} is being recorded. R ends it.")
         else:
             journal = self.journals.end(self.recorder)

@@ -86,3 +86,18 @@ def test_an_mp4_has_a_frame_for_each_thirtieth_second(start: Start, tmp_path: Pa
 def test_an_fbx_is_written_where_blender_is(start: Start, tmp_path: Path) -> None:
     path = export(start(services=REAL), tmp_path, ".fbx")
     assert path.read_bytes().startswith(b"Kaydara FBX Binary")
+
+
+def test_a_format_that_lacks_its_program_says_so_in_the_window(
+    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fbx, "find_blender", lambda: None)
+    app = start()
+    run(app, 2)
+    app.takes.save_last()
+    app.desk.exporting.open()
+    app.desk.exporting.choose_format(".fbx")
+    run(app, 2)
+    assert "SPORT_BLENDER" in app.state.desk.exports.missing
+    app.desk.exporting.choose_format(".glb")
+    assert app.state.desk.exports.missing == ""

@@ -84,7 +84,11 @@ class Exporting:
     def choose_format(self, suffix: str) -> None:
         """Write another format; a path that was typed keeps its name."""
         typed = self.state.path != self._proposed
-        self.state.form.suffix = suffix
+        self.state.form.suffix, self.state.missing = suffix, ""
+        try:
+            FORMATS[suffix].check(Path(f"take{suffix}"))
+        except UsageError as error:
+            self.state.missing = str(error).partition(": ")[2]
         if typed:
             self.state.path = str(Path(self.state.path).with_suffix(suffix))
         else:

@@ -115,7 +115,7 @@ def _motion(form: ExportForm) -> None:
         overlay.row("For", "Unit, scale, root joint and names of takes as that program expects them")
         engines = (("", "any program"), *((name, name.capitalize()) for name in ENGINES))
         form.engine = str(overlay.combo("##export engine", engines, form.engine))
-    if form.format.keeps_motion:
+    if form.format.keeps_motion or "with_ground" in has:
         overlay.row("Ground", "As a second node of the file, or as a file beside it, in the same coordinates")
         inside = "with_ground" in has
         grounds = [(key, text) for key, text in GROUNDS.items() if inside or key != "inside"]
@@ -193,6 +193,9 @@ def _end(exporting: Exporting) -> None:
         if widgets.button("Cancel##cancel export", -1, "Give it up; nothing of it stays"):
             exporting.cancel()
         imgui.end_disabled()
+    elif state.missing:
+        with widgets.color(imgui.Col_.text, theme.ERROR):
+            imgui.text_wrapped(state.missing)
     elif widgets.button(f"{ICON.save} Export##export now", -1, primary=True):
         exporting.export()
     if state.report:

@@ -51,6 +51,7 @@ class ExportState:
     open: bool = False
     form: ExportForm = field(default_factory=ExportForm)
     path: str = ""  # the field
+    missing: str = ""  # what the format needs and is not installed, and how to get it
     progress: tuple[int, int] = (0, 0)  # frames of film done, and in all
     report: str = ""  # what became of the last export
     report_good: bool = True

@@ -1,6 +1,8 @@
-"""The real application without a display: the way of a take edited and driven again, and a reference beside a take."""
+"""The real application without a display: the way of a take edited and driven again, a reference beside a take, keys of its camera."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,9 +10,13 @@ from app_driver import click_on, place, press, run
 
 from runtime.controls import Gait
 from runtime.motion.point_path import Waypoint
+from runtime.projects.project import load_project, save_project
 from runtime.takes.clip import Clip
 from runtime.takes.mirror import mirrored
+from runtime.terrain.height_map import Terrain
 from viewer.app import App
+from viewer.exports.state import ExportForm
+from viewer.filming.shots import camera_path
 from viewer.takes.state import ClipItem
 
 
@@ -88,3 +94,38 @@ def test_a_reference_stands_beside_the_take_in_sync_and_over_it(app: App) -> Non
     assert later == pytest.approx(1.4 * takes.reference.offset_s, abs=0.03)
     takes.remove(1)
     assert not takes.reference.shown
+
+
+def test_keys_of_the_camera_are_set_dragged_looked_through_and_kept(app: App, tmp_path: Path) -> None:
+    item, camera, playback = app.state.takes.items[0], app.stage.camera, app.state.takes.playback
+    assert playback is not None
+    for frame, yaw in ((10, 0.0), (50, 1.0)):
+        playback.seek(frame)
+        camera.current.yaw = yaw
+        click_on(app, "+ Pin")
+        click_on(app, "Camera view")
+        run(app, 2)
+    assert [round(key.seconds * 60) for key in item.camera] == [10, 50]
+    (x, y), (to, _) = (place(app, "##camera", share=share) for share in (50 / 69, 60 / 69))
+    for at, down in ((x, None), (x, True), (to, True), (to, False)):
+        app.window.inject_mouse(at, y, None if down is None else 0, bool(down))
+        run(app, 2)
+    assert round(item.camera[1].seconds * 60) == pytest.approx(60, abs=1)
+    playback.seek(34)
+    playback.playing = True
+    run(app, 2)
+    assert 0.3 < camera.current.yaw < 0.7  # on the way from one to the other
+    playback.playing = False
+    film = app.desk.exporting._film_options(ExportForm(camera="keyed"), item, 0.5)
+    assert [key.seconds for key in film.keys] == [0.0, pytest.approx(item.camera[1].seconds - 0.5)]
+    see = camera_path("keyed", item.clip, Terrain.flat(), 60.0, 1.0, keys=item.camera)
+    yaws = [see(item.clip.pose(i)).yaw for i in range(70)]
+    assert yaws[:11] == pytest.approx([0.0] * 11, abs=0.05)
+    assert np.abs(np.diff(yaws)).max() < 0.04
+    save_project(app.desk.projects.contents.gather(), tmp_path / "a.sport")
+    assert load_project(tmp_path / "a.sport").takes[0].camera == item.camera
+    app.window.inject_mouse(*place(app, "##camera", share=10 / 69), 1, True)
+    run(app, 2)
+    app.window.inject_mouse(*place(app, "##camera", share=10 / 69), 1, False)
+    run(app, 2)
+    assert len(item.camera) == 1

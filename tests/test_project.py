@@ -288,7 +288,7 @@ def test_a_bomb_is_refused_before_it_unfolds(tmp_path: Path) -> None:
     version = {**ArchiveReader.open(path).document["takes"][0]["shown"], "count": 2_000_000, "drive": None}
     version |= {"frames": [0] * 6666 + [1]}
     sizes = [["|u1", [300 * BYTES]], ["|u1", [200 * BYTES]]]
-    takes = [{"name": "", "recorded": True, "shown": version, "older": [], "newer": []}]
+    takes = [{"name": "", "recorded": True, "camera": [], "shown": version, "older": [], "newer": []}]
     parts = [zlib.compress(bytes(count * BYTES)) for count in (300, 200)]
     bomb(path, parts, sizes, **bare, takes=takes)
     refused(path, "unfolds to more than")

@@ -62,6 +62,7 @@ from viewer.takes import pin_panel, reference, transport, words_panel
 from viewer.takes.editing import TakeEditing
 from viewer.takes.ghosts import Trails, ghosts
 from viewer.takes.pinning import Pinning
+from viewer.takes.take_camera import TakeCamera
 from viewer.takes.takes import Takes
 from viewer.takes.way_editing import WayEditing
 from viewer.wall import labels
@@ -181,6 +182,7 @@ class App:
         self.suggester = Suggester(prompt, settings, jobs)
         self.editing = TakeEditing(self.takes, self.stage, self.prompting)
         self.pinning = Pinning(self.editing, self.stage)
+        self.take_camera = TakeCamera(state.takes, self.stage.camera, messages)
         self.way = WayEditing(self.editing, self.stage.path)
         self.wall = Wall(state.wall, settings, messages, self.stage, self.takes, self.prompting)
         self.prompt = PromptRoom(
@@ -216,7 +218,7 @@ class App:
                 lambda width: pin_panel.draw_live(self.pinning, width),
             ),
             clips_panel.panel(takes, desk.exporting.open),
-            transport.panel(editing, self.pinning),
+            transport.panel(editing, self.pinning, self.take_camera),
             labels.panel(wall),
             clips_panel.sign(takes),
             bar.panel(desk, Undo(self.prompting, editing)),
@@ -406,6 +408,7 @@ class App:
         moving = intent.move != (0.0, 0.0) and not intent.strafe and not dragging
         zoom = intent.zoom * dt + wheel
         camera.update(pose, dt, intent.look, zoom, ground, moving)
+        self.take_camera.look(pose, ground)
         self.wall.frame_all(camera, self.shell.aspect, dt)
         camera.frame_in(self.shell.framing, dt)
 

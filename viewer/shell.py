@@ -127,7 +127,7 @@ class Shell:
         size, playing = imgui.get_io().display_size, self.takes.playback is not None
         played = self.takes.played
         tracks = len(PART_NAMES) if self.takes.timeline.part_tracks else 0
-        tracks += 0 if played is None else len(lanes(played.edits.pins))
+        tracks += 0 if played is None else len(lanes(played.edits.pins)) + bool(played.camera)
         panels = self.state.panels_open
         self._layout = arrange(size.x, size.y, scale, panels, playing, self._scene_height, tracks)
 

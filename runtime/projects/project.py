@@ -7,7 +7,7 @@ kept within the bounds of `runtime.projects.motion`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from runtime.projects.drives import DriveReader, DriveWriter, Json, read_ground,
 from runtime.projects.motion import BYTES, CLIP_BYTES, packed_frames, pieces, unpacked_frames
 from runtime.safe_read import is_text, printable, reason
 from runtime.skeleton import J
+from runtime.takes.camera_keys import MAX_KEYS, CameraKey, read_key
 from runtime.takes.clip import Clip, are_poses
 from runtime.takes.drive import Drive
 from runtime.takes.metadata import event_from, gait_seconds, origin_from
@@ -67,6 +68,7 @@ class StoredTake:
     newer: tuple[StoredVersion, ...] = ()
     recorded: bool = True
     name: str = ""
+    camera: tuple[CameraKey, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -213,6 +215,7 @@ def _take(take: StoredTake, archive: ArchiveWriter, drives: DriveWriter) -> Json
     return {
         "name": _label(take.name),
         "recorded": take.recorded,
+        "camera": [list(astuple(key)) for key in take.camera],
         "shown": packed((take.shown,))[0],
         "older": packed(take.older),
         "newer": packed(take.newer),
@@ -248,8 +251,11 @@ def _read_take(value: Json, archive: ArchiveReader, drives: DriveReader) -> Stor
 
     recorded = value["recorded"] is True
     (shown,) = unpacked([value["shown"]])
+    if len(value["camera"]) > MAX_KEYS:
+        raise ValueError(f"{len(value['camera'])} camera keys")
+    camera = tuple(read_key(key) for key in value["camera"])
     return StoredTake(
-        shown, unpacked(value["older"]), unpacked(value["newer"]), recorded, _text(value["name"])
+        shown, unpacked(value["older"]), unpacked(value["newer"]), recorded, _text(value["name"]), camera
     )
 
 

@@ -165,7 +165,7 @@ class Exporting:
         options = self._options(form, clip)
         beside = path.with_name(f"{path.stem}-ground{form.ground}") if form.ground.startswith(".") else None
         if form.format.film:
-            film, film_ground = self._film_options(form), self._ground_of(item)
+            film, film_ground = self._film_options(form, item, options.start_s), self._ground_of(item)
             return lambda: self._film(clip, film_ground(), path, options, film)
         check_export(path, options, beside)
         ground = self._ground_of(item)
@@ -199,15 +199,21 @@ class Exporting:
         options.check()
         return options
 
-    def _film_options(self, form: ExportForm) -> Any:
+    def _film_options(self, form: ExportForm, item: ClipItem, start_s: float) -> Any:
+        """The options of a film that begins at a time of a take."""
         from viewer.filming.film import FilmOptions
-        from viewer.filming.shots import ShotView
+        from viewer.filming.shots import KEYED, ShotView
 
         camera = self.stage.camera.current
         width, height = SIZES[form.size]
+        keys = tuple(replace(key, seconds=max(key.seconds - start_s, 0.0)) for key in item.camera)
+        if form.camera == KEYED and not keys:
+            raise UsageError(
+                "Camera: this take has no keys.", "Key views by “+ Pin” on its timeline, or choose another."
+            )
         options = FilmOptions(
             width, height, form.film_fps, form.camera, form.distance, form.captions, form.quality,
-            ShotView(camera.yaw, camera.pitch, camera.distance), form.fov_degrees,
+            ShotView(camera.yaw, camera.pitch, camera.distance), form.fov_degrees, keys,
         )  # fmt: skip
         options.check()
         return options

@@ -12,7 +12,7 @@ from runtime.formats.table import FORMATS
 from runtime.takes.clip import VIDEO_RATES
 from viewer.exports.exporting import Exporting
 from viewer.exports.state import GROUNDS, SIZES, ExportForm
-from viewer.filming.shots import CAMERAS, VIEW
+from viewer.filming.shots import CAMERAS, KEYED, VIEW
 from viewer.gl_bindings import imgui
 from viewer.gui import overlay, theme, widgets
 from viewer.gui.panels import Panel, PanelPlace
@@ -136,7 +136,11 @@ def _film(form: ExportForm) -> None:
     overlay.row("Size")
     form.size = str(overlay.combo("##film size", [(size, size) for size in SIZES], form.size))
     overlay.row("Camera")
-    cameras = [(VIEW, "As in the window, going along"), *((name, name.capitalize()) for name in CAMERAS)]
+    cameras = [
+        (VIEW, "As in the window, going along"),
+        (KEYED, "Keyed on the timeline"),
+        *((name, name.capitalize()) for name in CAMERAS),
+    ]
     form.camera = str(overlay.combo("##film camera", cameras, form.camera))
     overlay.row("Distance")
     text = "%.1f m" if form.distance else "as usual"

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from runtime.errors import UsageError
 from runtime.formats.prepare import ExportOptions, PreparedTake
 from runtime.pose import Pose
+from runtime.takes.camera_keys import CameraKey
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
 from viewer.filming.captions import Captions, caption
@@ -46,6 +47,7 @@ class FilmOptions:
     quality: str = "high"  # or "software": faster without a graphics card
     view: ShotView | None = None  # of the camera "view"
     fov_degrees: float = 0.0  # field of view from bottom to top; 0 for the usual one
+    keys: tuple[CameraKey, ...] = ()  # of the camera "keyed", in the time of the film
 
     def check(self) -> None:
         """UsageError names the option that cannot be used."""
@@ -114,7 +116,7 @@ def _camera(clip: Clip, terrain: Terrain, options: FilmOptions, height: float = 
     aspect = options.width / options.height
     return camera_path(
         options.camera, clip, terrain, options.fps, aspect, options.distance, height, options.view,
-        math.radians(options.fov_degrees),
+        math.radians(options.fov_degrees), options.keys,
     )  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from runtime.arrays import Array
 from runtime.errors import UsageError
 from runtime.motion import features
 from runtime.pose import Pose
+from runtime.takes.camera_keys import CameraKey, view_at
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
 from viewer.render.camera import FOV_Y, Camera, FollowCamera
@@ -51,6 +52,7 @@ SHOTS = {
     "orbit": Shot(2.7, 0.2, 4.2, ORBIT_SPEED),
 }
 STILL = "still"  # stands where it sees the whole way
+KEYED = "keyed"  # as the keys of the take show it; of the window alone
 VIEW = "view"  # as the window shows the character, going along with it; of the window alone
 CAMERAS = (*SHOTS, STILL)
 
@@ -65,13 +67,17 @@ def camera_path(
     height: float = 0.0,
     view: ShotView | None = None,
     fov: float = 0.0,
+    keys: Sequence[CameraKey] = (),
 ) -> CameraPath:
     """The camera `name` of `CAMERAS` for a clip of a character of a `height`; `distance` in metres, 0 for its usual one.
 
-    `view` is that of the camera `VIEW`, `fov` the field of view from bottom to top in radians, 0 for the usual one.
+    `view` is that of the camera `VIEW`, `keys` those of `KEYED`, `fov` the field of view from bottom to top in radians, 0 for the usual one.
     UsageError lists the names.
     """
-    path = _camera_path(name, clip, terrain, fps, aspect, distance, height, view)
+    if name == KEYED and keys:
+        path = _keyed(keys, clip, terrain, fps)
+    else:
+        path = _camera_path(name, clip, terrain, fps, aspect, distance, height, view)
     if fov == 0.0:
         return path
 
@@ -136,6 +142,21 @@ def _along(
     def next_camera(pose: Pose) -> Camera:
         camera.update(looked_at(pose.hips_position, terrain, size), 1.0 / fps, terrain=terrain)
         return camera
+
+    return next_camera
+
+
+def _keyed(keys: Sequence[CameraKey], clip: Clip, terrain: Terrain, fps: float) -> CameraPath:
+    """A camera that goes along and looks as the keys say."""
+    follow = FollowCamera(looked_at(clip.sample(0.0).hips_position, terrain))
+    frame = 0
+
+    def next_camera(pose: Pose) -> Camera:
+        nonlocal frame
+        key = view_at(keys, frame / fps)
+        frame += 1
+        follow.update(looked_at(pose.hips_position, terrain), 1.0 / fps)
+        return Camera(follow.target + np.array([key.x, key.y, key.z]), key.yaw, key.pitch, key.distance)
 
     return next_camera
 

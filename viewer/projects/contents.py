@@ -81,7 +81,8 @@ class Contents:
         """Changes whenever something changes that is worth saving: not where one walks or looks."""
         stage, takes = self.stage, self.takes.state
         items = tuple(
-            (id(i.clip), id(i.drive), i.saved, i.given, len(i.older), len(i.newer)) for i in takes.items
+            (id(i.clip), id(i.drive), i.saved, i.given, i.camera, len(i.older), len(i.newer))
+            for i in takes.items
         )
         settings = tuple(getattr(self.settings, name) for name in KEPT_SETTINGS)
         style = self.prompting.state.edit
@@ -168,7 +169,7 @@ def stored(item: ClipItem) -> StoredTake:
     """A take of the list as it is kept."""
     shown = StoredVersion(item.clip, item.drive, str(item.saved or ""), item.label, item.base, item.edits)
     older, newer = (tuple(_stored(v) for v in versions) for versions in (item.older, item.newer))
-    return StoredTake(shown, older, newer, item.recorded, item.given)
+    return StoredTake(shown, older, newer, item.recorded, item.given, item.camera)
 
 
 def _stored(version: TakeVersion) -> StoredVersion:
@@ -181,7 +182,7 @@ def item_of(take: StoredTake) -> ClipItem:
     """A kept take for the list; its model is still to be found."""
     item = ClipItem(take.shown.clip, _existing(take.shown.saved), take.recorded, drive=take.shown.drive)
     item.label, item.given = take.shown.label, take.name
-    item.base, item.edits = take.shown.base, take.shown.edits
+    item.base, item.edits, item.camera = take.shown.base, take.shown.edits, take.camera
     item.older, item.newer = ([_version(v) for v in versions] for versions in (take.older, take.newer))
     return item
 

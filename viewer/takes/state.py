@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from runtime.takes.pose_edits import NO_EDITS, PoseEdits
 
 if TYPE_CHECKING:
+    from runtime.takes.camera_keys import CameraKey
     from runtime.takes.clip import Clip
     from runtime.takes.drive import Drive
     from runtime.takes.journal import FoundJournal, TakeJournal
@@ -53,6 +54,7 @@ class ClipItem:
     exported: Path | None = None  # the last file that was made of it, whole or not
     base: Clip | None = None  # as it was driven, where `edits` bend the poses of `clip`
     edits: PoseEdits = NO_EDITS
+    camera: tuple[CameraKey, ...] = ()
 
     def drop_journal(self) -> None:
         """The take is exported, or not wanted: nothing is left to recover."""

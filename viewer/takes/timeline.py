@@ -16,6 +16,7 @@ from viewer.takes.editing import TakeEditing
 from viewer.takes.pinning import Pinning
 from viewer.takes.playback import Playback
 from viewer.takes.state import Drag
+from viewer.takes.take_camera import TakeCamera
 from viewer.takes.track_drawing import (
     GRIP,
     SMALL,
@@ -41,14 +42,14 @@ GROUND_TINT: Color = (0.55, 0.58, 0.62, 0.35)
 PART_TINT: Color = (0.36, 0.55, 0.78, 0.28)
 
 
-def draw(editing: TakeEditing, pinning: Pinning, playback: Playback) -> None:
+def draw(editing: TakeEditing, pinning: Pinning, camera: TakeCamera, playback: Playback) -> None:
     """The tracks, one below the other, as tall as there is room; in less height than they need they scroll."""
     tracks = editing.tracks
     if tracks is None:
         return
     parts = PART_NAMES if editing.state.timeline.part_tracks else ()
     rows = lanes(pinning.pins)
-    tall = _growth(len(parts) + len(rows))
+    tall = _growth(len(parts) + len(rows) + bool(camera.keys))
     imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(SPACING)))
     # the ruler above the tracks is as wide as they are, also where they scroll (known from the frame before)
     storage, key = imgui.get_state_storage(), imgui.get_id("tracks scroll")
@@ -62,6 +63,8 @@ def draw(editing: TakeEditing, pinning: Pinning, playback: Playback) -> None:
             _still(name, tracks.parts[part], ROW * tall, PART_TINT, playback)
         _spans("Gait", "gaits", tracks.gaits, ROW * tall, editing, playback)
         _still("Ground", tracks.grounds, ROW * tall, GROUND_TINT, playback)
+        if camera.keys:
+            camera.draw_track(ROW * tall, playback)
         if rows:
             pose_tracks.draw_pins(pinning, rows, ROW * tall, playback)
         pose_tracks.draw_feet(pinning, FEET * tall, playback)

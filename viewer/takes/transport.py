@@ -13,6 +13,7 @@ from viewer.takes import timeline
 from viewer.takes.editing import TakeEditing
 from viewer.takes.pinning import Pinning
 from viewer.takes.playback import Playback
+from viewer.takes.take_camera import TakeCamera
 
 SPEEDS = (0.1, 2.0)
 WIDE = 520.0  # pixels at scale 1: words beside the icons
@@ -20,7 +21,7 @@ TINY = 400.0  # in less only what has no other way stays
 PROMPT_POPUP, GAIT_POPUP, PIN_POPUP = "new prompt", "new gait", "new pin"
 
 
-def panel(editing: TakeEditing, pinning: Pinning) -> Panel:
+def panel(editing: TakeEditing, pinning: Pinning, camera: TakeCamera) -> Panel:
     """The bar; Escape in the view leaves the take."""
 
     def close() -> bool:
@@ -28,10 +29,10 @@ def panel(editing: TakeEditing, pinning: Pinning) -> Panel:
         editing.takes.close_playback()
         return was_open
 
-    return Panel("Transport", PanelPlace.BELOW, lambda _: draw(editing, pinning), close=close)
+    return Panel("Transport", PanelPlace.BELOW, lambda _: draw(editing, pinning, camera), close=close)
 
 
-def draw(editing: TakeEditing, pinning: Pinning) -> None:
+def draw(editing: TakeEditing, pinning: Pinning, camera: TakeCamera) -> None:
     """Contents of the bar."""
     playback = editing.state.playback
     if playback is None:
@@ -41,8 +42,8 @@ def draw(editing: TakeEditing, pinning: Pinning) -> None:
     if not wide:
         editing.state.timeline.part_tracks = False  # its button is not there
     _playing(playback, editing, wide, tiny)
-    _editing(playback, editing, pinning, wide, tiny)
-    timeline.draw(editing, pinning, playback)
+    _editing(playback, editing, pinning, camera, wide, tiny)
+    timeline.draw(editing, pinning, camera, playback)
 
 
 def _playing(playback: Playback, editing: TakeEditing, wide: bool, tiny: bool) -> None:
@@ -92,7 +93,9 @@ def _time(playback: Playback, editing: TakeEditing, space: float) -> None:
     widgets.muted(fitting[0] if fitting else "")
 
 
-def _editing(playback: Playback, editing: TakeEditing, pinning: Pinning, wide: bool, tiny: bool) -> None:
+def _editing(
+    playback: Playback, editing: TakeEditing, pinning: Pinning, camera: TakeCamera, wide: bool, tiny: bool
+) -> None:
     """What lies on the tracks: trim, new spans, undo, and going on from here."""
     gap, fixed = px(4), editing.fixed
     if not tiny:  # the handles of the ruler do the same
@@ -115,11 +118,13 @@ def _editing(playback: Playback, editing: TakeEditing, pinning: Pinning, wide: b
     imgui.same_line(0, gap)
     imgui.begin_disabled(bool(pinning.fixed))
     if widgets.button(
-        "+ Pin", 0.0, pinning.fixed or "Hold a hand, a foot, the look or the pose from this frame on"
+        "+ Pin",
+        0.0,
+        pinning.fixed or "Hold a hand, a foot, the look or the pose from this frame on, or key the camera",
     ):
         imgui.open_popup(PIN_POPUP)
     imgui.end_disabled()
-    _popups(editing, pinning)
+    _popups(editing, pinning, camera)
     imgui.same_line(0, gap)
     undo, redo = editing.undo_labels
     if widgets.icon_button(ICON.undo, "take undo", f"Undo {undo} (Ctrl+Z)", theme.TEXT, bool(undo)):
@@ -147,7 +152,7 @@ def _go_on(editing: TakeEditing, fixed: str, words: str) -> None:
     imgui.end_disabled()
 
 
-def _popups(editing: TakeEditing, pinning: Pinning) -> None:
+def _popups(editing: TakeEditing, pinning: Pinning, camera: TakeCamera) -> None:
     state = editing.state.timeline
     if imgui.begin_popup(PROMPT_POPUP):
         if imgui.is_window_appearing():
@@ -170,4 +175,6 @@ def _popups(editing: TakeEditing, pinning: Pinning) -> None:
         for what in Pinned:
             if imgui.selectable(f"{str(what).capitalize()}##pin", False)[0]:
                 pinning.add(what)
+        imgui.separator()
+        camera.menu()
         imgui.end_popup()

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from runtime.takes.drive import Drivable, Drive
 
 
+WAY = "way"  # the name of the edit
+
+
 @dataclass
 class WayEditing:
     """Lends the path tool to the take that plays; the live character's path comes back after."""
@@ -25,6 +28,7 @@ class WayEditing:
     tool: PathTool
     _item: ClipItem | None = None  # whose way the tool has
     _clip: Clip | None = None  # the version of it
+    _driven: tuple[Waypoint, ...] = ()  # the points that the take was driven along last
     _lent: list[Waypoint] = field(default_factory=list)  # the live character's points meanwhile
 
     def poll(self) -> None:
@@ -44,6 +48,9 @@ class WayEditing:
         assert item.drive is not None
         if self._item is None:
             self._lent = list(self.tool.points)
+        elif item.label == WAY and self._driven == tuple(self.tool.points):
+            self._clip = item.clip  # the points that it was just driven along stay as they were set
+            return
         self._item, self._clip = item, item.clip
         try:
             self.tool.points[:] = way_of(item.driven, item.drive)
@@ -60,7 +67,7 @@ class WayEditing:
 
     def drive(self) -> None:
         """Drive the take again along the points."""
-        points = tuple(self.tool.points)
+        points = self._driven = tuple(self.tool.points)
 
         def work(
             driven: Clip, drive: Drive, maker: Drivable, progress: Callable[[float], None]
@@ -70,4 +77,4 @@ class WayEditing:
             return walked_again(driven, drive, maker, points, 0, progress)
 
         if points:
-            self.editing.run("way", work)
+            self.editing.run(WAY, work)

@@ -8,18 +8,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.arrays import Array
 from runtime.errors import UsageError
 from runtime.motion import features
 from runtime.pose import Pose
 from runtime.takes.camera_keys import CameraKey, view_at
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
-from viewer.render.camera import FOV_Y, Camera, FollowCamera
+from viewer.render.camera import FOV_Y, Camera, FollowCamera, looked_at
 
 CameraPath = Callable[[Pose], Camera]  # called once for each frame, in their order
 
-LOOK_HEIGHT_M = 0.86  # of the point looked at, over the ground
 USUAL_HEIGHT_M = 1.9  # of characters that the shots are for; from a taller one the camera steps back
 ORBIT_SPEED = math.radians(24.0)  # per second
 MAX_PITCH = math.radians(70.0)
@@ -180,9 +178,3 @@ def _still(clip: Clip, terrain: Terrain, aspect: float, distance: float, size: f
 def _clear(camera: Camera, terrain: Terrain) -> bool:
     points = camera.target + np.linspace(0.3, 1.0, 24)[:, None] * (camera.position - camera.target)
     return bool(np.all(points[:, 1] > terrain.height(points[:, 0], points[:, 2]) + CLEARANCE_M))
-
-
-def looked_at(hips: Array, terrain: Terrain, size: float = 1.0) -> Array:
-    """A point `(3,)` over the ground under the hips, so that steps do not shake the camera, of a body `size` times as tall."""
-    x, _, z = (float(value) for value in hips)
-    return np.array([x, float(terrain.height(x, z)) + size * LOOK_HEIGHT_M, z])

@@ -15,6 +15,7 @@ from runtime.spring import spring
 from runtime.terrain.height_map import Terrain
 
 FOV_Y = math.radians(38.0)
+LOOK_HEIGHT_M = 0.86  # of the point looked at, over the ground
 NEAR_M = 0.1
 FAR_M = 300.0
 ORBIT_RADIANS_PER_PIXEL = 0.006
@@ -44,6 +45,12 @@ def look_at(eye: Array, target: Array) -> Array:
     view[:3, :3] = right, np.cross(back, right), back
     view[:3, 3] = -view[:3, :3] @ eye
     return view.astype(np.float32)
+
+
+def looked_at(hips: Array, terrain: Terrain, size: float = 1.0) -> Array:
+    """A point `(3,)` over the ground under the hips, so that steps do not shake the camera, of a body `size` times as tall."""
+    x, _, z = (float(value) for value in hips)
+    return np.array([x, float(terrain.height(x, z)) + size * LOOK_HEIGHT_M, z])
 
 
 def perspective(fov_y: float, aspect: float, near: float, far: float) -> Array:

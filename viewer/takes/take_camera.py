@@ -10,11 +10,11 @@ from runtime.errors import SportError
 from runtime.pose import Pose
 from runtime.takes.camera_keys import MAX_KEYS, CameraKey, view_at, with_key
 from runtime.terrain.height_map import Terrain
-from viewer.filming.shots import looked_at
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.widgets import px
 from viewer.messages import Messages
+from viewer.render.camera import looked_at
 from viewer.stage.camera_control import CameraControl
 from viewer.takes.playback import Playback
 from viewer.takes.state import ClipItem, TakesState

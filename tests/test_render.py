@@ -181,6 +181,19 @@ def test_feet_darken_the_ground_only_when_near(render: Render) -> None:
     assert bare - jumped < 0.6 * (bare - stood)
 
 
+def test_ghosts_are_fainter_where_they_would_hide_the_character(render: Render) -> None:
+    pose, behind = walking_pose(Terrain.flat()), walking_pose(Terrain.flat(), 0.0, 2.5)
+    bare = render(pose=None, overlays=Overlays()).astype(int)
+    alone = np.abs(render(pose=None, overlays=Overlays(ghosts=[pose])).astype(int) - bare).max(-1)
+    solid = np.abs(render(pose=pose).astype(int) - bare).max(-1)
+    assert alone.max() < 0.8 * solid.max()  # the ground shows through
+    far = render(pose=behind, yaw=0.0).astype(int)
+    covering = np.abs(render(pose=behind, yaw=0.0, overlays=Overlays(ghosts=[pose])).astype(int) - far).max(
+        -1
+    )
+    assert 0 < covering.max() < 0.7 * alone.max()
+
+
 def test_ghosts_throw_no_shadow_and_let_the_ground_through(render: Render) -> None:
     terrain = Terrain.flat()
     pose = walking_pose(terrain)

@@ -145,9 +145,9 @@ class CharacterPass:
                 set_uniforms(self._programs["surface"], {"opacity": draw.opacity})
                 self._ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
                 self._ctx.depth_func = "<"
-                target.color_mask = False, False, False, False
+                _mask_colors(target, False)
                 self._render("surface", slot)
-                target.color_mask = True, True, True, True
+                _mask_colors(target, True)
                 self._ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE | moderngl.BLEND)
                 self._ctx.depth_func = "<="
                 self._render("surface", slot)
@@ -165,6 +165,12 @@ class CharacterPass:
         self._joints.release()
         for program in self._programs.values():
             program.release()
+
+
+def _mask_colors(target: moderngl.Framebuffer, written: bool) -> None:
+    """Whether drawing writes colours; a mask comes into force when its framebuffer is bound."""
+    target.color_mask = written, written, written, written
+    target.use()
 
 
 def ghost_draws(ghosts: list[Pose], pose: Pose | None, eye: Array) -> list[CharacterDraw]:

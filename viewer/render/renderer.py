@@ -97,6 +97,7 @@ class Renderer:
         self, scene: moderngl.Framebuffer, pose: Pose | None, overlays: Overlays
     ) -> None:
         scene.depth_mask = False
+        scene.use()  # a mask comes into force when its framebuffer is bound
         if overlays.show_trajectory and overlays.trajectory is not None:
             self._overlays.draw_on_ground(trajectory_strokes(overlays.trajectory, self._ground))
         if overlays.path is not None:
@@ -104,6 +105,7 @@ class Renderer:
         if overlays.show_contacts and pose is not None:
             self._overlays.draw_on_ground(contact_strokes(pose, self._ground))
         scene.depth_mask = True
+        scene.use()
 
     def _draw_top_overlays(self, frame: RenderFrame, pose: Pose | None, overlays: Overlays) -> None:
         pixel_scale = max(frame.size[1] / REFERENCE_HEIGHT_PX, 0.5)

@@ -191,3 +191,16 @@ def test_the_window_walks_a_body_in_its_own_size(start: Callable[..., Any], body
 def test_every_form_with_a_character_can_fit_it_to_the_motion() -> None:
     for form in FORMATS.values():
         assert ("character" in form.options) == ("fit_to_motion" in form.options), form.suffix
+
+
+@pytest.mark.parametrize("pitch", [0.05, 0.12, 0.2])
+def test_a_heel_that_comes_down_stays_over_the_ground(body: Path, pitch: float) -> None:
+    """Our ankle is held at its height whatever the pitch: the heel behind it lies deeper, and a giant's by more."""
+    character, pose = load_character(body), rolled(pitch, 0.3)
+    local = pose.local_rotations.copy()
+    hips = pose.hips_position.copy()
+    hips[1] += 0.066 - pose.positions[SPORT_SKELETON.index("LeftFoot"), 1]  # as the foot lock leaves it
+    contacts = np.array([0.4, 0.3, 0.0, 0.0], np.float32)
+    clip = Clip("strike", 60.0, hips[None].astype(np.float32), local[None].astype(np.float32), contacts[None])
+    low = skin_vertices(soles(character, "Left"), character.skin_matrices(clip.pose(0)))[:, 1].min()
+    assert low * character.size > -0.01

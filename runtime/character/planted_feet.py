@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from runtime import rotations
 from runtime.arrays import AnyArray
 from runtime.character.two_bones import bend
-from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON
+from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
 
 if TYPE_CHECKING:
     from runtime.character.character import Character
@@ -31,7 +31,14 @@ LOW = 0.25  # of the height of the ankle over the sole: vertices up to there are
 KNEE = np.array([0.0, 0.0, 1.0])  # where a straight knee gives way
 HEEL_DOWN, HEEL_UP = np.radians((-2.0, -15.0))  # pitch of a foot from which on its toes bend, and all the way
 TOE_BEND = np.radians(80.0)  # how far they do
-OUTLINE = 7  # points of a foot or of toes
+OUTLINE = 13  # points of a foot or of toes,
+LEAN = 0.35  # sideways, tangent of how far feet roll
+FLAT = (0.8, 1.0)  # contacts of heel and toe from which a foot stands flat,
+    0.8,
+    1.0,
+)  # contact of heel and toe from which a foot stands flat, on a slope too, where its heel may lie lower:
+ON_SLOPES = 0.8  # on a slope too, where its heel may lie lower: it is lifted by so much less
+PRESSED = 0.002  # m that our soles lie in the ground, `sink` of the foot lock
 TOES_UP = 0.1  # sine of the pitch from which a foot rolls over its heel
 
 
@@ -84,9 +91,14 @@ def find_soles(character: Character, rest: AnyArray, pivots: AnyArray) -> Soles:
 
 
 def _outline(points: AnyArray) -> AnyArray:
-    """The points `(OUTLINE, 3)` that lie furthest down, ahead and back."""
+    """The points `(3 OUTLINE, 3)` that lie furthest down, ahead and back, and the same leaning to either side."""
     angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, OUTLINE)
-    directions = np.stack([np.zeros(OUTLINE), -np.cos(angles), np.sin(angles)], axis=1)
+    directions = np.concatenate(
+        [
+            np.stack([np.full(OUTLINE, side), -np.cos(angles), np.sin(angles)], 1)
+            for side in (-LEAN, 0.0, LEAN)
+        ]
+    )
     return np.asarray(points[np.argmax(points @ directions.T, axis=0)])
 
 
@@ -103,7 +115,10 @@ def plant_feet(
     hip, knee, ankle = (pivots[..., soles.joints[:, k], :] for k in range(3))
     turned = world[..., foot, :]
     world[..., toe, :] = toes = _flat_toes(turned, world[..., toe, :])
-    target = positions[..., foot, :] + _shift(soles, turned, toes, contacts[..., 1::2])
+    toe_height = positions[..., toe, 1] - positions[..., foot, 1] - TOE_HEIGHT
+    floor = np.minimum(toe_height, -ANKLE_HEIGHT) + PRESSED
+    pairs = np.reshape(contacts, (*np.shape(contacts)[:-1], 2, 2))
+    target = positions[..., foot, :] + _shift(soles, turned, toes, pairs, floor)
     ahead = rotations.rotate(world[..., upper, :], KNEE)
     turn_upper, turn_lower, _ = bend(hip, knee, ankle, target, ahead)
     world[..., upper, :] = rotations.multiply(turn_upper, world[..., upper, :])
@@ -121,8 +136,12 @@ def _flat_toes(foot: AnyArray, toes: AnyArray) -> AnyArray:
     return rotations.multiply(rotations.from_axis_angle(axis, -up), toes)
 
 
-def _shift(soles: Soles, foot: AnyArray, toes: AnyArray, toe_contact: AnyArray) -> AnyArray:
-    """From our ankles to these `(..., 2, 3)`: a foot rolls over the ball on its toes, over the heel with toes up."""
+def _shift(soles: Soles, foot: AnyArray, toes: AnyArray, contacts: AnyArray, floor: AnyArray) -> AnyArray:
+    """From our ankles to these `(..., 2, 3)`: a foot rolls over the ball on its toes, over the heel with toes up.
+
+    `contacts` `(..., 2, 2)` of heel and toe of each foot, `floor` `(..., 2)` the ground's height from our ankle.
+    """
+    toe_contact = contacts[..., 1]
     ahead = rotations.rotate(foot, KNEE)
     level = rotations.from_yaw(np.arctan2(ahead[..., 0], ahead[..., 2]))
     heel_share = np.clip(ahead[..., 1] / TOES_UP, 0.0, 1.0) * (1.0 - np.clip(toe_contact, 0.0, 1.0))
@@ -137,4 +156,13 @@ def _shift(soles: Soles, foot: AnyArray, toes: AnyArray, toe_contact: AnyArray) 
     own_foot = np.sum(soles.foot * in_foot[..., None, :], -1).min(-1)
     own_toes = soles.toes[..., 1].min(-1) + np.sum(soles.toe_joint * in_foot, -1)
     deepest = np.minimum(own_foot, own_toes) + np.sum(shift * up[..., 0, :], -1)
-    return np.asarray(shift + np.maximum(ours - deepest, 0.0)[..., None] * up[..., 0, :])
+    shift = shift + np.maximum(ours - deepest, 0.0)[..., None] * up[..., 0, :]
+    # nor, unless heel and toe both stand, below the ground that the ankle and the toe joint of ours are held over
+    down = np.array([0.0, 1.0, 0.0])
+    in_toes = (rotations.to_matrix(toes).swapaxes(-1, -2) @ down)[..., None, :]
+    own_toes = rotations.rotate(foot, soles.toe_joint)[..., 1] + np.sum(soles.toes * in_toes, -1).min(-1)
+    in_foot = (rotations.to_matrix(foot).swapaxes(-1, -2) @ down)[..., None, :]
+    own_low = np.minimum(np.sum(soles.foot * in_foot, -1).min(-1), own_toes) + shift[..., 1]
+    stands = np.clip((contacts.min(axis=-1) - FLAT[0]) / (FLAT[1] - FLAT[0]), 0.0, 1.0)
+    lift = np.maximum(floor - own_low, 0.0) * (1.0 - ON_SLOPES * stands * stands * (3.0 - 2.0 * stands))
+    return np.asarray(shift + lift[..., None] * down)

@@ -1,0 +1,82 @@
+"""How deep soles of other bodies lie in level ground, and how far their standing toes slide, in generated walks.
+
+python -m benchmarks.soles --seconds 4
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from runtime.assets import asset_path
+from runtime.character.character import Character, load_character, skin_vertices
+from runtime.character.shape import BodyShape, shaped
+from runtime.character.writer import write_character
+from runtime.feet.skating import TOES
+from runtime.generate import generate_clip
+from runtime.takes.clip import Clip
+
+BODIES = {
+    "child": BodyShape(0.62, 0.85, 0.85, 0.9, 1.35),
+    "dwarf": BodyShape(0.8, 0.5, 1.25, 0.8, 1.25),
+    "giant": BodyShape(2.4, 1.1, 1.3, 1.1, 0.85),
+}
+WALKS = (
+    ("a relaxed walk", "walk"),
+    ("an old man", "walk"),
+    ("a proud queen", "walk"),
+    ("a relaxed walk", "jog"),
+)
+STANDS = 0.7  # contact of a toe
+
+
+def foot_meshes(character: Character) -> Character:
+    """The vertices of both feet alone."""
+    lead = character.joint_indices[np.arange(len(character.positions)), character.joint_weights.argmax(1)]
+    own = np.isin(
+        np.array(character.joint_names)[lead], ["LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase"]
+    )
+    arrays = {n: getattr(character, n)[own] for n in ("positions", "joint_indices", "joint_weights")}
+    return replace(character, **arrays)
+
+
+def measure(character: Character, clip: Clip) -> tuple[float, float, float]:
+    """The lowest point of the soles, its first percentile over frames, and the way of standing toes a frame, cm."""
+    positions, world = (array.astype(np.float64) for array in clip.world())
+    positions, world = character.adapted(positions, world, clip.contacts.astype(np.float64))
+    matrices, feet = (
+        character.joint_matrices(positions, world) @ character.inverse_bind,
+        foot_meshes(character),
+    )
+    low = np.array([skin_vertices(feet, each)[:, 1].min() for each in matrices]) * 100.0 * character.size
+    toes = [list(character.sport_joints).index(joint) for joint in TOES]
+    pivots = character.joint_transforms(positions, world)[0][:, toes][..., [0, 2]]
+    way = np.linalg.norm(np.diff(pivots, axis=0), axis=-1) * 100.0 * character.size
+    stands = clip.contacts[:, [1, 3]] > STANDS
+    return float(low.min()), float(np.percentile(low, 1)), float(way[stands[1:] & stands[:-1]].mean())
+
+
+def main() -> None:
+    """The command line above."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=4.0)
+    seconds = parser.parse_args().seconds
+    mannequin = load_character(asset_path("character/mannequin.glb"))
+    clips = [(f"{p}, {g}", generate_clip(p, gait=g, seconds=seconds, path="circle")) for p, g in WALKS]
+    print("body, walk: deepest, first percentile (cm over the ground), slide of standing toes (cm a frame)")
+    for name, shape in BODIES.items():
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "body.glb"
+            write_character(path, shaped(mannequin, shape))
+            character = load_character(path)
+        for walk, clip in clips:
+            deepest, first, slide = measure(character, clip)
+            print(f"{name}, {walk}: {deepest:.2f}, {first:.2f}, {slide:.3f}")
+
+
+if __name__ == "__main__":
+    main()

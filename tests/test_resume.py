@@ -82,3 +82,33 @@ def test_a_killed_stage_goes_on_to_the_same_bytes(stage, frames, table, texts, t
     assert done == [0, 1, 2]
     torch.manual_seed(99)  # a new process has other random numbers
     assert run(stage, tmp_path / "broken", frames, table, texts) == whole
+
+
+def test_encoding_goes_on_where_it_was_stopped(frames, table, tmp_path, monkeypatch):  # noqa: F811
+    torch.manual_seed(1)
+    module = phase.PeriodicAutoencoder(CONFIG)
+    velocities, clip = torch.as_tensor(table.velocities), torch.as_tensor(table.clip.astype(np.int64))
+    ends = torch.as_tensor(table.start)
+    given = (velocities, 1.0, ends[clip], ends[clip + 1] - 1)
+    vectors, rows = module.phase_vectors, []
+
+    def encode(out: Path, most: int) -> np.ndarray:
+        def stopped(windows):
+            if len(rows) == most:
+                raise Killed
+            rows.append(len(windows))
+            return vectors(windows)
+
+        rows.clear()
+        monkeypatch.setattr(module, "phase_vectors", stopped)
+        out.mkdir(exist_ok=True)
+        if not (out / "phase_final.pt").exists():
+            (out / "phase_final.pt").touch()
+        return phase.encode_all(Session(out, torch.device("cpu")), module, *given, batch=16)
+
+    whole = encode(tmp_path / "whole", 10**6)
+    chunks = len(rows)
+    with pytest.raises(Killed):
+        encode(tmp_path / "half", 2)
+    assert encode(tmp_path / "half", 10**6).tobytes() == whole.tobytes()
+    assert len(rows) == chunks - 2 > 0

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import mse_loss
 
+from runtime.motion.features import C
 from training.batches import RandomRows
 from training.frames import FrameTable
 from training.networks.phase import WINDOW, PeriodicAutoencoder
@@ -25,6 +26,7 @@ from training.session import (
 
 log = logging.getLogger("sport.train")
 HALF = WINDOW // 2
+ENCODED = "phase_encoded.npy"  # of the run: phase vectors so far
 
 
 def _windows(velocities: Tensor, rows: Tensor, first: Tensor, last: Tensor) -> Tensor:
@@ -112,7 +114,21 @@ def encode_table(session: Session, config: ModelConfig, table: FrameTable) -> np
     # a unit scale for the networks: amplitudes themselves are arbitrary
     phase /= np.sqrt((phase[:: max(1, len(phase) // 50000)] ** 2).mean((0, 2), keepdims=True)) + 1e-6
     np.save(session.out / "phase.npy", phase.astype(np.float32))
+    (session.out / ENCODED).unlink(missing_ok=True)
     return phase.astype(np.float32)
+
+
+def _encoded_so_far(session: Session, count: int) -> np.ndarray:
+    """Phase vectors `(count, 5, 2)` in a file of the run, NaN where still to be computed: hours of work survive an end."""
+    path = session.out / ENCODED
+    trained = session.out / "phase_final.pt"
+    if path.exists() and path.stat().st_mtime >= trained.stat().st_mtime:
+        kept = np.load(path, mmap_mode="r+")
+        if kept.shape == (count, C, 2):
+            return kept
+    fresh = np.lib.format.open_memmap(path, mode="w+", dtype=np.float32, shape=(count, C, 2))
+    fresh[:] = np.nan
+    return fresh
 
 
 @torch.no_grad()
@@ -130,13 +146,17 @@ def encode_all(
     module.eval()
     count = len(velocities)
     rows = torch.arange(0, count, stride, device=velocities.device)
-    parts = []
+    known = _encoded_so_far(session, len(rows))
     for k, chunk in enumerate(rows.split(batch)):
+        part = known[k * batch : (k + 1) * batch]
+        if not np.isnan(part).any():
+            continue
         with session.autocast():
-            parts.append(module.phase_vectors(_windows(velocities, chunk, first, last) / scale).float().cpu())
-        if k % 200 == 0:
+            part[:] = (
+                module.phase_vectors(_windows(velocities, chunk, first, last) / scale).float().cpu().numpy()
+            )
+        if k % 50 == 0:
             log.info("phase: encoded %d of %d frames", k * batch * stride, count)
-    known = torch.cat(parts).numpy()
     position = np.arange(count) / stride
     low = np.minimum(position.astype(int), len(known) - 1)
     high = np.minimum(low + 1, len(known) - 1)

@@ -34,9 +34,6 @@ TOE_BEND = np.radians(80.0)  # how far they do
 OUTLINE = 13  # points of a foot or of toes,
 LEAN = 0.35  # sideways, tangent of how far feet roll
 FLAT = (0.8, 1.0)  # contacts of heel and toe from which a foot stands flat,
-    0.8,
-    1.0,
-)  # contact of heel and toe from which a foot stands flat, on a slope too, where its heel may lie lower:
 ON_SLOPES = 0.8  # on a slope too, where its heel may lie lower: it is lifted by so much less
 PRESSED = 0.002  # m that our soles lie in the ground, `sink` of the foot lock
 TOES_UP = 0.1  # sine of the pitch from which a foot rolls over its heel

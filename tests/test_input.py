@@ -22,6 +22,9 @@ from viewer.input.bindings import (
     InputMapper,
     Intent,
     Keyboard,
+    changed_buttons,
+    pad_buttons,
+    pad_text,
     to_controls,
 )
 from viewer.input.devices import KeyScript
@@ -298,3 +301,14 @@ def test_a_persons_mappings_are_added_and_garbage_is_named(tmp_path: Path) -> No
     assert "1 lines" in pads.add_mappings(file)
     assert "03000000,Pad" in glfw.mappings
     assert "rubbish" not in glfw.mappings
+
+
+def test_buttons_of_a_pad_are_exchanged_and_named_in_the_help() -> None:
+    changes = changed_buttons("", Action.JUMP, "b")
+    assert changes == "jump=b crouch=a"
+    assert pad_buttons(changes + " nothing=at all=1 record=none")[Action.RECORD] == "y"
+    mapper, pad = InputMapper(), GamepadState("pad", buttons=frozenset({"b"}))
+    assert mapper.read(Keyboard(), pad, DT, changes=changes).gait is Gait.JUMP
+    assert pad_text("B (press or hold)", changes) == "A (press or hold)"
+    assert pad_text("Left stick", changes) == "Left stick"
+    assert changed_buttons(changes, Action.CROUCH, "b") == ""

@@ -138,6 +138,7 @@ class Settings:
         0.15, 0.0, 0.9, label="%.0f %% of the travel", factor=100.0, whole=True,
         hint="How far a stick of the gamepad moves before it counts",
     )  # fmt: skip
+    pad_buttons: str = ""  # changes of the gamepad, see `viewer.input.bindings.pad_buttons`
     invert_look: bool = specified(False, label="Invert look", hint="Stick and keys up look down")
     text_size: float = specified(1.0, choices={0.9: "Small", 1.0: "Normal", 1.15: "Large"})
     model_folder: str = ""  # name of a shipped model or folder of an exported one; "": the default

@@ -171,7 +171,7 @@ class Shell:
         self._draw_at_place(PanelPlace.WINDOW, layout.view)
         if self.state.crouching and not self.takes.recording:
             widgets.sign(layout.view, f"{ICON.person} Crouching (C stands up)", theme.TEXT)
-        if self.state.help_open and help.draw(self.fonts):
+        if self.state.help_open and help.draw(self.fonts, self.settings.pad_buttons):
             self.state.help_open = False
         self.focus.update((*self._windows, "Status"))
 

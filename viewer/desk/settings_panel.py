@@ -15,6 +15,7 @@ from viewer.gui.dialogs import DialogKind
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
+from viewer.input.bindings import BUTTON_NAMES, changed_buttons, pad_buttons
 from viewer.settings import Settings, spec_of
 
 FREE, BOUND = "free to publish with credits", "non-commercial"
@@ -51,6 +52,7 @@ def draw(desk: Desk, fonts: Fonts) -> None:
         _model(desk)
         overlay.row("Dead zone", "Of the gamepad's sticks")
         setting_widgets.slider(desk.settings, "dead_zone")
+        _buttons(desk)
         setting_widgets.toggle(desk.settings, "invert_look", px(140))
         imgui.same_line(0, px(4))
         if widgets.button("Show the first minute", -1, "The steps for beginners over the view"):
@@ -60,6 +62,21 @@ def draw(desk: Desk, fonts: Fonts) -> None:
             _reset(desk)
     if closed[0]:
         desk.state.settings_open = False
+
+
+def _buttons(desk: Desk) -> None:
+    """What each button of a gamepad does; a button that is taken is exchanged."""
+    if not imgui.tree_node_ex("Gamepad buttons", imgui.TreeNodeFlags_.span_avail_width):
+        return
+    imgui.unindent(imgui.get_style().indent_spacing)
+    settings = desk.settings
+    for action, button in pad_buttons(settings.pad_buttons).items():
+        overlay.row(action.name.replace("_", " ").capitalize())
+        chosen = str(overlay.combo(f"##button {action.name.lower()}", tuple(BUTTON_NAMES.items()), button))
+        if chosen != button:
+            settings.pad_buttons = changed_buttons(settings.pad_buttons, action, chosen)
+    imgui.indent(imgui.get_style().indent_spacing)
+    imgui.tree_pop()
 
 
 def _interface(desk: Desk) -> None:
@@ -96,7 +113,7 @@ def _takes(desk: Desk) -> None:
 
 def _reset(desk: Desk) -> None:
     fresh = Settings()
-    for name in ("ui_scale", "text_size", "keep_seconds", "dead_zone", "invert_look"):
+    for name in ("ui_scale", "text_size", "keep_seconds", "dead_zone", "invert_look", "pad_buttons"):
         setattr(desk.settings, name, getattr(fresh, name))
     desk.use_scale(fresh.ui_scale)
 

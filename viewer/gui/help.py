@@ -6,13 +6,13 @@ from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
-from viewer.input.bindings import HELP
+from viewer.input.bindings import HELP, pad_text
 
 COLUMNS = (190.0, 190.0, 170.0)  # what, keyboard and mouse, gamepad; pixels at scale 1
 
 
-def draw(fonts: Fonts) -> bool:
-    """A window in the middle, above everything; whether it was closed by its button or a click beside it."""
+def draw(fonts: Fonts, changes: str = "") -> bool:
+    """A window in the middle, above everything, with `changes` of the pad's buttons; whether it was closed by its button or a click beside it."""
     size = imgui.get_io().display_size
     closed = _dimmed_background(size)
     imgui.set_next_window_pos(
@@ -32,7 +32,7 @@ def draw(fonts: Fonts) -> bool:
     imgui.push_style_var(imgui.StyleVar_.cell_padding, imgui.ImVec2(px(6), px(1.5)))
     imgui.begin("help", None, flags)
     closed |= _title(fonts)
-    _table(fonts)
+    _table(fonts, changes)
     imgui.end()
     imgui.pop_style_var()
     imgui.pop_style_color()
@@ -68,7 +68,7 @@ def _title(fonts: Fonts) -> bool:
     return closed
 
 
-def _table(fonts: Fonts) -> None:
+def _table(fonts: Fonts, changes: str) -> None:
     if not imgui.begin_table("controls", 3, imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.row_bg):
         return
     for name, width in zip(("", "Keyboard and mouse", "Gamepad"), COLUMNS, strict=True):
@@ -86,7 +86,7 @@ def _table(fonts: Fonts) -> None:
         imgui.pop_font()
         for what, keys, pad in rows:
             imgui.table_next_row()
-            for i, text in enumerate((what, keys, pad)):
+            for i, text in enumerate((what, keys, pad_text(pad, changes))):
                 imgui.table_set_column_index(i)
                 imgui.text_unformatted(text)
     imgui.end_table()

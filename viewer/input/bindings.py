@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Set
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 from enum import Enum, auto
 
@@ -150,6 +150,35 @@ BINDINGS = (
     Binding(Action.NEXT_PANEL, ("f6", "tab")),
 )
 
+BUTTON_NAMES = {
+    "a": "A", "b": "B", "x": "X", "y": "Y", "left_bumper": "Left shoulder", "right_bumper": "Right shoulder",
+    "back": "Back", "start": "Start", "left_thumb": "Left stick press", "right_thumb": "Right stick press",
+    "dpad_up": "D-pad up", "dpad_down": "D-pad down", "dpad_left": "D-pad left", "dpad_right": "D-pad right",
+}  # fmt: skip
+PAD_ACTIONS = tuple(binding.action for binding in BINDINGS if binding.button)
+
+
+def pad_buttons(changes: str = "") -> dict[Action, str]:
+    """The pad's button of each of `PAD_ACTIONS`; `changes` is text such as "jump=x crouch=a", where what is none is passed over."""
+    buttons = {binding.action: binding.button for binding in BINDINGS if binding.button}
+    by_name = {action.name.lower(): action for action in PAD_ACTIONS}
+    for change in changes.split():
+        name, _, button = change.partition("=")
+        if name in by_name and button in BUTTON_NAMES:
+            buttons[by_name[name]] = button
+    return buttons
+
+
+def changed_buttons(changes: str, action: Action, button: str) -> str:
+    """The changes with another button for an action; the action that had it gets the old one."""
+    buttons, before = pad_buttons(changes), pad_buttons()
+    for other, theirs in buttons.items():
+        if theirs == button and other is not action:
+            buttons[other] = buttons[action]
+    buttons[action] = button
+    return " ".join(f"{a.name.lower()}={b}" for a, b in buttons.items() if before[a] != b)
+
+
 # Before those above while a take plays.
 TAKE_BINDINGS = (
     Binding(Action.PLAY, ("space",)),
@@ -202,6 +231,17 @@ HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
 )  # fmt: skip
 
 
+def pad_text(text: str, changes: str) -> str:
+    """The help's words on the pad with its buttons as they were changed."""
+    now = pad_buttons(changes)
+    for action, button in pad_buttons().items():
+        old, new = BUTTON_NAMES[button], BUTTON_NAMES[now[action]]
+        if new != old and (text == old or text.startswith(f"{old} (")):
+            return new + text[len(old) :]
+    up, down = (BUTTON_NAMES[now[action]] for action in (Action.ZOOM_IN, Action.ZOOM_OUT))
+    return f"{up}, {down}" if text.startswith("D-pad up") and up != "D-pad up" else text
+
+
 @dataclass(frozen=True)
 class Intent:
     """What the user asks for in one frame, relative to the camera.
@@ -235,10 +275,12 @@ class InputMapper:
         dead_zone: float = 0.15,
         invert: bool = False,
         take: bool = False,
+        changes: str = "",
     ) -> Intent:
-        """The intent of this frame of `dt` seconds; `take`: one is shown, and some keys are its."""
-        held = _held_actions(keyboard.held - _TAKE_KEYS if take else keyboard.held, pad)
-        pressed = self._pressed(keyboard, pad, take)
+        """The intent of this frame of `dt` seconds; `take`: one is shown, and some keys are its; `changes` see `pad_buttons`."""
+        buttons = pad_buttons(changes)
+        held = _held_actions(keyboard.held - _TAKE_KEYS if take else keyboard.held, pad, buttons)
+        pressed = self._pressed(keyboard, pad, take, buttons)
         move, look = _key_axes(held)
         if pad is not None:
             stick = radial_dead_zone(pad.left, dead_zone)
@@ -254,7 +296,9 @@ class InputMapper:
             pressed=pressed,
         )
 
-    def _pressed(self, keyboard: Keyboard, pad: GamepadState | None, take: bool) -> tuple[Action, ...]:
+    def _pressed(
+        self, keyboard: Keyboard, pad: GamepadState | None, take: bool, bound: Mapping[Action, str]
+    ) -> tuple[Action, ...]:
         keys = keyboard.take_pressed()
         buttons = pad.buttons if pad is not None else frozenset()
         fresh = buttons - self._last_buttons
@@ -265,7 +309,7 @@ class InputMapper:
             for b in (TAKE_BINDINGS if take and key in _TAKE_KEYS else BINDINGS)
             if key in b.keys
         ]
-        from_pad = [b.action for b in BINDINGS if b.button in fresh]
+        from_pad = [action for action, button in bound.items() if button in fresh]
         return tuple(from_keys + from_pad)
 
     def _gait(
@@ -293,9 +337,10 @@ class InputMapper:
         self._crouch_held_s = self._crouch_held_s + dt if held else 0.0
 
 
-def _held_actions(held: Set[str], pad: GamepadState | None) -> frozenset[Action]:
+def _held_actions(held: Set[str], pad: GamepadState | None, bound: Mapping[Action, str]) -> frozenset[Action]:
     buttons = pad.buttons if pad is not None else frozenset()
-    return frozenset(b.action for b in BINDINGS if b.button in buttons or not held.isdisjoint(b.keys))
+    by_pad = [action for action, button in bound.items() if button in buttons]
+    return frozenset([*by_pad, *(b.action for b in BINDINGS if not held.isdisjoint(b.keys))])
 
 
 def _key_axes(held: frozenset[Action]) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -97,5 +97,7 @@ class Devices:
         pad = self.pads.poll()
         before, self.name = self.name, KEYBOARD if pad is None else pad.name
         changed = f"{self.name} connected." if pad else "Gamepad gone: keyboard and mouse drive."
-        intent = self.mapper.read(self.keyboard, pad, dt, settings.dead_zone, settings.invert_look, take)
+        intent = self.mapper.read(
+            self.keyboard, pad, dt, settings.dead_zone, settings.invert_look, take, settings.pad_buttons
+        )
         return intent, changed if self.name != before else ""

@@ -21,10 +21,8 @@ SLOT_BYTES = MAX_JOINTS * 64
 SHADOW_CELL_M = 0.018
 NEARER_M = 0.1  # so much nearer, a ghost may hide the character
 GHOST_TINT = (0.20, 0.45, 0.80, 0.75)  # linear colour, share
-GHOST_OPACITY, COVERING_OPACITY = (
-    0.38,
-    0.12,
-)  # the second of ghosts before the character, which must not hide it
+# the second one of ghosts before the character, which must not hide it
+GHOST_OPACITY, COVERING_OPACITY = 0.7, 0.3
 
 
 class SkinnedMesh(Protocol):

@@ -46,7 +46,7 @@ def take(app: App, speed: float = 0.0) -> ClipItem:
 def recorded(app: App) -> ClipItem:
     """The same of the live character, driven."""
     app.takes.toggle_recording()
-    run(app, 30)
+    run(app, 24)
     app.takes.toggle_recording()
     return played(app)
 
@@ -168,7 +168,7 @@ def test_the_live_hand_holds_is_dragged_recorded_and_let_go(app: App) -> None:
     click_on(app, "Hold…")
     click_on(app, "Left hand")
     app.pinning.change(replace(app.pinning.pin, point=(0.3, 1.3, 0.3)))  # type: ignore[type-var]
-    run(app, 30)
+    run(app, 20)
     shown = app._shown_pose().positions[HAND]
     assert np.allclose(shown, (0.3, 1.3, 0.3), atol=0.01)
     assert not np.allclose(app.state.stage.simulation.current.positions[HAND], shown, atol=0.1)
@@ -179,7 +179,7 @@ def test_the_live_hand_holds_is_dragged_recorded_and_let_go(app: App) -> None:
     press(app, "escape")
     assert app.state.takes.playback is None
     app.pinning.toggle_live(Pinned.LEFT_HAND)
-    run(app, 40)
+    run(app, 20)
     assert app._shown_pose() is app.state.stage.simulation.current
 
 

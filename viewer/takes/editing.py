@@ -69,7 +69,7 @@ class TakeEditing:
             return "No take plays."
         if item.drive is None or item.maker is None:
             return (
-                "This motion comes from a file: it can be trimmed and exported."
+                "This motion comes from a file: it can be trimmed, pinned and exported."
                 if not item.recorded
                 else "This take cannot be driven again: a model was loaded or failed, or a take was gone on from, in it; or it is a mirror image."
             )

@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("onnx")
 pytest.importorskip("openai")
 
-from fuzz import files, models, projects, words
+from fuzz import files, lists, models, projects, words
 from fuzz.run import Tally, run
 from fuzz.target import Target
 
@@ -19,7 +19,8 @@ from runtime.assets import PROJECT_ROOT
 from runtime.errors import FileError
 
 TARGETS = {
-    target.name: target for target in (*files.TARGETS, *words.TARGETS, *models.TARGETS, *projects.TARGETS)
+    target.name: target
+    for target in (*files.TARGETS, *words.TARGETS, *models.TARGETS, *projects.TARGETS, *lists.TARGETS)
 }
 
 

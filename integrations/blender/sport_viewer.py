@@ -18,6 +18,7 @@ lock and leg IK: metres, right-handed, Y up, +Z forward, the left is +X.
 import contextlib
 import json
 import math
+import os
 import re
 import socket
 import struct
@@ -206,6 +207,14 @@ def parse_address(text):
 # --- what stands in files
 
 
+MAX_FPS = 32767  # Blender's bounds of a scene
+MAX_FRAME = 1048574
+
+
+class NotATakeError(ValueError):
+    """A file that is no take, in a sentence."""
+
+
 class TakeFacts(NamedTuple):
     """What a take's files tell: rate, frames, markers `(name, frame)`, metres per unit, ground, whether it moves."""
 
@@ -218,9 +227,20 @@ class TakeFacts(NamedTuple):
 
 
 def read_take(path):
-    """The facts of a BVH with its JSON, or of a GLB with its `extras`; ValueError says what is missing."""
+    """The facts of a BVH with its JSON, or of a GLB with its `extras`; ValueError says what is missing or damaged."""
     path = Path(path)
-    return _read_glb(path) if path.suffix.lower() == ".glb" else _read_bvh(path)
+    try:
+        facts = _read_glb(path) if path.suffix.lower() == ".glb" else _read_bvh(path)
+    except NotATakeError:
+        raise
+    except (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
+        raise NotATakeError(f"{path.name}: damaged. Export the take again.") from error
+    whole = 0.0 < facts.fps <= MAX_FPS and 0 < facts.frames <= MAX_FRAME and facts.scale > 0.0
+    if not whole or not all(0 <= frame <= MAX_FRAME for _, frame in facts.markers):
+        raise NotATakeError(
+            f"{path.name}: a rate, length or marker that Blender has no room for. Export the take again."
+        )
+    return facts
 
 
 def _read_bvh(path):
@@ -228,7 +248,7 @@ def _read_bvh(path):
         text = file.read()
     frames, step = re.search(r"Frames:\s*(\d+)", text), re.search(r"Frame Time:\s*([\d.eE+-]+)", text)
     if not text.lstrip().startswith("HIERARCHY") or not frames or not step or not float(step[1]) > 0.0:
-        raise ValueError(f"{path.name}: not a BVH")
+        raise NotATakeError(f"{path.name}: not a BVH")
     fps = round(1.0 / float(step[1]), 3)
     offsets = re.findall(r"OFFSET\s+(\S+)\s+(\S+)\s+(\S+)", text)
     longest = max((math.dist((0, 0, 0), map(float, offset)) for offset in offsets[1:]), default=0.0)
@@ -260,7 +280,7 @@ def glb_json(path):
     with open(path, "rb") as file:
         magic, _, _, length, kind = struct.unpack("<4sIIII", file.read(20).ljust(20, b"\0"))
         if magic != b"glTF" or kind != 0x4E4F534A:
-            raise ValueError(f"{Path(path).name}: not a GLB")
+            raise NotATakeError(f"{Path(path).name}: not a GLB")
         return json.loads(file.read(length))
 
 
@@ -269,10 +289,10 @@ def _read_glb(path):
     described = [a.get("extras", {}).get("sport") for a in document.get("animations", [])]
     described = next((value for value in described if value), None)
     if described is None:
-        raise ValueError(f"{path.name}: no take of the SPORT viewer; use File > Import > glTF 2.0")
-    marks = tuple((m["name"], int(m["frame"])) for m in described["markers"])
+        raise NotATakeError(f"{path.name}: no take of the SPORT viewer; use File > Import > glTF 2.0")
+    marks = tuple((str(m["name"]), int(m["frame"])) for m in described["markers"])
     return TakeFacts(
-        float(described["fps"]), int(described["frames"]), marks, 1.0, described.get("ground", ""), True
+        float(described["fps"]), int(described["frames"]), marks, 1.0, str(described.get("ground", "")), True
     )
 
 
@@ -283,7 +303,7 @@ def find_ground(path, terrain=""):
     for stem in filter(None, stems):
         for suffix in (".obj", ".glb"):
             found = path.with_name(stem + suffix)
-            if found != path and found.is_file():
+            if found != path and os.path.isfile(found):  # False for an impossible name
                 return found
     return None
 

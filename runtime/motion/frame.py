@@ -32,6 +32,7 @@ from runtime.terrain.way_ahead import EDGE_M, RUN_M
 
 Flags = NDArray[np.bool_]
 
+MAX_OUTPUT = 1e4  # metres, m/s, rad/s: no body has more, and bones would be lost in rounding
 MIN_GAIT_SPEED = 0.3  # m/s; slower, feet may well rest for a while
 CROUCH_SPEED = 0.8  # m/s at full stick
 JUMP_SECONDS = 0.7
@@ -49,7 +50,7 @@ class Frame:
     hips: Array  # (N, 3) before foot lock: the network's, arms inertialised in a blend, or keyed
     local: Array  # (N, 31, 4)
     reasons: tuple[str | None, ...]  # why a character does not go on
-    faults: Flags  # (N,) the network's output was not finite: the character stands again
+    faults: Flags  # (N,) the network's output was no motion (`MAX_OUTPUT`): the character stands again
 
     def part(self, index: int) -> Frame:
         """The frame of one of the characters."""
@@ -93,7 +94,7 @@ def step(
     ]
     state.frame = state.frame + 1
     flat = _network(model, x, noise, styles, helper)
-    sound: Flags = np.asarray(np.isfinite(flat).all(axis=-1))
+    sound: Flags = np.asarray((np.abs(flat) < MAX_OUTPUT).all(axis=-1))  # false for what is not a number
     flat[~sound] = 0.0  # these stand again, below
     y = split_output(flat.astype(np.float64))
 

@@ -158,9 +158,9 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
     terrain = load_terrain(options.terrain)
     if terrain.note:
         note(terrain.note)
-    seconds = options.seconds
+    rendered = seconds
     if export.fps > FPS and not any(format_of(out).film for out in outputs):
-        seconds += 1.0 / FPS  # the last frames at a higher rate lie between two of ours
+        rendered += 1.0 / FPS  # the last frames at a higher rate lie between two of ours
     size = _size_of(export)
     model, prompter = (options.model, None) if tools is None else tools(options)
     for k, out in enumerate(outputs):
@@ -169,7 +169,7 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
             options.terrain,
             options.path or "forward",
             options.gait or "walk",
-            seconds,
+            rendered,
             options.seed + k,
             controls=controls,
             speed=1.0 if options.speed is None else options.speed,
@@ -186,7 +186,7 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
         )
         if not format_of(out).film:
             clip = clip.resampled(export.fps)
-            clip = clip.trim(0, min(max(round(options.seconds * export.fps), 1), len(clip)) - 1)
+            clip = clip.trim(0, min(max(round(seconds * export.fps), 1), len(clip)) - 1)
         write_take(clip, out, export, options, terrain)
 
 

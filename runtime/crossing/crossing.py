@@ -27,6 +27,7 @@ from runtime.pose import DT, Pose
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacles import blocked_message, step_ahead
+from runtime.terrain.room import can_land
 from runtime.terrain.way_ahead import ObstacleAhead, ObstacleKind, obstacle_ahead
 
 KINDS = ("", *(kind.value for kind in ObstacleKind), "climb", "descend")
@@ -55,6 +56,7 @@ FADE_S = 0.3  # in which the first pose's difference from the crossing's goes
 WALKING, FOLLOWED = 0.4, 0.7  # m/s from which the root's own direction counts, by so much
 SLOWEST = 0.2  # m/s of a walk that leaps
 TEMPO = (0.7, 1.2)  # of a climb
+NO_LANDING = "The way ahead is blocked: no room to come down behind the edge."
 NEUTRAL_SPEED = 1.3  # m/s of a walk whose climb takes the time it is keyed for
 
 
@@ -164,6 +166,11 @@ class Crossing:
         if found is None:
             return CLEAR
         ahead = Ahead(found, way)
+        if is_leap(found):
+            edge = found.near if found.kind in (ObstacleKind.UP, ObstacleKind.DOWN) else found.far
+            if not can_land(terrain, np.array([x, z]), way, edge, max(found.beyond, 0.0)):
+                stops = found.near <= CLIMB_M + CLIMB_SECONDS * speed + HOLD_M * self.stopped
+                return Look(True, None, NO_LANDING) if stops else CLEAR
         if not ahead.stands or found.near > CLIMB_M + CLIMB_SECONDS * speed + HOLD_M * self.stopped:
             return Look(False, ahead, None)
         return Look(True, ahead, ahead.blocked)

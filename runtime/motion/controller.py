@@ -21,6 +21,7 @@ from runtime.motion.trajectory import Trajectory, TrajectoryView
 from runtime.pose import Pose
 from runtime.records import copied
 from runtime.terrain.height_map import Terrain
+from runtime.terrain.room import nearest_place
 
 log = logging.getLogger("sport.controller")
 
@@ -134,10 +135,17 @@ class Controller:
         return self.pose
 
     def set_terrain(self, terrain: Terrain) -> None:
-        """Stand on another ground; the character stays where it is in X and Z, and crosses nothing."""
+        """Stand on another ground; the character stays where it is in X and Z, and crosses nothing.
+
+        Where a body has no room there, it stands at the nearest place where it has.
+        """
         self.terrain = terrain
+        x, z = (float(v) for v in self._state.trajectory.here[0])
+        place = nearest_place(terrain, x, z)
+        if place != (x, z):
+            self.reset(*place, self.pose.root_yaw)
+            return
         state = copied(self._state)
-        x, z = state.trajectory.here[0]
         state.ground = np.array([float(terrain.height(x, z))])
         state.crossings, state.feet = (Crossing(),), (FootLock(),)
         self._state, self._frame = state, None

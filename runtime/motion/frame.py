@@ -28,6 +28,7 @@ from runtime.records import copied, joined, part
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacles import level_ahead, within_steps
+from runtime.terrain.room import has_walls, kept_off
 from runtime.terrain.way_ahead import EDGE_M, RUN_M
 
 Flags = NDArray[np.bool_]
@@ -333,7 +334,7 @@ def _root_velocity(
     velocity = velocity * np.where(walks, longer, 1.0)[:, None]
     near = 2.0 * state.root_speed * DT + HALF_BODY_M  # strides are scaled by less
     way = velocity / np.maximum(np.sqrt((velocity * velocity).sum(-1, keepdims=True)), 1e-9)
-    gentle = terrain.steepest * RUN_M < EDGE_M
+    gentle, walls = terrain.steepest * RUN_M < EDGE_M, has_walls(terrain)
     clear = np.full(len(state), True) if gentle else level_ahead(terrain, state.trajectory.here, way, near)
     for i, (crossing, look) in enumerate(zip(state.crossings, looks, strict=True)):
         if crossing.kind:
@@ -343,6 +344,8 @@ def _root_velocity(
             if look is not CLEAR or not clear[i]:
                 here = state.trajectory.here[i]
                 velocity[i] = crossing.held_back(terrain, here, velocity[i], look.ahead)
+            if walls:
+                velocity[i] = kept_off(terrain, state.trajectory.here[i], velocity[i])
     return velocity
 
 

@@ -46,6 +46,16 @@ def test_missing_empty_foreign_and_cut_files(tmp_path: Path, user_file: tuple[di
         expect_error(path, whole[:cut])
 
 
+def test_bind_matrices_that_lose_the_mesh_in_rounding(tmp_path: Path, user_file: tuple[dict, bytes]) -> None:
+    document, blob = user_file
+    accessor = document["accessors"][document["skins"][0]["inverseBindMatrices"]]
+    view = document["bufferViews"][accessor["bufferView"]]
+    first = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+    for value in (2e6, -2e6):
+        damaged = blob[:first] + struct.pack("<f", value) + blob[first + 4 :]
+        expect_error(tmp_path / "bad.glb", join_glb(document, damaged), "skin 0", "1,000,000")
+
+
 def test_too_large_file_is_not_read(tmp_path: Path) -> None:
     path = tmp_path / "huge.glb"
     with path.open("wb") as f:

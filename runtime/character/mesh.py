@@ -24,6 +24,7 @@ from runtime.character.read import (
 )
 from runtime.errors import FileError
 
+MAX_BIND = 1e6  # of an inverse bind matrix: rounding would be seen in its vertices
 MAX_VERTICES = 1_000_000  # of all primitives; characters in games have 100,000
 MAX_TRIANGLES = 2_000_000
 MAX_JOINTS = 1024
@@ -114,6 +115,9 @@ def _skin_joints(file: GltfFile, index: int) -> tuple[list[int], AnyArray]:
         raise FileError(
             f"{file.name}: skin {index} has {len(joints)} joints but {len(values)} bind matrices.", REMEDY
         )
+    if np.abs(values).max(initial=0.0) > MAX_BIND:
+        problem = f"{file.name}: skin {index} has bind matrices with values over {MAX_BIND:,.0f}."
+        raise FileError(problem, REMEDY)
     return joints, values.reshape(-1, 4, 4).transpose(0, 2, 1)
 
 

@@ -69,6 +69,13 @@ def trickle(handler):
         handler.wfile.write(b" ")
 
 
+def trickle_headers(handler):
+    """The same before the body has begun."""
+    handler.wfile.write(b"HTTP/1.1 200 OK\r\nX-Slow: ")
+    while not handler.server.released.wait(0.02):
+        handler.wfile.write(b"a")
+
+
 def flood(handler):
     handler.start(200, {"Content-Length": str(1 << 40)})
     while not handler.server.released.is_set():

@@ -30,6 +30,7 @@ from gpt_endpoint import (
     raw,
     say,
     trickle,
+    trickle_headers,
 )
 
 from runtime.errors import FileError, PromptError
@@ -268,6 +269,16 @@ def test_the_deadline_ends_retries(endpoint, expander_of):
     with pytest.raises(PromptError, match=r"500|no answer"):
         expander_of(endpoint, attempts=10, backoff_s=0.1, deadline_s=0.4).expand("proud")
     assert len(endpoint.requests) < 4  # 0.1 + 0.2 + 0.4 s is beyond it
+
+
+@pytest.mark.parametrize("drips", [trickle, trickle_headers])
+def test_an_endpoint_that_drips_costs_one_request(endpoint, expander_of, drips):
+    endpoint.script = [drips]
+    started = time.monotonic()
+    with pytest.raises(PromptError, match="no answer within"):
+        expander_of(endpoint, timeout_s=0.3, deadline_s=20.0, backoff_s=0.01).expand("proud")
+    assert time.monotonic() - started < 2.0
+    assert len(endpoint.requests) == 1
 
 
 def test_after_a_costly_failure_the_endpoint_is_left_alone_for_a_while(endpoint, expander_of, monkeypatch):

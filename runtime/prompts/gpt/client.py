@@ -83,8 +83,8 @@ class ChatClient:
                 return self._within(ask, seconds, stop)
             except EndpointError as error:
                 failure = error
-            except TimeoutError:
-                failure = self._too_slow(time.monotonic() - begun)
+            except TimeoutError:  # an endpoint that drips or hangs will do so again
+                raise self._too_slow(time.monotonic() - begun) from None
             pause = wait if failure.wait_s is None else failure.wait_s
             hopeless = pause > settings.longest_wait_s or time.monotonic() + pause >= until
             if not failure.retry or hopeless or attempt == settings.attempts:
@@ -180,7 +180,7 @@ class ChatClient:
 
     def _too_slow(self, seconds: float) -> EndpointError:
         remedy = f"Try again, choose a faster model, or raise {TIMEOUT}."
-        return self._error(f"gave no answer within {seconds:.1f} s.", remedy, retry=True)
+        return self._error(f"gave no answer within {seconds:.1f} s.", remedy)
 
     def _broken(self, cause: BaseException) -> EndpointError | TimeoutError:
         if "Timeout" in type(cause).__name__:

@@ -167,7 +167,16 @@ class App:
         self.jobs = jobs = Jobs(messages, blocking=options.offscreen)
         renderer = services.make_renderer(self.window.ctx, options.quality or settings.quality)
         self.stage = Stage(
-            stage, settings, messages, jobs, services, self.window.ctx, renderer, drives, self._shown_pose
+            stage,
+            settings,
+            messages,
+            jobs,
+            services,
+            self.window.ctx,
+            renderer,
+            drives,
+            self._shown_pose,
+            self.state_folder / "shapes",
         )
         self.takes = Takes(
             state.takes, settings, messages, stage, jobs, ClipRecorder(), drives, self.state_folder,

@@ -19,7 +19,6 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.terrain.height_map import Terrain
 from viewer.render.quality import PRESETS
 
-DEFAULT_CHARACTER = "character/mannequin.glb"
 STYLES = "prompts/styles.json"
 LIBRARY = "prompts/library.json"
 BETWEEN_FRAMES_S = 0.004  # in which the window draws while a blend is measured
@@ -176,6 +175,7 @@ def terrain_names() -> tuple[str, ...]:
 def load_character(path: Path | None, joint_map: Path | None = None) -> Any:
     """The character of a GLB file; the shipped mannequin by default. `joint_map` is read in place of the one beside it."""
     from runtime.assets import asset_path
+    from runtime.character.character import DEFAULT_CHARACTER
     from runtime.character.character import load_character as load
     from runtime.character.joint_map import read_joint_map
 

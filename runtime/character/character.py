@@ -24,6 +24,7 @@ from runtime.pose import Pose
 from runtime.safe_read import is_text, reason
 from runtime.skeleton import SPORT_SKELETON
 
+DEFAULT_CHARACTER = "character/mannequin.glb"  # an asset
 FILE_UNITS = (1.0, 0.01, 0.1, 0.0254, 0.001)  # metres of a unit of files, the most common first
 SMALLEST_M, LARGEST_M = 0.3, 8.0
 MIN_SIZE, MAX_SIZE = 0.1, 10.0

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from runtime import rotations
 from runtime.arrays import AnyArray
-from runtime.character.character import Character, own_size
+from runtime.assets import asset_path
+from runtime.character.character import DEFAULT_CHARACTER, Character, load_character, own_size
 from runtime.character.joints import align
+from runtime.character.writer import write_character
 from runtime.errors import UsageError
 from runtime.skeleton import SPORT_SKELETON
 
@@ -74,6 +77,16 @@ def shaped(character: Character, shape: BodyShape) -> Character:
         alignment=alignment,
         size=own_size(alignment, vertices),
     )
+
+
+def shaped_file(shape: BodyShape, folder: Path) -> Path:
+    """The mannequin in a shape as a GLB file in `folder`: a character as any other. UsageError, FileError."""
+    shares = "-".join(f"{100 * value:.0f}" for value in (shape.height, shape.legs, shape.shoulders))
+    path = folder / f"mannequin-{shares}.glb"
+    if not path.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        write_character(path, shaped(load_character(asset_path(DEFAULT_CHARACTER)), shape), path.stem)
+    return path
 
 
 def _growth(name: str, shape: BodyShape) -> AnyArray:

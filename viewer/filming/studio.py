@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.assets import asset_path
-from runtime.character.character import Character, load_character
+from runtime.character.character import DEFAULT_CHARACTER, Character, load_character
 from runtime.pose import Pose
 from runtime.terrain.height_map import Terrain
 from viewer.render.camera import Camera
@@ -17,7 +17,6 @@ from viewer.render.offscreen import OffscreenTarget
 from viewer.render.overlays import Overlays
 from viewer.render.quality import HIGH, Quality
 from viewer.render.renderer import Renderer
-from viewer.services import DEFAULT_CHARACTER
 
 Image = NDArray[np.uint8]
 

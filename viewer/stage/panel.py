@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+from runtime.character.shape import BodyShape
 from runtime.safe_read import printable
 from viewer.gl_bindings import imgui
 from viewer.gui import setting_widgets, theme, widgets
@@ -16,6 +18,8 @@ from viewer.settings import CAMERAS, QUALITIES, VIEWS, Settings
 from viewer.stage import path_panel
 from viewer.stage.stage import Stage
 
+_SHAPES = {"height": "Height", "legs": "Legs", "shoulders": "Shoulders"}
+_SHAPE_RANGE = (60.0, 150.0)  # % of its own
 _SHOWN = ("show_trajectory", "show_skeleton", "show_contacts", "show_grid", "show_ghosts", "show_trails")
 
 
@@ -98,15 +102,33 @@ def _open_file(stage: Stage, open_files: Callable[[list[Path]], None], browse: C
     imgui.same_line(0, px(4))
     imgui.set_next_item_width(half)
     setting_widgets.drag(stage.settings, "height_map_height_m")
-    if stage.character_path is not None:
+    if stage.is_mannequin:
+        _shape(stage)
+        if stage.character_path is not None and widgets.button("Its own shape", -1):
+            stage.shape_mannequin(BodyShape())
+    elif stage.character_path is not None:
         if widgets.button("Joints…", px(80), "Which joint of this character plays which of ours"):
             stage.joints.begin(stage.character_path)
         imgui.same_line(0, px(4))
         if widgets.button("Back to the mannequin", -1):
-            stage.load_character(None)
+            stage.shape_mannequin(stage.state.shape)
         setting_widgets.toggle(stage.settings, "fit_to_motion", -1)
     imgui.indent(imgui.get_style().indent_spacing)
     imgui.tree_pop()
+
+
+def _shape(stage: Stage) -> None:
+    """The mannequin's measures; it is made again when the mouse lets go, and its steps adapt to its size."""
+    shape = stage.state.shape
+    for name, text in _SHAPES.items():
+        share = 100.0 * getattr(shape, name)
+        imgui.set_next_item_width(-1)
+        moved, share = widgets.slider(f"##shape {name}", share, *_SHAPE_RANGE, f"{text} %.0f %%")
+        if moved:
+            stage.state.shape = replace(shape, **{name: round(share) / 100.0})
+        if imgui.is_item_deactivated_after_edit():
+            stage.shape_mannequin(stage.state.shape)
+        widgets.tooltip(f"The mannequin's {text.lower()}. Ctrl+click types a number")
 
 
 def _views(stage: Stage) -> None:

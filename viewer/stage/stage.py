@@ -10,6 +10,7 @@ from typing import Any
 
 from runtime.character.guess import JointsUnknown
 from runtime.character.read import SUFFIXES as GLTF_SUFFIXES
+from runtime.character.shape import BodyShape, shaped_file
 from runtime.controls import Controls
 from runtime.motion.paths import PlanarPose
 from runtime.motion.snapshot import Snapshot
@@ -50,10 +51,12 @@ class Stage:
     renderer: Any
     drives: DriveRecorder  # hears what changes the controller
     shown: Callable[[], Pose]  # the pose in view: the live one, or that of a take
+    cache: Path  # folder for files of the mannequin in other shapes
     camera: CameraControl = field(default_factory=CameraControl)
     pins: LivePins = field(default_factory=LivePins)
     character_path: Path | None = None
     _character: Any = None
+    _shape_file: Path | None = None  # of the mannequin in another shape
     _first_view: str = ""
     _drawn: Terrain | None = None
     _slow_s: float = 0.0
@@ -254,6 +257,23 @@ class Stage:
             reading=path.name if path else "",
         )
 
+    def shape_mannequin(self, shape: BodyShape) -> None:
+        """Show the mannequin in a shape: a file as any own character, which exports and projects take along."""
+        self.state.shape = shape
+        if shape == BodyShape():
+            self.load_character(None)
+        else:
+            self.jobs.submit("shape", partial(shaped_file, shape, self.cache), self._take_shape)
+
+    def _take_shape(self, path: Path) -> None:
+        self._shape_file = path
+        self.load_character(path)
+
+    @property
+    def is_mannequin(self) -> bool:
+        """Whether the character is the mannequin, in any shape."""
+        return self.character_path is None or self.character_path == self._shape_file
+
     def _refuse_character(self, path: Path | None, error: Exception) -> None:
         """Let the joints be chosen by hand where they could not be guessed."""
         self.joints.refused(error)
@@ -263,7 +283,7 @@ class Stage:
     def _take_character(self, path: Path | None, character: Any) -> None:
         self.renderer.set_character(character)
         self._character, self.character_path = character, path
-        if path is not None:
+        if path is not None and not self.is_mannequin:
             self.messages.note(f"Character {path.name} loaded.")
         if self.joints.state.path == path:
             self.joints.close()

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
+from runtime.character.shape import BodyShape
 from runtime.terrain.height_map import Terrain
 from viewer.services import ControllerLike
 from viewer.stage.simulation import Simulation
@@ -19,6 +20,7 @@ class StageState:
     terrain_names: tuple[str, ...] = ()
     terrain_spec: str = ""  # name or path of the shown terrain
     file_path: str = ""  # the path field
+    shape: BodyShape = field(default_factory=BodyShape)  # of the mannequin
     loading: str = ""  # the ground that is being loaded
     quality: str = ""  # name of the renderer's preset
     model_name: str = ""  # "" while loading

@@ -46,6 +46,16 @@ def test_level_ground_has_no_walls_and_slopes_no_landing() -> None:
     assert can_land(CLIFF, np.array([-1.0, 0.0]), ahead, 1.0, 3.0)
 
 
+def test_no_gap_is_leapt_beside_what_stands_in_it() -> None:
+    heights = np.zeros((41, 41), np.float32)
+    heights[22, 20] = 4.0  # 0.4 m beside the way and 1 m ahead
+    terrain = Terrain("spike", heights, 0.2, (-4.0, -4.0))
+    place, ahead = np.array([0.0, -1.0]), np.array([0.0, 1.0])
+    assert can_land(terrain, place, ahead, 1.4, 0.0)
+    assert not can_land(terrain, place, ahead, 1.4, 0.0, gap_m=0.6)
+    assert can_land(terrain, place, ahead, 1.4, 0.0, gap_m=0.1)
+
+
 def test_a_character_stands_beside_a_spike_that_rises_under_it() -> None:
     controller = Controller(WalkerModel(), Terrain.flat())
     heights = np.zeros((41, 41), np.float32)

@@ -168,7 +168,8 @@ class Crossing:
         ahead = Ahead(found, way)
         if is_leap(found):
             edge = found.near if found.kind in (ObstacleKind.UP, ObstacleKind.DOWN) else found.far
-            if not can_land(terrain, np.array([x, z]), way, edge, max(found.beyond, 0.0)):
+            gap = found.far - found.near if found.kind == ObstacleKind.GAP else 0.0
+            if not can_land(terrain, np.array([x, z]), way, edge, max(found.beyond, 0.0), gap):
                 stops = found.near <= CLIMB_M + CLIMB_SECONDS * speed + HOLD_M * self.stopped
                 return Look(True, None, NO_LANDING) if stops else CLEAR
         if not ahead.stands or found.near > CLIMB_M + CLIMB_SECONDS * speed + HOLD_M * self.stopped:

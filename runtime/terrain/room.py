@@ -48,10 +48,17 @@ def kept_off(terrain: Terrain, place: Array, velocity: Array) -> Array:
     return np.zeros(2) if (walls & (_UNIT @ (velocity / speed) > _LEADS)).any() else velocity
 
 
-def can_land(terrain: Terrain, place: Array, way: Array, edge_m: float, rise_m: float) -> bool:
-    """Whether feet have room behind an edge `edge_m` from `place` on the `way`, on ground `rise_m` over that at `place`."""
+def can_land(
+    terrain: Terrain, place: Array, way: Array, edge_m: float, rise_m: float, gap_m: float = 0.0
+) -> bool:
+    """Whether feet have room behind an edge `edge_m` from `place` on the `way`, on ground `rise_m` over that at `place`.
+
+    The `gap_m` before the edge are flown over: there nothing may be higher on either side, as far as arms reach.
+    """
     across = np.array([way[1], -way[0]])
     points = [(edge_m + far) * way + side * across for far in LANDING_M for side in (-0.15, 0.0, 0.15)]
+    flight = np.arange(edge_m - gap_m, edge_m, 0.1) if gap_m > 0.0 else ()
+    points += [far * way + side * across for far in flight for side in (-0.4, -0.2, 0.0, 0.2, 0.4)]
     return bool(_rises(terrain, place, np.array(points)).max() <= rise_m + LANDING_RISE_M)
 
 

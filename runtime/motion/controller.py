@@ -57,6 +57,7 @@ class Controller:
         self.model = model
         self.terrain = terrain
         self.temperature = temperature
+        self.response = 0.0  # 0: starts, stops and turns as in capture, 1: as in a game
         self.seed = seed
         self.message = ""  # the network's fault in this frame, for the status line
         self._folder = StyleFolder(model.fold_style, strength)
@@ -193,7 +194,9 @@ class Controller:
 
     def step(self, controls: Controls) -> Pose:
         """Simulate 1/60 s. A fault of the network sets the character back to standing, and `message` for this frame."""
-        return self.take(*step(self.model, self._state, (controls,), self.terrain, (self.temperature,)))
+        return self.take(
+            *step(self.model, self._state, (controls,), self.terrain, (self.temperature,), (self.response,))
+        )
 
     def take(self, state: CharacterState, frame: Frame) -> Pose:
         """Go on from a frame of this character."""

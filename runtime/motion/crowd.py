@@ -56,6 +56,7 @@ class Crowd:
             [controls] * len(members),
             self.terrain,
             [member.temperature for member in members],
+            [member.response for member in members],
             self._helper,
         )
         return [member.take(part(state, i), frame.part(i)) for i, member in enumerate(members)]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 from runtime.controls import STAND_SPEED, Controls, Gait
 from runtime.crossing.crossing import CLEAR, HALF_BODY_M, LOOK_M, STOP_SECONDS, Look
-from runtime.motion import features
-from runtime.motion.features import DT, GAITS, OUTPUT_SIZE, InputParts, OutputParts, split_output
+from runtime.motion import features, momentum
+from runtime.motion.features import DT, OUTPUT_SIZE, InputParts, OutputParts, split_output
 from runtime.motion.model import MotionModel, Style
 from runtime.motion.noise import drifting_noise
 from runtime.motion.phase import advance_phase
@@ -34,11 +34,15 @@ from runtime.terrain.way_ahead import EDGE_M, RUN_M
 Flags = NDArray[np.bool_]
 
 MAX_OUTPUT = 1e4  # metres, m/s, rad/s: no body has more, and bones would be lost in rounding
+REST_TEMPERATURE = 0.35  # of the temperature, while standing: breathing and shifts of weight stay
 MIN_GAIT_SPEED = 0.3  # m/s; slower, feet may well rest for a while
 CROUCH_SPEED = 0.8  # m/s at full stick
 JUMP_SECONDS = 0.7
 # what the regulator leaves of a difference in speed is taken up by longer or shorter strides, this much at most
 STRIDE_WARP = (0.65, 1.25)
+RESTING_SPEED = 0.5  # m/s: a body that stops begins to forget that it moved
+SLOWEST_PLAN = 0.05  # m/s: a body that stops is regulated until then
+LAST_SPEED = 9.0  # times the planned speed: what is more is cut off at the end of a stop
 FASTEST_LIFT = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
 SPEED_HALF_LIFE = 0.25  # seconds, smoothing of the measured speed (a stride speeds up and slows down)
 _PHASES = features.PHASE_OFFSETS + PRESENT
@@ -65,7 +69,7 @@ class Request:
 
     velocity: Array  # (N, 2) m/s
     facing: Array  # (N,) radians, not a number to keep it
-    gait: Array  # (N, 6) one-hot
+    gait: NDArray[np.integer]  # (N,)
 
 
 def step(
@@ -74,11 +78,13 @@ def step(
     controls: Sequence[Controls],
     terrain: Terrain,
     temperature: Sequence[float],
+    response: Sequence[float],
     helper: Executor | None = None,
 ) -> tuple[CharacterState, Frame]:
     """The state 1/60 s later, with the poses to show in it; `state` stays as it is.
 
-    `controls` and `temperature` (of the sampler) are one for each character. `helper` runs half of the networks.
+    `controls`, `temperature` (of the sampler) and `response` (see `momentum`) are one for each character. `helper` runs
+    half of the networks.
     """
     before, state = state, copied(state)
     state.styles = tuple(style.advanced(DT) for style in state.styles)
@@ -86,12 +92,14 @@ def step(
 
     looks = _look(state, controls, terrain)
     request = _request(state, controls, looks, styles)
-    state.trajectory.steer(request.velocity, request.facing, request.gait)
+    _steer(state, request, styles, np.asarray(response, float))
 
     x = _input(state, looks, terrain)
+    stands = state.trajectory.gait[:, PRESENT, Gait.STAND]
+    temperatures = np.asarray(temperature) * (1.0 - (1.0 - REST_TEMPERATURE) * stands)
     noise = [
         np.float32(max(t, 0.0)) * drifting_noise((1, *model.noise_shape), seed, frame * DT)
-        for t, seed, frame in zip(temperature, state.seed.tolist(), state.frame.tolist(), strict=True)
+        for t, seed, frame in zip(temperatures, state.seed.tolist(), state.frame.tolist(), strict=True)
     ]
     state.frame = state.frame + 1
     flat = _network(model, x, noise, styles, helper)
@@ -149,9 +157,9 @@ def _look(state: CharacterState, controls: Sequence[Controls], terrain: Terrain)
 def _request(
     state: CharacterState, controls: Sequence[Controls], looks: Sequence[Look], styles: Sequence[Style]
 ) -> Request:
-    """What is requested of every root; writes `requested_speed`, `jump_left` and the regulator."""
+    """What is requested of every root; writes `wished_speed` and `jump_left`."""
     count = len(state)
-    velocity, facing, gaits = np.zeros((count, 2)), np.full(count, np.nan), np.zeros((count, GAITS))
+    velocity, facing, gaits = np.zeros((count, 2)), np.full(count, np.nan), np.zeros(count, np.int64)
     speeds, jump_left = np.zeros(count), state.jump_left.copy()
     for i, (stick, look, style) in enumerate(zip(controls, looks, styles, strict=True)):
         x, z, amount = _stick(stick)
@@ -169,7 +177,7 @@ def _request(
             gait = Gait.JUMP
         elif not moving and gait != Gait.CROUCH:
             gait = Gait.STAND
-        gaits[i, gait] = 1.0
+        gaits[i] = gait
         climbs = state.crossings[i].facing
         if climbs is not None:
             facing[i] = climbs
@@ -177,10 +185,31 @@ def _request(
             facing[i] = np.arctan2(*stick.facing)
         elif moving:
             facing[i] = np.arctan2(velocity[i, 0], velocity[i, 1])
-    state.requested_speed, state.jump_left = speeds, jump_left
-    carried = state.root_speed * state.stride.share
-    gain = state.regulator.update(speeds, carried, speeds > STAND_SPEED)
-    return Request(velocity * gain[:, None], facing, gaits)
+    state.wished_speed, state.jump_left = np.where(speeds > STAND_SPEED, speeds, 0.0), jump_left
+    return Request(velocity, facing, gaits)
+
+
+def _steer(state: CharacterState, request: Request, styles: Sequence[Style], response: Array) -> None:
+    """Plan the coming second towards the request and let the network see it, with what its regulator adds."""
+    walk, jog = (np.array([getattr(s, name) for s in styles]) for name in ("walk_speed", "jog_speed"))
+    slow_jog = np.where(request.gait == Gait.JOG, momentum.JOG_SHARE * state.wished_speed, np.inf)
+    plan = state.trajectory.plan(
+        request.velocity,
+        request.facing,
+        request.gait,
+        walk,
+        np.minimum(0.5 * (walk + jog), slow_jog),
+        response,
+    )
+    speeds = np.sqrt((state.trajectory.velocity**2).sum(-1))
+    state.smooth_request = state.smooth_request + (speeds - state.smooth_request) * (
+        1 - decay(SPEED_HALF_LIFE)
+    )
+    state.requested_speed = speeds
+    moving = (state.wished_speed > 0.0) | (speeds > SLOWEST_PLAN)
+    gain = state.regulator.update(speeds, state.root_speed * state.stride.share, moving)
+    stops = np.where(state.wished_speed > 0.0, 0.0, 1.0 - np.minimum(speeds / RESTING_SPEED, 1.0))
+    state.trajectory.steer(replace(plan, velocities=plan.velocities * gain[:, None, None]), stops)
 
 
 def _input(state: CharacterState, looks: Sequence[Look], terrain: Terrain) -> Array:
@@ -322,14 +351,18 @@ def _root_velocity(
     terrain: Terrain,
 ) -> Array:
     """The velocities `(N, 2)` (m/s) that the roots take of the network's; writes the speeds and the strides."""
-    pull = np.array([feet.pull for feet in state.feet])
-    velocity = (velocity + pull) * (1.0 - resting**4)[:, None]  # at rest nobody creeps
-    state.root_speed = np.sqrt((velocity * velocity).sum(-1))
+    velocity = velocity + np.array([feet.pull for feet in state.feet])
+    speed = np.sqrt((velocity * velocity).sum(-1))
+    still = (state.wished_speed == 0.0) & (state.jump_left <= 0.0)  # at rest nobody creeps
+    creep = np.where(
+        still, np.minimum(1.0, LAST_SPEED * state.requested_speed / np.maximum(speed, 1e-6)), 1.0
+    )
+    velocity, state.root_speed = velocity * creep[:, None], speed * creep
     change = (state.root_speed - state.measured_speed) * (1 - decay(SPEED_HALF_LIFE))
     state.measured_speed = state.measured_speed + change
     state.stride.update(state.joints, contacts, state.measured_speed)
     walks = (state.measured_speed > 0.5 * state.requested_speed) & (state.requested_speed > STAND_SPEED)
-    longer = state.requested_speed / np.maximum(state.measured_speed, 1e-9)
+    longer = state.smooth_request / np.maximum(state.measured_speed, 1e-9)
     longer = np.minimum(np.maximum(longer, STRIDE_WARP[0]), STRIDE_WARP[1])
     velocity = velocity * np.where(walks, longer, 1.0)[:, None]
     near = 2.0 * state.root_speed * DT + HALF_BODY_M  # strides are scaled by less

@@ -45,7 +45,9 @@ class CharacterState:
     trajectory: Trajectory
     ground: Array = field(metadata=_ONE)  # m, the height that the body is placed over
     jump_left: Array = field(metadata={"shape": (), "most": 10.0})  # seconds
-    requested_speed: Array = field(metadata={"shape": (), "most": 100.0})  # m/s
+    wished_speed: Array = field(metadata={"shape": (), "most": 100.0})  # m/s, the stick's
+    requested_speed: Array = field(metadata={"shape": (), "most": 100.0})  # m/s, planned on the way there
+    smooth_request: Array = field(metadata={"shape": (), "most": 100.0})  # the same, smoothed over a stride
     root_speed: Array = field(metadata={"shape": (), "most": 1000.0})  # m/s
     measured_speed: Array = field(metadata={"shape": (), "most": 1000.0})  # the same, smoothed over a stride
     regulator: SpeedRegulator
@@ -88,7 +90,9 @@ def standing(
         trajectory=trajectory,
         ground=ground,
         jump_left=still,
+        wished_speed=still,
         requested_speed=still,
+        smooth_request=still,
         root_speed=still,
         measured_speed=still,
         regulator=SpeedRegulator.at_rest(),

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from runtime.arrays import Array
-from runtime.motion import features
+from runtime.motion import features, momentum
 from runtime.motion.features import FPS, GAITS, SAMPLE_STEP, TRAJECTORY_OFFSETS
+from runtime.motion.momentum import Plan
 from runtime.motion.phase import unwrapped
 from runtime.terrain.height_map import Terrain
 
@@ -19,9 +20,7 @@ SAMPLES = TRAJECTORY_OFFSETS + PRESENT  # the network's 12 samples
 # How strongly the stick overrules the network along the coming second: 1 - (1 - t)^bias at time t of it.
 POSITION_BIAS = 8.0
 DIRECTION_BIAS = 3.0
-VELOCITY_HALF_LIFE = 0.09  # seconds in which the requested velocity covers half of a change of the stick
-FACING_HALF_LIFE = 0.09
-GAIT_HALF_LIFE = 0.10
+FORGETTING = 0.2  # seconds, half-life, in which a body that comes to rest forgets that it moved
 
 _AT = features.FUTURE_OFFSETS.astype(float)  # the network's coming samples,
 _FRAMES = np.arange(1, LENGTH - PRESENT)  # the coming frames,
@@ -61,7 +60,8 @@ class Trajectory:
     xz: Array = field(metadata={"shape": (LENGTH, 2)})  # (N, 121, 2)
     yaw: Array = field(metadata={"shape": (LENGTH,)})  # (N, 121) unwrapped
     gait: Array = field(metadata={"shape": (LENGTH, GAITS)})  # (N, 121, 6)
-    velocity: Array = field(metadata={"shape": (2,)})  # (N, 2) smoothed request, m/s
+    wish: Array = field(metadata={"shape": (2,)})  # (N, 2) the stick's velocity, smoothed, m/s
+    velocity: Array = field(metadata={"shape": (2,)})  # (N, 2) planned, m/s
     requested_yaw: Array = field(metadata={"shape": ()})  # (N,)
 
     @staticmethod
@@ -71,7 +71,12 @@ class Trajectory:
         gait[..., 0] = 1.0
         xz = np.tile(np.array([x, z], np.float64), (1, LENGTH, 1))
         return Trajectory(
-            xz, np.full((1, LENGTH), float(yaw)), gait, np.zeros((1, 2)), np.array([float(yaw)])
+            xz,
+            np.full((1, LENGTH), float(yaw)),
+            gait,
+            np.zeros((1, 2)),
+            np.zeros((1, 2)),
+            np.array([float(yaw)]),
         )
 
     @property
@@ -86,20 +91,44 @@ class Trajectory:
         directions = np.stack([np.sin(yaw), np.cos(yaw)], axis=-1)
         return TrajectoryView(np.stack([xz[:, 0], height, xz[:, 1]], -1), directions)
 
-    def steer(self, velocity: Array, facing_yaw: Array, gait: Array) -> None:
-        """Blend the requested velocities `(N, 2)` (m/s), facings `(N,)` (radians, not a number keeps it) and one-hot gaits `(N, 6)` into the coming second."""
-        self.velocity = self.velocity + (velocity - self.velocity) * (1 - decay(VELOCITY_HALF_LIFE))
-        turn = wrap_angle(facing_yaw - self.requested_yaw) * (1 - decay(FACING_HALF_LIFE))
-        self.requested_yaw = self.requested_yaw + np.where(np.isnan(turn), 0.0, turn)
+    def plan(
+        self,
+        wish: Array,
+        facing: Array,
+        gait: NDArray[np.integer],
+        walk: Array,
+        jog_from: Array,
+        response: Array,
+    ) -> Plan:
+        """The coming second on the way to velocities `(N, 2)` (m/s), facings `(N,)` (radians, not a number keeps it) and gaits.
+
+        `walk` `(N,)` are the styles' walking speeds, `response` `(N,)` is 0 (capture) to 1 (game). Moves `wish`, `velocity` and
+        `requested_yaw` on by a frame.
+        """
+        seconds = momentum.change_seconds(walk, response)
+        quick = decay(momentum.WISH_HALF_LIFE) ** (momentum.GAME**-response)
+        self.wish = wish + (self.wish - wish) * quick[:, None]
+        velocities = momentum.velocities(self.velocity, self.wish, walk, seconds)
+        goal = np.where(np.isnan(facing), self.requested_yaw, facing)
+        yaws = momentum.facings(self.requested_yaw, goal, momentum.TO_TURN * momentum.GAME**response)
+        self.velocity, self.requested_yaw = velocities[:, 1], yaws[:, 1]
+        speeds = np.sqrt((velocities * velocities).sum(-1))
+        return Plan(velocities, yaws, momentum.labels(speeds, self.gait[:, PRESENT], gait, jog_from))
+
+    def steer(self, plan: Plan, resting: Array) -> None:
+        """Blend a plan into the coming second; `resting` `(N,)` 0 to 1 is how far a body comes to rest, which forgets its past."""
         self.xz, self.yaw, self.gait = self.xz.copy(), self.yaw.copy(), self.gait.copy()
         ahead = self.xz[:, PRESENT:]
         steps = ahead[:, 1:] - ahead[:, :-1]
-        steps += (self.velocity[:, None] / FPS - steps) * _ALONG
+        steps += (plan.velocities[:, 1:] / FPS - steps) * _ALONG
         ahead[:, 1:] = ahead[:, :1] + np.cumsum(steps, axis=1)
         turning = self.yaw[:, PRESENT + 1 :]
-        turning += wrap_angle(self.requested_yaw[:, None] - turning) * _AROUND
-        present = self.gait[:, PRESENT]
-        self.gait[:, PRESENT:] = (present + (gait - present) * (1 - decay(GAIT_HALF_LIFE)))[:, None]
+        turning += wrap_angle(plan.yaws[:, 1:] - turning) * _AROUND
+        self.gait[:, PRESENT:] = plan.gaits
+        share = (resting * (1.0 - decay(FORGETTING)))[:, None]
+        self.yaw[:, :PRESENT] += share * (self.yaw[:, PRESENT, None] - self.yaw[:, :PRESENT])
+        for window in (self.xz, self.gait):
+            window[:, :PRESENT] += share[..., None] * (window[:, PRESENT, None] - window[:, :PRESENT])
 
     def advance(self, displacement: Array, turn: Array, positions: Array, directions: Array) -> None:
         """Move on by one frame, after `steer`, in its windows: displacements `(N, 2)` metres and turns `(N,)` radians.

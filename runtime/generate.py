@@ -106,6 +106,7 @@ def generate_clip(
     prompter: Prompter | None = None,
     size: float = 1.0,
     pins: str | Sequence[Pin] = (),
+    response: float = 0.0,
 ) -> Clip:
     """Generate a clip of `seconds` (10, or the length of `controls`) at 60 frames a second; equal arguments give equal bytes.
 
@@ -114,13 +115,14 @@ def generate_clip(
     `prompt` is one prompt, six descriptions, a blend of two, or several prompts with times (also those of a take),
     `terrain` a name, file or terrain, `path` and `gait` are those of `runtime.motion.paths`. `model` is a model folder, by default the shipped one, or a loaded model; `expander`, `report` and
     `text_encoder` are those of `Prompter`, or `prompter` is one of that model; `strength` is that of `Controller`; `size` is that of `Character`: a smaller body takes smaller steps on the same ground.
-    `pins` bend the poses: text of `runtime.takes.pins`, or pins. SportError names what cannot be used.
+    `pins` bend the poses: text of `runtime.takes.pins`, or pins. `response` is how quickly starts, stops and turns follow
+    the stick: 0 as in capture, 1 as in a game. SportError names what cannot be used.
     """
     script, first_gait, seconds = _script(controls, path, gait, seconds, speed, seed)
-    _check(seconds, transition_seconds, strength, seed)
+    _check(seconds, transition_seconds, strength, seed, response)
     held = parse_pins(pins) if isinstance(pins, str) else tuple(pins)
     events, asked = _events(prompt)
-    controller = _controller(terrain, model, seed, strength, size)
+    controller = _controller(terrain, model, seed, strength, size, response)
     meant: dict[str, PartDescriptions] = {}
     if prompter is None:
         prompter = Prompter(controller.model, expander, report, text_encoder, meant.__setitem__)
@@ -146,9 +148,10 @@ def _script(
     return script, script(0.0).gait, script.seconds if seconds is None else seconds
 
 
-def _check(seconds: float, transition_seconds: float, strength: float, seed: int) -> None:
+def _check(seconds: float, transition_seconds: float, strength: float, seed: int, response: float) -> None:
     """UsageError names the number of `generate_clip` that is out of its range."""
     from runtime.motion.model import MAX_STRENGTH, MIN_STRENGTH
+    from runtime.motion.momentum import MAX_RESPONSE, MIN_RESPONSE
 
     if not 1.0 / FPS <= seconds <= MAX_SECONDS:
         raise UsageError(
@@ -162,12 +165,21 @@ def _check(seconds: float, transition_seconds: float, strength: float, seed: int
             "1 is as the model shows it.",
             "strength",
         )
+    if not MIN_RESPONSE <= response <= MAX_RESPONSE:
+        raise UsageError(
+            f" {response}: expected 0 (as in capture) to 1 (as in a game).", "Try 0.", "response"
+        )
     if seed < 0:
         raise UsageError(f" {seed}: expected 0 or more.", "Choose another seed.", "seed")
 
 
 def _controller(
-    terrain: str | Path | Terrain, model: Path | MotionModel | None, seed: int, strength: float, size: float
+    terrain: str | Path | Terrain,
+    model: Path | MotionModel | None,
+    seed: int,
+    strength: float,
+    size: float,
+    response: float,
 ) -> Controller:
     """A character of a size at the origin of the ground."""
     from runtime.motion.controller import Controller
@@ -176,7 +188,7 @@ def _controller(
 
     ground = terrain if isinstance(terrain, Terrain) else load_terrain(terrain)
     loaded = load_model(model) if model is None or isinstance(model, Path) else model
-    return Controller(loaded, ground.seen_by(size), seed, strength=strength)
+    return Controller(loaded, ground.seen_by(size), seed, strength=strength, response=response)
 
 
 def _walk(

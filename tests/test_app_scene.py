@@ -77,6 +77,15 @@ def test_strength_reaches_the_model_and_stays_in_the_settings(start: Start) -> N
     assert controller(app).strength == 1.2
 
 
+def test_response_reaches_the_model_from_the_command_and_the_scene(start: Start) -> None:
+    app = start(response=0.5)
+    run(app)
+    assert controller(app).response == 0.5
+    app.state.settings.response = 1.0
+    run(app)
+    assert controller(app).response == 1.0
+
+
 def test_dropped_files_go_where_they_belong(start: Start, tmp_path: Path) -> None:
     app = start()
     run(app)

@@ -229,7 +229,7 @@ def test_every_action_that_is_no_held_one_is_done_by_exactly_one_room(start: Sta
 
 
 def test_a_setting_carries_its_range_and_what_its_widget_shows() -> None:
-    for name in ("strength", "temperature", "blend_seconds", "keep_seconds", "gpt_timeout_s"):
+    for name in ("strength", "temperature", "response", "blend_seconds", "keep_seconds", "gpt_timeout_s"):
         spec = spec_of(Settings, name)
         assert spec.allows(getattr(Settings(), name))
         assert spec.label % (spec.low * spec.factor) != spec.label % (spec.high * spec.factor)

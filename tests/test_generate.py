@@ -47,6 +47,15 @@ def test_the_stick_of_a_clip_is_text(walker):
     assert (set(clip.gaits[:60]), set(clip.gaits[60:])) == ({Gait.WALK}, {Gait.JOG})
 
 
+def test_a_start_takes_the_time_of_a_body_and_that_of_a_game_at_full_response(walker):
+    way = [
+        np.ptp(generate_clip("calm", controls="stand 0.2; walk 0.6", response=r).hips_positions[:, 2])
+        for r in (0.0, 0.5, 1.0)
+    ]
+    assert way[0] < way[1] < way[2]
+    assert way[0] < 0.6 * way[2]
+
+
 def test_forward_goes_along_z():
     path = follow(control_script("forward", "walk"), 10)
     assert path[-1, 1] > 12
@@ -171,7 +180,8 @@ def test_standing_stands(walker):
     [({"prompt": "  "}, PromptError, "prompt"), ({"prompt": "x" * 10_000}, PromptError, "prompt"),
      ({"terrain": "lava"}, TerrainError, "lava"), ({"seconds": 0.0}, UsageError, "seconds"),
      ({"seconds": 1e9}, UsageError, "seconds"), ({"transition_seconds": -1.0}, UsageError, "transition_seconds"),
-     ({"strength": 2.5}, UsageError, "strength"), ({"strength": float("nan")}, UsageError, "strength")],
+     ({"strength": 2.5}, UsageError, "strength"), ({"strength": float("nan")}, UsageError, "strength"),
+     ({"response": 1.5}, UsageError, "response"), ({"response": float("nan")}, UsageError, "response")],
 )  # fmt: skip
 def test_what_cannot_be_used_is_named(walker, changes, error, expected):
     with pytest.raises(error, match=expected):

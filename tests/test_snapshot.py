@@ -94,6 +94,19 @@ def written(snapshot: Snapshot, change: Callable[[dict[str, Any], dict[str, np.n
     return buffer.getvalue()
 
 
+def test_a_state_from_before_momentum_is_read(walked: Controller) -> None:
+    with np.load(io.BytesIO(take_snapshot(walked).to_bytes())) as file:
+        arrays = dict(file)
+    tree = json.loads(arrays.pop("head").tobytes())
+    tree["version"] = 3
+    del tree["state"]["wished_speed"], tree["state"]["smooth_request"], tree["state"]["trajectory"]["wish"]
+    buffer = io.BytesIO()
+    np.savez(buffer, head=np.frombuffer(json.dumps(tree).encode(), np.uint8), **arrays)  # type: ignore[arg-type]
+    state = Snapshot.from_bytes(buffer.getvalue()).state
+    assert np.array_equal(state.trajectory.wish, walked.state.trajectory.velocity)
+    assert np.array_equal(state.wished_speed, walked.state.requested_speed)
+
+
 def another_shape(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
     arrays[f"a{state['joints']}"] = np.zeros((1, 30, 3))
 

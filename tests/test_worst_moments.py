@@ -90,6 +90,7 @@ class Lost:
     """Driven again, it is nowhere."""
 
     temperature = strength = 1.0
+    response = 0.0
 
     def __init__(self, x: float) -> None:
         self.x = x

@@ -33,6 +33,7 @@ class FakeController:
         self.terrain = terrain
         self.x, self.z, self.yaw = 0.0, 0.0, 0.0
         self.temperature = self.strength = 1.0
+        self.response = 0.0
         self.steps = self.styled_at_step = 0
         self.styles: list[tuple[np.ndarray, float]] = []
         self.fail_with: Exception | None = None

@@ -165,6 +165,8 @@ class App:
         state, options, drives = self.state, self.options, DriveRecorder()
         settings, messages, prompt, stage = state.settings, state.messages, state.prompt, state.stage
         self.jobs = jobs = Jobs(messages, blocking=options.offscreen)
+        if options.response is not None:
+            settings.response = options.response
         renderer = services.make_renderer(self.window.ctx, options.quality or settings.quality)
         self.stage = Stage(
             stage,

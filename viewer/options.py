@@ -44,6 +44,7 @@ class ViewOptions:
     seed: int = specified(0, 0, flag="--seed")
     quality: str | None = specified(None, choices=QUALITIES, flag="--quality")
     camera: str | None = specified(None, choices=CAMERAS | VIEWS, flag="--camera")
+    response: float | None = specified(None, 0.0, 1.0, flag="--response")
     controls: str | None = None
     keys: str = ""
     vmc: str | None = None  # the same by the VMC protocol

@@ -29,6 +29,7 @@ class ControllerLike(Protocol):
 
     temperature: float
     strength: float
+    response: float
     message: str  # what went wrong in the last step, "" when nothing did
     seed: int
 

@@ -122,6 +122,10 @@ class Settings:
         TEMPERATURE, 0.0, 2.0, label="%.2f",
         hint="Temperature of the sampler: 0 always moves alike, 1 as widely as the capture, more is livelier",
     )  # fmt: skip
+    response: float = specified(
+        0.0, 0.0, 1.0, label="%.0f %%", factor=100.0, whole=True,
+        hint="How quickly starts, stops and turns follow the stick: 0 with the weight of a body, 100 at once as in a game",
+    )  # fmt: skip
     strength: float = specified(
         1.0, 0.0, 1.5, label="strength %.0f %%", factor=100.0, whole=True,
         hint="How far the style goes from plain walking: 0 leaves it out, more than 100 exaggerates it",

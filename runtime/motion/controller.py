@@ -50,14 +50,15 @@ class Controller:
         seed: int = 0,
         temperature: float = TEMPERATURE,
         strength: float = 1.0,
+        response: float = 0.0,
     ) -> None:
-        _check(temperature=temperature, strength=strength)
+        _check(temperature=temperature, strength=strength, response=response)
         if seed < 0:
             raise UsageError(f"Controller: seed {seed}: expected 0 or more.", "Choose another seed.")
         self.model = model
         self.terrain = terrain
         self.temperature = temperature
-        self.response = 0.0  # 0: starts, stops and turns as in capture, 1: as in a game
+        self.response = response  # 0: starts, stops and turns as in capture, 1: as in a game
         self.seed = seed
         self.message = ""  # the network's fault in this frame, for the status line
         self._folder = StyleFolder(model.fold_style, strength)
@@ -102,7 +103,7 @@ class Controller:
 
     def twin(self) -> Controller:
         """Another character of the same model, at the start of the same ground: to make a take again beside this one."""
-        return Controller(self.model, self.terrain, self.seed, self.temperature, self.strength)
+        return Controller(self.model, self.terrain, self.seed, self.temperature, self.strength, self.response)
 
     @property
     def strength(self) -> float:

@@ -40,7 +40,6 @@ CROUCH_SPEED = 0.8  # m/s at full stick
 JUMP_SECONDS = 0.7
 # what the regulator leaves of a difference in speed is taken up by longer or shorter strides, this much at most
 STRIDE_WARP = (0.65, 1.25)
-RESTING_SPEED = 0.5  # m/s: a body that stops begins to forget that it moved
 SLOWEST_PLAN = 0.05  # m/s: a body that stops is regulated until then
 LAST_SPEED = 9.0  # times the planned speed: what is more is cut off at the end of a stop
 FASTEST_LIFT = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
@@ -212,8 +211,7 @@ def _steer(state: CharacterState, request: Request, styles: Sequence[Style], res
     state.requested_speed = speeds
     moving = (state.wished_speed > 0.0) | (speeds > SLOWEST_PLAN)
     gain = state.regulator.update(speeds, state.root_speed * state.stride.share, moving)
-    stops = np.where(state.wished_speed > 0.0, 0.0, 1.0 - np.minimum(speeds / RESTING_SPEED, 1.0))
-    state.trajectory.steer(replace(plan, velocities=plan.velocities * gain[:, None, None]), stops)
+    state.trajectory.steer(replace(plan, velocities=plan.velocities * gain[:, None, None]))
 
 
 def _input(state: CharacterState, looks: Sequence[Look], terrain: Terrain) -> Array:
@@ -335,7 +333,7 @@ def _feed_back(
     state.phase = state.rest.apply(state.phase, np.stack([style.rest for style in styles]), resting)
 
     velocity = features.to_world(y.root[:, :2], yaw)
-    velocity = _root_velocity(state, velocity, y.contacts, resting, looks, terrain)
+    velocity = _root_velocity(state, velocity, y.contacts, looks, terrain)
     turn = y.root[:, 2] * DT
     ahead = (yaw + turn)[:, None]
     path.advance(
@@ -350,7 +348,6 @@ def _root_velocity(
     state: CharacterState,
     velocity: Array,
     contacts: Array,
-    resting: Array,
     looks: Sequence[Look],
     terrain: Terrain,
 ) -> Array:

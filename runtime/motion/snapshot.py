@@ -26,7 +26,7 @@ from runtime.motion.style_blend import StyleCodes
 from runtime.motion.style_mix import StyleMix
 from runtime.records import REMEDY, copied, read_record, write_record
 
-VERSION = 3
+VERSION = 4
 MAX_BYTES = 16 * 1024 * 1024  # a folded style has 2 MB
 MOST_CODES, LARGEST_SHARE, LARGEST_CODE = 64, 64.0, 1e4
 LONGEST_BLEND_S, LARGEST_STRENGTH, FASTEST = 1e6, 16.0, 100.0
@@ -81,7 +81,9 @@ class Snapshot:
             named = _arrays(data)
             tree = json.loads(named.pop("head").tobytes())
             version = tree["version"]
-            if version == VERSION:
+            if version == 3:
+                _plan_as_velocity(tree["state"])
+            if version in (3, VERSION):
                 arrays = [named[f"a{k}"] for k in range(len(named))]
                 codes = _codes(tree["style"], arrays)
                 state = read_record(CharacterState, tree["state"], arrays, name)
@@ -113,6 +115,12 @@ class Snapshot:
         ) as error:
             raise FileError(f"{name}: not the state of a controller.", REMEDY) from error
         raise FileError(f"{name}: of version {str(version)[:20]}, expected {VERSION}.", REMEDY)
+
+
+def _plan_as_velocity(state: Any) -> None:
+    """Version 3 had no plan on the way to the stick's velocity: the velocity was the stick's."""
+    state["wished_speed"] = state["smooth_request"] = state["requested_speed"]
+    state["trajectory"]["wish"] = state["trajectory"]["velocity"]
 
 
 def take_snapshot(controller: Controller) -> Snapshot:

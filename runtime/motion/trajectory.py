@@ -21,7 +21,6 @@ SAMPLES = TRAJECTORY_OFFSETS + PRESENT  # the network's 12 samples
 # How strongly the stick overrules the network along the coming second: 1 - (1 - t)^bias at time t of it.
 POSITION_BIAS = 8.0
 DIRECTION_BIAS = 3.0
-FORGETTING = 0.2  # seconds, half-life, in which a body that comes to rest forgets that it moved
 
 _AT = features.FUTURE_OFFSETS.astype(float)  # the network's coming samples,
 _FRAMES = np.arange(1, LENGTH - PRESENT)  # the coming frames,
@@ -116,8 +115,8 @@ class Trajectory:
         speeds = np.sqrt((velocities * velocities).sum(-1))
         return Plan(velocities, yaws, momentum.labels(speeds, self.gait[:, PRESENT], gait, jog_from))
 
-    def steer(self, plan: Plan, resting: Array) -> None:
-        """Blend a plan into the coming second; `resting` `(N,)` 0 to 1 is how far a body comes to rest, which forgets its past."""
+    def steer(self, plan: Plan) -> None:
+        """Blend a plan into the coming second."""
         self.xz, self.yaw, self.gait = self.xz.copy(), self.yaw.copy(), self.gait.copy()
         ahead = self.xz[:, PRESENT:]
         steps = ahead[:, 1:] - ahead[:, :-1]
@@ -126,10 +125,6 @@ class Trajectory:
         turning = self.yaw[:, PRESENT + 1 :]
         turning += wrap_angle(plan.yaws[:, 1:] - turning) * _AROUND
         self.gait[:, PRESENT:] = plan.gaits
-        share = (resting * (1.0 - decay(FORGETTING)))[:, None]
-        self.yaw[:, :PRESENT] += share * (self.yaw[:, PRESENT, None] - self.yaw[:, :PRESENT])
-        for window in (self.xz, self.gait):
-            window[:, :PRESENT] += share[..., None] * (window[:, PRESENT, None] - window[:, :PRESENT])
 
     def advance(self, displacement: Array, turn: Array, positions: Array, directions: Array) -> None:
         """Move on by one frame, after `steer`, in its windows: displacements `(N, 2)` metres and turns `(N,)` radians.

@@ -25,7 +25,7 @@ from runtime.terrain.height_map import Terrain
 from runtime.terrain.mesh import MAX_SIDE
 
 CODE = (6, 64)
-STICK_BYTES = 7 * 8  # of a frame
+STICK_COLUMNS = (8, 7)  # numbers of a frame; the first takes had no response
 # in memory, about
 FRAME_BYTES, STATE_BYTES, CHANGE_BYTES = 400, 65_536, 4096
 Json = Any
@@ -120,7 +120,8 @@ class DriveReader:
 
     def _frames(self, number: Json, count: Json) -> tuple[DrivenFrame, ...]:
         def made() -> tuple[DrivenFrame, ...]:
-            if type(count) is not int or self.archive.size(number) != STICK_BYTES * count:
+            sizes = () if type(count) is not int else [8 * columns * count for columns in STICK_COLUMNS]
+            if self.archive.size(number) not in sizes:
                 raise ValueError("a stick of another length")
             self.archive.budget.spend(FRAME_BYTES * count)
             return self._sticks(unpacked_table(self.archive.data(number), count, np.dtype("<f8")))
@@ -132,10 +133,8 @@ class DriveReader:
         if not np.isfinite(rest).all() or not (np.abs(rest[:, 3:]) <= 10.0).all():
             raise FileError(f"{self.archive.path}: a stick that is not finite.", REMEDY)
         return tuple(
-            DrivenFrame(
-                Controls((x, z), None if math.isnan(fx) else (fx, fz), Gait(int(gait))), temperature, strength
-            )
-            for x, z, fx, fz, gait, temperature, strength in rows.tolist()
+            DrivenFrame(Controls((x, z), None if math.isnan(fx) else (fx, fz), Gait(int(gait))), *settings)
+            for x, z, fx, fz, gait, *settings in rows.tolist()
         )
 
     def _keyframe(self, value: Json) -> Keyframe:
@@ -217,10 +216,17 @@ def _is_ground(heights: Any) -> bool:
 def _packed_sticks(frames: tuple[DrivenFrame, ...]) -> bytes:
     nowhere = (math.nan, math.nan)
     rows = [
-        (*f.controls.move, *(f.controls.facing or nowhere), int(f.controls.gait), f.temperature, f.strength)
+        (
+            *f.controls.move,
+            *(f.controls.facing or nowhere),
+            int(f.controls.gait),
+            f.temperature,
+            f.strength,
+            f.response,
+        )
         for f in frames
     ]
-    return packed_table(np.array(rows, "<f8").reshape(-1, 7))
+    return packed_table(np.array(rows, "<f8").reshape(-1, STICK_COLUMNS[0]))
 
 
 def read_words_text(value: Json) -> str:

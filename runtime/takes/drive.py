@@ -36,6 +36,7 @@ class Drivable(Protocol):
 
     temperature: float
     strength: float
+    response: float
 
     def step(self, controls: Controls) -> Pose:
         """Simulate 1/60 s."""
@@ -57,6 +58,7 @@ class DrivenFrame:
     controls: Controls
     temperature: float
     strength: float
+    response: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,6 +241,8 @@ def keyframe_for(drive: Drive, frame: int) -> Keyframe:
 def _step(controller: Drivable, frame: DrivenFrame) -> Pose:
     if controller.temperature != frame.temperature:
         controller.temperature = frame.temperature
+    if controller.response != frame.response:
+        controller.response = frame.response
     if controller.strength != frame.strength:  # setting it folds the style anew
         controller.strength = frame.strength
     return controller.step(frame.controls)
@@ -316,7 +320,8 @@ class DriveRecorder:
 
     def add(self, controls: Controls, controller: Drivable) -> None:
         """Remember what one simulated step of `controller` was asked for."""
-        self._frames.append(DrivenFrame(controls, controller.temperature, controller.strength))
+        frame = DrivenFrame(controls, controller.temperature, controller.strength, controller.response)
+        self._frames.append(frame)
 
     def mark_style(
         self,

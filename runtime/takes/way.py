@@ -20,7 +20,7 @@ from runtime.motion.paths import PlanarPose
 from runtime.motion.point_path import PointPath, Waypoint
 from runtime.pose import FPS, Pose
 from runtime.takes.clip import Clip
-from runtime.takes.drive import Drivable, Drive, DrivenFrame, played_poses, started
+from runtime.takes.drive import Drivable, Drive, played_poses, started
 from runtime.takes.metadata import gait_of
 
 APART_M = 1.5  # between two points of a straight way
@@ -79,7 +79,7 @@ def walked_again(
 
     poses, keyframes = started(drive, controller, first, stick)
     settings = [drive.frame(min(first + i, len(drive) - 1)) for i in range(len(asked))]
-    made = [DrivenFrame(c, f.temperature, f.strength) for c, f in zip(asked, settings, strict=True)]
+    made = [replace(frame, controls=stick) for stick, frame in zip(asked, settings, strict=True)]
     frames = (*drive.frames[: first - drive.start], *made)
     changes = tuple(change for change in drive.changes if change.frame < len(frames) + drive.start)
     again = replace(drive, frames=frames, changes=changes, keyframes=keyframes)

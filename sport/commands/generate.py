@@ -93,6 +93,13 @@ def _add_course(generate: argparse.ArgumentParser) -> None:
         metavar="S",
         help="how far styles go from plain walking: 0 to 2, 1 as the model shows them",
     )
+    generate.add_argument(
+        "--response",
+        type=float,
+        default=0.0,
+        metavar="R",
+        help="how quickly starts, stops and turns follow the stick: 0 as in capture (default) to 1 as in a game",
+    )
     generate.add_argument("--seed", type=int, default=0, metavar="N")
 
 
@@ -175,6 +182,7 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
             speed=1.0 if options.speed is None else options.speed,
             transition_seconds=options.transition,
             strength=options.strength,
+            response=options.response,
             model=model,
             name=out.stem,
             expander=options.expander,

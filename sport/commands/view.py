@@ -32,6 +32,12 @@ def add(commands: Subparsers) -> None:
         "--quality", choices=("fast", "software", "high"), help="rendering preset (default: by machine)"
     )
     view.add_argument("--camera", choices=("follow", "orbit"))
+    view.add_argument(
+        "--response",
+        type=float,
+        metavar="R",
+        help="how quickly starts, stops and turns follow the stick: 0 as in capture to 1 as in a game",
+    )
     view.add_argument("--seed", type=int, default=0, metavar="N")
     view.add_argument(
         "--controls",
@@ -92,6 +98,7 @@ def run(options: argparse.Namespace) -> int:
         seed=options.seed,
         quality=options.quality,
         camera=options.camera,
+        response=options.response,
         controls=options.controls,
         keys=options.keys,
         live_link=options.live_link,

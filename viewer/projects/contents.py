@@ -21,6 +21,7 @@ from viewer.takes.takes import Takes
 
 KEPT_SETTINGS = (
     "temperature",
+    "response",
     "strength",
     "blend_seconds",
     "show_grid",

@@ -157,22 +157,23 @@ def _toggles(settings: Settings) -> None:
 
 
 def _drawing(stage: Stage) -> None:
-    half = (imgui.get_content_region_avail().x - px(4)) / 2
+    third = (imgui.get_content_region_avail().x - 2 * px(4)) / 3
     top, chosen = imgui.get_cursor_pos(), stage.settings.quality
     widgets.label("Quality")
-    imgui.set_next_item_width(half)
+    imgui.set_next_item_width(third)
     shown = QUALITIES[chosen] if chosen else f"Auto: {stage.state.quality}"
     if imgui.begin_combo("##quality", shown):
         for name, text in QUALITIES.items():
             if imgui.selectable(text, name == chosen)[0] and name != chosen:
                 stage.set_quality(name)
         imgui.end_combo()
-    imgui.set_cursor_pos(imgui.ImVec2(top.x + half + px(4), top.y))
-    imgui.begin_group()
-    widgets.label("Variety")
-    imgui.set_next_item_width(half)
-    setting_widgets.slider(stage.settings, "temperature")
-    imgui.end_group()
+    for number, (text, name) in enumerate((("Variety", "temperature"), ("Response", "response")), 1):
+        imgui.set_cursor_pos(imgui.ImVec2(top.x + number * (third + px(4)), top.y))
+        imgui.begin_group()
+        widgets.label(text)
+        imgui.set_next_item_width(third)
+        setting_widgets.slider(stage.settings, name)
+        imgui.end_group()
 
 
 def _short(spec: str) -> str:

@@ -120,6 +120,7 @@ class Stage:
         if simulation.controller is not None:
             simulation.controller.temperature = self.settings.temperature
             simulation.controller.strength = self.settings.strength
+            simulation.controller.response = self.settings.response
         poses = simulation.advance(seconds, controls)
         first = self.drives.next_frame
         shown = [self.pins.bend(pose, (first + i) / FPS) for i, pose in enumerate(poses)]

@@ -263,6 +263,7 @@ class Wall:
             self._crowd.set_terrain(self._ground)
         for member in self.members:
             member.temperature, member.strength = self.settings.temperature, self.settings.strength
+            member.response = self.settings.response
         self._left_s += seconds
         steps = int(self._left_s / STEP_SECONDS + 1e-6)
         self._left_s = min(max(self._left_s - steps * STEP_SECONDS, 0.0), STEP_SECONDS)

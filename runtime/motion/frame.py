@@ -91,9 +91,10 @@ def step(
 
     looks = _look(state, controls, terrain)
     request = _request(state, controls, looks, styles)
-    # before an obstacle that nobody crosses, and while one is crossed, a body does at once what it has to
+    # before an obstacle, and while one is crossed, a body does at once what it has to
     at_once = [
-        look.stops or crossing.kind != "" for look, crossing in zip(looks, state.crossings, strict=True)
+        look.stops or look.ahead is not None or crossing.kind != ""
+        for look, crossing in zip(looks, state.crossings, strict=True)
     ]
     _steer(state, request, styles, np.where(at_once, 1.0, response))
 

@@ -20,7 +20,7 @@ from runtime.motion.features import FPS, GAITS
 TO_WALK = 0.85  # seconds from rest to the walking speed of a neutral body, and back
 NEUTRAL_SPEED = 1.3  # m/s; a slower style has slower steps, and takes so much longer:
 FASTEST_CHANGE, SLOWEST_CHANGE = 0.85, 1.12  # of TO_WALK
-TO_TURN, TURN = 0.6, np.pi / 2  # seconds and radians
+TO_TURN, TURN = 0.75, np.pi / 2  # seconds and radians
 GAME = 0.13  # of these times, at full response
 MIN_RESPONSE, MAX_RESPONSE = 0.0, 1.0
 WISH_HALF_LIFE = 0.1  # seconds in which a body makes up its mind

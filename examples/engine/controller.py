@@ -53,6 +53,19 @@ def matrices(six):
     return np.stack([x, y, np.cross(x, y)], axis=-1)
 
 
+def left(missing, reach: float, seconds: float):
+    """What is left of `missing` in each of the coming 61 frames: exponential above `reach`, linear from there to 0."""
+    fast, t = np.log(max(missing / reach, 1.0)), np.arange(61) / FPS / seconds
+    slow = np.maximum(min(missing, reach) - reach * (t - fast), 0.0)
+    return np.where(t < fast, missing * np.exp(-t), slow)
+
+
+def over(speeds, threshold: float):
+    """0 below to 1 above a threshold, over a third of it to both sides."""
+    t = np.clip(1.5 * (speeds / threshold - 1) + 0.5, 0, 1)
+    return t * t * (3 - 2 * t)
+
+
 def between(samples: int, frames: int):
     """Shares (frames, samples) of samples ten frames apart in every frame, linear; the last is kept beyond it."""
     at = np.minimum(np.arange(frames), 10 * (samples - 1))
@@ -106,7 +119,7 @@ class Noise:
 class Controller:
     """One character; `step` is 1/60 s."""
 
-    def __init__(self, model: Path, z, offsets, parents, seed: int = 0, temperature: float = 0.7) -> None:
+    def __init__(self, model: Path, z, offsets, parents, seed=0, temperature=0.7, response=0.0) -> None:
         meta = json.loads((model / "metadata.json").read_text(encoding="utf-8"))
         session = onnxruntime.InferenceSession
         folded = session(model / "style.onnx").run(None, {"z": np.float32(z)})
@@ -117,7 +130,7 @@ class Controller:
         self.clock, self.clock_share = np.zeros(5), np.zeros(5)
         self.full = {WALK: float(walk), JOG: float(max(jog, 1.3 * walk)), CROUCH: 0.8, JUMP: float(walk)}
         self.network = session(model / "step.onnx")
-        self.noise, self.temperature, self.frame = Noise(seed), np.float32(temperature), 0
+        self.noise, self.temperature, self.frame = Noise(seed), float(temperature), 0
         self.offsets, self.parents = np.float64(offsets), np.array(parents)
         y = self.split(np.array(meta["start"]["output"], np.float64))
         self.joints, self.velocities = y["joints"], np.zeros((31, 3))
@@ -126,7 +139,9 @@ class Controller:
             [np.interp(np.arange(121), np.arange(0, 121, 10), c) for c in start.T], -1
         ).reshape(121, 5, 2)
         self.stand()
-        self.jump_left = self.requested = self.speed = self.measured = 0.0
+        self.game = 0.13**response  # of the times that a body takes for a change
+        self.change_s = 0.85 * np.clip(np.sqrt(1.3 / walk), 0.85, 1.12) * self.game
+        self.jump_left = self.wished = self.requested = self.smooth = self.speed = self.measured = 0.0
         self.expected = self.followed = self.stood = 0.0  # of the regulator
         self.integral, self.share, self.feet = 1.0, 1.0, self.joints[SOLES]
         self.foot_speed = self.slow = 0.0
@@ -143,7 +158,7 @@ class Controller:
         """A path that rests at the origin, facing +Z."""
         self.xz, self.yaw = np.zeros((121, 2)), np.zeros(121)
         self.gait = np.eye(6)[np.full(121, STAND)] if gait is None else gait
-        self.velocity, self.wanted_yaw = np.zeros(2), 0.0
+        self.wish, self.velocity, self.wanted_yaw = np.zeros(2), np.zeros(2), 0.0
 
     def settle(self, gait: int = WALK) -> None:
         """Come to rest in the style, in two seconds that nobody sees."""
@@ -161,9 +176,10 @@ class Controller:
 
     def step(self, x: float, z: float, gait: int = WALK, facing: float | None = None):
         """Hips (3,), world rotations (31, 3, 3) and joints (31, 3) 1/60 s later; `x`, `z` are the stick, at most 1 long."""
-        velocity, label, facing = self.request(x, z, gait, facing)
-        self.steer(velocity, label, facing)
-        noise = self.temperature * self.noise(self.frame * DT)
+        velocity, gait, facing = self.request(x, z, gait, facing)
+        self.steer(velocity, gait, facing)
+        calm = 1 - 0.65 * self.gait[PRESENT, STAND]
+        noise = np.float32(self.temperature * calm) * self.noise(self.frame * DT)
         self.frame += 1
         feed = {"x": self.input()[None], "noise": noise, **self.style}
         y = self.split(self.network.run(["y"], feed)[0][0].astype(np.float64))
@@ -197,12 +213,12 @@ class Controller:
         return local
 
     def request(self, x: float, z: float, gait: int, facing: float | None):
-        """The velocity, gait label and facing that the stick requests, by way of the speed regulator."""
+        """The velocity, gait and facing that the stick requests."""
         size = float(np.hypot(x, z))
         x, z, amount = (x / size, z / size, 1.0) if size > 1 else (x, z, size)
         full, moving = self.full[gait], amount * self.full[gait] > 0.12
         velocity = np.array([x, z]) * full if moving else np.zeros(2)
-        self.requested = amount * full
+        self.wished = amount * full if moving else 0.0
         self.jump_left = 0.7 if gait == JUMP else self.jump_left
         if self.jump_left > 0:
             self.jump_left, gait = self.jump_left - DT, JUMP
@@ -210,29 +226,49 @@ class Controller:
             gait = STAND
         if facing is None and moving:
             facing = np.arctan2(velocity[0], velocity[1])
-        self.expected += (self.requested - self.expected) * (1 - kept(0.4))
+        return velocity, gait, facing
+
+    def steer(self, velocity, gait: int, facing) -> None:
+        """Plan the coming second towards the request, as fast as a body changes, and blend it into the path."""
+        self.wish = velocity + (self.wish - velocity) * kept(0.1) ** (1 / self.game)
+        change, walk = self.velocity - self.wish, self.full[WALK]
+        missing = np.hypot(*change)
+        plan = self.wish + (left(missing, walk, self.change_s) / max(missing, 1e-9))[:, None] * change
+        turn = angle(self.wanted_yaw - (self.wanted_yaw if facing is None else facing))
+        yaws = self.wanted_yaw - turn + np.sign(turn) * left(abs(turn), np.pi / 2, 0.75 * self.game)
+        self.velocity, self.wanted_yaw = plan[1], yaws[1]
+
+        slow_jog = 0.75 * self.wished if gait == JOG else np.inf
+        speeds = np.hypot(plan[:, 0], plan[:, 1])
+        moves, jogs = over(speeds, 0.15), over(speeds, min(0.5 * (walk + self.full[JOG]), slow_jog))
+        labels = np.tile(np.eye(6)[gait], (61, 1))
+        if gait in (STAND, WALK, JOG):
+            labels = np.stack([1 - moves, moves * (1 - jogs), moves * jogs, *np.zeros((3, 61))], -1)
+        frames = np.arange(1, 62)[:, None]
+        self.gait[PRESENT:] = labels + (self.gait[PRESENT] - labels[0]) * kept(0.08) ** frames
+
+        time = np.arange(1, 61) / 60
+        plan = plan[1:] * self.gain(float(np.hypot(*self.velocity)))
+        steps = np.diff(self.xz[PRESENT:], axis=0)
+        steps += (plan / FPS - steps) * (1 - (1 - time) ** 8)[:, None]
+        self.xz[PRESENT + 1 :] = self.xz[PRESENT] + np.cumsum(steps, axis=0)
+        self.yaw[PRESENT + 1 :] += angle(yaws[1:] - self.yaw[PRESENT + 1 :]) * (1 - (1 - time) ** 3)
+
+    def gain(self, planned: float) -> float:
+        """What the speed regulator makes of the planned speed: more where the feet carry less."""
+        self.smooth += (planned - self.smooth) * (1 - kept(0.25))
+        self.requested, moving = planned, self.wished > 0 or planned > 0.05
+        self.expected += (planned - self.expected) * (1 - kept(0.3))
         self.followed += (self.speed * self.share - self.followed) * (1 - kept(0.12))
         self.stood = self.stood + DT if self.followed < 0.4 * self.expected and moving else 0.0
         most = 3.0 if self.stood > 0.7 else 2.0
-        error = np.clip((self.expected - self.followed) / max(self.requested, 0.12), -1, 1)
+        error = np.clip((self.expected - self.followed) / max(planned, 0.12), -1, 1)
         self.integral = np.clip(self.integral + 0.6 * error * DT, 0.35, most)
         gain = np.clip(self.integral + 2.0 * error, 0.35, most)
         if not moving:
             self.expected = self.followed = 0.0
             self.integral = gain = 1.0
-        return velocity * gain, np.eye(6)[gait], facing
-
-    def steer(self, velocity, label, facing) -> None:
-        """Blend the request into the coming second of the path."""
-        self.velocity = self.velocity + (velocity - self.velocity) * (1 - kept(0.09))
-        if facing is not None:
-            self.wanted_yaw += angle(facing - self.wanted_yaw) * (1 - kept(0.09))
-        time = np.arange(1, 61) / 60
-        steps = np.diff(self.xz[PRESENT:], axis=0)
-        steps += (self.velocity / FPS - steps) * (1 - (1 - time) ** 8)[:, None]
-        self.xz[PRESENT + 1 :] = self.xz[PRESENT] + np.cumsum(steps, axis=0)
-        self.yaw[PRESENT + 1 :] += angle(self.wanted_yaw - self.yaw[PRESENT + 1 :]) * (1 - (1 - time) ** 3)
-        self.gait[PRESENT:] = self.gait[PRESENT] + (label - self.gait[PRESENT]) * (1 - kept(0.1))
+        return float(gain)
 
     def input(self):
         """x (472,), float32; heights are 0 on level ground."""
@@ -255,14 +291,16 @@ class Controller:
 
         resting = self.gait[PRESENT, STAND]
         self.swing_at_rest(resting > 0.9)
-        velocity = turned(y["root"][:2], yaw) * (1 - resting**4)  # at rest nobody creeps
+        velocity = turned(y["root"][:2], yaw)
+        if self.wished == 0 and self.jump_left <= 0:  # at rest nobody creeps
+            velocity = velocity * min(1.0, 9 * self.requested / max(np.hypot(*velocity), 1e-6))
         self.speed = float(np.hypot(*velocity))
         self.measured += (self.speed - self.measured) * (1 - kept(0.25))
         self.carried(y["contacts"], feet - before)
         if (
             self.measured > 0.5 * self.requested and self.requested > 0.12
         ):  # strides a little longer or shorter
-            velocity = velocity * np.clip(self.requested / max(self.measured, 1e-9), 0.65, 1.25)
+            velocity = velocity * np.clip(self.smooth / max(self.measured, 1e-9), 0.65, 1.25)
         turn = y["root"][2] * DT
         self.advance(velocity, turn, turned(y["path"], yaw + turn), turned(y["facing"], yaw + turn))
 

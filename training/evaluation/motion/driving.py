@@ -14,6 +14,7 @@ from runtime.motion import features
 from runtime.motion.controller import TEMPERATURE, Controller
 from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel
+from runtime.motion.momentum import MAX_RESPONSE, Plan
 from runtime.motion.paths import LOOK_AHEAD_M
 from runtime.motion.trajectory import LENGTH, PRESENT, Trajectory
 from runtime.pose import Pose
@@ -101,7 +102,8 @@ def follow(
     style's own walking or jogging speed. Facing and gait are the clip's.
     """
     requests = requests_of(clip)
-    controller = Controller(model, clip.terrain, seed, temperature)
+    # a captured velocity has a body's momentum already
+    controller = Controller(model, clip.terrain, seed, temperature, response=MAX_RESPONSE)
     controller.set_style(z, 0.0)
     controller.reset(float(requests.xz[0, 0]), float(requests.xz[0, 1]), float(requests.yaw[0]))
     recorder = Recorder(controller)
@@ -137,14 +139,16 @@ class ReplayTrajectory(Trajectory):
     @staticmethod
     def of(clip: Motion, began: Trajectory) -> ReplayTrajectory:
         """From the clip's first frame on, in the place of the trajectory of a character that has just begun."""
-        made = ReplayTrajectory(began.xz, began.yaw, began.gait, began.velocity, began.requested_yaw)
+        made = ReplayTrajectory(
+            began.xz, began.yaw, began.gait, began.wish, began.velocity, began.requested_yaw
+        )
         xz, yaw = root_motion(clip.positions.astype(np.float64))
         made.clip_xz, made.clip_yaw = extrapolate(xz), repeat_ends(yaw[:, None])[:, 0]
         made.clip_gait = repeat_ends(np.eye(features.GAITS)[clip.gait])
         made.number = 0
         return made
 
-    def steer(self, velocity: Array, facing_yaw: Array, gait: Array) -> None:
+    def steer(self, plan: Plan) -> None:
         """The clip's window; what is requested does not count."""
         first = self.number + PAD - PRESENT
         now = slice(first, first + LENGTH)

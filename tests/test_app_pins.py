@@ -14,6 +14,7 @@ from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
 from runtime.takes.pinned import farthest
 from runtime.takes.pins import Pinned
+from runtime.takes.plants import PlantEdit
 from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.stage.path_tool import on_screen
@@ -147,6 +148,15 @@ def test_words_of_a_take_change_under_its_pins(app: App) -> None:
     assert item.label.startswith("prompt")
     assert item.edits.pins
     assert farthest(item.clip, item.edits.pins[0]) < 0.01
+
+
+def test_a_plant_without_its_step_is_said_after_a_redrive(app: App) -> None:
+    item = recorded(app)
+    item.edits = replace(item.edits, plants=(PlantEdit(0, (2, 5), None),))
+    app.editing.insert_prompt("an old king")
+    run(app, 3)
+    assert "One changed plant" in message(app)
+    assert item.edits.plants  # it comes back with the version before
 
 
 def test_a_hand_of_someone_who_walks_goes_along(app: App) -> None:

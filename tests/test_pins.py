@@ -18,7 +18,7 @@ from runtime.skeleton import ANKLE_HEIGHT, REST_HIPS_HEIGHT, SPORT_SKELETON, J
 from runtime.takes.clip import Clip
 from runtime.takes.pinned import along_with, farthest, pinned
 from runtime.takes.pins import Pin, Pinned, parse_pins, read_pin
-from runtime.takes.plants import PlantEdit, fitted_plant, plants, replanted
+from runtime.takes.plants import PlantEdit, fitted_plant, plants, replanted, unfitted
 from runtime.takes.pose_edits import PoseEdits
 
 FRAMES, SPEED = 180, 0.6
@@ -149,6 +149,8 @@ def test_a_plant_is_longer_moved_removed_and_added(walk: Clip) -> None:
     place, before = made.world()[0][:, toe], walk.world()[0][:, toe]
     assert np.allclose(place[moved[0] : moved[1]], before[old[0] : old[1]], atol=0.01)  # where it was, later
     made = replanted(walk, [PlantEdit(0, old, None)])
+    assert unfitted(walk, [PlantEdit(0, old, None)]) == 0
+    assert unfitted(made, [PlantEdit(0, old, None)]) == 1
     middle = sum(old) // 2
     assert made.world()[0][middle, toe, 1] > before[middle, 1] + 0.05
     assert not (made.contacts[old[0] : old[1], :2]).any()

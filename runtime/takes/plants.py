@@ -79,11 +79,23 @@ def fitted_plant(clip: Clip, foot: int, old: Frames | None, start: int, end: int
 
 def replanted(clip: Clip, edits: Sequence[PlantEdit]) -> Clip:
     """The clip with the plants changed, one edit after the other; edits that no longer fit the clip are left out."""
+    return _each(clip, edits)[0]
+
+
+def unfitted(clip: Clip, edits: Sequence[PlantEdit]) -> int:
+    """How many edits `replanted` leaves out: the take has other steps by now."""
+    return _each(clip, edits)[1]
+
+
+def _each(clip: Clip, edits: Sequence[PlantEdit]) -> tuple[Clip, int]:
+    left_out = 0
     for edit in edits:
         known = plants(clip.contacts[:, 2 * edit.foot : 2 * edit.foot + 2])
         if (edit.old is None or edit.old in known) and max(edit.new or (0, 0)) <= len(clip):
             clip = _replanted(clip, edit, known)
-    return clip
+        else:
+            left_out += 1
+    return clip, left_out
 
 
 def _replanted(clip: Clip, edit: PlantEdit, known: list[Frames]) -> Clip:

@@ -16,6 +16,7 @@ from runtime.motion.style_mix import StyleMix
 from runtime.pose import Pose
 from runtime.prompts.parts import PartDescriptions
 from runtime.takes.metadata import PromptEvent, title
+from runtime.takes.plants import unfitted
 from viewer.messages import Messages
 from viewer.prompt.prompting import Prompting
 from viewer.prompt.state import Request
@@ -45,6 +46,7 @@ class TakeEditing:
     stage: Stage
     prompting: Prompting
     progress: float = 0.0  # share of the frames that were driven again; written by the worker
+    left_out: int = 0  # changed plants that the driven take has no steps for; written by the worker
 
     @property
     def state(self) -> TakesState:
@@ -197,6 +199,7 @@ class TakeEditing:
 
         def made() -> Edited:
             base, again = work(driven, drive, maker.twin(), self._note_progress)
+            self.left_out = unfitted(base, edits.plants)
             return edits.apply(base), again, base
 
         self.takes.jobs.submit(SLOT, made, lambda result: self._take(item, clip, result, label))
@@ -209,7 +212,12 @@ class TakeEditing:
             clip, drive, base = made
             item.edit(clip, drive, label, base if item.edits else None, item.edits)
             self.show(item)
-            self.messages.note(f"{item.name}: {label}. Ctrl+Z brings the version before back.")
+            text = f"{item.name}: {label}. Ctrl+Z brings the version before back."
+            if self.left_out:
+                count = "One changed plant" if self.left_out == 1 else f"{self.left_out} changed plants"
+                self.messages.warn(f"{count} of {item.name} left out: the steps are others now. {text}")
+            else:
+                self.messages.note(text)
 
     def keep_trim(self) -> None:
         """Make what the trim marks became a step of undo."""

@@ -99,7 +99,7 @@ def test_a_texture_of_postscript_never_reaches_pillows_guess(
     script = b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n(x) run\n"
     (tmp_path / "image.png").write_bytes(script)
     (tmp_path / "bad.glb").write_bytes(textured({"uri": "image.png"}, script if embedded else b""))
-    with pytest.raises(FileError, match="neither PNG nor JPEG"):
+    with pytest.raises(FileError, match="image 0 is neither PNG, JPEG, WebP nor KTX2"):
         load_character(tmp_path / "bad.glb")
     assert opened == []
 

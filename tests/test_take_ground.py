@@ -89,7 +89,7 @@ def test_no_ground_beside_a_take_that_does_not_go_over_it(clip: Clip, tmp_path: 
         save_motion(clip, tmp_path / "t.bvh", ExportOptions(in_place=True), HILLS, tmp_path / "g.obj")
     with pytest.raises(UsageError, match=r"ground .*expected \.obj or \.glb"):
         save_motion(clip, tmp_path / "t.bvh", ExportOptions(), HILLS, tmp_path / "g.stl")
-    with pytest.raises(UsageError, match=r"\.glb, \.fbx have it"):
+    with pytest.raises(UsageError, match=r"\.glb, \.fbx, \.usdz, \.usd have it"):
         save_motion(clip, tmp_path / "t.bvh", ExportOptions(with_ground=True), HILLS)
 
 

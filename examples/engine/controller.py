@@ -258,7 +258,7 @@ class Controller:
         """What the speed regulator makes of the planned speed: more where the feet carry less."""
         self.smooth += (planned - self.smooth) * (1 - kept(0.25))
         self.requested, moving = planned, self.wished > 0 or planned > 0.05
-        self.expected += (planned - self.expected) * (1 - kept(0.3))
+        self.expected += (planned - self.expected) * (1 - kept(0.36))
         self.followed += (self.speed * self.share - self.followed) * (1 - kept(0.12))
         self.stood = self.stood + DT if self.followed < 0.4 * self.expected and moving else 0.0
         most = 3.0 if self.stood > 0.7 else 2.0

@@ -20,7 +20,7 @@ RANGE = (0.35, 2.0)  # of the gain
 PROPORTIONAL = 2.0  # gain for a relative error of one
 INTEGRAL = 0.6  # change of the gain per second and relative error
 SMOOTHING = 0.12  # seconds, half-life of the measured speed: a stride speeds up and slows down
-SETTING_OFF = 0.3  # seconds in which a body has followed half of a change of its plan
+SETTING_OFF = 0.36  # seconds in which a body has followed half of a change of its plan
 SLOWEST = 0.12  # m/s; slower requests have no relative error
 # A style that is to go much slower than it ever does may go on standing: it is asked for more until it sets off.
 STANDING_SHARE = 0.4  # of the expected speed

@@ -13,7 +13,7 @@ import numpy as np
 
 from runtime.arrays import AnyArray
 from runtime.character.fbx_file import HEADS, fbx_as_glb
-from runtime.character.unpack import MESHOPT, unpack
+from runtime.character.unpack import COMPONENTS, MESHOPT, unpack
 from runtime.errors import FileError
 from runtime.safe_read import parse_json, read_bounded, reason
 
@@ -23,14 +23,6 @@ MAX_VALUE = 1e9  # of any coordinate or matrix element
 MAX_ENTRIES = 20_000  # of a list of the document
 MAX_PRIMITIVES = 4096
 REMEDY = "Export it again as glTF binary (.glb), or choose another file."
-_COMPONENTS: dict[int, type] = {
-    5120: np.int8,
-    5121: np.uint8,
-    5122: np.int16,
-    5123: np.uint16,
-    5125: np.uint32,
-    5126: np.float32,
-}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _LISTS = (
     "accessors",
@@ -226,7 +218,7 @@ def read_accessor(file: GltfFile, index: Any, what: str) -> AnyArray:
     if not isinstance(index, int) or not 0 <= index < len(accessors):
         raise FileError(f"{file.name}: the accessor for {what} is missing.", REMEDY)
     accessor = accessors[index]
-    if accessor.componentType not in _COMPONENTS or accessor.type not in _WIDTHS:
+    if accessor.componentType not in COMPONENTS or accessor.type not in _WIDTHS:
         raise FileError(f"{file.name}: {what} has an unknown component or element type.", REMEDY)
     if accessor.sparse is not None:
         raise FileError(f"{file.name}: {what} is a sparse accessor.", "Export it without sparse accessors.")
@@ -241,7 +233,7 @@ def read_accessor(file: GltfFile, index: Any, what: str) -> AnyArray:
 
 
 def _accessor_values(file: GltfFile, accessor: Entry, what: str) -> AnyArray:
-    dtype = np.dtype(_COMPONENTS[accessor.componentType]).newbyteorder("<")
+    dtype = np.dtype(COMPONENTS[accessor.componentType]).newbyteorder("<")
     width, count = _WIDTHS[accessor.type], accessor.count
     if not isinstance(count, int) or count < 1:
         raise FileError(f"{file.name}: {what} has {str(count)[:40]} elements; expected at least 1.", REMEDY)

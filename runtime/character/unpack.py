@@ -16,7 +16,7 @@ DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 MAX_BYTES = 512 * 1024 * 1024  # of all that is unpacked
 _REMEDY = "Export it without mesh compression."
-_COMPONENTS = {
+COMPONENTS: dict[int, type] = {  # numpy types of accessors
     5120: np.int8,
     5121: np.uint8,
     5122: np.int16,
@@ -128,7 +128,7 @@ def _draco(path: Path, gltf: Any, buffers: list[memoryview], budget: _Budget) ->
             for index, values in arrays.items():
                 accessor = gltf.accessors[index]
                 wanted = values.reshape(-1, _WIDTHS[accessor.type])
-                wanted = np.ascontiguousarray(wanted, _COMPONENTS[accessor.componentType])
+                wanted = np.ascontiguousarray(wanted, COMPONENTS[accessor.componentType])
                 budget.take(wanted.nbytes)
                 made.append(memoryview(wanted.tobytes()))
                 gltf.bufferViews.append(

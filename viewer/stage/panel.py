@@ -157,21 +157,24 @@ def _toggles(settings: Settings) -> None:
 
 
 def _drawing(stage: Stage) -> None:
-    third = (imgui.get_content_region_avail().x - 2 * px(4)) / 3
+    spacing = px(4)
+    room = imgui.get_content_region_avail().x - 2 * spacing
+    wide, slider = 0.42 * room, 0.29 * room  # the list holds "Automatic" and an arrow
     top, chosen = imgui.get_cursor_pos(), stage.settings.quality
     widgets.label("Quality")
-    imgui.set_next_item_width(third)
-    shown = QUALITIES[chosen] if chosen else f"Auto: {stage.state.quality}"
+    imgui.set_next_item_width(wide)
+    shown = QUALITIES.get(chosen or stage.state.quality, QUALITIES[""])
     if imgui.begin_combo("##quality", shown):
         for name, text in QUALITIES.items():
             if imgui.selectable(text, name == chosen)[0] and name != chosen:
                 stage.set_quality(name)
         imgui.end_combo()
-    for number, (text, name) in enumerate((("Variety", "temperature"), ("Response", "response")), 1):
-        imgui.set_cursor_pos(imgui.ImVec2(top.x + number * (third + px(4)), top.y))
+    widgets.tooltip("How the scene is drawn" if chosen else "How the scene is drawn; chosen for this machine")
+    for number, (text, name) in enumerate((("Variety", "temperature"), ("Response", "response"))):
+        imgui.set_cursor_pos(imgui.ImVec2(top.x + wide + spacing + number * (slider + spacing), top.y))
         imgui.begin_group()
         widgets.label(text)
-        imgui.set_next_item_width(third)
+        imgui.set_next_item_width(slider)
         setting_widgets.slider(stage.settings, name)
         imgui.end_group()
 

@@ -36,10 +36,15 @@ def _journal_seeds(folder: Path) -> list[bytes]:
         recorder.add(take.pose(number), 1)
     journal.finish()
     end = time.monotonic() + 10.0
-    while time.monotonic() < end and len(journal.path.read_bytes()) < 4 * ROW * len(take):
+    while time.monotonic() < end and _size(journal.path) < 4 * ROW * len(take):
         time.sleep(0.01)
     journal.release()
     return [journal.path.read_bytes()]
+
+
+def _size(path: Path) -> int:
+    """Bytes of a file that another thread writes, 0 before there is one."""
+    return path.stat().st_size if path.exists() else 0
 
 
 def _read_journal(folder: Path, data: bytes) -> None:

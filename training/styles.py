@@ -16,7 +16,7 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.sentence_inputs import part_inputs
 from runtime.prompts.text_encoder import TextEncoderLike
 from runtime.skeleton import PART_NAMES
-from training.data.sets import DATA_SETS
+from training.data.style_library import style_library
 from training.frames import FrameTable
 from training.layering.catalog import EDITS
 
@@ -123,14 +123,6 @@ def load_style_texts(
         descriptions.append([d.mirrored() for d in chosen] if mirrored else chosen)
         keys.append([style + ("_m" if mirrored else "")] * len(PART_NAMES))
     return _indexed(descriptions, keys, encoder, words, side)
-
-
-def style_library(path: Path) -> dict[str, Any]:
-    """The written descriptions by style, those of the data sets' records included. FileError where `path` is damaged."""
-    own = {
-        style: {"descriptions": list(d)} for record in DATA_SETS for style, d in record.descriptions.items()
-    }
-    return own | _read(path, "Restore assets/prompts/styles.json.")
 
 
 def _indexed(

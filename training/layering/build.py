@@ -29,6 +29,7 @@ from training.data import relief
 from training.data.clip_files import TrainingClip
 from training.data.height_patches import Patches
 from training.data.labels import FOOT_JOINTS
+from training.data.style_library import style_library
 from training.layering import recipes
 from training.layering.apply import apply
 from training.layering.catalog import EDITS
@@ -36,7 +37,6 @@ from training.layering.cycle import axes, cycle_frames, cycle_mean
 from training.layering.effects import rhythm_section
 from training.layering.pool import NEUTRAL, Pool, Source
 from training.layering.pose_edits import EditedMotion, cut
-from training.styles import style_library
 
 log = logging.getLogger("sport.train")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import statistics
 import time
 from collections.abc import Iterable
@@ -22,6 +21,7 @@ from runtime.motion.controller import Controller
 from runtime.motion.model import MotionModel, load_model
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.prompter import Prompter
+from training.data.style_library import style_library
 from training.evaluation.motion.driving import flat_ground
 
 TIMED_FRAMES, WARM_UP = 240, 30
@@ -112,7 +112,7 @@ def _median_ms(work: Any, count: int) -> float:
 def style_texts(styles: Iterable[str] | None = None) -> dict[str, list[PartDescriptions]]:
     """Six-part descriptions of styles (default: all), hand-written and measured ones in turn; FileError names a style without."""
     path = asset_path("prompts/styles.json")
-    library = json.loads(path.read_text(encoding="utf-8"))
+    library = style_library(path)
     chosen = set(library) if styles is None else set(styles)
     missing = chosen - set(library)
     if missing:

@@ -29,6 +29,8 @@ WIDGETS = (
     "begin_tab_item",
     "drag_int",
     "menu_item",
+    "begin_menu",
+    "tree_node_ex",
 )
 
 

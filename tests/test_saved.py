@@ -71,7 +71,7 @@ class Desk(RuleBasedStateMachine):
         self.jobs, options = LaterJobs(Messages()), Settings(export_folder=str(self.folder / "clips"))
         self.takes = Takes(
             TakesState(), options, Messages(), stage, self.jobs, ClipRecorder(), DriveRecorder(), self.folder,
-            load_ground=lambda _: Terrain.flat(), is_safe=lambda _: False, is_offered=lambda _: False,
+            load_ground=lambda _: Terrain.flat(), load_character=lambda _: None, is_safe=lambda _: False, is_offered=lambda _: False,
         )  # fmt: skip
         scene: Any = SimpleNamespace(character_path=None, state=stage, settings=options, services=None)
         nobody: Any = None

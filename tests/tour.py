@@ -11,10 +11,15 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 from app_driver import InjectedPads, click, click_on, click_prompt_box, drawn, message, place, press, run
+from test_reference import TURNS, foreign
 
+from runtime.character.shape import BodyShape, shaped_file
 from sport.commands.arguments import size
 from viewer.app import App
+from viewer.filming.writers import open_writer
+from viewer.input.gamepad import GamepadState
 from viewer.options import ViewOptions
 from viewer.render.offscreen import save_png
 from viewer.services import Services
@@ -28,20 +33,15 @@ class Tour:
         options = ViewOptions(
             offscreen=True, terrain=terrain, width=size[0], height=size[1], quality="software"
         )
-        self.app = App(options, Services(), InjectedPads(), folder)
+        self.pads, self.folder = InjectedPads(), folder
+        self.app = App(options, Services(), self.pads, folder)
         self.app.state.settings.export_folder = str(folder / "clips")
         self.out, self.number = out, 0
         out.mkdir(parents=True, exist_ok=True)
-        self._draw = self.app.stage.renderer.render
 
     def frames(self, count: int) -> None:
         """Let frames pass without drawing the scene, which takes most of their time."""
-        renderer = self.app.stage.renderer
-        renderer.render = lambda *_: None  # type: ignore[method-assign]
-        try:
-            run(self.app, count)
-        finally:
-            renderer.render = self._draw  # type: ignore[method-assign]
+        self.quietly(lambda: run(self.app, count))
 
     def quietly(self, act: Callable[[], object]) -> None:
         """Act without drawing the scene."""
@@ -50,7 +50,7 @@ class Tour:
         try:
             act()
         finally:
-            renderer.render = self._draw  # type: ignore[method-assign]
+            del renderer.render  # the class's own again
 
     def picture(self, name: str) -> None:
         """Draw a frame and write it."""
@@ -87,7 +87,9 @@ class Tour:
         self.quietly(lambda: press(self.app, *keys))
 
     def right_click(self, label: str, index: int = 0) -> None:
-        x, y = place(self.app, label, index)
+        self.right_click_at(*place(self.app, label, index))
+
+    def right_click_at(self, x: float, y: float) -> None:
         for down in (None, True, False):
             self.app.window.inject_mouse(x, y, None if down is None else 1, bool(down))
             self.frames(2)
@@ -98,6 +100,40 @@ class Tour:
             self.app.window.inject_mouse(*at, None if down is None else 0, bool(down))  # type: ignore[misc]
             self.frames(2)
         self.frames(2)
+
+    def seek(self, share: float) -> None:
+        """A click on the ruler of the timeline."""
+        x, y = place(self.app, "##timeline", share=share)
+        self.quietly(lambda: click(self.app, x, y))
+
+    def add_camera_key(self) -> None:
+        self.click("+ Pin")
+        self.click("Camera view")
+
+    def beside(self, what: str) -> None:
+        """Choose what the take is compared with: by the button, or in a narrow window by the menu of a take."""
+        if any("Beside…" in label for label, _ in drawn(self.app)):
+            self.click("Beside…")
+        else:
+            self.see("Clips", "##record")
+            self.click("##take menu", self.app.state.takes.selected)
+            self.click("Show beside it")
+        self.picture("what to compare with")
+        self.click(what)
+
+    def over(self) -> None:
+        """Put the reference over the take, or beside it again."""
+        wide = any(label == "Over it" for label, _ in drawn(self.app))
+        self.click("Over it" if wide else "Over")
+        self.leave()
+
+    def answer(self, path: Path) -> None:
+        """Type a path into the dialog."""
+        self.frames(3)
+        self.picture("a file is asked for")
+        self.press("ctrl", "a")
+        self.write(str(path))
+        self.frames(10)
 
     def leave(self) -> None:
         """Move the mouse to a place where nothing is explained."""
@@ -166,8 +202,7 @@ def retime(tour: Tour) -> None:
 def pin(tour: Tour) -> None:
     app = tour.app
     assert app.state.takes.playback is not None
-    x, y = place(app, "##timeline", share=0.25)
-    tour.quietly(lambda: click(app, x, y))
+    tour.seek(0.25)
     tour.click("+ Pin")
     tour.picture("what to pin")
     tour.click("Right hand")
@@ -180,7 +215,6 @@ def pin(tour: Tour) -> None:
     shown = on_screen(app.stage.camera.current, overlay.points[0], app_size(app))
     assert shown is not None
     tour.drag(shown, (shown[0] + 12.0, shown[1] - 24.0))
-    x, y = place(app, "##pins 0", share=0.27)
     tour.leave()
     tour.picture("the rail raised")
     tour.press("escape")
@@ -229,26 +263,90 @@ def way(tour: Tour) -> None:
 
 def mirror(tour: Tour) -> None:
     tour.see("Clips", "##record")
-    tour.right_click("row", 0)
+    tour.click("##take menu")
     tour.picture("the menu of a take")
     tour.click("Mirror")
     tour.leave()
     tour.picture("mirrored")
 
 
-def compare(tour: Tour) -> None:
-    tour.see("Clips", "##record")
-    tour.right_click("row", 0)
-    tour.click("Show beside")
+def plants(tour: Tour) -> None:
+    """A plant longer, and another one taken away."""
+    app = tour.app
+    (_, end), *_ = app.pinning.plants(0)
+    last = len(app.state.takes.items[0].clip) - 1
+    x, y = place(app, "##foot 0", share=end / last)
+    tour.drag((x - 1.0, y), (x + 14.0, y))
     tour.leave()
-    x, y = place(tour.app, "##timeline", share=0.4)
-    tour.quietly(lambda: click(tour.app, x, y))
+    tour.picture("a plant longer")
+    at = next((a + b) / 2 for a, b in app.pinning.plants(1) if b - a > 20)
+    x, y = place(app, "##foot 1", share=at / last)
+    tour.right_click_at(x, y)
+    tour.picture("the menu of a plant")
+    tour.click("Lift the foot here")
+    tour.leave()
+    tour.picture("a foot lifted")
+    tour.press("ctrl", "z")
+    tour.press("ctrl", "z")
+
+
+def keys(tour: Tour) -> None:
+    """Two keys of the camera, and a frame between them."""
+    tour.seek(0.1)
+    tour.add_camera_key()
+    tour.see("Scene", "Side")
+    tour.click("Side")
+    tour.frames(40)
+    tour.seek(0.8)
+    tour.add_camera_key()
+    tour.seek(0.45)
+    tour.leave()
+    tour.picture("between two keys of the camera")
+    tour.see("Scene", "Follow")
+    tour.click("Follow")
+
+
+def compare(tour: Tour) -> None:
+    """Another take, a motion of another skeleton, another character, a film."""
+    tour.beside("Take 1")
+    tour.seek(0.4)
     tour.leave()
     tour.picture("a reference beside")
-    tour.click("Over it")
-    tour.leave()
+    tour.over()
     tour.picture("a reference over it")
+    tour.beside("A take or film from a file…")
+    tour.answer(foreign(tour.folder / "captured.bvh", TURNS["facing +X"]))
+    tour.over()
+    tour.seek(0.3)
+    tour.leave()
+    tour.picture("its own skeleton beside")
+    tour.over()
+    tour.picture("its own skeleton over it")
+    tour.over()
+    tour.click("##reference look")
+    tour.picture("who shows the reference")
+    tour.click("Another character…")
+    tour.answer(shaped_file(BodyShape(1.0, 1.25, 1.3), tour.folder))
+    tour.leave()
+    tour.picture("its own character beside")
+    tour.beside("A take or film from a file…")
+    tour.answer(film(tour.folder / "film.mp4"))
+    tour.leave()
+    tour.picture("a film beside")
+    tour.over()
+    tour.picture("a film over it")
     tour.click("##close reference")
+
+
+def film(path: Path) -> Path:
+    """A second of a disc that goes to the right over stripes."""
+    rows, columns = np.mgrid[:180, :320]
+    with open_writer(path, (320, 180), 30.0) as writer:
+        for number in range(30):
+            disc = np.hypot(rows - 90, columns - 40 - 8 * number) < 30
+            grey = np.where(disc, 240, 60 + 30 * (columns // 40 % 2))
+            writer.add(np.repeat(grey[..., None], 3, axis=2).astype(np.uint8))
+    return path
 
 
 def steady(tour: Tour) -> None:
@@ -281,10 +379,54 @@ def export(tour: Tour) -> None:
     tour.press("escape")
 
 
-def rest(tour: Tour) -> None:
+def looks_of_the_scene(tour: Tour) -> None:
+    """The shape of the mannequin, the response, the quality."""
+    app = tour.app
+    tour.press("escape")
+    tour.see("Scene", "##response")
+    (low, y), (high, _) = (place(app, "##response", share=share) for share in (0.05, 0.9))
+    tour.drag((low, y), (high, y))
+    tour.leave()
+    tour.picture("response")
+    tour.click("Open a file, shape the body")
+    tour.leave()
+    tour.picture("a file and the shape")
+    for name, share in (("height", 0.6), ("legs", 0.75), ("shoulders", 0.7)):
+        (x, y), (to, _) = (place(app, f"##shape {name}", share=at) for at in (0.45, share))
+        tour.drag((x, y), (to, y))
+    tour.leave()
+    tour.frames(5)
+    tour.hold("w", 40)
+    tour.picture("another shape")
+    tour.see("Scene", "Its own shape")
+    tour.click("Its own shape")
+    tour.click("Open a file, shape the body")
+    tour.see("Scene", "##quality")
+    tour.click("##quality")
+    tour.picture("qualities")
+    tour.click("Fast")
+    tour.leave()
+    tour.picture("fast")
+    tour.click("##quality")
+    tour.click("Software")
+
+
+def pad(tour: Tour) -> None:
+    """The buttons of a pad, and a stick that walks."""
     tour.press("escape")
     tour.click("##settings")
     tour.picture("settings")
+    tour.click("Gamepad buttons")
+    tour.picture("buttons of a pad")
+    tour.press("escape")
+    tour.pads.state = GamepadState("Pad", left=(0.0, 1.0))
+    tour.frames(60)
+    tour.leave()
+    tour.picture("a pad walks")
+    tour.pads.state = None
+
+
+def rest(tour: Tour) -> None:
     tour.press("escape")
     tour.press("f1")
     tour.picture("help")
@@ -303,7 +445,10 @@ def rest(tour: Tour) -> None:
     tour.picture("holding live")
 
 
-STEPS = (walk, prompt, record, retime, pin, looks, way, mirror, compare, steady, export, rest)
+STEPS = (
+    walk, prompt, record, retime, pin, plants, keys, looks, way, mirror, compare, steady, export,
+    looks_of_the_scene, pad, rest,
+)  # fmt: skip
 
 
 def main() -> int:

@@ -58,10 +58,11 @@ from viewer.stage.stage import Stage
 from viewer.stage.state import StageState
 from viewer.state import AppState
 from viewer.takes import panel as clips_panel
-from viewer.takes import pin_panel, reference, transport, words_panel
+from viewer.takes import pin_panel, transport, words_panel
 from viewer.takes.editing import TakeEditing
 from viewer.takes.ghosts import Trails, ghosts
 from viewer.takes.pinning import Pinning
+from viewer.takes.reference_panel import References
 from viewer.takes.take_camera import TakeCamera
 from viewer.takes.takes import Takes
 from viewer.takes.way_editing import WayEditing
@@ -182,8 +183,9 @@ class App:
         )
         self.takes = Takes(
             state.takes, settings, messages, stage, jobs, ClipRecorder(), drives, self.state_folder,
-            self.stage.read_ground, is_safe=lambda _: self.desk.projects.kept,
-            is_offered=lambda _: self.desk.projects.in_session, live_pins=self.stage.pins.cut,
+            self.stage.read_ground, lambda path: services.load_character(path, None),
+            is_safe=lambda _: self.desk.projects.kept, is_offered=lambda _: self.desk.projects.in_session,
+            live_pins=self.stage.pins.cut,
         )  # fmt: skip
         self.prompting = Prompting(
             prompt, settings, messages, lambda: stage.controller, self.takes.mark_style,
@@ -200,6 +202,12 @@ class App:
             prompt, settings, self.prompting, self.expanders, self.suggester, self.wall.toggle
         )
         self.trails = Trails()
+        self.references = References(
+            self.takes.reference,
+            self.takes.opening,
+            lambda title, endings, done: self.desk.ask_for(title, endings, done),
+            self.window.ctx,
+        )
         self.screenshots = Screenshots(settings, messages, jobs, options.frames_directory)
         self.desk = Desk(
             state.desk, settings, messages, jobs, self.takes, self.stage, self.prompting,
@@ -228,13 +236,13 @@ class App:
                 lambda: desk.ask_file(self.open_files),
                 lambda width: pin_panel.draw_live(self.pinning, width),
             ),
-            clips_panel.panel(takes, desk.exporting.open),
-            transport.panel(editing, self.pinning, self.take_camera),
+            clips_panel.panel(takes, self.references, desk.exporting.open),
+            transport.panel(editing, self.pinning, self.take_camera, self.references),
             labels.panel(wall),
             clips_panel.sign(takes),
             bar.panel(desk, Undo(self.prompting, editing)),
             pin_panel.panel(self.pinning),
-            reference.panel(takes.reference),
+            self.references.panel(),
             guide.panel(desk.guide, covered=lambda: wall.state.open),
             settings_panel.panel(desk, fonts),
             exports_panel.panel(desk.exporting, fonts),
@@ -396,11 +404,14 @@ class App:
             around = ghosts(playback, round(settings.ghost_frames))
         if playback is not None and settings.show_trails:
             trails = self.trails.around(playback)
-        beside = None if playback is None else self.takes.reference.pose(playback)
-        if beside is not None:
-            (around if self.takes.reference.over else others).append(beside)
+        figure, reference = None, self.takes.reference
+        beside = None if playback is None else reference.pose(playback)
+        if playback is not None and beside is not None:
+            figure = reference.figure(playback, beside)
+            if figure is None:
+                (around if reference.over else others).append(beside)
         pins = None if others and playback is None else self.pinning.overlay()
-        return make_overlays(settings, live, self.stage.path.overlay(), others, around, trails, pins)
+        return make_overlays(settings, live, self.stage.path.overlay(), others, around, trails, pins, figure)
 
     def _shown_pose(self) -> Pose:
         playback = self.state.takes.playback

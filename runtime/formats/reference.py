@@ -19,6 +19,7 @@ from runtime.formats.bvh_clip import OtherSkeleton, clip_of_motion, nearest_unit
 from runtime.safe_read import printable
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON, J
 from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, Clip, video_rate
+from runtime.takes.own_skeleton import MAX_POINTS, OwnSkeleton
 
 UPRIGHT = 0.3  # share of a body's extent that its head is above its feet in a rest pose that is one
 STANDS = 0.05  # share of the frames whose lowest foot may be below the ground
@@ -31,6 +32,7 @@ class ReferenceMotion:
     """A motion of another skeleton on ours, on flat ground; `scale` is metres of it for a unit of the file."""
 
     clip: Clip
+    own: OwnSkeleton  # as it is in the file
     joints: int  # of ours that were found
     origin: str  # what told them
     scale: float
@@ -83,8 +85,11 @@ def _reference(motion: BvhMotion, path: Path) -> ReferenceMotion:
     positions, world = motion.world()
     rest = _rest(motion, positions, world, path)
     with np.errstate(all="ignore"):  # what comes of it is checked
-        hips, local, scale = _retarget(rest, motion.skeleton.parents, positions, world)
-    if not np.all(np.abs(hips) <= MAX_DISTANCE_M) or not np.all(np.isfinite(local)):
+        hips, local, scale, axes, start = _retarget(rest, motion.skeleton.parents, positions, world)
+        own = _own(motion, positions, world, axes, scale, start)
+    if not np.all(np.abs(hips) <= MAX_DISTANCE_M) or not (
+        np.isfinite(local).all() and np.isfinite(own.points).all()
+    ):
         raise FileError(f"{path}: its legs have no length, or it is too far away.", "Choose another file.")
     clip = Clip(
         printable(path.stem),
@@ -93,7 +98,7 @@ def _reference(motion: BvhMotion, path: Path) -> ReferenceMotion:
         local.astype(np.float32),
         np.zeros((len(hips), 4), np.float32),
     )
-    return ReferenceMotion(clip, len(rest.guess.found), rest.guess.origin, scale)
+    return ReferenceMotion(clip, own, len(rest.guess.found), rest.guess.origin, scale)
 
 
 def _rest(motion: BvhMotion, positions: Array, world: Array, path: Path) -> _Rest:
@@ -139,8 +144,11 @@ def _stands(found: dict[str, int], at: Array) -> bool:
 
 def _retarget(
     rest: _Rest, parents: tuple[int, ...], positions: Array, world: Array
-) -> tuple[Array, Array, float]:
-    """Hips `(T, 3)` in metres, local rotations `(T, 31, 4)`, and metres for a unit of the file."""
+) -> tuple[Array, Array, float, Array, Array]:
+    """Hips `(T, 3)` in metres, local rotations `(T, 31, 4)`, metres for a unit of the file, and its axes in ours.
+
+    The last is what was taken off places in our axes, so that the motion begins at the origin on the ground.
+    """
     found, at = rest.guess.found, rest.guess.positions
     heading = _heading(found, at)  # a first frame may face anywhere
     matrices = np.tile(np.eye(4), (len(at), 1, 1))
@@ -167,7 +175,21 @@ def _retarget(
     axes = rotations.multiply(back, axes)
     local = rotations.normalize(SPORT_SKELETON.local_rotations(ours))
     legs = positions[:, [found[name] for name in LEGS]].astype(np.float64).mean(axis=1)
-    return _placed(rotations.rotate(axes, legs) * scale, local), local, scale
+    hips, start = _placed(rotations.rotate(axes, legs) * scale, local)
+    return hips, local, scale, axes, start
+
+
+def _own(
+    motion: BvhMotion, positions: Array, world: Array, axes: Array, scale: float, start: Array
+) -> OwnSkeleton:
+    """Joints and ends of bones in the place of the clip, on the ground as far as its own feet are."""
+    ends = [(k, end) for k, end in motion.end_offsets.items() if np.any(np.asarray(end) != 0.0)]
+    parents = (*motion.skeleton.parents, *(k for k, _ in ends))
+    tips = [positions[:, k] + rotations.rotate(world[:, k], np.asarray(end)) for k, end in ends]
+    points = np.concatenate([positions, *(tip[:, None] for tip in tips)], axis=1).astype(np.float64)
+    points = rotations.rotate(axes, points) * scale - start
+    points[..., 1] -= np.quantile(points[..., 1].min(axis=1), STANDS)
+    return OwnSkeleton(tuple(parents)[:MAX_POINTS], points[:, :MAX_POINTS].astype(np.float32))
 
 
 def _heading(found: dict[str, int], at: Array) -> Array:
@@ -196,12 +218,15 @@ def _upright(positions: Array, found: dict[str, int]) -> Array:
     return rotations.between(toward, np.array([0.0, 1.0, 0.0]))
 
 
-def _placed(legs: Array, local: Array) -> Array:
-    """Hips that put the middle of our legs where theirs is, from the origin on, the lowest foot on the ground."""
+def _placed(legs: Array, local: Array) -> tuple[Array, Array]:
+    """Hips that put the middle of our legs where theirs is, from the origin on, the lowest foot on the ground.
+
+    Also how far away all that was.
+    """
     at, _ = SPORT_SKELETON.forward_kinematics(np.zeros((len(legs), 3)), local)
     hips = legs - at[:, [SPORT_SKELETON.index(name) for name in LEGS]].mean(axis=1)
     soles = [SPORT_SKELETON.index(name) for name in SOLES]
     above = SPORT_SKELETON.rest_positions[soles, 1] + REST_HIPS_HEIGHT  # of a sole on the ground
     lowest = (hips[:, 1, None] + at[:, soles, 1] - above).min(axis=1)
     start = np.array([hips[0, 0], float(np.quantile(lowest, STANDS)), hips[0, 2]])
-    return np.asarray(hips - start)
+    return np.asarray(hips - start), start

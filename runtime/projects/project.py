@@ -24,6 +24,7 @@ from runtime.takes.camera_keys import MAX_KEYS, CameraKey, read_key
 from runtime.takes.clip import Clip, are_poses
 from runtime.takes.drive import Drive
 from runtime.takes.metadata import event_from, gait_seconds, origin_from
+from runtime.takes.own_skeleton import OwnSkeleton
 from runtime.takes.pose_edits import NO_EDITS, PoseEdits, read_edits
 from runtime.terrain.height_map import Terrain
 
@@ -69,6 +70,18 @@ class StoredTake:
     recorded: bool = True
     name: str = ""
     camera: tuple[CameraKey, ...] = ()
+    own: OwnSkeleton | None = None  # of a reference that another skeleton moved
+
+
+@dataclass(frozen=True)
+class StoredReference:
+    """What a take is compared with: a take of the list, or the film `video` where that is named."""
+
+    take: int = -1
+    video: str = ""  # a path
+    look: str = ""  # of the take: as the one that plays, or another word of the program's
+    character: Files = field(default_factory=dict)  # its own
+    numbers: Mapping[str, Any] = field(default_factory=dict)  # offset, place and the like
 
 
 @dataclass(frozen=True)
@@ -99,6 +112,7 @@ class Project:
         0.0,
     )  # x, z (metres) and yaw (radians) of the live character
     view: Mapping[str, Any] = field(default_factory=dict)  # camera and settings: text, numbers, truth values
+    reference: StoredReference | None = None
 
 
 class Notes:
@@ -152,6 +166,7 @@ def _document(project: Project, archive: ArchiveWriter, drives: DriveWriter, not
         "view": {
             key: _label(value) if isinstance(value, str) else value for key, value in project.view.items()
         },
+        "reference": _reference(project.reference, archive),
         "grounds": drives.grounds,
         "changes": drives.changes,
     }
@@ -201,8 +216,57 @@ def _project(value: Json, archive: ArchiveReader, notes: Notes) -> Project:
         ),
         style=None if style is None else notes.unpack(style, archive),
         place=(x, z, yaw),
-        view={key: entry for key, entry in value["view"].items() if _is_flat(entry)},
+        view=_flat(value["view"]),
+        reference=_read_reference(value.get("reference"), len(value["takes"]), archive),
     )
+
+
+# --- a reference
+
+
+def _reference(reference: StoredReference | None, archive: ArchiveWriter) -> Json:
+    if reference is None:
+        return None
+    check_character_files(reference.character)
+    files = {name: archive.data(content) for name, content in reference.character.items()}
+    return {
+        "take": reference.take,
+        "video": _label(reference.video),
+        "look": _label(reference.look),
+        "character": files,
+        "numbers": dict(reference.numbers),
+    }
+
+
+def _read_reference(value: Json, takes: int, archive: ArchiveReader) -> StoredReference | None:
+    if value is None:
+        return None
+    character = {name: archive.data(number) for name, number in value["character"].items()}
+    check_character_files(character)
+    return StoredReference(
+        take=min(_count(value["take"] + 1), takes) - 1,
+        video=_text(value["video"]),
+        look=_text(value["look"]),
+        character=character,
+        numbers={key: _number(entry) for key, entry in value["numbers"].items()},
+    )
+
+
+def _own(own: OwnSkeleton | None, archive: ArchiveWriter) -> Json:
+    if own is None:
+        return None
+    middle, steps = archive.packed.once("own skeleton", own, own.packed)
+    return {"parents": list(own.parents), "middle": archive.array(middle), "steps": archive.data(steps)}
+
+
+def _read_own(value: Json, archive: ArchiveReader) -> OwnSkeleton | None:
+    if value is None:
+        return None
+    parents, middle = tuple(value["parents"]), archive.array(value["middle"], "<f4", (None, 3))
+    if not all(type(parent) is int for parent in parents):
+        raise ValueError("parents")
+    archive.budget.spend(10 * archive.size(value["steps"]))  # whole numbers and places while it unfolds
+    return OwnSkeleton.unpacked(parents, middle, archive.data(value["steps"]))
 
 
 # --- takes
@@ -216,6 +280,7 @@ def _take(take: StoredTake, archive: ArchiveWriter, drives: DriveWriter) -> Json
         "name": _label(take.name),
         "recorded": take.recorded,
         "camera": [list(astuple(key)) for key in take.camera],
+        "own": _own(take.own, archive),
         "shown": packed((take.shown,))[0],
         "older": packed(take.older),
         "newer": packed(take.newer),
@@ -255,7 +320,13 @@ def _read_take(value: Json, archive: ArchiveReader, drives: DriveReader) -> Stor
         raise ValueError(f"{len(value['camera'])} camera keys")
     camera = tuple(read_key(key) for key in value["camera"])
     return StoredTake(
-        shown, unpacked(value["older"]), unpacked(value["newer"]), recorded, _text(value["name"]), camera
+        shown,
+        unpacked(value["older"]),
+        unpacked(value["newer"]),
+        recorded,
+        _text(value["name"]),
+        camera,
+        _read_own(value.get("own"), archive),
     )
 
 
@@ -361,5 +432,10 @@ def _count(value: Json) -> int:
     return value
 
 
-def _is_flat(value: Json) -> bool:
-    return (is_text(value) and len(value) <= MAX_TEXT) or isinstance(value, bool | int | float)
+def _flat(value: Json) -> dict[str, Any]:
+    """Its entries that are texts, numbers or truth values."""
+    return {
+        key: entry
+        for key, entry in value.items()
+        if (is_text(entry) and len(entry) <= MAX_TEXT) or isinstance(entry, bool | int | float)
+    }

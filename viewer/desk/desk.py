@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -74,9 +74,15 @@ class Desk:
         """Choose a file of any kind that is opened here."""
         endings = sorted({*self.stage.files, *self.takes.files, *self.files})
         filters = ["All that opens", " ".join(f"*{ending}" for ending in endings), "All files", "*"]
+        self._ask("Open a file", lambda path: open_files([path]), filters)
+
+    def ask_for(self, title: str, endings: Sequence[str], done: Callable[[Path], None]) -> None:
+        """Choose a file with one of these endings."""
+        self._ask(title, done, [title, " ".join(f"*{ending}" for ending in endings), "All files", "*"])
+
+    def _ask(self, title: str, done: Callable[[Path], None], filters: Sequence[str]) -> None:
         start = Path(self.settings.export_folder).expanduser()
-        start = start if start.is_dir() else Path.home()
-        self.dialogs.ask(DialogKind.OPEN, "Open a file", start, lambda path: open_files([path]), filters)
+        self.dialogs.ask(DialogKind.OPEN, title, start if start.is_dir() else Path.home(), done, filters)
 
     def begin(self, project: str | None, autosaving: bool) -> None:
         """Look for what other runs left, and open the project of the command line; "last" is the one open last."""

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from viewer.gl_bindings import imgui
-from viewer.gui import theme, widgets
+from viewer.gui import card, theme, widgets
 from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
@@ -25,7 +25,7 @@ STEPS = (
     ("Record", "R starts a take, R ends it"),
     ("Export", "Under Clips, or Ctrl+E for every format"),
 )
-WIDTH, SMALL_WIDTH, MARGIN = 210.0, 150.0, 10.0  # pixels at scale 1
+WIDTH, SMALL_WIDTH = 210.0, 150.0  # pixels at scale 1
 BELOW_BAR = 50.0
 SMALL_VIEW = 560.0
 MIN_HEIGHT = 330.0  # a lower view keeps its room
@@ -93,27 +93,14 @@ def panel(guide: Guide, covered: Callable[[], bool]) -> Panel:
 
 def draw(guide: Guide, view: Rect) -> None:
     """The card under the project's bar; nothing where the view is too low for it."""
-    if not guide.shown or view.height < px(MIN_HEIGHT) or view.width < px(WIDTH + 4 * MARGIN):
+    if not guide.shown or view.height < px(MIN_HEIGHT) or view.width < px(WIDTH + 4 * card.MARGIN):
         return
     small = min(view.height, view.width) < px(SMALL_VIEW)
-    if small:  # beside the feet, where it covers no head
-        corner = imgui.ImVec2(view.x + px(MARGIN), view.y + view.height - px(MARGIN))
-        imgui.set_next_window_pos(corner, imgui.Cond_.always, imgui.ImVec2(0.0, 1.0))
-    else:
-        imgui.set_next_window_pos(imgui.ImVec2(view.x + px(MARGIN), view.y + px(MARGIN + BELOW_BAR)))
-    imgui.set_next_window_size(imgui.ImVec2(px(SMALL_WIDTH if small else WIDTH), 0))
-    flags = (
-        imgui.WindowFlags_.no_decoration
-        | imgui.WindowFlags_.no_move
-        | imgui.WindowFlags_.no_saved_settings
-        | imgui.WindowFlags_.no_focus_on_appearing
-        | imgui.WindowFlags_.no_bring_to_front_on_focus
-    )
-    imgui.push_style_var(imgui.StyleVar_.window_padding, imgui.ImVec2(px(10), px(8)))
-    imgui.begin("First minute", None, flags)
-    imgui.pop_style_var()
-    _steps(guide, small)
-    imgui.end()
+    # in a small view beside the feet, where it covers no head
+    with card.card(
+        "First minute", view, SMALL_WIDTH if small else WIDTH, bottom=small, below=BELOW_BAR, behind=True
+    ):
+        _steps(guide, small)
 
 
 def _steps(guide: Guide, small: bool) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -121,13 +121,16 @@ def _motion(form: ExportForm) -> None:
         grounds = [(key, text) for key, text in GROUNDS.items() if inside or key != "inside"]
         form.ground = form.ground if inside or form.ground != "inside" else ""
         form.ground = str(overlay.combo("##export ground", grounds, form.ground))
-    overlay.toggles(
-        [
-            (text, getattr(form, name), hint, partial(_set, form, name))
-            for text, name, hint in TOGGLES
-            if name in has and (name != "humanoid_names" or (form.engine and ENGINES[form.engine].bones))
-        ]
-    )
+
+
+def _switches(form: ExportForm) -> list[tuple[str, bool, str, Callable[[bool], None]]]:
+    """What the format can leave out or add."""
+    has = () if form.format.film else form.format.options
+    return [
+        (text, getattr(form, name), hint, partial(_set, form, name))
+        for text, name, hint in TOGGLES
+        if name in has and (name != "humanoid_names" or (form.engine and ENGINES[form.engine].bones))
+    ]
 
 
 def _film(form: ExportForm) -> None:
@@ -166,7 +169,7 @@ def _film(form: ExportForm) -> None:
 
 
 def _common(exporting: Exporting, form: ExportForm, trimmed: bool) -> None:
-    entries = []
+    entries = _switches(form)
     if "loop" in form.format.options:
         hint = "Only the best cycle of a steady walk; its seam is reported"
         entries.append(("Loop", form.loop, hint, partial(_set, form, "loop")))

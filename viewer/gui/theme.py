@@ -69,6 +69,7 @@ class Icons:
     note: str = "\uf05a"
     check: str = "\uf00c"
     close: str = "\uf00d"
+    more: str = "\uf141"
     reset: str = "\uf2f9"
     wand: str = "\uf0d0"
     chip: str = "\uf2db"

@@ -12,6 +12,7 @@ from runtime.assets import model_folder, model_name
 from runtime.projects.character_files import write_character_files
 from runtime.projects.project import ModelName, Project, StoredTake, StoredVersion
 from runtime.takes.metadata import origin_of
+from viewer.projects.references import fingerprint_of, restore_reference, stored_reference
 from viewer.prompt.prompting import Prompting
 from viewer.prompt.style_edit import StyleEdit
 from viewer.settings import CAMERAS, Settings, checked
@@ -65,6 +66,7 @@ class Contents:
             style=None if style.a is None else style,
             place=(x, z, float(pose.root_yaw)),
             view=self._view(),
+            reference=stored_reference(takes.items, self.takes.reference),
         )
 
     def _view(self) -> dict[str, Any]:
@@ -89,7 +91,8 @@ class Contents:
         style = self.prompting.state.edit
         scene = (stage.state.terrain_spec, id(stage.state.terrain), stage.character_path, stage.camera.mode)
         distance = round(float(stage.camera.current.distance), 1)
-        return items, settings, id(style), scene, distance, str(stage.state.model_folder)
+        reference = fingerprint_of(self.takes.reference)
+        return items, settings, id(style), scene, distance, str(stage.state.model_folder), reference
 
     def restore(self, project: Project, kept: bool = True) -> None:
         """Put a project on the desk in the place of what is there; whether that is `kept` elsewhere."""
@@ -113,6 +116,8 @@ class Contents:
         self._controller = None  # takes are given to the model that is there
         self.match_models()
         takes.select(project.selected)
+        if project.reference is not None:
+            restore_reference(project.reference, items, takes.reference, self.cache)
 
     def clear(self, kept: bool = True) -> None:
         """An empty desk on the same ground with the same character."""
@@ -170,7 +175,7 @@ def stored(item: ClipItem) -> StoredTake:
     """A take of the list as it is kept."""
     shown = StoredVersion(item.clip, item.drive, str(item.saved or ""), item.label, item.base, item.edits)
     older, newer = (tuple(_stored(v) for v in versions) for versions in (item.older, item.newer))
-    return StoredTake(shown, older, newer, item.recorded, item.given, item.camera)
+    return StoredTake(shown, older, newer, item.recorded, item.given, item.camera, item.own)
 
 
 def _stored(version: TakeVersion) -> StoredVersion:
@@ -184,6 +189,7 @@ def item_of(take: StoredTake) -> ClipItem:
     item = ClipItem(take.shown.clip, _existing(take.shown.saved), take.recorded, drive=take.shown.drive)
     item.label, item.given = take.shown.label, take.name
     item.base, item.edits, item.camera = take.shown.base, take.shown.edits, take.camera
+    item.own = take.own
     item.older, item.newer = ([_version(v) for v in versions] for versions in (take.older, take.newer))
     return item
 

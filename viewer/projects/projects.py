@@ -21,6 +21,7 @@ from viewer.projects.contents import Contents
 from viewer.projects.notes import StyleNotes
 from viewer.projects.state import ProjectsState
 from viewer.settings import Settings
+from viewer.takes.reference import Look
 from viewer.takes.state import ClipItem
 
 FILTERS = ("SPORT projects", f"*{SUFFIX}")
@@ -50,7 +51,7 @@ class Projects:
     _settling: int = 0
     _adopted: Path | None = None  # a session that was reopened, until this one is on disk
     _packed: Packed = field(default_factory=Packed)
-    _character: tuple[Path, Files] | None = None
+    _files: dict[Path, Files] = field(default_factory=dict)  # of characters
 
     def __post_init__(self) -> None:
         self._file = AutosaveFile(self.folder)
@@ -188,16 +189,21 @@ class Projects:
 
     def _write(self, project: Project, path: Path) -> None:
         """Write a project with the files of its character; on any thread."""
-        project.character = self._character_files()
+        contents = self.contents
+        reference, stored = contents.takes.reference, project.reference
+        project.character = self._character_files(contents.stage.character_path)
+        if stored is not None and stored.look == Look.CHARACTER:
+            files = self._character_files(reference.character_path)
+            project.reference = replace(stored, character=files)
         save_project(project, path, StyleNotes(), self._packed)
 
-    def _character_files(self) -> Files:
-        path = self.contents.stage.character_path
+    def _character_files(self, path: Path | None) -> Files:
         if path is None:
             return {}
-        if self._character is None or self._character[0] != path:
-            self._character = (path, read_character_files(path))
-        return self._character[1]
+        if path not in self._files:
+            self._files = {path: read_character_files(path), **self._files}
+            self._files = dict(list(self._files.items())[:2])  # one of the stage, one of a reference
+        return self._files[path]
 
     def _session(self, ended: bool) -> Project:
         project = self.contents.gather()

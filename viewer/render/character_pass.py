@@ -49,6 +49,7 @@ class CharacterDraw:
 
     pose: Pose
     opacity: float = 1.0  # less: a ghost
+    matrices: Array | None = None  # of the joints, where the pose does not tell them
 
     @property
     def ghost(self) -> bool:
@@ -108,7 +109,8 @@ class CharacterPass:
             return
         slots = np.zeros((len(draws), MAX_JOINTS, 4, 4), np.float32)
         for slot, draw in zip(slots, draws, strict=True):
-            matrices = self._mesh.skin_matrices(draw.pose)[:MAX_JOINTS]
+            matrices = self._mesh.skin_matrices(draw.pose) if draw.matrices is None else draw.matrices
+            matrices = matrices[:MAX_JOINTS]
             slot[: len(matrices)] = matrices
         self._joints.orphan(slots.nbytes)
         self._joints.write(slots.tobytes())
@@ -123,10 +125,10 @@ class CharacterPass:
             if not draw.ghost:
                 self._render("depth", slot)
 
-    def draw(self, shadow_map: moderngl.Texture) -> None:
-        """Draw the solid characters."""
+    def draw(self, shadow_map: moderngl.Texture, on_top: bool = False) -> None:
+        """Draw the solid characters; `on_top` also where something hides them."""
         self._ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
-        self._ctx.depth_func = "<"
+        self._ctx.depth_func = "1" if on_top else "<"
         shadow_map.use(0)
         values = {"tint": (0.0, 0.0, 0.0, 0.0), "opacity": 1.0, "shadow_map": 0}
         set_uniforms(self._programs["surface"], values)

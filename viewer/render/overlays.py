@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,20 @@ class PinOverlay:
 
 
 @dataclass(frozen=True)
+class Figure:
+    """Somebody of another mesh: `matrices` `(K, 4, 4)` of its joints, and the pose of ours that casts its shadow.
+
+    A ghost is translucent; what is `on_top` nothing hides. Neither casts a shadow.
+    """
+
+    mesh: Any  # a `SkinnedMesh`
+    matrices: Array
+    pose: Pose
+    ghost: bool = False
+    on_top: bool = False
+
+
+@dataclass(frozen=True)
 class Overlays:
     """Toggles and extra figures of one frame; `Overlays()` shows the grid and nothing else."""
 
@@ -60,3 +75,4 @@ class Overlays:
     pins: PinOverlay | None = None
     ghosts: list[Pose] = field(default_factory=list)  # translucent, for comparison
     extra_poses: list[Pose] = field(default_factory=list)  # drawn like the main character
+    figure: Figure | None = None

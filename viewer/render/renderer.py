@@ -22,11 +22,13 @@ from viewer.render.marks import (
     trajectory_strokes,
 )
 from viewer.render.overlay_pass import OverlayPass
-from viewer.render.overlays import Overlays
+from viewer.render.overlays import Figure, Overlays
 from viewer.render.quality import Quality, choose_quality
 from viewer.render.sky_pass import SkyPass
 from viewer.render.targets import SceneTarget, ShadowMap
 from viewer.render.terrain_pass import TerrainPass
+
+FIGURE_OPACITY = 0.75  # of one that stands where the character does
 
 
 class Renderer:
@@ -44,6 +46,8 @@ class Renderer:
         self._sky = SkyPass(ctx)
         self._terrain = TerrainPass(ctx, self.quality)
         self._characters = CharacterPass(ctx, self.quality)
+        self._figure: CharacterPass | None = None  # of another mesh, once there is one
+        self._figure_mesh: SkinnedMesh | None = None
         self._overlays = OverlayPass(ctx)
         self._ground = Terrain.flat()
 
@@ -60,34 +64,57 @@ class Renderer:
         self, target: moderngl.Framebuffer, camera: Camera, pose: Pose | None, overlays: Overlays
     ) -> None:
         """Draw one frame into `target`; without a pose only the ground."""
+        figure = overlays.figure
         solid = [*([] if pose is None else [pose]), *overlays.extra_poses]
+        in_scene = figure is not None and not (figure.ghost or figure.on_top)
+        standing = [*solid, *([figure.pose] if in_scene and figure is not None else [])]
         scene = self._scene.begin(target.size)
         reach = SHADOW_REACH_M if self.quality.terrain_casts_shadow else 0.0
-        frame = make_frame(camera, scene.size, solid, reach, self.quality.shadow_map_size)
+        frame = make_frame(camera, scene.size, standing, reach, self.quality.shadow_map_size)
         self._frame.write(frame)
         self._terrain.prepare(frame, np.array([camera.target[0], camera.target[2]]))
         draws = [CharacterDraw(p) for p in solid] + ghost_draws(overlays.ghosts, pose, camera.position)
         self._characters.prepare(draws)
+        others = self._figures(figure)
+        passes = [self._characters, *([] if figure is not None and figure.on_top else others)]
 
-        self._draw_shadow_map(frame)
+        self._draw_shadow_map(frame, passes)
         scene.use()
         scene.clear(depth=1.0)
-        self._characters.draw(self._shadow_map.texture)
+        for characters in passes:
+            characters.draw(self._shadow_map.texture)
         self._terrain.draw(frame, overlays.show_grid)
-        self._terrain.draw_shadows(frame, scene, self._shadow_map.texture, feet_of(solid))
+        self._terrain.draw_shadows(frame, scene, self._shadow_map.texture, feet_of(standing))
         self._sky.draw()
         self._draw_ground_overlays(scene, pose, overlays)
-        self._characters.draw_ghosts(scene)
+        for characters in passes:
+            characters.draw_ghosts(scene)
+        if figure is not None and figure.on_top:
+            others[0].draw(self._shadow_map.texture, on_top=True)
         self._draw_top_overlays(frame, pose, overlays)
         self._scene.present(target, frame.screen_box(frame.cast, SHADOW_MARGIN_M))
         self.ctx.enable_only(moderngl.NOTHING)
 
-    def _draw_shadow_map(self, frame: RenderFrame) -> None:
+    def _figures(self, figure: Figure | None) -> list[CharacterPass]:
+        """The pass of somebody of another mesh."""
+        if figure is None:
+            return []
+        if self._figure is None:
+            self._figure = CharacterPass(self.ctx, self.quality)
+        if self._figure_mesh is not figure.mesh:
+            self._figure.set_character(figure.mesh)
+            self._figure_mesh = figure.mesh
+        opacity = FIGURE_OPACITY if figure.ghost else 1.0
+        self._figure.prepare([CharacterDraw(figure.pose, opacity, figure.matrices)])
+        return [self._figure]
+
+    def _draw_shadow_map(self, frame: RenderFrame, passes: list[CharacterPass]) -> None:
         self._shadow_map.framebuffer.use()
         self._shadow_map.framebuffer.clear(depth=1.0)
         self.ctx.enable_only(moderngl.DEPTH_TEST)
         self.ctx.depth_func = "<"
-        self._characters.draw_depth()
+        for characters in passes:
+            characters.draw_depth()
         if self.quality.terrain_casts_shadow:
             self.ctx.polygon_offset = 1.0, 2.0  # the ground must not shade itself
             self._terrain.draw_depth(frame)
@@ -120,6 +147,7 @@ class Renderer:
 
     def release(self) -> None:
         """Free all GPU objects."""
-        passes = (self._sky, self._terrain, self._characters, self._overlays)
+        passes = (self._sky, self._terrain, self._characters, self._overlays, self._figure)
         for part in (*passes, self._frame, self._scene, self._shadow_map):
-            part.release()
+            if part is not None:
+                part.release()

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from runtime.pose import Pose
-from viewer.render.overlays import Overlays, PathOverlay, PinOverlay, TrailOverlay, TrajectoryOverlay
+from viewer.render.overlays import Figure, Overlays, PathOverlay, PinOverlay, TrailOverlay, TrajectoryOverlay
 from viewer.services import ControllerLike
 from viewer.settings import Settings
 
@@ -22,10 +22,12 @@ def make_overlays(
     ghosts: Sequence[Pose] = (),
     trails: TrailOverlay | None = None,
     pins: PinOverlay | None = None,
+    figure: Figure | None = None,
 ) -> Overlays:
     """Overlays of the live character; without a controller there is no trajectory. `others` are drawn beside it.
 
-    `ghosts` are translucent, `trails` the lines of its joints, `pins` the points it is bent to.
+    `ghosts` are translucent, `trails` the lines of its joints, `pins` the points it is bent to,
+    `figure` somebody of another mesh.
     """
     trajectory = None
     if settings.show_trajectory and controller is not None:
@@ -43,4 +45,5 @@ def make_overlays(
         ghosts=list(ghosts),
         trails=trails,
         pins=pins,
+        figure=figure,
     )

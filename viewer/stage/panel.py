@@ -76,7 +76,7 @@ def _terrain(stage: Stage) -> None:
 
 
 def _open_file(stage: Stage, open_files: Callable[[list[Path]], None], browse: Callable[[], None]) -> None:
-    if not imgui.tree_node_ex("Open a file", imgui.TreeNodeFlags_.span_avail_width):
+    if not imgui.tree_node_ex("Open a file, shape the body", imgui.TreeNodeFlags_.span_avail_width):
         return
     imgui.unindent(imgui.get_style().indent_spacing)
     state, load_width = stage.state, px(60)

@@ -15,6 +15,7 @@ from viewer.takes.state import ClipItem
 
 if TYPE_CHECKING:
     from runtime.takes.clip import Clip
+    from runtime.takes.own_skeleton import OwnSkeleton
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,7 @@ class Opened:
     ground: str
     problem: str = ""  # why its ground cannot be shown
     said: str = ""  # what else is to be known
+    own: OwnSkeleton | None = None  # that moved in the file
 
 
 def read_clip(path: Path) -> Opened:
@@ -36,7 +38,7 @@ def read_clip(path: Path) -> Opened:
     opened = open_take(path)
     clip = opened.clip
     if opened.reference is not None:
-        return Opened(clip, "flat", said=opened.reference.describe())
+        return Opened(clip, "flat", said=opened.reference.describe(), own=opened.reference.own)
     if not names_ground(clip):
         return Opened(clip, "")
     try:
@@ -47,13 +49,17 @@ def read_clip(path: Path) -> Opened:
 
 @dataclass
 class Opening:
-    """Opens files; `take` puts a clip into the list and plays it, `lay` puts it on a ground by name or file, and says so."""
+    """Opens files; `take` puts a clip into the list and plays it, `lay` puts it on a ground by name or file, and says so.
+
+    `beside` puts a take into the list and shows it beside the one that plays.
+    """
 
     messages: Messages
     jobs: Jobs
     stage: StageState
-    take: Callable[[Path, Clip], ClipItem]
+    take: Callable[[ClipItem], ClipItem]
     lay: Callable[[ClipItem, str, str], None]
+    beside: Callable[[ClipItem], None]
 
     def open(self, path: Path, keep_ground: bool = False) -> None:
         """Add a BVH file to the list and play it, on its own ground unless `keep_ground`."""
@@ -64,10 +70,19 @@ class Opening:
             reading=path.name,
         )
 
+    def open_beside(self, path: Path) -> None:
+        """Add a BVH file to the list and show it beside the take that plays; play it where none does."""
+
+        def opened(found: Opened) -> None:
+            self.beside(_item(path, found))
+            self.messages.note(f"{path.name}: {len(found.clip)} frames{found.said}.")
+
+        self.jobs.submit(f"clip {path}", lambda: read_clip(path), opened, reading=path.name)
+
     def _opened(self, path: Path, opened: Opened, keep_ground: bool) -> None:
         clip, ground = opened.clip, opened.ground
         text = f"{path.name}: {len(clip)} frames at {clip.fps:g} fps{opened.said}"
-        item = self.take(path, clip)
+        item = self.take(_item(path, opened))
         self.messages.note(f"{text}.")
         if opened.problem:
             self.messages.warn(
@@ -75,3 +90,7 @@ class Opening:
             )
         elif ground and not keep_ground:
             self.lay(item, ground, f"{text}, on the ground {Path(ground).name}.")
+
+
+def _item(path: Path, opened: Opened) -> ClipItem:
+    return ClipItem(opened.clip, path, own=opened.own)

@@ -12,18 +12,22 @@ from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
+from viewer.settings import Settings
 from viewer.takes import recovery_panel
+from viewer.takes.reference_panel import References
+from viewer.takes.state import ClipItem
 from viewer.takes.takes import EXPORT_ALL, Takes
 
 RENAME_HINT = "Double-click renames it"
+MENU = "take menu"
 
 
-def panel(takes: Takes, export_window: Callable[[], None]) -> Panel:
+def panel(takes: Takes, references: References, export_window: Callable[[], None]) -> Panel:
     """The clips panel."""
     return Panel(
         "Clips",
         PanelPlace.RIGHT_BOTTOM,
-        lambda _: draw(takes, export_window),
+        lambda _: draw(takes, references, export_window),
         ICON.clips,
         actions=takes.actions,
     )
@@ -38,20 +42,22 @@ def sign(takes: Takes) -> Panel:
     return Panel("Recording", PanelPlace.SIGN, draw_sign, shown=lambda: takes.state.recording)
 
 
-def draw(takes: Takes, export_window: Callable[[], None]) -> None:
+def draw(takes: Takes, references: References, export_window: Callable[[], None]) -> None:
     """Contents of the panel; `export_window` opens the other formats."""
     _record(takes)
     recovery_panel.draw(takes.journals)
-    export_height = _export_height() if takes.state.current is not None else 0.0
-    below = imgui.get_frame_height_with_spacing() if takes.state.removed else 0.0
-    minimum = imgui.get_frame_height_with_spacing() * 1.5
-    height = max(imgui.get_content_region_avail().y - export_height - below, minimum)
+    line, room = imgui.get_frame_height_with_spacing(), imgui.get_content_region_avail().y
+    below = line if takes.state.removed else 0.0
+    # in a low panel the list and the button matter; rate and unit are in the export window too
+    short = room - below < 5.0 * line
+    export_height = _export_height(short) if takes.state.current is not None else 0.0
+    height = max(room - export_height - below, line)
     if imgui.begin_child("clip list", imgui.ImVec2(0, height)):
-        _list(takes)
+        _list(takes, references)
     imgui.end_child()
     _below(takes)
     if takes.state.current is not None:
-        _export(takes, export_window)
+        _export(takes, export_window, short)
 
 
 def _record(takes: Takes) -> None:
@@ -80,7 +86,7 @@ def _record(takes: Takes) -> None:
         imgui.end_popup()
 
 
-def _list(takes: Takes) -> None:
+def _list(takes: Takes, references: References) -> None:
     clips = takes.state
     if not clips.items and not clips.removed:
         empty = "Nothing recorded yet. Record a take with R, keep the last seconds with T, or drop a BVH file here."
@@ -90,7 +96,7 @@ def _list(takes: Takes) -> None:
     for i in range(len(clips.items)):
         if i < len(clips.items):  # a row before may just have removed one
             imgui.push_id(i)
-            _name_field(takes, i) if clips.renaming == i else _row(takes, i)
+            _name_field(takes, i) if clips.renaming == i else _row(takes, references, i)
             imgui.pop_id()
     imgui.pop_style_var()
 
@@ -131,21 +137,22 @@ def _name_field(takes: Takes, i: int) -> None:
         clips.renaming = -1
 
 
-def _row(takes: Takes, i: int) -> None:
+def _row(takes: Takes, references: References, i: int) -> None:
     """Play, name, length, remove; a click anywhere selects."""
     clips, item = takes.state, takes.state.items[i]
-    width, height, square = imgui.get_content_region_avail().x, imgui.get_frame_height(), px(28)
+    width, height, square = imgui.get_content_region_avail().x, imgui.get_frame_height(), px(24)
     corner = imgui.get_cursor_screen_pos()
     start = imgui.get_cursor_pos()
+    if i == clips.selected and _newly_selected(item):
+        imgui.set_scroll_here_y(1.0 if corner.y > imgui.get_window_pos().y + height else 0.0)
     imgui.set_next_item_allow_overlap()
     if imgui.invisible_button("row", imgui.ImVec2(width, height)):
         takes.select(i)
     hovered = imgui.is_item_hovered()
     if hovered and imgui.is_mouse_double_clicked(0):
         takes.begin_rename(i)
-    if imgui.begin_popup_context_item("take menu"):
-        _take_menu(takes, i)
-        imgui.end_popup()
+    if imgui.is_item_clicked(imgui.MouseButton_.right):
+        imgui.open_popup(MENU)
     if hovered:
         saved = f"Saved as {printable(item.saved)}" if item.saved else "Not saved as a whole BVH yet"
         if item.exported not in (None, item.saved):
@@ -166,27 +173,48 @@ def _row(takes: Takes, i: int) -> None:
     time_width = imgui.calc_text_size(seconds).x
     imgui.same_line(0, px(2))
     imgui.align_text_to_frame_padding()
-    imgui.text_unformatted(widgets.elided(item.name, width - 2 * square - time_width - px(10)))
-    imgui.same_line(width - square - time_width)
+    imgui.text_unformatted(widgets.elided(item.name, width - 3 * square - time_width - px(10)))
+    imgui.same_line(width - 2 * square - time_width)
     imgui.align_text_to_frame_padding()
     widgets.muted(seconds)
+    imgui.same_line(width - 2 * square)
+    if _small(f"{ICON.more}##take menu", square, "Rename, mirror, show beside the take that plays"):
+        imgui.open_popup(MENU)
     imgui.same_line(width - square)
     if _small(ICON.trash, square, "Remove from the list; exported files stay"):
         takes.remove(i)
+        return
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(px(8), px(7)))
+    if imgui.begin_popup(MENU):
+        _take_menu(takes, references, i)
+        imgui.end_popup()
+    imgui.pop_style_var()
 
 
-def _take_menu(takes: Takes, i: int) -> None:
+def _newly_selected(item: ClipItem) -> bool:
+    """Whether another take was the selected one in the frame before."""
+    storage, key, mark = imgui.get_state_storage(), 1, id(item) & 0x7FFFFFFF
+    known = storage.get_int(key)
+    storage.set_int(key, mark)
+    return bool(known != mark)
+
+
+def _take_menu(takes: Takes, references: References, i: int) -> None:
     if imgui.menu_item("Rename", "", False)[0]:
         takes.begin_rename(i)
     if imgui.menu_item("Mirror", "", False)[0]:
         takes.mirror(i)
     widgets.tooltip("A second take with left and right exchanged")
-    played = takes.state.playback is not None and takes.state.playback.index != i
-    if imgui.menu_item("Show beside", "", takes.reference.item is takes.state.items[i], played)[0]:
+    playback = takes.state.playback
+    if playback is not None and playback.index == i:
+        if imgui.begin_menu("Show beside it"):
+            references.menu()
+            imgui.end_menu()
+    elif imgui.menu_item(
+        "Show beside", "", takes.reference.item is takes.state.items[i], playback is not None
+    )[0]:
         takes.reference.show(takes.state.items[i])
-    widgets.tooltip(
-        "Compare it with the take that plays" if played else "Play another take to compare it with"
-    )
+    widgets.tooltip("Play another take to compare it with" if playback is None else "")
     if imgui.menu_item("Remove", "", False)[0]:
         takes.remove(i)
 
@@ -202,21 +230,7 @@ def _small(icon: str, width: float, hint: str) -> bool:
     return bool(clicked)
 
 
-def _export_height() -> float:
-    return imgui.get_frame_height_with_spacing() * 3 + px(8)
-
-
-def _export(takes: Takes, export_window: Callable[[], None]) -> None:
-    clips, settings = takes.state, takes.settings
-    imgui.separator()
-    widgets.full_width()
-    entered, clips.export_path = imgui.input_text_with_hint(
-        "##export path",
-        "~/sport-clips/walk.bvh",
-        clips.export_path,
-        imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.elide_left,
-    )
-    widgets.tooltip(f"Where to write {Path(clips.export_path).name}: type another path if you like")
+def _rate_and_unit(settings: Settings) -> None:
     half = (imgui.get_content_region_avail().x - px(10)) / 2
     imgui.begin_group()
     imgui.push_item_width(half)
@@ -229,6 +243,25 @@ def _export(takes: Takes, export_window: Callable[[], None]) -> None:
     imgui.end_child()
     imgui.pop_item_width()
     imgui.end_group()
+
+
+def _export_height(short: bool) -> float:
+    return imgui.get_frame_height_with_spacing() * (2 if short else 3) + px(8)
+
+
+def _export(takes: Takes, export_window: Callable[[], None], short: bool) -> None:
+    clips, settings = takes.state, takes.settings
+    imgui.separator()
+    widgets.full_width()
+    entered, clips.export_path = imgui.input_text_with_hint(
+        "##export path",
+        "~/sport-clips/walk.bvh",
+        clips.export_path,
+        imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.elide_left,
+    )
+    widgets.tooltip(f"Where to write {Path(clips.export_path).name}: type another path if you like")
+    if not short:
+        _rate_and_unit(settings)
     busy = takes.jobs.busy(f"export {clips.current.name}") if clips.current else False
     imgui.begin_disabled(busy)
     trimmed = clips.playback is not None and clips.playback.trimmed

@@ -6,14 +6,13 @@ from dataclasses import replace
 
 from runtime.takes.pins import Pin, Pinned
 from viewer.gl_bindings import imgui
-from viewer.gui import theme, widgets
+from viewer.gui import card, widgets
 from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
-from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.takes.pinning import Pinning, shown_end
 
-WIDTH, SMALL_WIDTH, MARGIN = 214.0, 158.0, 10.0  # pixels at scale 1
+WIDTH, SMALL_WIDTH = 214.0, 158.0  # pixels at scale 1
 SMALL_VIEW = 520.0  # in a narrower one the card is small, so that it hides nobody
 MIN_VIEW = 230.0
 LIVE = (Pinned.LEFT_HAND, Pinned.RIGHT_HAND, Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT, Pinned.LOOK)
@@ -46,48 +45,26 @@ def _card(pinning: Pinning, view: Rect) -> None:
     pin = pinning.pin
     if pin is None or view.width < px(MIN_VIEW):
         return
-    corner = imgui.ImVec2(view.x + view.width - px(MARGIN), view.y + px(MARGIN))
-    imgui.set_next_window_pos(corner, imgui.Cond_.always, imgui.ImVec2(1.0, 0.0))
-    imgui.set_next_window_size(imgui.ImVec2(px(SMALL_WIDTH if view.width < px(SMALL_VIEW) else WIDTH), 0))
-    flags = (
-        imgui.WindowFlags_.no_decoration
-        | imgui.WindowFlags_.no_move
-        | imgui.WindowFlags_.no_saved_settings
-        | imgui.WindowFlags_.no_focus_on_appearing
-    )
-    imgui.push_style_var(imgui.StyleVar_.window_padding, imgui.ImVec2(px(10), px(8)))
-    imgui.begin("Pin", None, flags)
-    imgui.pop_style_var()
-    _title(pinning, pin)
-    if pin.what is not Pinned.POSE:
-        _points(pinning, pin)
-    if pinning.item is not None:
-        _times(pinning, pin)
-    imgui.end()
-
-
-def _title(pinning: Pinning, pin: Pin) -> None:
-    side = imgui.get_frame_height()
-    imgui.align_text_to_frame_padding()
-    widgets.label(str(pin.what).capitalize(), theme.ACCENT)
-    imgui.same_line(imgui.get_content_region_avail().x + imgui.get_style().window_padding.x - 2 * side)
-    remove = "Remove the pin" if pinning.item is not None else "Let go"
-    if widgets.icon_button(ICON.trash, "remove pin", remove, theme.TEXT):
-        pinning.delete()
-    imgui.same_line(0, 0)
-    if widgets.icon_button(ICON.close, "close pin", "Close (Esc)", theme.TEXT):
-        pinning.close()
+    with card.card("Pin", view, SMALL_WIDTH if view.width < px(SMALL_VIEW) else WIDTH, right=True):
+        remove = "Remove the pin" if pinning.item is not None else "Let go"
+        pressed = card.title(str(pin.what).capitalize(), "pin", remove)
+        if pin.what is not Pinned.POSE:
+            _points(pinning, pin)
+        if pinning.item is not None:
+            _times(pinning, pin)
+        if pressed:
+            (pinning.delete if pressed == "remove" else pinning.close)()
 
 
 def _points(pinning: Pinning, pin: Pin) -> None:
     """Where it is, by numbers; the handles in the view do the same."""
     x, y, z = _triple(pinning, pin, "point", pin.point)
     pinning.try_change(lambda: replace(pin, point=(x, y, z)))
-    half = (imgui.get_content_region_avail().x - px(4)) / 2
+    half = card.share(2)
     hint = "The point goes along with the character instead of staying in the world"
     if widgets.toggle("Along", pin.along, half, hint) != pin.along:
         pinning.put_along(pin, not pin.along)
-    imgui.same_line(0, px(4))
+    card.beside()
     rails = pin.what not in (Pinned.LOOK, Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT)
     imgui.begin_disabled(not rails)
     hint = "It slides along a straight rail to a second point"
@@ -102,11 +79,11 @@ def _points(pinning: Pinning, pin: Pin) -> None:
 
 def _triple(pinning: Pinning, pin: Pin, name: str, value: tuple[float, float, float]) -> tuple[float, ...]:
     changed = []
-    third = (imgui.get_content_region_avail().x - 2 * px(4)) / 3
+    third = card.share(3)
     hints = ("To its left" if pin.along else "X", "Up", "Ahead" if pin.along else "Z")
     for number, (axis, hint) in enumerate(zip("xyz", hints, strict=True)):
         if number:
-            imgui.same_line(0, px(4))
+            card.beside()
         imgui.set_next_item_width(third)
         _, entry = imgui.drag_float(f"##pin {name} {axis}", value[number], 0.005, -1000.0, 1000.0, "%.2f")
         widgets.tooltip(f"{hint}, metres. Drag, or double-click to type.")
@@ -120,19 +97,19 @@ def _times(pinning: Pinning, pin: Pin) -> None:
     if item is None:
         return
     fps, last = item.clip.fps, len(item.clip) - 1
-    half = (imgui.get_content_region_avail().x - px(4)) / 2
+    half = card.share(2)
     first, end = round(pin.start * fps), round(shown_end(pin, item.clip) * fps)
     imgui.set_next_item_width(half)
     _, new_first = imgui.drag_int("##pin from", first, 0.3, 0, end, "from %d")
     widgets.tooltip("The first frame in which it holds fully")
-    imgui.same_line(0, px(4))
+    card.beside()
     imgui.set_next_item_width(half)
     _, new_end = imgui.drag_int("##pin to", end, 0.3, first, last, "to %d")
     widgets.tooltip("The last frame in which it holds fully")
     imgui.set_next_item_width(half)
     _, ease_in = imgui.drag_float("##pin in", pin.ease_in, 0.005, 0.0, 5.0, "in %.2f s")
     widgets.tooltip("How long it comes before")
-    imgui.same_line(0, px(4))
+    card.beside()
     imgui.set_next_item_width(half)
     _, ease_out = imgui.drag_float("##pin out", pin.ease_out, 0.005, 0.0, 5.0, "out %.2f s")
     widgets.tooltip("How long it goes after")

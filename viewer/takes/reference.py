@@ -1,9 +1,14 @@
-"""A second take beside the one that plays, or over it: in sync, shifted in time and to the side."""
+"""What is shown beside the take that plays, or over it, in sync: another take as somebody else, or a film."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,19 +16,32 @@ from runtime import rotations
 from runtime.arrays import Array
 from runtime.pose import Pose
 from runtime.takes.clip import Clip
-from viewer.gl_bindings import imgui
-from viewer.gui import theme, widgets
-from viewer.gui.layout import Rect
-from viewer.gui.panels import Panel, PanelPlace
-from viewer.gui.theme import ICON
-from viewer.gui.widgets import px
+from runtime.takes.own_skeleton import OwnSkeleton
+from viewer.jobs import Jobs
+from viewer.messages import Messages
+from viewer.render.overlays import Figure
 from viewer.stage.simulation import make_pose
+from viewer.takes.figures import Bones, bones_of
 from viewer.takes.playback import Playback
 from viewer.takes.state import ClipItem, TakesState
+from viewer.takes.video import Video, read_video
 
 ASIDE_M = 1.0
-WIDTH, MARGIN = 214.0, 10.0  # of the card, pixels at scale 1
-MIN_VIEW = 330.0  # a narrower view has no room for it beside the bar
+CHARACTER, VIDEO = "reference character", "reference video"  # jobs
+LIMITS = {  # of what a project keeps, with its first value
+    "offset_s": (-600.0, 600.0, 0.0),
+    "aside_m": (-20.0, 20.0, ASIDE_M),
+    "size": (0.2, 1.0, 0.4),
+    "opacity": (0.1, 1.0, 0.5),
+}
+
+
+class Look(StrEnum):
+    """Who moves as the reference does."""
+
+    TAKE = "As the take"  # the character on the stage
+    SKELETON = "Its own skeleton"  # that of its file
+    CHARACTER = "Its own character"  # from a file
 
 
 @dataclass
@@ -31,40 +49,119 @@ class Reference:
     """What is shown beside the take that plays, from where that begins."""
 
     state: TakesState
+    messages: Messages
+    jobs: Jobs
+    load_character: Callable[[Path], Any]  # on any thread
     item: ClipItem | None = None
-    offset_s: float = 0.0  # the reference is shown so much later
-    aside_m: float = ASIDE_M  # to the right of the take
+    video: Video | None = None  # in place of an item
+    offset_s: float = LIMITS["offset_s"][2]  # the reference is shown so much later
+    aside_m: float = LIMITS["aside_m"][2]  # to the right of the take
+    size: float = LIMITS["size"][2]  # of a film's picture, as a share of the view
+    opacity: float = LIMITS["opacity"][2]  # of a film over the take
     over: bool = False  # translucent, in the same place
+    look: Look = Look.TAKE
+    character_path: Path | None = None
+    character: Any = None
     _placed: tuple[Clip, Clip, Array, float] | None = field(default=None, init=False)
+    _bones: tuple[OwnSkeleton, Bones] | None = field(default=None, init=False)
 
     def show(self, item: ClipItem) -> None:
         """Compare with a take of the list; the same again shows none."""
-        self.item = None if self.item is item else item
-        self.offset_s = 0.0
+        again = self.item is item
+        self.close()
+        if not again:
+            self.item = item
+            self.look = Look.SKELETON if item.own is not None else Look.TAKE
+
+    def close(self) -> None:
+        """Show the take alone."""
+        self.item = self.video = None
+        self.offset_s, self.look = 0.0, Look.TAKE
 
     def forget(self, item: ClipItem) -> None:
         """A take left the list."""
-        self.item = None if self.item is item else self.item
+        if self.item is item:
+            self.close()
 
     @property
     def shown(self) -> bool:
         """Whether there is one to show."""
         playback = self.state.playback
-        return playback is not None and self.item is not None and self.item.clip is not playback.clip
+        other = self.item is not None and playback is not None and self.item.clip is not playback.clip
+        return playback is not None and (other or self.video is not None)
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return self.video.path.name if self.video is not None else "" if self.item is None else self.item.name
+
+    @property
+    def looks(self) -> tuple[Look, ...]:
+        """Who can show it now."""
+        own = (Look.SKELETON,) if self.item is not None and self.item.own is not None else ()
+        return (Look.TAKE, *own, *((Look.CHARACTER,) if self.character is not None else ()))
+
+    # --- files
+
+    def open_video(self, path: Path, keep_numbers: bool = False) -> None:
+        """Show a film beside the take that plays, or that plays next; at once in sync with it unless `keep_numbers`."""
+        take = partial(self._take_video, self.offset_s if keep_numbers else 0.0)
+        self.jobs.submit(VIDEO, partial(read_video, path), take, reading=path.name)
+
+    def _take_video(self, offset_s: float, video: Video) -> None:
+        self.close()
+        self.video, self.offset_s = video, offset_s
+        later = "" if self.state.playback is not None else " It is shown beside the take that you play."
+        self.messages.note(f"{video.describe()}.{later}")
+
+    def open_character(self, path: Path) -> None:
+        """Let the character of a file show the reference."""
+        self.jobs.submit(
+            CHARACTER,
+            partial(self.load_character, path),
+            partial(self.use_character, path),
+            reading=path.name,
+        )
+
+    def use_character(self, path: Path, character: Any) -> None:
+        """A character was loaded."""
+        self.character_path, self.character, self.look = path, character, Look.CHARACTER
+
+    # --- what is shown
+
+    def time_s(self, playback: Playback) -> float:
+        """The reference's own time at the one that is shown of the take."""
+        return playback.time_s - playback.start_s + self.offset_s
 
     def pose(self, playback: Playback) -> Pose | None:
-        """The reference at the time that is shown of the take; None where there is none."""
+        """The reference in our skeleton at the time that is shown of the take; None where there is none."""
         if not self.shown or self.item is None:
             return None
         clip = self.item.clip
         move, turn = self._place(playback.clip, clip)
-        pose = clip.sample(playback.time_s - playback.start_s + self.offset_s)
+        pose = clip.sample(self.time_s(playback))
         hips = rotations.rotate(rotations.from_yaw(turn), pose.hips_position) + move
         local = np.array(pose.local_rotations)
         local[0] = rotations.multiply(rotations.from_yaw(turn), local[0])
         ground = float(playback.terrain.height(float(hips[0]), float(hips[2])))
         hips[1] += ground - float(playback.terrain.height(*self._start(playback.clip)))
         return make_pose(hips, local, pose.contacts, ground, pose.root_yaw + turn)
+
+    def figure(self, playback: Playback, pose: Pose) -> Figure | None:
+        """The reference at `pose` as somebody of another mesh; None where the character on the stage shows it."""
+        if self.look is Look.CHARACTER and self.character is not None:
+            return Figure(self.character, self.character.skin_matrices(pose), pose, ghost=self.over)
+        own = None if self.item is None or self.look is not Look.SKELETON else self.item.own
+        if own is None or self.item is None:
+            return None
+        if self._bones is None or self._bones[0] is not own:
+            self._bones = own, bones_of(own)
+        bones, clip = self._bones[1], self.item.clip
+        _, turn = self._place(playback.clip, clip)
+        time_s = min(max(self.time_s(playback), 0.0), clip.seconds)
+        there = clip.sample(time_s).hips_position  # the points keep their place about our hips
+        points = rotations.rotate(rotations.from_yaw(turn), own.sample(time_s * clip.fps) - there)
+        return Figure(bones, bones.matrices(points + pose.hips_position), pose, on_top=self.over)
 
     def _place(self, take: Clip, clip: Clip) -> tuple[Array, float]:
         """The shift `(3,)` and the turn that let the reference begin where the take does, beside it."""
@@ -83,59 +180,3 @@ class Reference:
     @staticmethod
     def _start(take: Clip) -> tuple[float, float]:
         return float(take.hips_positions[0, 0]), float(take.hips_positions[0, 2])
-
-
-def panel(reference: Reference) -> Panel:
-    """The card of the reference, while there is one."""
-
-    def close() -> bool:
-        was, reference.item = reference.shown, None if reference.shown else reference.item
-        return was
-
-    return Panel(
-        "Reference", PanelPlace.VIEW, lambda view: _card(reference, view), shown=lambda: reference.shown,
-        close=close,
-    )  # fmt: skip
-
-
-def _card(reference: Reference, view: Rect) -> None:
-    item, playback = reference.item, reference.state.playback
-    if item is None or playback is None or view.width < px(MIN_VIEW):
-        return
-    corner = imgui.ImVec2(view.x + px(MARGIN), view.y + view.height - px(MARGIN))
-    imgui.set_next_window_pos(corner, imgui.Cond_.always, imgui.ImVec2(0.0, 1.0))
-    imgui.set_next_window_size(imgui.ImVec2(px(WIDTH), 0))
-    flags = (
-        imgui.WindowFlags_.no_decoration
-        | imgui.WindowFlags_.no_move
-        | imgui.WindowFlags_.no_saved_settings
-        | imgui.WindowFlags_.no_focus_on_appearing
-    )
-    imgui.push_style_var(imgui.StyleVar_.window_padding, imgui.ImVec2(px(10), px(8)))
-    imgui.begin("Reference", None, flags)
-    imgui.pop_style_var()
-    side = imgui.get_frame_height()
-    imgui.align_text_to_frame_padding()
-    widgets.label(widgets.elided(f"Beside: {item.name}", px(WIDTH) - side - px(20)), theme.ACCENT)
-    imgui.same_line(imgui.get_content_region_avail().x + imgui.get_style().window_padding.x - side)
-    if widgets.icon_button(ICON.close, "close reference", "Show the take alone", theme.TEXT):
-        reference.item = None
-    reference.over = widgets.segmented(
-        "reference place", [(False, "Beside"), (True, "Over it")], reference.over
-    )
-    half = (imgui.get_content_region_avail().x - px(4)) / 2
-    fps = playback.clip.fps
-    imgui.set_next_item_width(half)
-    _, frames = imgui.drag_int(
-        "##reference offset", round(reference.offset_s * fps), 0.3, -36000, 36000, "%+d frames"
-    )
-    reference.offset_s = frames / fps
-    widgets.tooltip("How much later the reference is. Drag, or double-click to type.")
-    imgui.same_line(0, px(4))
-    imgui.set_next_item_width(half)
-    imgui.begin_disabled(reference.over)
-    _, reference.aside_m = imgui.drag_float(
-        "##reference aside", reference.aside_m, 0.01, -20.0, 20.0, "%.1f m aside"
-    )
-    imgui.end_disabled()
-    imgui.end()

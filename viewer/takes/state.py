@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from runtime.takes.clip import Clip
     from runtime.takes.drive import Drive
     from runtime.takes.journal import FoundJournal, TakeJournal
+    from runtime.takes.own_skeleton import OwnSkeleton
     from runtime.terrain.height_map import Terrain
     from viewer.services import ControllerLike
     from viewer.takes.playback import Playback
@@ -55,6 +56,7 @@ class ClipItem:
     base: Clip | None = None  # as it was driven, where `edits` bend the poses of `clip`
     edits: PoseEdits = NO_EDITS
     camera: tuple[CameraKey, ...] = ()
+    own: OwnSkeleton | None = None  # of the file, where another skeleton moved in it
 
     def drop_journal(self) -> None:
         """The take is exported, or not wanted: nothing is left to recover."""

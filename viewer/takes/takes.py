@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from viewer.takes.playback import Playback
 from viewer.takes.reference import Reference
 from viewer.takes.rescue import Rescue
 from viewer.takes.state import ClipItem, Removed, TakesState
+from viewer.takes.video import SUFFIXES as VIDEOS
 
 if TYPE_CHECKING:
     from runtime.takes.clip import Clip
@@ -57,6 +58,7 @@ class Takes:
     drives: DriveRecorder
     folder: Path  # the state folder: journals, and takes that cannot be written elsewhere
     load_ground: Callable[[str], Terrain]  # by name or file
+    load_character: Callable[[Path], Any]
     is_safe: Callable[[ClipItem], bool]  # it is in a project's file
     is_offered: Callable[[ClipItem], bool]  # it is in a session that the next start offers
     live_pins: Callable[[int, int], tuple[Pin, ...]] = (
@@ -72,9 +74,11 @@ class Takes:
     )  # a ground, as a take of another size sees it
 
     def __post_init__(self) -> None:
-        self.reference = Reference(self.state)
+        self.reference = Reference(self.state, self.messages, self.jobs, self.load_character)
         self.journals = Journals(self.state, self.messages, self.jobs, self.folder / "journals", self._add)
-        self.opening = Opening(self.messages, self.jobs, self.stage, self._take_opened, self.lay)
+        self.opening = Opening(
+            self.messages, self.jobs, self.stage, self._take_opened, self.lay, self._show_opened
+        )
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
@@ -92,7 +96,7 @@ class Takes:
     @property
     def files(self) -> dict[str, Callable[[Path], None]]:
         """What opens a file, by its suffix."""
-        return {".bvh": self.opening.open}
+        return {".bvh": self.opening.open, **dict.fromkeys(VIDEOS, self.reference.open_video)}
 
     def before_steps(self) -> None:
         """Keep the controller's state when it is time; call once a frame before it is simulated."""
@@ -176,10 +180,17 @@ class Takes:
         self.state.items.append(item)
         self.select(len(self.state.items) - 1)
 
-    def _take_opened(self, path: Path, clip: Clip) -> ClipItem:
-        self.state.items.append(item := ClipItem(clip, path))
+    def _take_opened(self, item: ClipItem) -> ClipItem:
+        self.state.items.append(item)
         self.play(len(self.state.items) - 1)
         return item
+
+    def _show_opened(self, item: ClipItem) -> None:
+        if self.state.playback is None:
+            self._take_opened(item)
+        else:
+            self.state.items.append(item)
+            self.reference.show(item)
 
     def select(self, index: int) -> None:
         """Make a clip the current one and propose where to export it."""
@@ -273,7 +284,7 @@ class Takes:
         clips = self.state
         clips.items.clear()
         clips.removed.clear()
-        self.reference.item = None
+        self.reference.close()
         clips.selected = clips.renaming = -1
         clips.export_path = ""
 

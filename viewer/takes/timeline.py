@@ -49,7 +49,8 @@ def draw(editing: TakeEditing, pinning: Pinning, camera: TakeCamera, playback: P
         return
     parts = PART_NAMES if editing.state.timeline.part_tracks else ()
     rows = lanes(pinning.pins)
-    tall = _growth(len(parts) + len(rows) + bool(camera.keys))
+    room = _room(len(parts) + len(rows) + bool(camera.keys))
+    tall = min(max(room, 1.0), TALLEST)
     imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(SPACING)))
     # the ruler above the tracks is as wide as they are, also where they scroll (known from the frame before)
     storage, key = imgui.get_state_storage(), imgui.get_id("tracks scroll")
@@ -62,7 +63,8 @@ def draw(editing: TakeEditing, pinning: Pinning, camera: TakeCamera, playback: P
             name = part.replace("_", " ").capitalize()
             _still(name, tracks.parts[part], ROW * tall, PART_TINT, playback)
         _spans("Gait", "gaits", tracks.gaits, ROW * tall, editing, playback)
-        _still("Ground", tracks.grounds, ROW * tall, GROUND_TINT, playback)
+        if room >= 1.0 or len(tracks.grounds) > 1:  # one ground all the way says the least
+            _still("Ground", tracks.grounds, ROW * tall, GROUND_TINT, playback)
         if camera.keys:
             camera.draw_track(ROW * tall, playback)
         if rows:
@@ -79,12 +81,12 @@ def draw(editing: TakeEditing, pinning: Pinning, camera: TakeCamera, playback: P
         editing.keep_trim()
 
 
-def _growth(more: int) -> float:
-    """How many times taller the tracks may be, with so many `more` for body parts and pins."""
+def _room(more: int) -> float:
+    """How many times taller the tracks could be, with so many `more` for body parts and pins."""
     rows = 4 + more
     heights = PROMPTS + (2 + more) * ROW + 2 * FEET + 2.0
     free = imgui.get_content_region_avail().y / px(1.0) - RULER - (rows + 2) * SPACING
-    return min(max(free / heights, 1.0), TALLEST)
+    return float(free / heights)
 
 
 # --- ruler

@@ -13,15 +13,17 @@ from viewer.takes import timeline
 from viewer.takes.editing import TakeEditing
 from viewer.takes.pinning import Pinning
 from viewer.takes.playback import Playback
+from viewer.takes.reference_panel import References
 from viewer.takes.take_camera import TakeCamera
 
 SPEEDS = (0.1, 2.0)
 WIDE = 520.0  # pixels at scale 1: words beside the icons
 TINY = 400.0  # in less only what has no other way stays
 PROMPT_POPUP, GAIT_POPUP, PIN_POPUP = "new prompt", "new gait", "new pin"
+BESIDE_POPUP = "beside"
 
 
-def panel(editing: TakeEditing, pinning: Pinning, camera: TakeCamera) -> Panel:
+def panel(editing: TakeEditing, pinning: Pinning, camera: TakeCamera, references: References) -> Panel:
     """The bar; Escape in the view leaves the take."""
 
     def close() -> bool:
@@ -29,10 +31,12 @@ def panel(editing: TakeEditing, pinning: Pinning, camera: TakeCamera) -> Panel:
         editing.takes.close_playback()
         return was_open
 
-    return Panel("Transport", PanelPlace.BELOW, lambda _: draw(editing, pinning, camera), close=close)
+    return Panel(
+        "Transport", PanelPlace.BELOW, lambda _: draw(editing, pinning, camera, references), close=close
+    )
 
 
-def draw(editing: TakeEditing, pinning: Pinning, camera: TakeCamera) -> None:
+def draw(editing: TakeEditing, pinning: Pinning, camera: TakeCamera, references: References) -> None:
     """Contents of the bar."""
     playback = editing.state.playback
     if playback is None:
@@ -42,7 +46,7 @@ def draw(editing: TakeEditing, pinning: Pinning, camera: TakeCamera) -> None:
     if not wide:
         editing.state.timeline.part_tracks = False  # its button is not there
     _playing(playback, editing, wide, tiny)
-    _editing(playback, editing, pinning, camera, wide, tiny)
+    _editing(playback, editing, pinning, camera, references, wide, tiny)
     timeline.draw(editing, pinning, camera, playback)
 
 
@@ -94,7 +98,13 @@ def _time(playback: Playback, editing: TakeEditing, space: float) -> None:
 
 
 def _editing(
-    playback: Playback, editing: TakeEditing, pinning: Pinning, camera: TakeCamera, wide: bool, tiny: bool
+    playback: Playback,
+    editing: TakeEditing,
+    pinning: Pinning,
+    camera: TakeCamera,
+    references: References,
+    wide: bool,
+    tiny: bool,
 ) -> None:
     """What lies on the tracks: trim, new spans, undo, and going on from here."""
     gap, fixed = px(4), editing.fixed
@@ -136,14 +146,33 @@ def _editing(
         imgui.same_line(0, gap)
         state = editing.state.timeline
         hint = "A track for what each body part does"
-        state.part_tracks = widgets.toggle("Parts", state.part_tracks, px(52), hint)
+        state.part_tracks = widgets.toggle("Parts", state.part_tracks, px(48), hint)
+        imgui.same_line(0, gap)
+        _beside(references)
     _go_on(editing, fixed, "Go on from here" if wide else "" if tiny else "Go on")
 
 
+def _beside(references: References) -> None:
+    hint = "Compare with another take, a BVH or a film: beside it or over it"
+    shown = references.reference.shown
+    if widgets.toggle("Beside…", shown, px(66), hint) != shown:
+        imgui.open_popup(BESIDE_POPUP)
+    if imgui.begin_popup(BESIDE_POPUP):
+        references.menu()
+        imgui.end_popup()
+
+
 def _go_on(editing: TakeEditing, fixed: str, words: str) -> None:
-    text = f"{ICON.walk} {words}".rstrip()
-    width = imgui.calc_text_size(text).x + 2 * imgui.get_style().frame_padding.x
-    imgui.same_line(imgui.get_window_width() - imgui.get_style().window_padding.x - width)
+    imgui.same_line(0, px(4))
+    end = imgui.get_window_width() - imgui.get_style().window_padding.x
+    padding, room = 2 * imgui.get_style().frame_padding.x, end - imgui.get_cursor_pos_x()
+    texts = [
+        f"{ICON.walk} {text}".rstrip()
+        for text in dict.fromkeys((words, words.removesuffix(" from here"), ""))
+    ]
+    text = next((t for t in texts if imgui.calc_text_size(t).x + padding <= room), texts[-1])
+    width = imgui.calc_text_size(text).x + padding
+    imgui.same_line(end - width)
     imgui.begin_disabled(bool(fixed))
     if widgets.button(
         f"{text}###go on", width, fixed or "Drive the live character from this frame of the take"

@@ -1,0 +1,46 @@
+"""The points of a motion of another skeleton, as they are before ours plays it: to look at beside it, and to keep."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.arrays import Array
+
+MAX_POINTS = 1024  # joints and the ends of their bones
+STEP_M = 0.0005  # what is kept of a place
+_REACH_M = 16.0  # of a point from the middle, in what is kept
+
+
+@dataclass(frozen=True, eq=False)
+class OwnSkeleton:
+    """Joints and the ends of bones `(T, K, 3)` float32 in metres, in the place and at the rate of the clip made of them."""
+
+    parents: tuple[int, ...]  # of each point the one before it, -1 where there is none
+    points: Array
+
+    def sample(self, frame: float) -> Array:
+        """The points `(K, 3)` at a frame, straight on from one to the next."""
+        frame = min(max(frame, 0.0), len(self.points) - 1.0)
+        first = int(frame)
+        after = self.points[min(first + 1, len(self.points) - 1)]
+        return np.asarray(self.points[first] + (frame - first) * (after - self.points[first]), np.float64)
+
+    def packed(self) -> tuple[Array, bytes]:
+        """The middle of the points `(T, 3)` float32, and them about it, as differences of whole steps over time."""
+        middle = np.median(self.points, axis=1, keepdims=True).astype(np.float32)
+        about = np.clip(self.points - middle, -_REACH_M, _REACH_M)
+        steps = np.round(about / STEP_M).astype(np.int16)
+        return middle[:, 0], np.diff(steps, axis=0, prepend=np.zeros_like(steps[:1])).astype("<i2").tobytes()
+
+    @staticmethod
+    def unpacked(parents: tuple[int, ...], middle: Array, data: bytes) -> OwnSkeleton:
+        """What was packed; ValueError where the parts do not fit each other."""
+        frames, count = len(middle), len(parents)
+        fits = 0 < count <= MAX_POINTS and len(data) == 2 * 3 * frames * count and frames > 0
+        if not fits or any(not -1 <= parent < count for parent in parents) or not np.isfinite(middle).all():
+            raise ValueError(f"a skeleton of {count} points")
+        steps = np.cumsum(np.frombuffer(data, "<i2").reshape(frames, count, 3), axis=0, dtype=np.int64)
+        about = np.clip(steps * STEP_M, -_REACH_M, _REACH_M)
+        return OwnSkeleton(parents, (middle[:, None] + about).astype(np.float32))

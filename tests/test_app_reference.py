@@ -1,0 +1,203 @@
+"""The real application without a display: what stands beside a take as its own skeleton, its own character, or a film."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from app_driver import Start, click_on, message, place, press, run
+from test_reference import TURNS, foreign
+
+from runtime.character.shape import BodyShape, shaped_file
+from runtime.errors import FileError
+from runtime.formats.reference import load_reference_bvh
+from runtime.takes.own_skeleton import STEP_M, OwnSkeleton
+from viewer.app import App
+from viewer.filming.writers import open_writer
+from viewer.takes.reference import Look
+from viewer.takes.video import MAX_SIDE, read_video
+
+
+def with_take(app: App) -> App:
+    """A take of about a second that plays, paused at its first frame."""
+    app.takes.toggle_recording()
+    app.window.inject_key("w", True)
+    run(app, 70)
+    app.window.inject_key("w", False)
+    app.takes.toggle_recording()
+    app.takes.play(0)
+    run(app, 3)
+    assert app.state.takes.playback is not None
+    app.state.takes.playback.seek(0)
+    return app
+
+
+def choose_beside(app: App, path: Path) -> None:
+    """By the menu of the timeline and the dialog, as a person would."""
+    click_on(app, "Beside…")
+    click_on(app, "A take or film from a file…")
+    run(app, 3)
+    press(app, "ctrl", "a")
+    app.window.inject_text(str(path))
+    run(app, 3)
+    press(app, "enter")
+    run(app, 5)
+
+
+def film(path: Path, size: tuple[int, int] = (64, 48), count: int = 30) -> Path:
+    """Pictures whose brightness says which they are, 30 a second."""
+    with open_writer(path, size, 30.0) as writer:
+        for number in range(count):
+            writer.add(np.full((size[1], size[0], 3), 8 * number, np.uint8))
+    return path
+
+
+def brightness(app: App) -> float:
+    """Of the picture in the card."""
+    texture = app.references._texture
+    return float(np.frombuffer(texture.read(), np.uint8).mean())
+
+
+def test_another_skeleton_keeps_its_own_points(tmp_path: Path) -> None:
+    reference = load_reference_bvh(foreign(tmp_path / "other.bvh", TURNS["Z up"]))
+    own, ours = reference.own, reference.clip.world()[0]
+    assert own.points.shape[:2] == (len(reference.clip), len(own.parents))
+    gap = own.points[:, :31] - ours  # it has our proportions, at another size and with other axes
+    assert np.abs(gap - gap[:1].mean(axis=1, keepdims=True)).max() < 0.03
+    middle, steps = own.packed()
+    back = OwnSkeleton.unpacked(own.parents, middle, steps)
+    assert np.abs(back.points - own.points).max() < STEP_M
+    with pytest.raises(ValueError, match="points"):
+        OwnSkeleton.unpacked(own.parents, middle, steps[:-2])
+    with pytest.raises(ValueError, match="points"):
+        OwnSkeleton.unpacked((99, *own.parents[1:]), middle, steps)
+
+
+def test_a_reference_is_drawn_as_its_own_skeleton_and_comes_back_with_the_project(
+    start: Start, tmp_path: Path
+) -> None:
+    app = with_take(start(real_renderer=True, width=1280, height=720))
+    choose_beside(app, foreign(tmp_path / "other.bvh", TURNS["as ours"]))
+    reference, playback = app.takes.reference, app.state.takes.playback
+    assert playback is not None
+    assert playback.index == 0, "the take goes on playing"
+    assert reference.name == "other"
+    assert reference.look is Look.SKELETON
+    beside = reference.pose(playback)
+    assert beside is not None
+    figure = reference.figure(playback, beside)
+    assert figure is not None
+    starts = figure.matrices[:, :3, 3]  # where the bones begin
+    assert np.abs(starts[:, 1] - playback.terrain.height(0.0, 0.0)).min() < 0.2
+    assert starts.mean(axis=0) == pytest.approx(beside.positions.mean(axis=0), abs=0.25)
+    assert figure.on_top is False
+    plain = app.window.read_pixels()
+    reference.close()
+    run(app, 2)
+    assert np.abs(plain.astype(int) - app.window.read_pixels()).max() > 60, "it is seen"
+
+    reference.show(app.state.takes.items[1])
+    reference.aside_m, reference.offset_s = 1.5, 0.25
+    click_on(app, "Over it")
+    path = tmp_path / "a.sport"
+    app.desk.projects.save_as(path)
+    run(app, 2)
+    assert path.stat().st_size < 400_000
+    app.desk.projects.new()
+    run(app, 2)
+    assert reference.item is None
+    app.desk.projects.open(path)
+    run(app, 2)
+    assert (reference.aside_m, reference.offset_s, reference.over) == (1.5, 0.25, True)
+    assert reference.item is app.state.takes.items[1]
+    assert reference.look is Look.SKELETON
+    app.takes.play(0)
+    run(app, 2)
+    overlays = app._overlays(None, [])
+    assert overlays.figure is not None
+    assert overlays.figure.on_top
+    assert not overlays.extra_poses
+    assert not overlays.ghosts
+
+
+def test_a_reference_is_shown_by_a_character_of_its_own(start: Start, tmp_path: Path) -> None:
+    app = with_take(start(real_renderer=True, width=1280, height=720))
+    app.takes.mirror(0)
+    app.takes.play(0)
+    click_on(app, "Beside…")
+    click_on(app, app.state.takes.items[1].name)
+    path = shaped_file(BodyShape(1.0, 1.2, 1.2), tmp_path)
+    click_on(app, "##reference look")
+    click_on(app, "Another character…")
+    run(app, 3)
+    press(app, "ctrl", "a")
+    app.window.inject_text(str(path))
+    run(app, 3)
+    press(app, "enter")
+    run(app, 5)
+    figure = app._overlays(None, []).figure
+    assert figure is not None
+    assert figure.mesh is app.takes.reference.character
+    assert figure.mesh is not app.stage._character
+    app.desk.projects.save_as(tmp_path / "a.sport")
+    run(app, 2)
+    app.takes.reference.character = app.takes.reference.character_path = None
+    path.unlink()
+    app.desk.projects.open(tmp_path / "a.sport")
+    run(app, 3)
+    app.takes.play(0)
+    run(app, 2)
+    assert app.takes.reference.look is Look.CHARACTER
+    assert app._overlays(None, []).figure is not None
+
+
+@pytest.mark.parametrize("ending", ["mp4", "gif", "webp"])
+def test_a_film_runs_in_sync_with_the_take_and_comes_back(start: Start, tmp_path: Path, ending: str) -> None:
+    app = with_take(start())
+    app.open_files([film(tmp_path / f"film.{ending}")])  # as by dropping it
+    run(app, 3)
+    assert "30 pictures, 1.0 s" in message(app)
+    reference, playback = app.takes.reference, app.state.takes.playback
+    assert playback is not None
+    for frame in (0, 30, 50):
+        playback.seek(frame)
+        run(app, 2)
+        assert brightness(app) == pytest.approx(8 * (frame // 2), abs=5), f"frame {frame}"
+    reference.offset_s = -0.5
+    run(app, 2)
+    assert brightness(app) == pytest.approx(8 * 10, abs=5)
+    click_on(app, "Over it")
+    run(app, 2)
+    low, high = (place(app, "##reference opacity", share=share) for share in (0.0, 0.9))
+    assert low[0] < high[0]
+    assert app.window.read_pixels()[300, 640].astype(int).sum() != 0
+    app.desk.projects.save_as(tmp_path / "a.sport")
+    run(app, 2)
+    app.desk.projects.new()
+    run(app, 2)
+    assert reference.video is None
+    app.desk.projects.open(tmp_path / "a.sport")
+    run(app, 3)
+    assert reference.video is not None
+    assert (reference.offset_s, reference.over) == (-0.5, True)
+    app.takes.play(0)
+    run(app, 2)
+    click_on(app, "##close reference")
+    assert not reference.shown
+
+
+def test_films_are_made_small_and_what_is_none_is_said(start: Start, tmp_path: Path) -> None:
+    video = read_video(film(tmp_path / "wide.mp4", (1280, 320), 3))
+    assert video.size == (MAX_SIDE, MAX_SIDE // 4)
+    assert video.picture(0).shape == (MAX_SIDE // 4, MAX_SIDE, 3)
+    assert [video.index(t) for t in (-1.0, 0.0, 0.034, 9.0)] == [0, 0, 1, 2]
+    for name in ("text.mp4", "text.gif", "text.webp"):
+        (tmp_path / name).write_text("no film")
+        with pytest.raises(FileError, match=name):
+            read_video(tmp_path / name)
+    app = with_take(start())
+    app.open_files([tmp_path / "text.mp4"])
+    run(app, 3)
+    assert "text.mp4: no film that can be read" in message(app)
+    assert not app.takes.reference.shown

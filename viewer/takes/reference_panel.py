@@ -1,0 +1,192 @@
+"""The card of what is compared with the take that plays, a film's picture, and the menu that chooses it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from runtime.character.read import SUFFIXES as CHARACTERS
+from viewer.gl_bindings import imgui
+from viewer.gui import card, widgets
+from viewer.gui.layout import Rect
+from viewer.gui.panels import Panel, PanelPlace
+from viewer.gui.theme import ICON
+from viewer.gui.widgets import px
+from viewer.takes.opening import Opening
+from viewer.takes.playback import Playback
+from viewer.takes.reference import LIMITS, Look, Reference
+from viewer.takes.video import SUFFIXES as VIDEOS
+from viewer.takes.video import Video
+
+WIDTH, SMALL_WIDTH = 292.0, 178.0  # of the card, pixels at scale 1
+SMALL_VIEW = 520.0
+MIN_VIEW = 230.0  # a narrower view has no room for it
+Browse = Callable[[str, tuple[str, ...], Callable[[Path], None]], None]  # title, endings, what takes the file
+
+
+@dataclass
+class References:
+    """The reference with what its card needs: `browse` asks for a file, `opening` reads takes."""
+
+    reference: Reference
+    opening: Opening
+    browse: Browse
+    ctx: Any  # OpenGL context
+    _texture: Any = field(default=None, init=False)
+    _shown: tuple[Video, int] | None = field(default=None, init=False)
+
+    def panel(self) -> Panel:
+        """The card, while there is a reference."""
+
+        def close() -> bool:
+            was = self.reference.shown
+            if was:
+                self.reference.close()
+            return was
+
+        shown = lambda: self.reference.shown  # noqa: E731
+        return Panel("Reference", PanelPlace.VIEW, self._draw, shown=shown, close=close)
+
+    def menu(self) -> None:
+        """Entries of a menu: the other takes of the list, and a file."""
+        state, reference = self.reference.state, self.reference
+        others = [item for i, item in enumerate(state.items) if state.playback and i != state.playback.index]
+        for number, item in enumerate(others):
+            text = widgets.elided(item.name, px(220))
+            if imgui.menu_item(f"{text}##beside {number}", "", reference.item is item)[0]:
+                reference.show(item)
+        if others:
+            imgui.separator()
+        if imgui.menu_item("A take or film from a file…", "", False)[0]:
+            self.browse("Show beside the take", (".bvh", *VIDEOS), self.open)
+        widgets.tooltip("BVH of any two-legged skeleton, MP4, WebM, GIF, WebP")
+        if reference.shown and imgui.menu_item("Nothing", "", False)[0]:
+            reference.close()
+
+    def open(self, path: Path) -> None:
+        """Show a file beside the take that plays."""
+        if path.suffix.lower() == ".bvh":
+            self.opening.open_beside(path)
+        else:
+            self.reference.open_video(path)
+
+    # --- the card
+
+    def _draw(self, view: Rect) -> None:
+        reference, playback = self.reference, self.reference.state.playback
+        if playback is None:
+            return
+        video = reference.video
+        if video is not None and reference.over:
+            self._over(video, playback, view)
+        if view.width < px(MIN_VIEW):
+            return
+        width = SMALL_WIDTH if view.width < px(SMALL_VIEW) else WIDTH
+        if video is not None and not reference.over:
+            width = max(width, reference.size * view.width / px(1.0))
+        with card.card("Reference", view, width, bottom=True):
+            if card.title(reference.name, "reference"):
+                reference.close()
+            if video is not None and not reference.over:
+                side = imgui.get_content_region_avail().x
+                imgui.image(
+                    self._picture(video, playback), imgui.ImVec2(side, side * video.size[1] / video.size[0])
+                )
+            self._fields(playback, wide=width > SMALL_WIDTH)
+
+    def _fields(self, playback: Playback, wide: bool) -> None:
+        """When and where it is, and who shows it, in one line."""
+        reference, fps = self.reference, playback.clip.fps
+        side, over = imgui.get_frame_height(), px(60 if wide else 44)
+        others = over + px(card.GAP) + (side + px(card.GAP) if reference.video is None else 0.0)
+        each = (imgui.get_content_region_avail().x - others - px(card.GAP)) / 2
+        imgui.set_next_item_width(each)
+        low, high, _ = LIMITS["offset_s"]
+        text = "%+d frames" if wide else "%+d"
+        _, frames = imgui.drag_int(
+            "##reference offset",
+            round(reference.offset_s * fps),
+            0.3,
+            round(low * fps),
+            round(high * fps),
+            text,
+        )
+        reference.offset_s = frames / fps
+        widgets.tooltip("How many frames later the reference is. Drag, or double-click to type.")
+        card.beside()
+        imgui.set_next_item_width(each)
+        if reference.video is None:
+            self._aside(wide)
+        else:
+            self._share("opacity" if reference.over else "size", wide)
+        card.beside()
+        hint = "In the same place, translucent" if reference.video is None else "Across the view, translucent"
+        reference.over = widgets.toggle("Over it" if wide else "Over", reference.over, over, hint)
+        if reference.video is None:
+            card.beside()
+            if widgets.icon_button(
+                ICON.more, "reference look", "Who shows it: another character, its own skeleton"
+            ):
+                imgui.open_popup("look")
+            self._looks()
+
+    def _aside(self, wide: bool) -> None:
+        reference, (low, high, _) = self.reference, LIMITS["aside_m"]
+        imgui.begin_disabled(reference.over)
+        text = "%.1f m aside" if wide else "%.1f m"
+        _, reference.aside_m = imgui.drag_float("##reference aside", reference.aside_m, 0.01, low, high, text)
+        imgui.end_disabled()
+        widgets.tooltip("How far to the right of the take. Drag, or double-click to type.")
+
+    def _share(self, name: str, wide: bool) -> None:
+        """A share of the film's picture, as a percentage."""
+        (low, high, _), text = LIMITS[name], f"{name} %.0f %%" if wide else "%.0f %%"
+        value = getattr(self.reference, name) * 100.0
+        _, value = widgets.slider(f"##reference {name}", value, low * 100.0, high * 100.0, text)
+        setattr(self.reference, name, value / 100.0)
+        widgets.tooltip(f"The picture's {name}")
+
+    def _looks(self) -> None:
+        """Who moves as the reference does."""
+        reference, path = self.reference, self.reference.character_path
+        if not imgui.begin_popup("look"):
+            return
+        for look in reference.looks:
+            name = path.name if look is Look.CHARACTER and path is not None else str(look)
+            if imgui.menu_item(f"{name}##look {look}", "", look is reference.look)[0]:
+                reference.look = look
+        imgui.separator()
+        if imgui.menu_item("Another character…", "", False)[0]:
+            self.browse("The reference's character", tuple(CHARACTERS), reference.open_character)
+        imgui.end_popup()
+
+    # --- the picture
+
+    def _over(self, video: Video, playback: Playback, view: Rect) -> None:
+        """Across the view, behind every panel, as translucent as was chosen."""
+        by = min(view.width / video.size[0], view.height / video.size[1])
+        wide, high = video.size[0] * by, video.size[1] * by
+        left, top = view.x + (view.width - wide) / 2, view.y + (view.height - high) / 2
+        tint = imgui.get_color_u32(imgui.ImVec4(1.0, 1.0, 1.0, self.reference.opacity))
+        imgui.get_background_draw_list().add_image(
+            self._picture(video, playback),
+            imgui.ImVec2(left, top),
+            imgui.ImVec2(left + wide, top + high),
+            imgui.ImVec2(0, 0),
+            imgui.ImVec2(1, 1),
+            tint,
+        )
+
+    def _picture(self, video: Video, playback: Playback) -> Any:
+        """The texture with the picture of the time that is shown."""
+        index = video.index(self.reference.time_s(playback))
+        if self._shown is None or self._shown[0] is not video or self._texture.size != video.size:
+            if self._texture is not None:
+                self._texture.release()
+            self._texture, self._shown = self.ctx.texture(video.size, 3, alignment=1), None
+        if self._shown is None or self._shown[1] != index:
+            self._texture.write(video.picture(index).tobytes())
+            self._shown = video, index
+        return imgui.ImTextureRef(self._texture.glo)

@@ -1,0 +1,124 @@
+"""A film to look at beside a take: its pictures in memory, small and compressed, so that any of them is there at once."""
+
+from __future__ import annotations
+
+import bisect
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import FileError
+from runtime.safe_read import reason
+
+SUFFIXES = (".mp4", ".mov", ".m4v", ".webm", ".mkv", ".avi", ".gif", ".webp")
+MAX_SIDE = 640  # pixels: a larger picture is made smaller
+MAX_PICTURES, MAX_SECONDS = 7200, 240.0  # what is read
+MAX_SOURCE_PIXELS = 1 << 26
+JPEG_QUALITY = 85
+REMEDY = "Write it again as MP4 (H.264) or GIF."
+
+
+@dataclass(frozen=True, eq=False)
+class Video:
+    """Pictures as JPEG with the seconds at which each of them begins."""
+
+    path: Path
+    size: tuple[int, int]
+    pictures: tuple[bytes, ...]
+    times: tuple[float, ...]  # from 0 on, rising
+    seconds: float
+    cut: bool = False  # there is more of it
+
+    def index(self, time_s: float) -> int:
+        """The picture of a time; the first and the last one stay."""
+        return max(bisect.bisect_right(self.times, time_s + 1e-6) - 1, 0)
+
+    def picture(self, index: int) -> NDArray[np.uint8]:
+        """Picture `(H, W, 3)`, sRGB, top row first."""
+        from PIL import Image
+
+        with Image.open(io.BytesIO(self.pictures[index])) as image:
+            return np.asarray(image.convert("RGB"))
+
+    def describe(self) -> str:
+        """What a person should know of it."""
+        more = f", the first {self.seconds:.0f} s of it" if self.cut else ""
+        return f"{self.path.name}: {len(self.pictures)} pictures, {self.seconds:.1f} s{more}"
+
+
+def read_video(path: Path) -> Video:
+    """Read a film; FileError where it is none, in a sentence for who made it."""
+    made, times, size, cut = [], [], (0, 0), False
+    try:
+        for time_s, picture in _webp(path) if path.suffix.lower() == ".webp" else _decoded(path):
+            if len(made) == MAX_PICTURES or time_s > MAX_SECONDS:
+                cut = True
+                break
+            if times and time_s <= times[-1]:
+                continue  # of damaged or doubled stamps
+            made.append(_small(picture))
+            times.append(time_s)
+            size = made[0][1]
+    except FileError:
+        raise
+    except Exception as error:  # decoders raise what they like at damage
+        if not made:
+            raise FileError(f"{path.name}: no film that can be read ({reason(error)}).", REMEDY) from error
+        cut = True
+    if not made:
+        raise FileError(f"{path.name}: a film without pictures.", REMEDY)
+    each = (times[-1] - times[0]) / (len(times) - 1) if len(times) > 1 else 0.04
+    start = times[0]
+    return Video(
+        path, size, tuple(data for data, _ in made), tuple(t - start for t in times),
+        times[-1] - start + each, cut,
+    )  # fmt: skip
+
+
+def _small(image: Any) -> tuple[bytes, tuple[int, int]]:
+    """A picture as JPEG, no side longer than `MAX_SIDE`, and its size."""
+    image.thumbnail((MAX_SIDE, MAX_SIDE))
+    file = io.BytesIO()
+    image.convert("RGB").save(file, "JPEG", quality=JPEG_QUALITY)
+    return file.getvalue(), image.size
+
+
+def _check(path: Path, width: int, height: int) -> None:
+    if not 0 < width * height <= MAX_SOURCE_PIXELS:
+        raise FileError(
+            f"{path.name}: pictures of {width} x {height}.", "Make it smaller: 1920x1080 is plenty."
+        )
+
+
+def _decoded(path: Path) -> Iterator[tuple[float, Any]]:
+    try:
+        import av
+    except ImportError as error:
+        raise FileError(
+            f"{path.name}: films need the Python package 'av' ({error}).", "Run pip install av."
+        ) from error
+    with av.open(str(path)) as container:
+        if not container.streams.video:
+            raise FileError(f"{path.name}: it has sound only.", "Choose a film.")
+        stream = container.streams.video[0]
+        _check(path, stream.codec_context.width, stream.codec_context.height)
+        rate = float(stream.average_rate or 25)
+        for number, frame in enumerate(container.decode(stream)):
+            _check(path, frame.width, frame.height)
+            yield number / rate if frame.time is None else float(frame.time), frame.to_image()
+
+
+def _webp(path: Path) -> Iterator[tuple[float, Any]]:
+    from PIL import Image, ImageSequence
+
+    time_s = 0.0
+    with Image.open(path) as image:
+        _check(path, *image.size)
+        for frame in ImageSequence.Iterator(image):
+            yield time_s, frame.convert("RGB")
+            time_s += max(float(frame.info.get("duration", 0)), 10.0) / 1000.0

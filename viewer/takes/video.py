@@ -53,7 +53,9 @@ class Video:
 
 def read_video(path: Path) -> Video:
     """Read a film; FileError where it is none, in a sentence for who made it."""
-    made, times, size, cut = [], [], (0, 0), False
+    made: list[tuple[bytes, tuple[int, int]]] = []
+    times: list[float] = []
+    size, cut = (0, 0), False
     try:
         for time_s, picture in _webp(path) if path.suffix.lower() == ".webp" else _decoded(path):
             if len(made) == MAX_PICTURES or time_s > MAX_SECONDS:

@@ -21,6 +21,7 @@ from runtime.prompts.expander import Expander, Expansion
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.shares import shares_of
 from runtime.prompts.text_encoder import library_encoder, text_encoder_of
+from runtime.prompts.wording import Wording, wording_of
 
 if TYPE_CHECKING:
     from runtime.motion.model import MotionModel
@@ -33,7 +34,8 @@ class Prompter:
 
     `expander` is one of EXPANDERS, `text_encoder` the folder of the one that the model was trained with, where it is
     neither shipped nor in the model folder. `report` gets what expansions remark, such as how near the library came and
-    what the model hardly shows, `expanded` each prompt with its six descriptions. UsageError or ModelError names what cannot be used.
+    what the model hardly shows, `expanded` each prompt with its six descriptions. `wording` (default: that of the model) says
+    with which words the model is told of them. UsageError or ModelError names what cannot be used.
     """
 
     def __init__(
@@ -43,9 +45,11 @@ class Prompter:
         report: Callable[[str], None] = lambda _: None,
         text_encoder: Path | None = None,
         expanded: Callable[[str, PartDescriptions], object] = lambda *_: None,
+        wording: Wording | None = None,
     ) -> None:
+        self.wording = wording_of(model.name) if wording is None else wording
         self.text_encoder = text_encoder_of(model.metadata, model.folder, text_encoder)
-        self.encoder = PromptEncoder(self.text_encoder, model.prompt_path)
+        self.encoder = PromptEncoder(self.text_encoder, model.prompt_path, self.wording)
         self._expander = self._open(expander)
         self._report, self._expanded = report, expanded
         self._shares = shares_of(model.name)
@@ -69,7 +73,7 @@ class Prompter:
         """Six descriptions of a prompt; PromptError when it cannot be used."""
         expansion = self._expander.expand(prompt)
         self._expanded(prompt, expansion.descriptions)
-        note = f"{expansion.note} {self._shares.note(expansion.descriptions)}".strip()
+        note = f"{expansion.note} {self._shares.note(self.wording.followed(expansion.descriptions))}".strip()
         if note:
             self._report(f"“{prompt}”: {note}")
         return expansion
@@ -85,7 +89,7 @@ class Prompter:
         if isinstance(words, BlendedPrompt):
             return self._blend(self(words.a), self(words.b), words.weights)
         if isinstance(words, PartDescriptions):
-            if note := self._shares.note(words):
+            if note := self._shares.note(self.wording.followed(words)):
                 self._report(note)
             return self.encoder.encode(words)
         return self.encoder.encode(self.expand(words).descriptions)

@@ -13,10 +13,11 @@ from functools import cache
 from training.text.measure import BodyMeasures
 
 FAR = 1e9
+MOST_STEPS = 3.0  # of one measure, in a sum of changes
 # what counts as one step out of a range that the neutral walk is in; degrees, metres, shares
 _SIZE = {
     "hand_level": 0.4, "hand_out": 0.15, "hand_front": 0.2, "elbow_bend": 35.0, "swing": 0.2, "side_swing": 0.15,
-    "hand_level_range": 0.4, "knee_bend": 15.0, "foot_lift": 0.08, "foot_pitch": 15.0, "width": 0.07, "toe_out": 15.0,
+    "hand_level_range": 0.4, "knee_bend": 15.0, "knee_bend_top": 15.0, "foot_lift": 0.08, "foot_pitch": 15.0, "width": 0.07, "toe_out": 15.0,
     "walk_ratio": 0.15, "step_length": 0.2, "cadence": 0.5, "landing": 0.3, "stance_lead": 0.4, "halting": 0.2,
     "pitch": 12.0, "roll": 8.0, "arch": 8.0, "roll_range": 8.0, "twist_range": 12.0, "bounce": 0.04, "sway": 0.06,
     "pelvis_yaw_range": 12.0, "shoulder_roll_range": 8.0, "shoulder_yaw_range": 10.0, "wander": 0.15, "turn": 20.0,
@@ -98,6 +99,7 @@ _LEG = (
     Rule(r"knee bent deeply|deep crouch|crouching low", "knee_bend", 16.0, FAR, "plus"),
     Rule(r"knee bent(?! deeply)|bent at the knee|walking crouched", "knee_bend", 7.0, FAR, "plus"),
     Rule(r"knee (?:nearly )?straight|stiff and straight|not bending|leg stiff|knee stiff|hardly bending", "knee_bend", -FAR, 20.0),
+    Rule(r"(?<!nearly )knee straight(?! at| in)|stiff and straight|not bending|leg stiff|knee stiff", "knee_bend_top", -FAR, -15.0, "plus"),
     Rule(r"knee (?:lifting|lifted) (?:very )?high|stepping high", "foot_lift", 0.06, FAR, "plus"),
     Rule(r"lifted barely|close to the ground|shuffl|dragging|sliding|scuffing|hardly lifted", "foot_lift", -FAR, 0.8, "times"),
     Rule(r"tiptoe|on the toes|heel raised|toes landing first", "foot_pitch", 10.0, FAR, "plus"),
@@ -181,6 +183,49 @@ def clause_share(
 def clauses(sentence: str) -> list[str]:
     """The clauses of a sentence."""
     return [clause.strip() for clause in sentence.split(",") if clause.strip()]
+
+
+def sentence_share(part: str, sentence: str, neutral: BodyMeasures, walked: BodyMeasures) -> float | None:
+    """The least share of what the clauses claim that neutral is not; None where a sentence claims nothing of the kind."""
+    found = [clause_share(part, clause, neutral, walked) for clause in clauses(sentence)]
+    return min((share for share, changes in filter(None, found) if changes), default=None)
+
+
+def claims(part: str, sentence: str) -> frozenset[tuple[str, str]]:
+    """The measures that a sentence makes claims of, each with "more", "less" or "within"."""
+    return frozenset(
+        (rule.field, "more" if rule.high >= FAR else "less" if rule.low <= -FAR else "within")
+        for rule in _rules(part, sentence)
+    )
+
+
+def unclaimed_change(part: str, sentence: str, neutral: BodyMeasures, walked: BodyMeasures) -> float:
+    """What a walk does to a part that a sentence does not claim, in steps of each measure, and by how much it does too much."""
+    rules = [
+        rule for clause in clauses(sentence) for rule in RULES[part] if _compiled(rule.pattern).search(clause)
+    ]
+    claimed = {rule.field for rule in rules}
+    total = 0.0
+    for field, size in _SIZE.items():
+        if not hasattr(getattr(neutral, part), field):
+            continue
+        before, now = _value(neutral, part, field), _value(walked, part, field)
+        if field not in claimed:
+            total += min(abs(now - before) / size, MOST_STEPS)
+    for rule in rules:
+        low, high = rule.range(_value(neutral, part, rule.field))
+        edge, now = (low if low > -FAR else high), _value(walked, part, rule.field)
+        beyond = (now - edge) if high >= FAR else (edge - now)
+        size = max(_SIZE[rule.field], _away(_value(neutral, part, rule.field), low, high))
+        if low <= -FAR or high >= FAR:
+            total += min(max(beyond / size - 1.0, 0.0), MOST_STEPS)
+    return total
+
+
+def _rules(part: str, sentence: str) -> list[Rule]:
+    return [
+        rule for clause in clauses(sentence) for rule in RULES[part] if _compiled(rule.pattern).search(clause)
+    ]
 
 
 def _share(rule: Rule, neutral: float, walked: float) -> float:

@@ -31,7 +31,7 @@ from runtime.prompts.english.other_languages import OtherLanguages
 from runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, Reading, read_phrases
 from runtime.prompts.english.sides import named_side, on_side
 from runtime.prompts.english.spelling import Spelling
-from runtime.prompts.english.words import PERSONS, PLACES, Word, words_of
+from runtime.prompts.english.words import PERSONS, PLACES, Word, plain_denials, words_of
 from runtime.prompts.expander import Expansion, check_prompt
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.shares import PhraseShares, shares_of
@@ -125,7 +125,7 @@ class LibraryExpander:
         return self._near(self._rank(check_prompt(text)))
 
     def _expand_english(self, prompt: str) -> Expansion:
-        parsed = parse_clauses(prompt)
+        parsed = parse_clauses(plain_denials(prompt))
         parsed = replace(parsed, rest=self._library.phrases.plainly(parsed.rest))
         words = words_of(parsed.rest)
         if any(word.says for word in words):

@@ -45,6 +45,7 @@ _LIMB = re.compile(
 _BARE = r"\bthe (?:other(?: one)?|(?P<one>left|right) one)(?= (?:\w+ing|\w+ed|%s)\b)"  # "the other hanging"
 _RELATIVE = ("one", "other", "opposite", "same")  # words that name a side by another
 _EACH_OTHER = re.compile(r" (?:before|in front of|after|behind|over|across) the other\b")  # both, in turn
+_IN_LINE = re.compile(r"\bone (?:foot|leg)(?=(?: \w+){0,3} (?:in front of|before) the other\b)")
 _CLAUSE_END = re.compile(r"[,;.:!?]| and | while | with | but ")
 _SAME_SIDE = r"hip|thigh|pocket|waist|side|knee|ear|eye|temple|cheek|breast|chest"
 _OTHER_SIDE = r"shoulder|arm|elbow|wrist|hand|forearm|armpit"
@@ -86,6 +87,7 @@ def name_sides(prompt: str) -> tuple[str, str]:
     text = _HANDED.sub("", prompt) if handed else prompt
     text = re.sub(rf"\b(left|right) (?:arm|leg)'s (?=(?:{_ARM}|{_LEG})s?\b)", r"\1 ", text)
     text = re.sub(rf"\beach ((?:{_ARM}|{_LEG}))\b", r"both \1s", text).replace("foots", "feet")
+    text = _IN_LINE.sub("both feet", text)
     text = _ELLIPSIS.sub(r"\g<first> \g<noun>", text)
     text = _SIDE_BEHIND.sub(_put_side_before, text)
     text = _with_sides(text, hand)

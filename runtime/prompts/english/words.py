@@ -64,6 +64,11 @@ _SPELLINGS = {
 }
 _WORD = re.compile(r"[^\W_]+(?:'[^\W_]+)?")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
+_PART_DOES_NOT = re.compile(
+    r"\b(arms?|hands?|elbows?|legs?|knees?|foot|feet|heels?|head|chin|torso|shoulders?|hips?|back|body) "
+    r"(?:(?:do|does|did|can|will|would) not|cannot|can't|won't|don't|doesn't|didn't)\b",
+    re.IGNORECASE,
+)
 
 
 @dataclass(frozen=True)
@@ -97,6 +102,11 @@ def plain(text: str) -> str:
     if " " not in text.strip():
         text = _CAMEL.sub(" ", text)
     return text.lower().replace("’", "'")
+
+
+def plain_denials(text: str) -> str:
+    """ "The arms do not swing" as "the arms never swing", in which the order of words is that of "arms swing"."""
+    return _PART_DOES_NOT.sub(r"\1 never", text.replace("’", "'"))
 
 
 @cache

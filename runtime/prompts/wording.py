@@ -1,0 +1,73 @@
+"""The wording that a model follows: of a sentence that it hardly shows, one of the same meaning that it shows.
+
+The file has, for every model by name and for torso, head and leg, sentences and single clauses with what is told to the model in their
+place; limbs are described as the left ones. `python -m training.evaluation.text.wording` measures and writes it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from runtime.assets import asset_path
+from runtime.errors import FileError
+from runtime.prompts.parts import PartDescriptions, mirror_text
+from runtime.prompts.shares import as_left_limb
+from runtime.skeleton import PART_NAMES
+
+FILE = "prompts/wording.json"
+
+
+@dataclass(frozen=True)
+class Wording:
+    """Of one model: (group, words) and the words in their place; group is arm, leg, torso or head."""
+
+    table: Mapping[tuple[str, str], str] = field(default_factory=dict)
+
+    def of(self, sentence: str, part: str) -> str:
+        """The sentence that the model is told of `part`: another wording of the whole, or else of its clauses."""
+        group, words = as_left_limb(sentence, part)
+        whole = self.table.get((group, words))
+        if whole is None:
+            clauses = [c.strip() for c in words.split(",")]
+            told = [self.table.get((group, clause), clause) for clause in clauses]
+            if told == clauses:
+                return sentence
+            whole = ", ".join(told)
+        return mirror_text(whole) if part.startswith("right") else whole
+
+    def followed(self, descriptions: PartDescriptions) -> PartDescriptions:
+        """The six sentences that the model is told."""
+        return PartDescriptions(**{part: self.of(getattr(descriptions, part), part) for part in PART_NAMES})
+
+
+def wording_of(model: str) -> Wording:
+    """The shipped table of a model by its name; empty where it has none. FileError when the file is malformed."""
+    return _load(asset_path(FILE)).get(model, Wording())
+
+
+def load_wordings(path: Path) -> dict[str, Wording]:
+    """Tables by model; none where there is no file. FileError when it is malformed."""
+    if not path.is_file():
+        return {}
+    try:
+        values: dict[str, Any] = json.loads(path.read_text("utf-8"))
+        return {model: Wording(_table(groups)) for model, groups in values.items()}
+    except (OSError, ValueError, TypeError, AttributeError) as error:
+        raise FileError(f"{path}: not a table of wordings ({error!r}).", "Restore the file.") from error
+
+
+def _table(groups: Mapping[str, Mapping[str, Any]]) -> dict[tuple[str, str], str]:
+    rows = {(group, words): told for group, own in groups.items() for words, told in own.items()}
+    if not all(isinstance(told, str) and told for told in rows.values()):
+        raise ValueError("a wording is no text")
+    return rows
+
+
+@lru_cache(maxsize=2)
+def _load(path: Path) -> dict[str, Wording]:
+    return load_wordings(path)

@@ -1,0 +1,79 @@
+"""`training.evaluation.text.wording`: the wording of a sentence is found on walks."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+
+from runtime.errors import FileError
+from runtime.motion.model import load_model
+from runtime.prompts.prompter import Prompter
+from runtime.prompts.wording import Wording
+from training.evaluation.text import wording
+from training.evaluation.text.wording import NEUTRAL, better_wordings, walk_all
+from training.text.claims import sentence_share, unclaimed_change
+from training.text.measure import ArmMeasures, BodyMeasures, HeadMeasures, LegMeasures, TorsoMeasures
+
+
+def _body(**torso: float) -> BodyMeasures:
+    def of(kind):
+        return kind(**{f.name: 1.0 for f in dataclasses.fields(kind)})
+
+    arm, leg = of(ArmMeasures), of(LegMeasures)
+    return BodyMeasures(arm, arm, leg, leg, dataclasses.replace(of(TorsoMeasures), **torso), of(HeadMeasures))
+
+
+PLAIN = _body(pitch=0.0)
+WALKS = {
+    NEUTRAL: PLAIN,
+    ("torso", "torso leaning forward"): _body(pitch=1.0),
+    ("torso", "torso tilted forward"): _body(pitch=12.0),
+    ("torso", "torso bowed far forward"): _body(pitch=45.0),
+    ("torso", "torso bent forward, rocking"): _body(pitch=12.0, roll_range=20.0),
+}
+
+
+def alike(words):
+    return np.eye(len(words))
+
+
+def test_a_share_is_that_of_what_neutral_does_not_do():
+    assert sentence_share("torso", "torso leaning forward", PLAIN, _body(pitch=4.5)) == pytest.approx(0.5)
+    assert sentence_share("torso", "torso upright", PLAIN, PLAIN) is None
+
+
+def test_too_much_and_what_was_not_said_count_as_change():
+    words = "torso leaning forward"
+    near, far, other = _body(pitch=12.0), _body(pitch=45.0), _body(pitch=12.0, roll_range=20.0)
+    assert unclaimed_change("torso", words, PLAIN, near) == 0.0
+    assert unclaimed_change("torso", words, PLAIN, far) > 1.0
+    assert unclaimed_change("torso", words, PLAIN, other) > 1.0
+
+
+def test_a_weak_sentence_gets_the_words_whose_walk_does_it_and_nothing_else():
+    table = better_wordings(WALKS, frozenset(), alike)
+    assert table == {"torso": {"torso leaning forward": "torso tilted forward"}}
+
+
+def test_captured_sentences_keep_their_words():
+    assert better_wordings(WALKS, frozenset({("torso", "torso leaning forward")}), alike) == {}
+
+
+def test_walks_are_kept_and_a_run_goes_on_from_them(tmp_path, monkeypatch):
+    monkeypatch.setattr(wording, "LEAD_SECONDS", 0.5)
+    monkeypatch.setattr(wording, "SECONDS", 1.0)
+    model = load_model()
+    prompter = Prompter(model, wording=Wording())
+    store = tmp_path / "walks.json"
+    key = ("torso", "torso leaning far forward")
+    walks = walk_all(model, prompter, [key], store)
+    assert walks[key].torso.pitch > walks[NEUTRAL].torso.pitch + 10.0
+    monkeypatch.setattr(wording, "walk", lambda *_: pytest.fail("walked again"))
+    assert walk_all(model, prompter, [key], store) == walks
+    store.write_text("{")
+    with pytest.raises(FileError, match="no store"):
+        walk_all(model, prompter, [key], store)

@@ -1,0 +1,187 @@
+"""Walk every sentence once and find the wording that a model follows: `assets/prompts/wording.json`.
+
+    python -m training.evaluation.text.wording --store walks.json [--model FOLDER] [--out FILE]
+
+A sentence of torso, head or leg is walked with everything else as in neutral, and what it claims (`training.text.claims`)
+is compared with what the body does. Where the model shows less than `WEAK` of it, the sentence gets the wording, out of all that
+were walked and claim the same measures, whose walk keeps the claims and changes as little else as possible. Descriptions of captured styles stay as they are: the model
+learnt them by heart.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, fields, replace
+from pathlib import Path
+
+import numpy as np
+
+from runtime.arrays import Array
+from runtime.assets import asset_path, model_folder
+from runtime.atomic import check_target, write_atomic
+from runtime.controls import Controls
+from runtime.errors import FileError, run_command
+from runtime.motion.controller import Controller
+from runtime.motion.crowd import MOST, Crowd
+from runtime.motion.features import FPS
+from runtime.motion.model import MotionModel, load_model
+from runtime.pose import Pose
+from runtime.prompts.prompter import Prompter
+from runtime.prompts.shares import as_left_limb, shares_of
+from runtime.prompts.wording import FILE, Wording
+from runtime.skeleton import SPORT_SKELETON
+from training.data.labels import foot_contacts
+from training.evaluation.motion.driving import flat_ground
+from training.evaluation.text.command import PLAIN_PROMPT
+from training.text.claims import claims, sentence_share, unclaimed_change
+from training.text.measure import ArmMeasures, BodyMeasures, HeadMeasures, LegMeasures, TorsoMeasures, measure
+
+log = logging.getLogger("sport.evaluate")
+
+LEAD_SECONDS, SECONDS = 1.5, 4.0  # walked before measuring, and measured
+WEAK = 0.5  # share of a sentence's claims under which it gets another wording
+GAIN = 0.3  # by which the other wording has to be better
+CHANGE = 0.12  # what a unit of change that was not claimed costs, in shares
+ALIKE = 0.8  # what likeness of words is worth
+PARTS = {"torso": "torso", "head": "head", "leg": "left_leg"}  # by the group of the table
+Key = tuple[str, str]  # group and words
+NEUTRAL: Key = ("", "")
+Measures = dict[str, float]
+_KINDS = (ArmMeasures, ArmMeasures, LegMeasures, LegMeasures, TorsoMeasures, HeadMeasures)  # of the parts
+
+
+def walk(model: MotionModel, codes: Sequence[Array], seed: int = 0) -> list[BodyMeasures]:
+    """What bodies do that walk straight ahead on flat ground, one for each Z^t `(6, 64)`."""
+    ground = flat_ground()
+    members = [Controller(model, ground, seed) for _ in codes]
+    for member, code in zip(members, codes, strict=True):
+        member.set_style(code, 0.0)
+    crowd, ahead = Crowd(members), Controls(move=(0.0, 1.0))
+    poses = [crowd.step(ahead) for _ in range(round((LEAD_SECONDS + SECONDS) * FPS))][
+        round(LEAD_SECONDS * FPS) :
+    ]
+    crowd.close()
+    return [_measured([frame[i] for frame in poses]) for i in range(len(codes))]
+
+
+def _measured(poses: Sequence[Pose]) -> BodyMeasures:
+    hips, local = np.stack([p.hips_position for p in poses]), np.stack([p.local_rotations for p in poses])
+    positions, _ = SPORT_SKELETON.forward_kinematics(hips, local)
+    contacts = foot_contacts(positions, np.zeros((len(hips), 4), np.float32)).astype(np.float32)
+    return measure(hips, local, contacts)
+
+
+def walk_all(
+    model: MotionModel, prompter: Prompter, keys: Sequence[Key], store: Path
+) -> dict[Key, BodyMeasures]:
+    """What bodies do under each sentence, and under `NEUTRAL`; `store` keeps what was walked, a run goes on from it."""
+    plain = prompter.expand(PLAIN_PROMPT).descriptions
+    found = _read(store)
+    missing = [key for key in (NEUTRAL, *keys) if key not in found]
+    for first in range(0, len(missing), MOST):
+        chunk = missing[first : first + MOST]
+        said = [replace(plain, **({PARTS[group]: words} if group else {})) for group, words in chunk]
+        found |= dict(zip(chunk, walk(model, [prompter(each) for each in said]), strict=True))
+        write_atomic(store, json.dumps({"|".join(key): asdict(body) for key, body in found.items()}))
+        log.info("walked %d of %d", first + len(chunk), len(missing))
+    return found
+
+
+def _read(store: Path) -> dict[Key, BodyMeasures]:
+    if not store.exists():
+        return {}
+    try:
+        rows = json.loads(store.read_text("utf-8"))
+        return {_key(name): _body(values) for name, values in rows.items()}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise FileError(f"{store}: no store of this command ({error!r}).", "Name another --store.") from error
+
+
+def _key(name: str) -> Key:
+    group, _, words = name.partition("|")
+    return group, words
+
+
+def _body(values: Mapping[str, Measures]) -> BodyMeasures:
+    kinds = {f.name: type_ for f, type_ in zip(fields(BodyMeasures), _KINDS, strict=True)}
+    return BodyMeasures(**{part: kinds[part](**values[part]) for part in kinds})
+
+
+def better_wordings(
+    walks: Mapping[Key, BodyMeasures], captured: frozenset[Key], likeness: Callable[[Sequence[str]], Array]
+) -> dict[str, dict[str, str]]:
+    """By group, each weakly shown sentence with the one in its place; `captured` sentences keep their words.
+
+    `likeness` gives unit vectors of sentences.
+    """
+    neutral = walks[NEUTRAL]
+    table: dict[str, dict[str, str]] = {}
+    for group, part in PARTS.items():
+        pool = [key for key in walks if key[0] == group]
+        shares = [sentence_share(part, words, neutral, walks[group, words]) for _, words in pool]
+        weak = [share is not None and share < WEAK for share in shares]
+        vectors = likeness([words for _, words in pool]) if any(weak) else np.zeros((len(pool), 1))
+        meaning = [_meaning(part, words) for _, words in pool]
+        for number, key in enumerate(pool):
+            if not weak[number] or key in captured:
+                continue
+            alike = vectors @ vectors[number]
+            scores = [
+                -np.inf
+                if weak[other] or meaning[other] != meaning[number]
+                else _score(part, key[1], neutral, walks[pool[other]], shares[number] or 0.0, near)
+                for other, near in enumerate(alike.tolist())
+            ]
+            best = int(np.argmax(scores))
+            if scores[best] > -np.inf:
+                table.setdefault(group, {})[key[1]] = pool[best][1]
+    return table
+
+
+def _meaning(part: str, words: str) -> object:
+    """What two sentences must share to say the same: the measures that they make claims of, and the sides they name."""
+    return claims(part, words), frozenset(re.findall(r"\b(?:left|right)\b", words.partition(" ")[2]))
+
+
+def _score(
+    part: str, words: str, neutral: BodyMeasures, walked: BodyMeasures, own: float, alike: float
+) -> float:
+    share = sentence_share(part, words, neutral, walked)
+    if share is None or share < own + GAIN:
+        return -np.inf
+    return share - CHANGE * unclaimed_change(part, words, neutral, walked) + ALIKE * alike
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description="Find the wording of every sentence that a model follows.")
+    parser.add_argument("--model", type=model_folder, default=model_folder(), metavar="DIR")
+    parser.add_argument("--store", type=Path, required=True, metavar="FILE", help="walks so far")
+    parser.add_argument("--out", type=Path, default=Path("assets") / FILE, metavar="FILE")
+    args = parser.parse_args(argv)
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    check_target(args.out)
+    model = load_model(args.model)
+    prompter = Prompter(model, wording=Wording())
+    shares = shares_of(model.name)
+    keys = sorted(key for key in {*shares.sentences, *shares.clauses} if key[0] in PARTS)
+    walks = walk_all(model, prompter, keys, args.store)
+    table = better_wordings(walks, _captured(), lambda words: prompter.text_encoder.encode(list(words)))
+    write_atomic(
+        args.out, json.dumps({model.name: table}, indent=0, ensure_ascii=False, sort_keys=True) + "\n"
+    )
+    print(f"{args.out}: {sum(map(len, table.values()))} of {len(keys)} sentences have another wording")
+
+
+def _captured() -> frozenset[Key]:
+    library = json.loads(asset_path("prompts/styles.json").read_text("utf-8"))
+    said = (mapping for style in library.values() for mapping in style["descriptions"])
+    return frozenset(as_left_limb(words, part) for mapping in said for part, words in mapping.items())
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_command("wording", main))

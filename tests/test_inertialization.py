@@ -5,7 +5,7 @@ import pytest
 
 from runtime import rotations
 from runtime.motion.features import FPS
-from runtime.motion.inertialization import ARMS, FASTEST, FASTEST_EVER, Inertialization
+from runtime.motion.inertialization import FASTEST, FASTEST_EVER, JOINTS, Inertialization
 from runtime.skeleton import SPORT_SKELETON
 
 ARM = SPORT_SKELETON.index("LeftArm")
@@ -17,13 +17,13 @@ def _pose(angle: float, joint: int = ARM) -> np.ndarray:
     return local
 
 
-def _shown(angles, blending, joint: int = ARM) -> np.ndarray:
+def _shown(angles, blending, joint: int = ARM, rest: float = 0.0) -> np.ndarray:
     """What is shown of a joint's rotations, `blending` being one flag or one for each frame."""
     arms = Inertialization.at_rest(_pose(angles[0], joint)[None])
     flags = np.broadcast_to(blending, len(angles))
     shown = np.array([_pose(a, joint) for a in angles])
     for frame, flag in enumerate(flags):
-        arms.apply(shown[frame : frame + 1], np.array([flag]))
+        arms.apply(shown[frame : frame + 1], np.array([flag]), np.full(1, rest))
     return shown[:, joint]
 
 
@@ -63,10 +63,21 @@ def test_a_jump_just_after_a_blend_is_held_back_too():
     assert (rotations.angle_between(shown[1:], shown[:-1]) * FPS).max() < 1.2 * FASTEST
 
 
-@pytest.mark.parametrize("name", ["LeftUpLeg", "LeftFoot", "Spine", "Head"])
+def test_at_rest_an_arm_settles_calmly_and_breathing_stays():
+    still = _shown(JUMP, False, rest=1.0)
+    assert (rotations.angle_between(still[1:], still[:-1]) * FPS).max() < FASTEST
+    breathing = 0.05 * np.sin(0.4 * np.pi * np.arange(120) / FPS)
+    expected = np.array([_pose(a)[ARM] for a in breathing])
+    np.testing.assert_allclose(_shown(breathing, False, rest=1.0), expected, atol=1e-12)
+    swing = 0.4 * np.sin(2 * np.pi * np.arange(240) / FPS)
+    kept = rotations.angle_between(_shown(swing, False, rest=1.0), _pose(0.0)[ARM])[120:]
+    assert kept.max() < 0.4 * 0.4
+
+
+@pytest.mark.parametrize("name", ["LeftUpLeg", "LeftFoot", "LeftHand"])
 def test_other_joints_are_left_alone(name):
     joint = SPORT_SKELETON.index(name)
-    assert joint not in ARMS
+    assert joint not in JOINTS
     np.testing.assert_array_equal(_shown(JUMP, True, joint), [_pose(a, joint)[joint] for a in JUMP])
 
 
@@ -76,7 +87,7 @@ def test_characters_are_apart():
     both = np.stack([quiet, jumping], axis=1)
     arms = Inertialization.at_rest(both[0])
     for frame in both:
-        held_back = arms.apply(frame, np.array([False, True]))
+        held_back = arms.apply(frame, np.array([False, True]), np.zeros(2))
         assert not held_back[0]
     np.testing.assert_array_equal(both[:, 0], quiet)
     np.testing.assert_array_equal(both[:, 1, ARM], _shown(JUMP, True))

@@ -15,7 +15,20 @@ DT, FPS, PRESENT = 1 / 60, 60, 60  # seconds, Hz, index of the present in window
 STAND, WALK, JOG, CROUCH, JUMP, OTHER = range(6)
 SAMPLES = np.arange(0, 120, 10)  # the network's 12 samples of the path, the present is the seventh
 SOLES = [4, 5, 9, 10]  # left foot, left toe base, right foot, right toe base
-ARMS = [17, 18, 19, 24, 25, 26]  # shoulder, arm, forearm of both sides
+SLOWED = [
+    17,
+    18,
+    19,
+    24,
+    25,
+    26,
+    11,
+    12,
+    13,
+    14,
+    15,
+    16,
+]  # shoulder, arm, forearm of both sides, and the trunk
 INPUT = {"path": 24, "facing": 24, "heights": 36, "joints": 93, "velocities": 93, "gait": 72, "phase": 130}
 OUTPUT = {"path": (6, 2), "facing": (6, 2), "joints": (31, 3), "velocities": (31, 3), "root": (3,), "contacts": (4,),
           "phase": (7, 5, 2), "rotations": (31, 6)}  # fmt: skip
@@ -140,13 +153,13 @@ class Controller:
         ).reshape(121, 5, 2)
         self.stand()
         self.game = 0.13**response  # of the times that a body takes for a change
-        self.change_s = 0.85 * np.clip(np.sqrt(1.3 / walk), 0.85, 1.12) * self.game
+        self.change_s = 0.72 * np.clip(np.sqrt(1.3 / walk), 0.85, 1.12) * self.game
         self.jump_left = self.wished = self.requested = self.smooth = self.speed = self.measured = 0.0
         self.expected = self.followed = self.stood = 0.0  # of the regulator
         self.integral, self.share, self.feet = 1.0, 1.0, self.joints[SOLES]
         self.foot_speed = self.slow = 0.0
-        self.arms = self.local(matrices(y["rotations"]))[ARMS]
-        self.late, self.late_speed = np.zeros((6, 3)), np.zeros((6, 3))
+        self.arms = self.local(matrices(y["rotations"]))[SLOWED]
+        self.late, self.late_speed = np.zeros((12, 3)), np.zeros((12, 3))
 
     def local(self, world):
         """Rotations (31, 3, 3) against the parents."""
@@ -158,7 +171,7 @@ class Controller:
         """A path that rests at the origin, facing +Z."""
         self.xz, self.yaw = np.zeros((121, 2)), np.zeros(121)
         self.gait = np.eye(6)[np.full(121, STAND)] if gait is None else gait
-        self.wish, self.velocity, self.wanted_yaw = np.zeros(2), np.zeros(2), 0.0
+        self.wish, self.velocity, self.wish_yaw, self.wanted_yaw = np.zeros(2), np.zeros(2), 0.0, 0.0
 
     def settle(self, gait: int = WALK) -> None:
         """Come to rest in the style, in two seconds that nobody sees."""
@@ -196,21 +209,27 @@ class Controller:
         return hips, world, joints
 
     def slowed(self, local):
-        """Local rotations with arms that turn by 20 rad/s at most: what is too fast comes later, by a damped spring."""
-        arms, before = local[ARMS], self.arms
+        """Local rotations with arms that turn by 20 rad/s at most, 0.15 at rest: what is too fast comes later, by a damped spring."""
+        arms, before, rest = local[SLOWED], self.arms, self.resting()
+        fastest, half_life = 20 * (0.15 / 20) ** rest, 0.2 * (0.35 / 0.2) ** rest
         self.arms = arms
         turn = vectors(arms @ np.swapaxes(before, -1, -2))
         speed = np.linalg.norm(turn, axis=-1, keepdims=True) * FPS
-        if np.abs(self.late).max() <= 1e-3 and speed.max() <= 20:
-            self.late, self.late_speed = np.zeros((6, 3)), np.zeros((6, 3))
+        if rest <= 0 and np.abs(self.late).max() <= 1e-3 and speed.max() <= 20:
+            self.late, self.late_speed = np.zeros((12, 3)), np.zeros((12, 3))
             return local
-        excess = turn * np.maximum(0, 1 - 20 / np.maximum(speed, 1e-9))
+        excess = turn * np.maximum(0, 1 - fastest / np.maximum(speed, 1e-9))
         late = vectors(turns(self.late) @ turns(-excess))
-        rate = 2 * np.log(2) / 0.2
+        rate = 2 * np.log(2) / half_life
         went, left = self.late_speed + rate * late, np.exp(-rate * DT)
         self.late, self.late_speed = left * (late + went * DT), left * (self.late_speed - rate * went * DT)
-        local[ARMS] = turns(self.late) @ arms
+        local[SLOWED] = turns(self.late) @ arms
         return local
+
+    def resting(self) -> float:
+        """0 while the body moves or gesticulates, to 1 when its plan stands still."""
+        stops = self.wished == 0 and self.jump_left <= 0
+        return np.clip(1 - self.requested / 0.8, 0, 1) * (1 - self.clock_share.max()) if stops else 0.0
 
     def request(self, x: float, z: float, gait: int, facing: float | None):
         """The velocity, gait and facing that the stick requests."""
@@ -234,7 +253,9 @@ class Controller:
         change, walk = self.velocity - self.wish, self.full[WALK]
         missing = np.hypot(*change)
         plan = self.wish + (left(missing, walk, self.change_s) / max(missing, 1e-9))[:, None] * change
-        turn = angle(self.wanted_yaw - (self.wanted_yaw if facing is None else facing))
+        facing = self.wanted_yaw if facing is None else facing
+        self.wish_yaw = facing + angle(self.wish_yaw - facing) * kept(0.1) ** (1 / self.game)
+        turn = angle(self.wanted_yaw - self.wish_yaw)
         yaws = self.wanted_yaw - turn + np.sign(turn) * left(abs(turn), np.pi / 2, 0.75 * self.game)
         self.velocity, self.wanted_yaw = plan[1], yaws[1]
 
@@ -292,15 +313,21 @@ class Controller:
         resting = self.gait[PRESENT, STAND]
         self.swing_at_rest(resting > 0.9)
         velocity = turned(y["root"][:2], yaw)
+        weights = np.clip(y["contacts"], 0, 1) ** 2
+        back = (weights[:, None] * (feet - before)[:, [0, 2]]).sum(0) * FPS / max(weights.sum(), 0.25)
+        firm = self.resting() * min(weights.sum() / 0.5, 1.0)  # the planted feet carry a body that stops
+        velocity = velocity + (turned(-back, yaw) - velocity) * firm
         if self.wished == 0 and self.jump_left <= 0:  # at rest nobody creeps
-            velocity = velocity * min(1.0, 9 * self.requested / max(np.hypot(*velocity), 1e-6))
+            most = max(9 * self.requested, kept(0.24) ** (1 / self.game) * self.speed)
+            velocity = velocity * min(1.0, most / max(np.hypot(*velocity), 1e-6))
         self.speed = float(np.hypot(*velocity))
         self.measured += (self.speed - self.measured) * (1 - kept(0.25))
-        self.carried(y["contacts"], feet - before)
+        self.carry(weights.sum(), float(np.hypot(*back)))
         if (
             self.measured > 0.5 * self.requested and self.requested > 0.12
         ):  # strides a little longer or shorter
-            velocity = velocity * np.clip(self.smooth / max(self.measured, 1e-9), 0.65, 1.25)
+            going = np.clip(2 * self.smooth / max(self.requested, 1e-9) - 1, 0, 1)  # a start is not overshot
+            velocity = velocity * np.clip(self.smooth / max(self.measured, 1e-9), 0.65, 1 + 0.25 * going)
         turn = y["root"][2] * DT
         self.advance(velocity, turn, turned(y["path"], yaw + turn), turned(y["facing"], yaw + turn))
 
@@ -326,11 +353,9 @@ class Controller:
         swung = 2.0 * np.stack([np.sin(around), np.cos(around)], -1)
         self.phase = self.phase + self.clock_share[:, None] * (swung - self.phase)
 
-    def carried(self, contacts, moved) -> None:
+    def carry(self, weight: float, back: float) -> None:
         """The share of the root's speed that the planted feet carry, which the regulator goes by."""
-        weights = np.clip(contacts, 0, 1) ** 2
-        back = np.hypot(*(weights[:, None] * moved[:, [0, 2]]).sum(0)) * FPS / max(weights.sum(), 0.25)
-        share = np.clip(back / max(self.measured, 0.3), 0.5, 1.5) if weights.sum() > 0.25 else self.share
+        share = np.clip(back / max(self.measured, 0.3), 0.5, 1.5) if weight > 0.25 else self.share
         self.share += ((1.0 if self.measured < 0.3 else share) - self.share) * (1 - kept(0.3))
 
     def advance(self, velocity, turn: float, path, facing) -> None:

@@ -40,8 +40,16 @@ CROUCH_SPEED = 0.8  # m/s at full stick
 JUMP_SECONDS = 0.7
 # what the regulator leaves of a difference in speed is taken up by longer or shorter strides, this much at most
 STRIDE_WARP = (0.65, 1.25)
+SETTING_OFF = (
+    0.5  # of the plan: a smoothed request below that is a start, which longer strides would overshoot
+)
 SLOWEST_PLAN = 0.05  # m/s: a body that stops is regulated until then
-LAST_SPEED = 9.0  # times the planned speed: what is more is cut off at the end of a stop
+CALM_FROM = (
+    0.8  # m/s of the plan of a stop: from there on the feet carry the root, and arms and trunk grow calm
+)
+LAST_SPEED = 9.0  # times the planned speed: what is more fades at the end of a stop,
+FIRM_CONTACT = 0.5  # sum of squared contacts that carry a root
+COAST = 0.24  # seconds, half-life: the planted feet carry the root on, or they would slide under it
 FASTEST_LIFT = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
 SPEED_HALF_LIFE = 0.25  # seconds, smoothing of the measured speed (a stride speeds up and slows down)
 _PHASES = features.PHASE_OFFSETS + PRESENT
@@ -96,7 +104,8 @@ def step(
         look.stops or look.ahead is not None or crossing.kind != ""
         for look, crossing in zip(looks, state.crossings, strict=True)
     ]
-    _steer(state, request, styles, np.where(at_once, 1.0, response))
+    haste = np.where(at_once, 1.0, response)
+    _steer(state, request, styles, haste)
 
     x = _input(state, looks, terrain)
     stands = state.trajectory.gait[:, PRESENT, Gait.STAND]
@@ -113,17 +122,24 @@ def step(
 
     hips, local, joints = network_pose(y, state.trajectory, state.ground)
     blending = np.array([blend.blending for blend in state.styles])
-    inertialised = state.arms.apply(local, blending)
+    inertialised = state.arms.apply(local, blending, _rest(state))
     if inertialised.any():
         joints[inertialised] = SPORT_SKELETON.forward_kinematics(hips[inertialised], local[inertialised])[0]
     unlocked = _plant(state, hips, local, np.minimum(np.maximum(y.contacts, 0.0), 1.0), terrain)
     _cross(state, unlocked, (hips, local), looks, styles)
-    _feed_back(state, y, joints, looks, styles, terrain)
+    _feed_back(state, y, joints, looks, styles, terrain, haste)
 
     reasons = tuple(look.reason for look in looks)
     if not sound.all():
         state = _set_back(model, before, state, sound, terrain)
     return state, Frame(*unlocked, reasons, ~sound)
+
+
+def _rest(state: CharacterState) -> Array:
+    """How far bodies have come to rest `(N,)`: 0 while they move or gesticulate, 1 when their plan stands still."""
+    stops = (state.wished_speed == 0.0) & (state.jump_left <= 0.0)
+    slow = np.minimum(np.maximum(1.0 - state.requested_speed / CALM_FROM, 0.0), 1.0)
+    return np.asarray(np.where(stops, slow * (1.0 - state.rest.share.max(-1)), 0.0))
 
 
 def full_speed(style: Style, gait: Gait) -> float:
@@ -312,6 +328,7 @@ def _feed_back(
     looks: Sequence[Look],
     styles: Sequence[Style],
     terrain: Terrain,
+    response: Array,
 ) -> None:
     """Next frame's body, rhythm and trajectory: of the network's own pose on the fixed skeleton, before foot lock.
 
@@ -334,7 +351,7 @@ def _feed_back(
     state.phase = state.rest.apply(state.phase, np.stack([style.rest for style in styles]), resting)
 
     velocity = features.to_world(y.root[:, :2], yaw)
-    velocity = _root_velocity(state, velocity, y.contacts, looks, terrain)
+    velocity = _root_velocity(state, velocity, y.contacts, looks, terrain, response)
     turn = y.root[:, 2] * DT
     ahead = (yaw + turn)[:, None]
     path.advance(
@@ -351,21 +368,28 @@ def _root_velocity(
     contacts: Array,
     looks: Sequence[Look],
     terrain: Terrain,
+    response: Array,
 ) -> Array:
     """The velocities `(N, 2)` (m/s) that the roots take of the network's; writes the speeds and the strides."""
     velocity = velocity + np.array([feet.pull for feet in state.feet])
+    carried, weight = state.stride.carried(state.joints, contacts)
+    firm = _rest(state) * np.minimum(weight / FIRM_CONTACT, 1.0)
+    carried = features.to_world(carried, state.trajectory.yaw[:, PRESENT])
+    velocity = velocity + (carried - velocity) * firm[:, None]
     speed = np.sqrt((velocity * velocity).sum(-1))
     still = (state.wished_speed == 0.0) & (state.jump_left <= 0.0)  # at rest nobody creeps
-    creep = np.where(
-        still, np.minimum(1.0, LAST_SPEED * state.requested_speed / np.maximum(speed, 1e-6)), 1.0
-    )
+    coast = decay(COAST) ** (momentum.GAME**-response)
+    most = np.maximum(LAST_SPEED * state.requested_speed, coast * state.root_speed)
+    creep = np.where(still, np.minimum(1.0, most / np.maximum(speed, 1e-6)), 1.0)
     velocity, state.root_speed = velocity * creep[:, None], speed * creep
     change = (state.root_speed - state.measured_speed) * (1 - decay(SPEED_HALF_LIFE))
     state.measured_speed = state.measured_speed + change
     state.stride.update(state.joints, contacts, state.measured_speed)
     walks = (state.measured_speed > 0.5 * state.requested_speed) & (state.requested_speed > STAND_SPEED)
     longer = state.smooth_request / np.maximum(state.measured_speed, 1e-9)
-    longer = np.minimum(np.maximum(longer, STRIDE_WARP[0]), STRIDE_WARP[1])
+    going = state.smooth_request / np.maximum(state.requested_speed, 1e-9)
+    going = np.minimum(np.maximum((going - SETTING_OFF) / (1.0 - SETTING_OFF), 0.0), 1.0)
+    longer = np.minimum(np.maximum(longer, STRIDE_WARP[0]), 1.0 + (STRIDE_WARP[1] - 1.0) * going)
     velocity = velocity * np.where(walks, longer, 1.0)[:, None]
     near = 2.0 * state.root_speed * DT + HALF_BODY_M  # strides are scaled by less
     way = velocity / np.maximum(np.sqrt((velocity * velocity).sum(-1, keepdims=True)), 1e-9)

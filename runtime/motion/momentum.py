@@ -17,7 +17,7 @@ from runtime.arrays import Array
 from runtime.controls import Gait
 from runtime.motion.features import FPS, GAITS
 
-TO_WALK = 0.85  # seconds from rest to the walking speed of a neutral body, and back
+TO_WALK = 0.72  # seconds from rest to the walking speed of a neutral body, and back
 NEUTRAL_SPEED = 1.3  # m/s; a slower style has slower steps, and takes so much longer:
 FASTEST_CHANGE, SLOWEST_CHANGE = 0.85, 1.12  # of TO_WALK
 TO_TURN, TURN = 0.75, np.pi / 2  # seconds and radians

@@ -35,13 +35,18 @@ class StrideState:
         """Of characters whose joints `(N, 31, 3)` do not move."""
         return StrideState(_across(joints), np.ones(len(joints)))
 
-    def update(self, joints: Array, contacts: Array, speed: Array) -> Array:
-        """The shares `(N,)`, of joints `(N, 31, 3)` relative to the root, contacts `(N, 4)` and the roots' smoothed speeds in m/s."""
-        before, self.feet = self.feet, _across(joints)
+    def carried(self, joints: Array, contacts: Array) -> tuple[Array, Array]:
+        """Velocities `(N, 2)` that planted feet carry the roots at since the last `update`, m/s in their frames, and the weights `(N,)` on them."""
         weights = np.square(np.minimum(np.maximum(contacts, 0.0), 1.0))
         total = weights.sum(-1)
-        back = (weights[:, :, None] * (self.feet - before)).sum(1)
-        back = np.sqrt((back * back).sum(-1)) * FPS / np.maximum(total, LEAST_CONTACT)
+        back = (weights[:, :, None] * (_across(joints) - self.feet)).sum(1)
+        return -back * FPS / np.maximum(total, LEAST_CONTACT)[:, None], total
+
+    def update(self, joints: Array, contacts: Array, speed: Array) -> Array:
+        """The shares `(N,)`, of joints `(N, 31, 3)` relative to the root, contacts `(N, 4)` and the roots' smoothed speeds in m/s."""
+        carried, total = self.carried(joints, contacts)
+        self.feet = _across(joints)
+        back = np.sqrt((carried * carried).sum(-1))
         share = np.minimum(np.maximum(back / np.maximum(speed, SLOWEST), RANGE[0]), RANGE[1])
         share = np.where(total > LEAST_CONTACT, share, self.share)  # a flight says nothing
         share = np.where(speed < SLOWEST, 1.0, share)

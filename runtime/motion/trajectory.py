@@ -61,6 +61,7 @@ class Trajectory:
     yaw: Array = field(metadata={"shape": (LENGTH,)})  # (N, 121) unwrapped
     gait: Array = field(metadata={"shape": (LENGTH, GAITS)})  # (N, 121, 6)
     wish: Array = field(metadata={"shape": (2,)})  # (N, 2) the stick's velocity, smoothed, m/s
+    wish_yaw: Array = field(metadata={"shape": ()})  # (N,) the stick's facing, smoothed, radians
     velocity: Array = field(metadata={"shape": (2,)})  # (N, 2) planned, m/s
     requested_yaw: Array = field(metadata={"shape": ()})  # (N,)
 
@@ -75,6 +76,7 @@ class Trajectory:
             np.full((1, LENGTH), float(yaw)),
             gait,
             np.zeros((1, 2)),
+            np.array([float(yaw)]),
             np.zeros((1, 2)),
             np.array([float(yaw)]),
         )
@@ -102,15 +104,17 @@ class Trajectory:
     ) -> Plan:
         """The coming second on the way to velocities `(N, 2)` (m/s), facings `(N,)` (radians, not a number keeps it) and gaits.
 
-        `walk` `(N,)` are the styles' walking speeds, `response` `(N,)` is 0 (capture) to 1 (game). Moves `wish`, `velocity` and
-        `requested_yaw` on by a frame.
+        `walk` `(N,)` are the styles' walking speeds, `response` `(N,)` is 0 (capture) to 1 (game). Moves `wish`, `wish_yaw`,
+        `velocity` and `requested_yaw` on by a frame.
         """
         seconds = momentum.change_seconds(walk, response)
         quick = decay(momentum.WISH_HALF_LIFE) ** (momentum.GAME**-response)
         self.wish = wish + (self.wish - wish) * quick[:, None]
         velocities = momentum.velocities(self.velocity, self.wish, walk, seconds)
         goal = np.where(np.isnan(facing), self.requested_yaw, facing)
-        yaws = momentum.facings(self.requested_yaw, goal, momentum.TO_TURN * momentum.GAME**response)
+        # a plan that turns at once makes the network's pose jump: elbows by 10 degrees in a frame
+        self.wish_yaw = goal + wrap_angle(self.wish_yaw - goal) * quick
+        yaws = momentum.facings(self.requested_yaw, self.wish_yaw, momentum.TO_TURN * momentum.GAME**response)
         self.velocity, self.requested_yaw = velocities[:, 1], yaws[:, 1]
         speeds = np.sqrt((velocities * velocities).sum(-1))
         return Plan(velocities, yaws, momentum.labels(speeds, self.gait[:, PRESENT], gait, jog_from))

@@ -40,6 +40,8 @@ EXPERIMENTS = {
     "blend-steps": "training.evaluation.on_straight_walks:BLEND_STEPS",
     "speed": "training.evaluation.on_straight_walks:SPEED",
     "precision": "training.evaluation.on_straight_walks:PRECISION",
+    "moments": "training.evaluation.on_moments:MOMENTS",
+    "standing": "training.evaluation.on_moments:STANDING_STILL",
     "prompts": "training.evaluation.text.untuned_prompts:PROMPTS",
     "soak": "training.evaluation.motion.soak:SOAK",
 }

@@ -139,9 +139,7 @@ class ReplayTrajectory(Trajectory):
     @staticmethod
     def of(clip: Motion, began: Trajectory) -> ReplayTrajectory:
         """From the clip's first frame on, in the place of the trajectory of a character that has just begun."""
-        made = ReplayTrajectory(
-            began.xz, began.yaw, began.gait, began.wish, began.velocity, began.requested_yaw
-        )
+        made = ReplayTrajectory(**vars(began))
         xz, yaw = root_motion(clip.positions.astype(np.float64))
         made.clip_xz, made.clip_yaw = extrapolate(xz), repeat_ends(yaw[:, None])[:, 0]
         made.clip_gait = repeat_ends(np.eye(features.GAITS)[clip.gait])

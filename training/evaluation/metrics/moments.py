@@ -1,0 +1,352 @@
+"""Starts, stops, turns, jumps and standing of joints that are read from a file, second by second of a known stick.
+
+Points are world positions `(T, 3)` by the keys of `training.data.gait` at 60 frames a second, in a body with 0.82 m legs;
+speeds are m/s, angles degrees. Nothing here knows how the program moves a character, so that raw capture is measured alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import find_peaks
+
+from runtime.arrays import Array
+from runtime.controls import Gait
+from runtime.formats.bvh import read_bvh
+from runtime.motion.stick_script import StickScript, StickSegment
+from training.data.gait import GaitJoints
+
+FPS = 60
+STILL = 0.08  # m/s of the smoothed hips: slower is standing
+CALM = 0.25  # m/s of head, wrists and knees against the hips
+REACHED = 0.9  # of the steady speed
+POP = 6.0  # degrees a frame squared: a captured knee has none
+POP_APART = 6  # frames; nearer ones are one pop
+SMOOTH_HIPS, SMOOTH_YAW = 6, 2  # frames, of a Gaussian
+BEGIN = round(1.5 * FPS)  # frames of a start or turn
+LAST = 1.5  # seconds of steady going before a stop
+SETTLED = FPS  # frames after which a standing body is at rest
+NEAR_GROUND = 0.01  # m over a toe's resting height
+TURNING = 60.0  # degrees a second: slower hips do not turn, they swing
+IN_AIR = 0.04  # m of both toes over their resting height
+LIMBS = ("lw", "rw", "head", "lk", "rk")
+Points = dict[str, Array]
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What happens in a segment of the stick: its kind, its gait, its first and last frame and its figures."""
+
+    kind: str  # "start", "stop", "turn", "spin" (a turn on the spot), "change" (of gait), "steady", "stand", "jump"
+    gait: str  # which is started, stopped or gone in; "half walk" with half of the stick
+    first: int
+    end: int
+    figures: dict[str, float]
+
+
+def read_points(path: Path, first_frame: int = 0) -> Points:
+    """Joints of a BVH of any known skeleton, resampled to 60 frames a second."""
+    joints = GaitJoints.of(read_bvh(path), first_frame)
+    count = len(joints.points["hips"])
+    if abs(joints.fps - FPS) < 1.0:
+        return joints.points
+    seconds = np.arange(count) / joints.fps
+    at = np.arange(0.0, seconds[-1], 1.0 / FPS)
+    return {
+        k: np.stack([np.interp(at, seconds, v[:, i]) for i in range(3)], -1) for k, v in joints.points.items()
+    }
+
+
+# --- curves ----------------------------------------------------------------------------------------------------------
+
+
+def speed(points: Array, flat: bool = False) -> Array:
+    """Of points `(T, 3)`, m/s `(T,)`; over the ground where `flat`."""
+    steps = np.gradient(points, axis=0) * FPS
+    return np.asarray(np.linalg.norm(steps[:, [0, 2]] if flat else steps, axis=-1))
+
+
+def hips_speed(p: Points) -> Array:
+    """Over the ground, smoothed over 0.1 s."""
+    return np.asarray(gaussian_filter1d(speed(p["hips"], flat=True), SMOOTH_HIPS))
+
+
+def torso_tilt(p: Points) -> Array:
+    """Degrees of the line from hips to neck from upright."""
+    up = p["neck"] - p["hips"]
+    return np.degrees(np.arctan2(np.linalg.norm(up[:, [0, 2]], axis=-1), up[:, 1]))
+
+
+def hips_turn(p: Points) -> Array:
+    """Degrees a second at which the line across the hips turns, without sign."""
+    across = p["lh"] - p["rh"]
+    yaw = np.degrees(np.unwrap(np.arctan2(-across[:, 2], across[:, 0])))
+    return np.abs(np.gradient(gaussian_filter1d(yaw, SMOOTH_YAW))) * FPS
+
+
+def bend(p: Points, joint: str, upper: str, lower: str) -> Array:
+    """Flexion of a joint between two others, degrees `(T,)`."""
+    a, b = p[joint] - p[upper], p[lower] - p[joint]
+    cosine = (a * b).sum(-1) / (np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1))
+    return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def pops(flexion: Array) -> NDArray[np.intp]:
+    """Frames at which a flexion `(T,)` bends its course by more than POP: the first of each pop."""
+    found = np.flatnonzero(np.abs(np.diff(flexion, n=2)) > POP) + 1
+    return found[np.diff(found, prepend=-1 - POP_APART) > POP_APART]
+
+
+def joint_pops(p: Points) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Frames of the pops of both knees, and of both elbows."""
+    knees = [pops(bend(p, s + "k", s + "h", s + "a")) for s in "lr"]
+    elbows = [pops(bend(p, s + "e", s + "s", s + "w")) for s in "lr"]
+    return np.sort(np.concatenate(knees)), np.sort(np.concatenate(elbows))
+
+
+def wrists_speed(p: Points) -> Array:
+    """Of both wrists against the hips, `(T, 2)`."""
+    return np.stack([speed(p[w] - p["hips"]) for w in ("lw", "rw")], -1)
+
+
+def limbs_speed(p: Points) -> Array:
+    """Of the fastest of head, wrists and knees against the hips, `(T,)`."""
+    return np.asarray(np.max([speed(p[k] - p["hips"]) for k in LIMBS], axis=0))
+
+
+def toe_heights(p: Points, resting: NDArray[np.bool_]) -> Array:
+    """Of both toe joints over their own median height in `resting` frames `(T,)`; `(T, 2)`."""
+    heights = np.stack([p["lt"][:, 1], p["rt"][:, 1]], -1)
+    return np.asarray(heights - np.median(heights[resting], axis=0))
+
+
+def paths_near_ground(toe: Array, height: Array) -> list[float]:
+    """Centimetres that a toe `(T, 3)` travels over the ground in each stay within NEAR_GROUND of its resting height."""
+    edges = np.flatnonzero(np.diff(height < NEAR_GROUND, prepend=False, append=False))
+    steps = np.linalg.norm(np.diff(toe[:, [0, 2]], axis=0), axis=-1)
+    return [100.0 * float(steps[a : b - 1].sum()) for a, b in edges.reshape(-1, 2).tolist()]
+
+
+# --- moments of a script -----------------------------------------------------------------------------------------------
+
+
+def moments(p: Points, script: StickScript) -> list[Moment]:
+    """Every segment of the stick with its figures."""
+    curves = _Curves(p, _resting(script, len(p["hips"])))
+    return [
+        Moment(kind, gait, first, end, _FIGURES[kind](curves, first, end))
+        for kind, gait, first, end in _segments(script, len(p["hips"]))
+    ]
+
+
+class _Curves:
+    """The curves of a clip that the figures are taken from."""
+
+    def __init__(self, p: Points, resting: NDArray[np.bool_]) -> None:
+        self.p, self.resting = p, resting
+        self.hips, self.tilt, self.turn = hips_speed(p), torso_tilt(p), hips_turn(p)
+        self.wrists, self.limbs = wrists_speed(p), limbs_speed(p)
+        self.toes = toe_heights(p, resting) if "lt" in p else np.zeros((len(self.hips), 0))
+
+    def toe_paths(self, first: int, end: int) -> dict[str, float]:
+        """The 90th percentile of `paths_near_ground` of a start or turn."""
+        return _toe_paths(self.p, slice(first, min(end, first + BEGIN)), self.resting)
+
+
+def _segments(script: StickScript, frames: int) -> Iterator[tuple[str, str, int, int]]:
+    """Kind, gait, first frame and end of every segment that lies within the clip."""
+    first, before = 0, StickSegment(Gait.STAND, 1.0)
+    for segment in script.segments:
+        end = min(first + round(segment.seconds * FPS), frames)
+        if end - first >= 2:
+            kind = _kind(segment, before)
+            yield kind, _gait(before if kind in ("stop", "jump") else segment), first, end
+        first = end
+        if segment.gait != Gait.JUMP:
+            before = segment
+
+
+def _kind(segment: StickSegment, before: StickSegment) -> str:
+    rests, rested = _rests(segment), _rests(before)
+    if segment.gait == Gait.JUMP:
+        return "jump"
+    if rests:
+        if not rested:
+            return "stop"
+        return "stand" if segment.facing in (None, before.facing) else "spin"
+    if rested:
+        return "start"
+    if segment.heading != before.heading or segment.facing != before.facing:
+        return "turn"
+    return "steady" if (segment.gait, segment.amount) == (before.gait, before.amount) else "change"
+
+
+def _gait(segment: StickSegment) -> str:
+    part = {0.0: "", 1.0: "", 0.5: "half "}.get(segment.amount, f"{segment.amount:g} ")
+    return part + segment.gait.label
+
+
+def _rests(segment: StickSegment) -> bool:
+    return segment.gait == Gait.STAND or segment.amount == 0.0
+
+
+def _resting(script: StickScript, frames: int) -> NDArray[np.bool_]:
+    """Frames in which a body stands; all of them where the stick never rests for long."""
+    result = np.zeros(frames, bool)
+    for kind, _, first, end in _segments(script, frames):
+        if kind in ("stand", "stop", "spin"):
+            result[first + (0 if first == 0 else 2 * SETTLED) : end] = True
+    return result if result.any() else np.ones(frames, bool)
+
+
+def _start(c: _Curves, first: int, end: int) -> dict[str, float]:
+    last = slice(first + max(end - first - FPS, (end - first) // 2), end)
+    begin = slice(first, min(end, first + BEGIN))
+    steady = float(np.median(c.hips[last]))
+    reached = np.flatnonzero(c.hips[first:end] > REACHED * steady)
+    return {
+        "reached_s": float(reached[0]) / FPS if len(reached) else float("inf"),
+        "peak_share": float(c.hips[begin].max()) / max(steady, 1e-6),
+        "steady_speed": steady,
+        "tilt": float(c.tilt[begin].max()),
+        "steady_tilt": float(np.median(c.tilt[last])),
+    } | c.toe_paths(first, end)
+
+
+def _stop(c: _Curves, first: int, end: int) -> dict[str, float]:
+    stopped = np.flatnonzero(c.hips[first:end] < STILL)
+    stop = float(stopped[0]) / FPS if len(stopped) else float("inf")
+    busy = np.flatnonzero(c.limbs[first : end - 2] > CALM)  # the last two see the next segment
+    calm = float(busy[-1] + 1) / FPS if len(busy) else 0.0
+    steady = c.wrists[max(first - round(LAST * FPS), 0) : max(first - 1, 1)].max()
+    return {
+        "stop_s": stop,
+        "calm_after_s": max(calm - stop, 0.0),
+        "wrists": float(c.wrists[first : end - 2].max()),
+        "wrists_share": float(c.wrists[first : end - 2].max() / max(steady, 1e-6)),
+        "tilt": float(c.tilt[first:end].max()),
+    }
+
+
+def _turn(c: _Curves, first: int, end: int) -> dict[str, float]:
+    return {"turn": float(c.turn[first:end].max()), "tilt": float(c.tilt[first:end].max())} | c.toe_paths(
+        first, end
+    )
+
+
+def _stand(c: _Curves, first: int, end: int) -> dict[str, float]:
+    wrists = c.wrists[first + min(SETTLED, (end - first) // 3) : end - 2]
+    return {"wrists_median": float(np.median(wrists, 0).max()), "wrists_largest": float(wrists.max())}
+
+
+def _jump(c: _Curves, first: int, end: int) -> dict[str, float]:
+    air = np.flatnonzero((c.toes[first:end] > IN_AIR).all(-1)) if c.toes.shape[1] else np.zeros(0)
+    height = c.p["hips"][:, 1]
+    rise = height[first:end].max() - np.median(height[max(first - FPS, 0) : first + 1])
+    return {
+        "take_off_s": float(air[0]) / FPS if len(air) > 3 else float("inf"),
+        "rise_cm": 100.0 * float(rise),
+    }
+
+
+def _steady(c: _Curves, first: int, end: int) -> dict[str, float]:
+    return {"speed": float(np.median(c.hips[first:end])), "tilt": float(np.median(c.tilt[first:end]))}
+
+
+_FIGURES = {
+    "start": _start,
+    "stop": _stop,
+    "turn": _turn,
+    "spin": _turn,
+    "stand": _stand,
+    "jump": _jump,
+    "steady": _steady,
+    "change": _steady,
+}
+
+
+def whole_clip(p: Points, script: StickScript) -> dict[str, float]:
+    """Pops of knees and elbows a minute without jumps, and in jumps; how far toes are under their resting height, cm (0.1th percentile)."""
+    jumps = np.zeros(len(p["hips"]), bool)
+    for kind, _, first, end in _segments(script, len(jumps)):
+        jumps[first:end] |= kind == "jump"
+    result = {}
+    for name, frames in zip(("knee_pops", "elbow_pops"), joint_pops(p), strict=True):
+        for there, title in ((~jumps, name), (jumps, name + "_in_jumps")):
+            if there.any():
+                result[title] = float(there[frames].sum()) / (there.sum() / FPS / 60.0)
+    if "lt" in p:
+        toes = toe_heights(p, _resting(script, len(p["hips"])))
+        result["toe_under_cm"] = 100.0 * float(np.percentile(toes, 0.1))
+    return result
+
+
+# --- raw capture, whose stick nobody knows -----------------------------------------------------------------------------
+
+
+def raw_start(p: Points) -> dict[str, float]:
+    """Of a take that begins at rest and goes: from the first frame that moves to 90 % of the steady speed."""
+    v = hips_speed(p)
+    steady = float(np.median(v[v > 0.5 * v.max()]))
+    reached = int(np.argmax(v > REACHED * steady))
+    begins = np.flatnonzero(v[: reached + 1] < STILL)
+    first = int(begins[-1]) if len(begins) else 0
+    return _toe_paths(p, slice(first, first + BEGIN), v < STILL) | {
+        "reached_s": (reached - first) / FPS,
+        "peak_share": float(v[first : first + BEGIN].max()) / steady,
+        "tilt": float(torso_tilt(p)[first : first + BEGIN].max()),
+    }
+
+
+def raw_stop(p: Points) -> dict[str, float]:
+    """Of a take that goes and ends at rest: from the last frame at 90 % of the steady speed to the first that stands."""
+    v = hips_speed(p)
+    steady = float(np.median(v[v > 0.5 * v.max()]))
+    last = int(np.flatnonzero(v > REACHED * steady)[-1])
+    still = np.flatnonzero(v[last:] < STILL)
+    if not len(still):
+        return {}
+    stop = int(still[0])
+    busy = np.flatnonzero(limbs_speed(p)[last:] > CALM)
+    wrists = wrists_speed(p)
+    return {
+        "stop_s": stop / FPS,
+        "calm_after_s": max(float(busy[-1] + 1 - stop) / FPS, 0.0) if len(busy) else 0.0,
+        "wrists_share": float(
+            wrists[last:].max() / max(wrists[max(last - round(LAST * FPS), 0) : last + 1].max(), 1e-6)
+        ),
+    }
+
+
+def raw_turns(p: Points) -> dict[str, float]:
+    """Of all turns of the hips in a take, one a second at most: the 90th percentile of their fastest moments."""
+    turn = hips_turn(p)
+    peaks, _ = find_peaks(turn, height=TURNING, distance=FPS)
+    return {"turn": float(np.percentile(turn[peaks], 90))} if len(peaks) else {}
+
+
+def _toe_paths(p: Points, w: slice, resting: NDArray[np.bool_]) -> dict[str, float]:
+    """`_Curves.toe_paths` of a window of a take; nothing of one that never rests."""
+    if "lt" not in p or not resting.any():
+        return {}
+    heights = toe_heights(p, resting)
+    paths = [s for i, k in enumerate(("lt", "rt")) for s in paths_near_ground(p[k][w], heights[w, i])]
+    return {"toe_path_cm": float(np.percentile(paths, 90))} if paths else {}
+
+
+def raw_stand(p: Points) -> dict[str, float]:
+    """Of an idle: wrists after its first and before its last second, which hold its lead-in."""
+    wrists = wrists_speed(p)[2 * FPS : -2 * FPS]
+    return {"wrists_median": float(np.median(wrists, 0).max()), "wrists_largest": float(wrists.max())}
+
+
+def raw_pops(p: Points) -> dict[str, float]:
+    """Pops of knees and elbows a minute."""
+    minutes = len(p["hips"]) / FPS / 60.0
+    knees, elbows = joint_pops(p)
+    return {"knee_pops": len(knees) / minutes, "elbow_pops": len(elbows) / minutes}

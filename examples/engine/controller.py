@@ -152,6 +152,7 @@ class Controller:
             [np.interp(np.arange(121), np.arange(0, 121, 10), c) for c in start.T], -1
         ).reshape(121, 5, 2)
         self.stand()
+        self.response = response
         self.game = 0.13**response  # of the times that a body takes for a change
         self.change_s = 0.72 * np.clip(np.sqrt(1.3 / walk), 0.85, 1.12) * self.game
         self.jump_left = self.wished = self.requested = self.smooth = self.speed = self.measured = 0.0
@@ -326,7 +327,8 @@ class Controller:
         if (
             self.measured > 0.5 * self.requested and self.requested > 0.12
         ):  # strides a little longer or shorter
-            going = np.clip(2 * self.smooth / max(self.requested, 1e-9) - 1, 0, 1)  # a start is not overshot
+            going = 2 * self.smooth / max(self.requested, 1e-9) - 1  # a start is not overshot
+            going = np.clip(going, self.response, 1)
             velocity = velocity * np.clip(self.smooth / max(self.measured, 1e-9), 0.65, 1 + 0.25 * going)
         turn = y["root"][2] * DT
         self.advance(velocity, turn, turned(y["path"], yaw + turn), turned(y["facing"], yaw + turn))

@@ -388,7 +388,7 @@ def _root_velocity(
     walks = (state.measured_speed > 0.5 * state.requested_speed) & (state.requested_speed > STAND_SPEED)
     longer = state.smooth_request / np.maximum(state.measured_speed, 1e-9)
     going = state.smooth_request / np.maximum(state.requested_speed, 1e-9)
-    going = np.minimum(np.maximum((going - SETTING_OFF) / (1.0 - SETTING_OFF), 0.0), 1.0)
+    going = np.minimum(np.maximum((going - SETTING_OFF) / (1.0 - SETTING_OFF), response), 1.0)
     longer = np.minimum(np.maximum(longer, STRIDE_WARP[0]), 1.0 + (STRIDE_WARP[1] - 1.0) * going)
     velocity = velocity * np.where(walks, longer, 1.0)[:, None]
     near = 2.0 * state.root_speed * DT + HALF_BODY_M  # strides are scaled by less

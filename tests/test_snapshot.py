@@ -99,6 +99,7 @@ def test_a_state_from_before_momentum_is_read(walked: Controller) -> None:
         arrays = dict(file)
     tree = json.loads(arrays.pop("head").tobytes())
     tree["version"] = 3
+    tree["state"]["jump_left"] = tree["state"].pop("jumps") and tree["state"]["ground"]
     del tree["state"]["wished_speed"], tree["state"]["smooth_request"], tree["state"]["trajectory"]["wish"]
     buffer = io.BytesIO()
     np.savez(buffer, head=np.frombuffer(json.dumps(tree).encode(), np.uint8), **arrays)  # type: ignore[arg-type]

@@ -33,9 +33,9 @@ WORDING = Wording(
 )
 
 
-def test_a_sentence_and_its_clauses_are_said_as_the_model_follows_them():
+def test_a_whole_sentence_is_said_as_the_model_follows_it():
     assert WORDING.of("Torso leaning forward", "torso") == "torso tilted forward"
-    assert WORDING.of("torso leaning forward, tense", "torso") == "torso tilted forward, tense"
+    assert WORDING.of("torso leaning forward, tense", "torso") == "torso leaning forward, tense"
     assert WORDING.of("torso upright", "torso") == "torso upright"
     assert WORDING.of("torso leaning forward", "head") == "torso leaning forward"
 

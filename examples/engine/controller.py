@@ -141,7 +141,7 @@ class Controller:
         walk, jog = np.clip(folded[3][:2], [0.4, 1.2], [2.2, 5.0])
         self.rest = folded[3][2:].reshape(2, 5)  # amplitude and turns a second of the phases at rest
         self.clock, self.clock_share = np.zeros(5), np.zeros(5)
-        self.full = {WALK: float(walk), JOG: float(max(jog, 1.3 * walk)), CROUCH: 0.8, JUMP: float(walk)}
+        self.full = {WALK: float(walk), JOG: float(max(jog, 1.3 * walk)), CROUCH: 0.8}
         self.network = session(model / "step.onnx")
         self.noise, self.temperature, self.frame = Noise(seed), float(temperature), 0
         self.offsets, self.parents = np.float64(offsets), np.array(parents)
@@ -155,7 +155,7 @@ class Controller:
         self.response = response
         self.game = 0.13**response  # of the times that a body takes for a change
         self.change_s = 0.72 * np.clip(np.sqrt(1.3 / walk), 0.85, 1.12) * self.game
-        self.jump_left = self.wished = self.requested = self.smooth = self.speed = self.measured = 0.0
+        self.wished = self.requested = self.smooth = self.speed = self.measured = 0.0
         self.expected = self.followed = self.stood = 0.0  # of the regulator
         self.integral, self.share, self.feet = 1.0, 1.0, self.joints[SOLES]
         self.foot_speed = self.slow = 0.0
@@ -229,7 +229,7 @@ class Controller:
 
     def resting(self) -> float:
         """0 while the body moves or gesticulates, to 1 when its plan stands still."""
-        stops = self.wished == 0 and self.jump_left <= 0
+        stops = self.wished == 0
         return np.clip(1 - self.requested / 0.8, 0, 1) * (1 - self.clock_share.max()) if stops else 0.0
 
     def request(self, x: float, z: float, gait: int, facing: float | None):
@@ -239,10 +239,7 @@ class Controller:
         full, moving = self.full[gait], amount * self.full[gait] > 0.12
         velocity = np.array([x, z]) * full if moving else np.zeros(2)
         self.wished = amount * full if moving else 0.0
-        self.jump_left = 0.7 if gait == JUMP else self.jump_left
-        if self.jump_left > 0:
-            self.jump_left, gait = self.jump_left - DT, JUMP
-        elif not moving and gait != CROUCH:
+        if not moving and gait != CROUCH:
             gait = STAND
         if facing is None and moving:
             facing = np.arctan2(velocity[0], velocity[1])
@@ -318,7 +315,7 @@ class Controller:
         back = (weights[:, None] * (feet - before)[:, [0, 2]]).sum(0) * FPS / max(weights.sum(), 0.25)
         firm = self.resting() * min(weights.sum() / 0.5, 1.0)  # the planted feet carry a body that stops
         velocity = velocity + (turned(-back, yaw) - velocity) * firm
-        if self.wished == 0 and self.jump_left <= 0:  # at rest nobody creeps
+        if self.wished == 0:  # at rest nobody creeps
             most = max(9 * self.requested, kept(0.24) ** (1 / self.game) * self.speed)
             velocity = velocity * min(1.0, most / max(np.hypot(*velocity), 1e-6))
         self.speed = float(np.hypot(*velocity))
@@ -336,7 +333,7 @@ class Controller:
     def unstall(self, foot_speed: float) -> None:
         """Turn the phases on while the root travels and the feet hardly move."""
         self.foot_speed += (foot_speed - self.foot_speed) * (1 - kept(0.1))
-        travels = self.measured > 0.5 * self.requested and self.jump_left <= 0 and self.requested > 0.3
+        travels = self.measured > 0.5 * self.requested and self.requested > 0.3
         self.slow = self.slow + DT if travels and self.foot_speed < 0.35 * self.requested else 0.0
         if self.slow > 0.25:
             sine, cosine = self.phase[..., 0].copy(), self.phase[..., 1].copy()

@@ -28,13 +28,15 @@ class CarriedHips:
     short_velocity: float = 0.0
     room: float = 0.0  # m that a knee still needs which cannot bend so fast
 
-    def carry(self, legs: Sequence[LegPose], feet: Sequence[PlantedFoot], dt: float) -> None:
-        """Set `offset` for this frame, from the incoming legs and the outgoing feet."""
+    def carry(
+        self, legs: Sequence[LegPose], feet: Sequence[PlantedFoot], dt: float, airborne: bool = False
+    ) -> None:
+        """Set `offset` for this frame, from the incoming legs and the outgoing feet; nothing carries a body in the air."""
         s = SETTINGS
         total, carried, least = s.free_weight, 0.0, s.max_rise
         for leg, foot in zip(legs, feet, strict=True):
             spans = span(leg)
-            weight = _straight(spans / foot.bones.length, s)
+            weight = 0.0 if airborne else _straight(spans / foot.bones.length, s)
             up, down = (s.max_rise, s.max_drop) if foot.anchor else (s.max_free_rise, s.max_free_rise)
             carried += weight * min(max(rise_for(leg.hip, foot.ankle, spans), -down), up)
             total += weight

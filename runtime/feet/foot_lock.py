@@ -58,11 +58,12 @@ class FootLock:
         contacts: Array,
         terrain: Terrain,
         dt: float,
+        airborne: bool = False,
     ) -> FootLockResult:
         """Planted pose of an incoming one.
 
         `hips_position` `(3,)`, `local_rotations` `(31, 4)`, `contacts` `(4,)` in 0..1 (left heel, left toe, right
-        heel, right toe), `dt` seconds since the previous call.
+        heel, right toe), `dt` seconds since the previous call. `airborne`: the body is thrown, no leg carries it.
         """
         x, y, z = (float(v) for v in hips_position)
         local = np.asarray(local_rotations, np.float64).tolist()
@@ -82,7 +83,7 @@ class FootLock:
             foot.observe(leg, chances[2 * side], chances[2 * side + 1], ground, dt)
             foot.choose_anchor(leg, drop, self.feet[1 - side].refractory > 0.0)
             foot.plant(leg, drop, ground, dt)
-        self.hips.carry(legs, self.feet, dt)
+        self.hips.carry(legs, self.feet, dt, airborne)
         drop = -self.hips.offset
         result = np.array(self.balance.apply(local_rotations, self.on_beam, dt), copy=True)
         targets = [foot.within_reach(leg, drop, ground) for foot, leg in zip(self.feet, legs, strict=True)]

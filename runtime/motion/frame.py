@@ -19,7 +19,7 @@ from runtime.motion import features, momentum
 from runtime.motion.features import DT, OUTPUT_SIZE, InputParts, OutputParts, split_output
 from runtime.motion.model import MotionModel, Style
 from runtime.motion.noise import drifting_noise
-from runtime.motion.phase import advance_phase
+from runtime.motion.phase import advance_phase, at_rate
 from runtime.motion.poses import network_pose, shown_poses
 from runtime.motion.stall import CYCLES_PER_SECOND, advance_by_cycles
 from runtime.motion.state import CharacterState, standing
@@ -35,9 +35,9 @@ Flags = NDArray[np.bool_]
 
 MAX_OUTPUT = 1e4  # metres, m/s, rad/s: no body has more, and bones would be lost in rounding
 REST_TEMPERATURE = 0.35  # of the temperature, while standing: breathing and shifts of weight stay
+TAKE_OFF_FRAMES = 6  # whose mean velocity a body keeps in the air
 MIN_GAIT_SPEED = 0.3  # m/s; slower, feet may well rest for a while
 CROUCH_SPEED = 0.8  # m/s at full stick
-JUMP_SECONDS = 0.7
 # what the regulator leaves of a difference in speed is taken up by longer or shorter strides, this much at most
 STRIDE_WARP = (0.65, 1.25)
 SETTING_OFF = (
@@ -137,7 +137,7 @@ def step(
 
 def _rest(state: CharacterState) -> Array:
     """How far bodies have come to rest `(N,)`: 0 while they move or gesticulate, 1 when their plan stands still."""
-    stops = (state.wished_speed == 0.0) & (state.jump_left <= 0.0)
+    stops = (state.wished_speed == 0.0) & ~np.array([jump.airborne for jump in state.jumps])
     slow = np.minimum(np.maximum(1.0 - state.requested_speed / CALM_FROM, 0.0), 1.0)
     return np.asarray(np.where(stops, slow * (1.0 - state.rest.share.max(-1)), 0.0))
 
@@ -167,7 +167,7 @@ def _look(state: CharacterState, controls: Sequence[Controls], terrain: Terrain)
     looks = []
     for i, crossing in enumerate(state.crossings):
         stick, style = controls[i], state.styles[i].style
-        velocity = sticks[i] * full_speed(style, stick.gait)
+        velocity = sticks[i] * full_speed(style, state.jumps[i].asked(stick.gait))
         # a glance beside a beam would see a drop
         ground = None if clear[i] or state.feet[i].on_beam else terrain
         looks.append(crossing.look(ground, here[i], velocity, float(state.measured_speed[i])))
@@ -177,24 +177,25 @@ def _look(state: CharacterState, controls: Sequence[Controls], terrain: Terrain)
 def _request(
     state: CharacterState, controls: Sequence[Controls], looks: Sequence[Look], styles: Sequence[Style]
 ) -> Request:
-    """What is requested of every root; writes `wished_speed` and `jump_left`."""
+    """What is requested of every root; writes `wished_speed`, and begins jumps."""
     count = len(state)
     velocity, facing, gaits = np.zeros((count, 2)), np.full(count, np.nan), np.zeros(count, np.int64)
-    speeds, jump_left = np.zeros(count), state.jump_left.copy()
+    speeds = np.zeros(count)
     for i, (stick, look, style) in enumerate(zip(controls, looks, styles, strict=True)):
         x, z, amount = _stick(stick)
-        full = full_speed(style, stick.gait)
+        jump, crossing = state.jumps[i], state.crossings[i]
+        if jump.press(stick.gait, crossing.kind == ""):
+            jump.start(state.poses.pose(i), crossing.steps, _velocity(state, i))
+        gait = jump.asked(stick.gait)
+        full = full_speed(style, gait)
         if not look.stops:
             speeds[i] = amount * full
         moving = bool(speeds[i] > STAND_SPEED)
         if moving:
             velocity[i] = x * full, z * full
-        gait = stick.gait
-        if gait == Gait.JUMP:
-            jump_left[i] = JUMP_SECONDS
-        if jump_left[i] > 0.0:
-            jump_left[i] -= DT
-            gait = Gait.JUMP
+        if jump.airborne:  # nobody steers in the air
+            velocity[i] = state.trajectory.velocity[i]
+            speeds[i] = float(np.hypot(*velocity[i]))
         elif not moving and gait != Gait.CROUCH:
             gait = Gait.STAND
         gaits[i] = gait
@@ -205,8 +206,15 @@ def _request(
             facing[i] = np.arctan2(*stick.facing)
         elif moving:
             facing[i] = np.arctan2(velocity[i, 0], velocity[i, 1])
-    state.wished_speed, state.jump_left = np.where(speeds > STAND_SPEED, speeds, 0.0), jump_left
+    state.wished_speed = np.where(speeds > STAND_SPEED, speeds, 0.0)
     return Request(velocity, facing, gaits)
+
+
+def _velocity(state: CharacterState, index: int) -> tuple[float, float]:
+    """Of the root in the last frames, m/s."""
+    xz = state.trajectory.xz[index]
+    x, z = ((xz[PRESENT] - xz[PRESENT - TAKE_OFF_FRAMES]) / (TAKE_OFF_FRAMES * DT)).tolist()
+    return x, z
 
 
 def _steer(state: CharacterState, request: Request, styles: Sequence[Style], response: Array) -> None:
@@ -297,8 +305,14 @@ def _plant(
             keyed = crossing.apply(hips[i], local[i], float(state.ground[i]), state.poses.pose(i), terrain)
             unlocked_hips[i], unlocked_local[i], contacts[i] = keyed
             shown_hips[i], shown_local[i] = keyed[:2]
+            state.jumps[i].cancel(float(hips[i, 1]))
         else:
-            locked = feet.apply(hips[i], local[i], contacts[i], terrain, DT)
+            jump = state.jumps[i]
+            jump.advance(float(hips[i, 1]), float(state.ground[i]), _velocity(state, i))
+            if jump.stage:
+                posed = jump.pose(hips[i], local[i], contacts[i], terrain)
+                unlocked_hips[i], unlocked_local[i], contacts[i] = posed
+            locked = feet.apply(unlocked_hips[i], unlocked_local[i], contacts[i], terrain, DT, jump.airborne)
             shown_hips[i], shown_local[i] = locked.hips_position, locked.local_rotations
     state.poses = shown_poses(shown_hips, shown_local, contacts, state.trajectory, terrain)
     return unlocked_hips, unlocked_local
@@ -318,7 +332,8 @@ def _cross(
                 feet.take_over((unlocked[0][i], unlocked[1][i]), (network[0][i], network[1][i]))
         else:
             speed = float(state.measured_speed[i])
-            crossing.watch(state.poses.pose(i), feet.held, speed, styles[i].walk_speed, looks[i].ahead)
+            ahead = None if state.jumps[i].active else looks[i].ahead
+            crossing.watch(state.poses.pose(i), feet.held, speed, styles[i].walk_speed, ahead)
 
 
 def _feed_back(
@@ -337,13 +352,18 @@ def _feed_back(
     """
     path = state.trajectory
     yaw = path.yaw[:, PRESENT]
+    rates = np.array([jump.rate for jump in state.jumps])
+    before = state.joints
     state.joints = features.relative_joints(joints, path.here, state.ground, yaw)
+    if (rates != 1.0).any():  # a rhythm that is held back: the body has come a part of its way
+        state.joints = before + rates[:, None, None] * (state.joints - before)
     state.velocities = y.joint_velocities
-    state.phase = advance_phase(state.phase, y.phase)
+    state.phase = at_rate(state.phase, advance_phase(state.phase, y.phase), rates)
     resting = path.gait[:, PRESENT, Gait.STAND]
 
     # the speed at which feet should be stepping: 0 at rest, in a jump, and while the root has not set off
-    travels = (state.measured_speed > 0.5 * state.requested_speed) & (state.jump_left <= 0.0)
+    jumping = np.array([jump.active for jump in state.jumps])
+    travels = (state.measured_speed > 0.5 * state.requested_speed) & ~jumping
     steps = np.where(travels & (state.requested_speed > MIN_GAIT_SPEED), state.requested_speed, 0.0)
     stalled = state.stall.update(state.joints, steps)
     if stalled.any():
@@ -372,25 +392,28 @@ def _root_velocity(
 ) -> Array:
     """The velocities `(N, 2)` (m/s) that the roots take of the network's; writes the speeds and the strides."""
     velocity = velocity + np.array([feet.pull for feet in state.feet])
+    flying = np.array([jump.airborne for jump in state.jumps])
     carried, weight = state.stride.carried(state.joints, contacts)
-    firm = _rest(state) * np.minimum(weight / FIRM_CONTACT, 1.0)
+    firm = np.where(flying, 0.0, _rest(state) * np.minimum(weight / FIRM_CONTACT, 1.0))
     carried = features.to_world(carried, state.trajectory.yaw[:, PRESENT])
     velocity = velocity + (carried - velocity) * firm[:, None]
+    for i, jump in enumerate(state.jumps):
+        velocity[i] = jump.carried(velocity[i])
     speed = np.sqrt((velocity * velocity).sum(-1))
-    still = (state.wished_speed == 0.0) & (state.jump_left <= 0.0)  # at rest nobody creeps
+    still = (state.wished_speed == 0.0) & ~flying  # at rest nobody creeps
     coast = decay(COAST) ** (momentum.GAME**-response)
     most = np.maximum(LAST_SPEED * state.requested_speed, coast * state.root_speed)
     creep = np.where(still, np.minimum(1.0, most / np.maximum(speed, 1e-6)), 1.0)
     velocity, state.root_speed = velocity * creep[:, None], speed * creep
     change = (state.root_speed - state.measured_speed) * (1 - decay(SPEED_HALF_LIFE))
     state.measured_speed = state.measured_speed + change
-    state.stride.update(state.joints, contacts, state.measured_speed)
+    state.stride.update(state.joints, np.where(flying[:, None], 0.0, contacts), state.measured_speed)
     walks = (state.measured_speed > 0.5 * state.requested_speed) & (state.requested_speed > STAND_SPEED)
     longer = state.smooth_request / np.maximum(state.measured_speed, 1e-9)
     going = state.smooth_request / np.maximum(state.requested_speed, 1e-9)
     going = np.minimum(np.maximum((going - SETTING_OFF) / (1.0 - SETTING_OFF), response), 1.0)
     longer = np.minimum(np.maximum(longer, STRIDE_WARP[0]), 1.0 + (STRIDE_WARP[1] - 1.0) * going)
-    velocity = velocity * np.where(walks, longer, 1.0)[:, None]
+    velocity = velocity * np.where(walks & ~flying, longer, 1.0)[:, None]
     near = 2.0 * state.root_speed * DT + HALF_BODY_M  # strides are scaled by less
     way = velocity / np.maximum(np.sqrt((velocity * velocity).sum(-1, keepdims=True)), 1e-9)
     gentle, walls = terrain.steepest * RUN_M < EDGE_M, has_walls(terrain)

@@ -42,3 +42,18 @@ def advance_phase(window: Array, samples: Array) -> Array:
     moved[..., :PRESENT, :, :] = window[..., 1 : PRESENT + 1, :, :]
     moved[..., PRESENT:, :, :] = dense_future(samples)
     return moved
+
+
+def at_rate(before: Array, window: Array, rate: Array) -> Array:
+    """The window `(N, 121, C, 2)` that follows `before`, with its present and future turned back to `rate` `(N,)` of the frame's way."""
+    if (rate == 1.0).all():
+        return window
+    old, new = before[:, PRESENT], window[:, PRESENT]
+    turn = np.arctan2(new[..., 0], new[..., 1]) - np.arctan2(old[..., 0], old[..., 1])
+    turn = (turn + np.pi) % (2.0 * np.pi) - np.pi
+    angle = ((rate[:, None] - 1.0) * turn)[:, None]
+    sine, cosine = np.sin(angle), np.cos(angle)
+    s, c = window[:, PRESENT:, :, 0], window[:, PRESENT:, :, 1]
+    result = window.copy()
+    result[:, PRESENT:, :, 0], result[:, PRESENT:, :, 1] = s * cosine + c * sine, c * cosine - s * sine
+    return result

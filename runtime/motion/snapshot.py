@@ -18,6 +18,7 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 
 from runtime.crossing.crossing import is_possible
+from runtime.crossing.jump import Jump
 from runtime.errors import FileError, ModelError
 from runtime.motion.controller import Controller
 from runtime.motion.model import Style
@@ -26,7 +27,7 @@ from runtime.motion.style_blend import StyleCodes
 from runtime.motion.style_mix import StyleMix
 from runtime.records import REMEDY, copied, read_record, write_record
 
-VERSION = 4
+VERSION = 5
 MAX_BYTES = 16 * 1024 * 1024  # a folded style has 2 MB
 MOST_CODES, LARGEST_SHARE, LARGEST_CODE = 64, 64.0, 1e4
 LONGEST_BLEND_S, LARGEST_STRENGTH, FASTEST = 1e6, 16.0, 100.0
@@ -83,7 +84,9 @@ class Snapshot:
             version = tree["version"]
             if version == 3:
                 _plan_as_velocity(tree["state"])
-            if version in (3, VERSION):
+            if version in (3, 4):
+                _no_jump(tree["state"])
+            if version in (3, 4, VERSION):
                 arrays = [named[f"a{k}"] for k in range(len(named))]
                 codes = _codes(tree["style"], arrays)
                 state = read_record(CharacterState, tree["state"], arrays, name)
@@ -92,6 +95,8 @@ class Snapshot:
                 if (
                     len(state.feet) != 1
                     or len(state.crossings) != 1
+                    or len(state.jumps) != 1
+                    or not state.jumps[0].is_possible
                     or state.seed[0] < 0
                     or state.frame[0] < 0
                 ):
@@ -121,6 +126,12 @@ def _plan_as_velocity(state: Any) -> None:
     """Version 3 had no plan on the way to the stick's velocity: the velocity was the stick's."""
     state["wished_speed"] = state["smooth_request"] = state["requested_speed"]
     state["trajectory"]["wish"] = state["trajectory"]["velocity"]
+
+
+def _no_jump(state: Any) -> None:
+    """Version 4 had jumps of the network, of which nothing but their time was remembered."""
+    del state["jump_left"]
+    state["jumps"] = [write_record(Jump(), [])]
 
 
 def take_snapshot(controller: Controller) -> Snapshot:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Array
 from runtime.crossing.crossing import Crossing
+from runtime.crossing.jump import Jump
 from runtime.feet.foot_lock import FootLock
 from runtime.motion.features import DT, PHASE_OFFSETS, C, split_output
 from runtime.motion.inertialization import Inertialization
@@ -44,7 +45,6 @@ class CharacterState:
     phase: Array = field(metadata={"shape": (LENGTH, C, 2), "most": 1000.0})
     trajectory: Trajectory
     ground: Array = field(metadata=_ONE)  # m, the height that the body is placed over
-    jump_left: Array = field(metadata={"shape": (), "most": 10.0})  # seconds
     wished_speed: Array = field(metadata={"shape": (), "most": 100.0})  # m/s, the stick's
     requested_speed: Array = field(metadata={"shape": (), "most": 100.0})  # m/s, planned on the way there
     smooth_request: Array = field(metadata={"shape": (), "most": 100.0})  # the same, smoothed over a stride
@@ -57,6 +57,7 @@ class CharacterState:
     arms: Inertialization
     feet: tuple[FootLock, ...]
     crossings: tuple[Crossing, ...]
+    jumps: tuple[Jump, ...]
     styles: tuple[StyleBlend, ...]
     poses: Poses
 
@@ -89,7 +90,6 @@ def standing(
         phase=phase.reshape(1, -1, C, 2),
         trajectory=trajectory,
         ground=ground,
-        jump_left=still,
         wished_speed=still,
         requested_speed=still,
         smooth_request=still,
@@ -102,6 +102,7 @@ def standing(
         arms=Inertialization.at_rest(local),
         feet=(feet,),
         crossings=(Crossing(),),
+        jumps=(Jump.standing(float(hips[0, 1]), float(ground[0])),),
         styles=(style,),
         poses=shown_poses(
             locked.hips_position[None], locked.local_rotations[None], contacts, trajectory, terrain

@@ -1,6 +1,6 @@
 """The wording that a model follows: of a sentence that it hardly shows, one of the same meaning that it shows.
 
-The file has, for every model by name and for torso, head and leg, sentences and single clauses with what is told to the model in their
+The file has, for every model by name and for torso, head and leg, sentences with what is told to the model in their
 place; limbs are described as the left ones. `python -m training.evaluation.text.wording` measures and writes it.
 """
 
@@ -29,16 +29,12 @@ class Wording:
     table: Mapping[tuple[str, str], str] = field(default_factory=dict)
 
     def of(self, sentence: str, part: str) -> str:
-        """The sentence that the model is told of `part`: another wording of the whole, or else of its clauses."""
+        """The sentence that the model is told of `part`."""
         group, words = as_left_limb(sentence, part)
-        whole = self.table.get((group, words))
-        if whole is None:
-            clauses = [c.strip() for c in words.split(",")]
-            told = [self.table.get((group, clause), clause) for clause in clauses]
-            if told == clauses:
-                return sentence
-            whole = ", ".join(told)
-        return mirror_text(whole) if part.startswith("right") else whole
+        told = self.table.get((group, words))
+        if told is None:
+            return sentence
+        return mirror_text(told) if part.startswith("right") else told
 
     def followed(self, descriptions: PartDescriptions) -> PartDescriptions:
         """The six sentences that the model is told."""

@@ -13,7 +13,8 @@ from runtime.prompts.english.compose import compose_neighbours
 from runtime.prompts.english.library_data import LibraryEmbeddings, LibraryEntry
 from runtime.prompts.expander import Expansion
 from runtime.prompts.parts import PartDescriptions
-from runtime.prompts.shares import PhraseShares, as_left_limb, load_shares
+from runtime.prompts.sentence_tables import as_left_limb
+from runtime.prompts.shares import PhraseShares, load_shares
 from runtime.skeleton import PART_NAMES
 from tests.test_layering import walker
 from tests.walker import WalkerModel

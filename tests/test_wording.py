@@ -13,7 +13,7 @@ from runtime.errors import FileError
 from runtime.motion.model import load_model
 from runtime.prompts.content import PromptEncoder
 from runtime.prompts.parts import PartDescriptions
-from runtime.prompts.shares import as_left_limb
+from runtime.prompts.sentence_tables import as_left_limb
 from runtime.prompts.text_encoder import TextEncoder
 from runtime.prompts.wording import FILE, Wording, load_wordings, wording_of
 

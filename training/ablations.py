@@ -1,10 +1,10 @@
 """The ablation rows of Table I: every variant trained for the same few steps, on the same data, and exported.
 
-    python -m training.ablations --clips DIR --run DIR --out DIR --stage2-steps 3000 --stage3-steps 1000
+    python -m training.ablations --clips DIR --run DIR --out DIR --stage2-steps 3000 --stage3-steps 1000 --seeds 0 1 2
 
 `--run` is the folder of a finished run: its phases and content encoder serve the variants that do not change them.
-Every variant lands in OUT/<name>/model, and OUT/full/model-mixture is the one without diffusion;
-`training.evaluation distances --model` scores them beside each other.
+Every variant lands in OUT/<name>/seed<k>/model, and OUT/full/seed<k>/model-mixture is the one without diffusion;
+`training.evaluation table1 --runs OUT` scores them beside each other.
 """
 
 from __future__ import annotations
@@ -63,23 +63,29 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--stage2-steps", type=int, default=3000)
     parser.add_argument("--stage3-steps", type=int, default=1000)
     parser.add_argument("--batch", type=int, default=1024)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="every variant once with each")
     args = parser.parse_args(argv)
-    for name in args.only:
-        folder = args.out / name
-        if (folder / "model" / "metadata.json").exists():
-            log.info("%s: already exported", name)
-            continue
-        prepare(args.run, folder, name)
-        steps = [f"--{stage}-steps={getattr(args, f'{stage}_steps')}" for stage in ("phase", "content")]
-        steps += [
-            f"--stage2-steps={args.stage2_steps}",
-            f"--stage3-steps={args.stage3_steps}",
-            f"--batch={args.batch}",
-        ]
-        common = ["--preset", args.preset, "--clips", str(args.clips), "--out", str(folder), "--layers", "0"]
-        pipeline.main(["all", *common, "--ablation", name, *steps])
-        if name == "full":  # its stage 2 is the row without diffusion
-            pipeline.main(["export", *common, "--ablation", name, "--decoder", "mixture"])
+    for seed in args.seeds:  # a whole table first, then its spread
+        for name in args.only:
+            _train(args, name, seed)
+
+
+def _train(args: argparse.Namespace, name: str, seed: int) -> None:
+    """Train and export one variant, if it is not there."""
+    folder = args.out / name / f"seed{seed}"
+    if (folder / "model" / "metadata.json").exists():
+        log.info("%s, seed %d: already exported", name, seed)
+        return
+    prepare(args.run, folder, name)
+    steps = [
+        f"--{stage}-steps={getattr(args, f'{stage}_steps')}"
+        for stage in ("phase", "content", "stage2", "stage3")
+    ]
+    steps += [f"--batch={args.batch}", f"--seed={seed}"]
+    common = ["--preset", args.preset, "--clips", str(args.clips), "--out", str(folder), "--layers", "0"]
+    pipeline.main(["all", *common, "--ablation", name, *steps])
+    if name == "full":  # its stage 2 is the row without diffusion
+        pipeline.main(["export", *common, "--ablation", name, "--decoder", "mixture"])
 
 
 if __name__ == "__main__":

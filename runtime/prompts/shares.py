@@ -6,16 +6,15 @@ clauses; limbs are described as the left ones. `python -m training.evaluation.te
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from runtime.assets import DEFAULT_MODEL, asset_path
-from runtime.errors import FileError
-from runtime.prompts.parts import PartDescriptions, mirror_text
+from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.sentence_tables import as_left_limb, load_tables, rows_of
 from runtime.skeleton import PART_NAMES
 
 HARDLY = 0.3  # share under which a sentence is said to be hardly shown
@@ -59,15 +58,6 @@ class PhraseShares:
         return f"Hardly shown by this model: {'; '.join(listed)}."
 
 
-def as_left_limb(sentence: str, part: str) -> tuple[str, str]:
-    """Group of a part, and its sentence as it describes the left limb; ValueError for an unknown part."""
-    if part not in PART_NAMES:
-        raise ValueError(f"unknown body part {part!r}")
-    side, _, limb = part.partition("_")
-    text = " ".join(sentence.lower().split())
-    return (limb or side), (mirror_text(text) if side == "right" else text)
-
-
 def phrase_share(sentence: str, part: str, model: str = DEFAULT_MODEL) -> float | None:
     """Share (0 to 1) of what `sentence` says of `part` that `model` shows on a walk; None where it was not measured."""
     return shares_of(model).of(sentence, part)
@@ -80,23 +70,15 @@ def shares_of(model: str = DEFAULT_MODEL) -> PhraseShares:
 
 def load_shares(path: Path) -> dict[str, PhraseShares]:
     """Tables by model; none where there is no file. FileError when it is malformed."""
-    if not path.is_file():
-        return {}
-    try:
-        values: dict[str, Any] = json.loads(path.read_text("utf-8"))
-        return {
-            model: PhraseShares(_table(tables["sentences"]), _table(tables["clauses"]))
-            for model, tables in values.items()
-        }
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise FileError(f"{path}: not a table of shares ({error!r}).", "Restore the file.") from error
+    return load_tables(path, _read, "shares")
 
 
-def _table(groups: Mapping[str, Mapping[str, Any]]) -> dict[tuple[str, str], float]:
-    rows: Iterable[tuple[str, str, Any]] = (
-        (group, words, share) for group, own in groups.items() for words, share in own.items()
-    )
-    found = {(group, words): float(share) for group, words, share in rows}
+def _read(tables: Any) -> PhraseShares:
+    return PhraseShares(_shares(tables["sentences"]), _shares(tables["clauses"]))
+
+
+def _shares(groups: Mapping[str, Mapping[str, Any]]) -> dict[tuple[str, str], float]:
+    found = {row: float(share) for row, share in rows_of(groups).items()}
     if not all(0.0 <= share <= 1.0 for share in found.values()):
         raise ValueError("a share is not between 0 and 1")
     return found

@@ -6,7 +6,6 @@ place; limbs are described as the left ones. `python -m training.evaluation.text
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -14,9 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from runtime.assets import asset_path
-from runtime.errors import FileError
 from runtime.prompts.parts import PartDescriptions, mirror_text
-from runtime.prompts.shares import as_left_limb
+from runtime.prompts.sentence_tables import as_left_limb, load_tables, rows_of
 from runtime.skeleton import PART_NAMES
 
 FILE = "prompts/wording.json"
@@ -48,20 +46,14 @@ def wording_of(model: str) -> Wording:
 
 def load_wordings(path: Path) -> dict[str, Wording]:
     """Tables by model; none where there is no file. FileError when it is malformed."""
-    if not path.is_file():
-        return {}
-    try:
-        values: dict[str, Any] = json.loads(path.read_text("utf-8"))
-        return {model: Wording(_table(groups)) for model, groups in values.items()}
-    except (OSError, ValueError, TypeError, AttributeError) as error:
-        raise FileError(f"{path}: not a table of wordings ({error!r}).", "Restore the file.") from error
+    return load_tables(path, _read, "wordings")
 
 
-def _table(groups: Mapping[str, Mapping[str, Any]]) -> dict[tuple[str, str], str]:
-    rows = {(group, words): told for group, own in groups.items() for words, told in own.items()}
+def _read(groups: Any) -> Wording:
+    rows = rows_of(groups)
     if not all(isinstance(told, str) and told for told in rows.values()):
         raise ValueError("a wording is no text")
-    return rows
+    return Wording(rows)
 
 
 @lru_cache(maxsize=2)

@@ -129,6 +129,16 @@ def same_rest(**names: str) -> dict[str, SourceJoint]:
     return {target: SourceJoint(source) for target, source in names.items()}
 
 
+def same_limbs() -> dict[str, SourceJoint]:
+    """Limbs that are named as ours and whose bones we turn along the source's own, from joint to joint."""
+    along = {"Arm": "ForeArm", "ForeArm": "Hand", "UpLeg": "Leg", "Leg": "Foot"}
+    return {
+        side + limb: SourceJoint(side + limb, along=side + along[limb] if limb in along else None)
+        for side in SIDES
+        for limb in LIMBS
+    }
+
+
 def recognise(motion: BvhMotion, file_name: str, known: Iterable[SourceSkeleton]) -> SourceSkeleton:
     """The skeleton among `known` of a motion; FileError names the file when there is none."""
     names = set(motion.skeleton.names)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from training.data.record import ClipSource, DataSet, Refusal
-from training.data.source_skeletons import SIDES, SourceJoint, SourceSkeleton, same_rest
+from training.data.source_skeletons import SourceSkeleton, same_limbs, same_rest
 
 _O3DE_CONTENT = {
     "Crouching": "crouched walk", "Jumps": "mixed walk jog jump onto a platform", "Run": "run forward",
@@ -33,15 +33,7 @@ def _o3de() -> SourceSkeleton:
     joints = same_rest(
         Hips="Hips", LowerBack="Spine1", Spine="Spine2", Spine1="Spine3", Neck1="Neck", Head="Head"
     )
-    for side in SIDES:
-        joints[side + "Shoulder"] = SourceJoint(side + "Shoulder")
-        joints[side + "Arm"] = SourceJoint(side + "Arm", along=side + "ForeArm")
-        joints[side + "ForeArm"] = SourceJoint(side + "ForeArm", along=side + "Hand")
-        joints[side + "Hand"] = SourceJoint(side + "Hand")
-        joints[side + "UpLeg"] = SourceJoint(side + "UpLeg", along=side + "Leg")
-        joints[side + "Leg"] = SourceJoint(side + "Leg", along=side + "Foot")
-        joints[side + "Foot"] = SourceJoint(side + "Foot")
-        joints[side + "ToeBase"] = SourceJoint(side + "ToeBase")
+    joints |= same_limbs()
     return SourceSkeleton(
         "o3de", frozenset({"Spine3", "Neck1", "LeftToeBase"}), joints, has_toe_rotation=False
     )

@@ -11,7 +11,7 @@ from runtime.errors import FileError
 from runtime.formats.bvh import BvhMotion
 from runtime.skeleton import Skeleton
 from training.data.record import ClipSource, DataSet, Refusal
-from training.data.source_skeletons import SIDES, SourceJoint, SourceSkeleton, same_rest
+from training.data.source_skeletons import SourceSkeleton, same_limbs, same_rest
 
 _WORDS = (
     {
@@ -81,15 +81,7 @@ def _transforms() -> SourceSkeleton:
     joints = same_rest(
         Hips="Hips", LowerBack="Spine1", Spine="Spine2", Spine1="Spine3", Neck1="Neck", Head="Head"
     )
-    for side in SIDES:
-        joints[side + "Shoulder"] = SourceJoint(side + "Shoulder")
-        joints[side + "Arm"] = SourceJoint(side + "Arm", along=side + "ForeArm")
-        joints[side + "ForeArm"] = SourceJoint(side + "ForeArm", along=side + "Hand")
-        joints[side + "Hand"] = SourceJoint(side + "Hand")
-        joints[side + "UpLeg"] = SourceJoint(side + "UpLeg", along=side + "Leg")
-        joints[side + "Leg"] = SourceJoint(side + "Leg", along=side + "Foot")
-        joints[side + "Foot"] = SourceJoint(side + "Foot")
-        joints[side + "ToeBase"] = SourceJoint(side + "ToeBase")
+    joints |= same_limbs()
     return SourceSkeleton("transforms", frozenset({"Spine3", "LeftToeBase"}), joints, has_toe_rotation=False)
 
 

@@ -31,7 +31,8 @@ from runtime.motion.paths import control_script
 from runtime.prompts.english.library_data import LibraryStyle
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.prompter import Prompter
-from runtime.prompts.shares import FILE, as_left_limb
+from runtime.prompts.sentence_tables import as_left_limb
+from runtime.prompts.shares import FILE
 from runtime.skeleton import PART_NAMES
 from runtime.terrain.height_map import Terrain
 from training.evaluation.motion.driving import flat_ground

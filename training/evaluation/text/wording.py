@@ -31,7 +31,8 @@ from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel, load_model
 from runtime.pose import Pose
 from runtime.prompts.prompter import Prompter
-from runtime.prompts.shares import as_left_limb, shares_of
+from runtime.prompts.sentence_tables import as_left_limb
+from runtime.prompts.shares import shares_of
 from runtime.prompts.wording import FILE, Wording
 from runtime.skeleton import SPORT_SKELETON
 from training.data.labels import foot_contacts

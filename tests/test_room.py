@@ -9,8 +9,20 @@ from steep import spikes, walk
 from walker import WalkerModel
 
 from runtime.motion.controller import Controller
+from runtime.motion.limbs import off_walls
+from runtime.motion.state import standing
+from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
-from runtime.terrain.room import HAND_M, can_land, can_stand, has_walls, kept_off, nearest_place
+from runtime.terrain.room import (
+    HAND_M,
+    can_climb,
+    can_land,
+    can_stand,
+    has_walls,
+    kept_off,
+    led_clear,
+    nearest_place,
+)
 
 RISE = np.where(np.arange(201) < 100, 0.0, 3.0).astype(np.float32)  # a cliff at x = 0
 CLIFF = Terrain("cliff", RISE[:, None].repeat(201, 1), 0.1, (-10.0, -10.0))
@@ -42,8 +54,8 @@ def test_level_ground_has_no_walls_and_slopes_no_landing() -> None:
     assert nearest_place(Terrain.flat(), 1.0, 2.0) == (1.0, 2.0)
     slope = Terrain("slope", np.arange(201, dtype=np.float32)[:, None].repeat(2, 1) * 0.2, 0.1, (-10, -10))
     ahead = np.array([1.0, 0.0])
-    assert not can_land(slope, np.zeros(2), ahead, 0.5, 0.3)
-    assert can_land(CLIFF, np.array([-1.0, 0.0]), ahead, 1.0, 3.0)
+    assert not can_land(slope, np.zeros(2), ahead, 0.5, 0.3, 0.0, 0.0)
+    assert can_land(CLIFF, np.array([-1.0, 0.0]), ahead, 1.0, 3.0, 0.0, 0.0)
 
 
 def test_no_gap_is_leapt_beside_what_stands_in_it() -> None:
@@ -51,9 +63,41 @@ def test_no_gap_is_leapt_beside_what_stands_in_it() -> None:
     heights[22, 20] = 4.0  # 0.4 m beside the way and 1 m ahead
     terrain = Terrain("spike", heights, 0.2, (-4.0, -4.0))
     place, ahead = np.array([0.0, -1.0]), np.array([0.0, 1.0])
-    assert can_land(terrain, place, ahead, 1.4, 0.0)
-    assert not can_land(terrain, place, ahead, 1.4, 0.0, gap_m=0.6)
-    assert can_land(terrain, place, ahead, 1.4, 0.0, gap_m=0.1)
+    assert can_land(terrain, place, ahead, 1.4, 0.0, 0.0, 0.3)
+    assert not can_land(terrain, place, ahead, 1.4, 0.0, 0.6, 0.3)
+    assert can_land(terrain, place, ahead, 1.4, 0.0, 0.1, 0.3)
+
+
+def test_a_root_in_a_wall_drifts_out_of_it_and_up_no_step() -> None:
+    for away in (0.05, 0.2, 0.3):
+        kept = led_clear(CLIFF, np.array([-away, 0.0]), np.array([0.3, 1.0]))
+        assert kept[0] < -0.3
+    assert (led_clear(CLIFF, np.array([-0.8, 0.0]), np.array([0.0, 1.0])) == [0.0, 1.0]).all()
+
+
+def test_a_wall_is_climbed_only_where_a_body_has_room() -> None:
+    heights = np.zeros((81, 81), np.float32)
+    heights[:, 40:60] = 1.0  # a wall from z = 0 on
+    heights[60:, :] = 3.0  # and a higher one beside it, from x = 2 on
+    terrain = Terrain("corner", heights, 0.1, (-4.0, -4.0))
+    ahead = np.array([0.0, 1.0])
+    assert can_climb(terrain, np.array([0.0, -0.5]), ahead, 0.45, 1.0)
+    assert not can_climb(terrain, np.array([1.7, -0.5]), ahead, 0.45, 1.0)
+    assert not can_climb(terrain, np.array([0.0, -0.5]), ahead, 0.45, 1.5)
+
+
+def test_an_arm_in_a_wall_hangs_and_one_beside_level_ground_stays() -> None:
+    state = standing(WalkerModel(), CLIFF, None, 0, -0.45, 0.0, 0.0)  # type: ignore[arg-type]
+    hips, before = state.poses.hips[0], state.poses.local[0]
+    stretched = before.copy()
+    stretched[[18, 25]] = (1.0, 0.0, 0.0, 0.0)  # arms to both sides
+    for _ in range(4):
+        before = off_walls(hips, stretched, before, CLIFF)
+    places = SPORT_SKELETON.forward_kinematics(hips, before)[0]
+    depth = CLIFF.height(places[:, 0], places[:, 2]) - places[:, 1]
+    assert depth.max() < 0.2
+    flat = off_walls(hips, stretched, stretched, Terrain.flat())
+    assert (flat == stretched).all()
 
 
 def test_a_character_stands_beside_a_spike_that_rises_under_it() -> None:

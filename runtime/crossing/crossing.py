@@ -27,7 +27,7 @@ from runtime.pose import DT, Pose
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacles import blocked_message, step_ahead
-from runtime.terrain.room import can_land
+from runtime.terrain.room import LANDING_RISE_M, can_climb, can_land
 from runtime.terrain.way_ahead import ObstacleAhead, ObstacleKind, obstacle_ahead
 
 KINDS = ("", *(kind.value for kind in ObstacleKind), "climb", "descend")
@@ -48,6 +48,7 @@ WIDEST_SKEW = 0.9  # radians from the right angle
 PACE = (0.85, 1.2)  # of the root in the steps before a leap, so that a foot comes down at its edge
 LAST_STEP = 0.65  # of a step: what is left is leapt over, more is another step
 LATEST_START = 0.55  # of a stride: a leap that begins later is planned as if it began then
+BESIDE_BAR_M, BAR_SLACK_M = 0.3, 0.1  # before a bar, and higher than it, nothing stands beside the way
 TOO_LATE_M = 0.08  # a foot whose ankle stands nearer to the edge leaps no more
 BEFORE_M = 0.06  # the edge of an obstacle that the network is not to see
 DEEPEST_M = 0.05  # that a sole is lifted out of the ground,
@@ -57,6 +58,7 @@ WALKING, FOLLOWED = 0.4, 0.7  # m/s from which the root's own direction counts, 
 SLOWEST = 0.2  # m/s of a walk that leaps
 TEMPO = (0.7, 1.2)  # of a climb
 NO_LANDING = "The way ahead is blocked: no room to come down behind the edge."
+NO_CLIMB = "The way ahead is blocked: no room to climb over the edge."
 NEUTRAL_SPEED = 1.3  # m/s of a walk whose climb takes the time it is keyed for
 
 
@@ -168,11 +170,19 @@ class Crossing:
         ahead = Ahead(found, way)
         if is_leap(found):
             edge = found.near if found.kind in (ObstacleKind.UP, ObstacleKind.DOWN) else found.far
-            gap = found.far - found.near if found.kind == ObstacleKind.GAP else 0.0
-            if not can_land(terrain, np.array([x, z]), way, edge, max(found.beyond, 0.0), gap):
+            length, rise = found.far - found.near, max(found.beyond, 0.0)
+            flight, over = {
+                ObstacleKind.GAP: (length, rise + LANDING_RISE_M),
+                ObstacleKind.BAR: (length + BESIDE_BAR_M, found.top + BAR_SLACK_M),
+            }.get(found.kind, (0.0, 0.0))
+            if not can_land(terrain, np.array([x, z]), way, edge, rise, flight, over):
                 stops = found.near <= CLIMB_M + CLIMB_SECONDS * speed + HOLD_M * self.stopped
                 return Look(True, None, NO_LANDING) if stops else CLEAR
-        if not ahead.stands or found.near > CLIMB_M + CLIMB_SECONDS * speed + HOLD_M * self.stopped:
+        stops = found.near <= CLIMB_M + CLIMB_SECONDS * speed + HOLD_M * self.stopped
+        climbs = is_climb(found) and (stops or found.near <= CLIMB_FROM_M) and ahead.blocked is None
+        if climbs and not _has_room(terrain, ahead, np.array([x, z])):
+            return Look(True, None, NO_CLIMB) if stops else CLEAR
+        if not ahead.stands or not stops:
             return Look(False, ahead, None)
         return Look(True, ahead, ahead.blocked)
 
@@ -354,6 +364,13 @@ def is_climb(obstacle: ObstacleAhead) -> bool:
     """Whether it is climbed up or down."""
     steps = obstacle.kind in (ObstacleKind.UP, ObstacleKind.DOWN)
     return steps and HIGHEST_STEP_M < abs(obstacle.top) <= HIGHEST_CLIMB_M
+
+
+def _has_room(terrain: Terrain, ahead: Ahead, place: Array) -> bool:
+    """Whether a climb from `place` (XZ) over the edge ahead, at a right angle to it, has room."""
+    skew, (x, z) = ahead.obstacle.skew, ahead.way
+    way = np.array([x * np.cos(skew) + z * np.sin(skew), z * np.cos(skew) - x * np.sin(skew)])
+    return can_climb(terrain, place, way, ahead.obstacle.near * float(np.cos(skew)), ahead.obstacle.top)
 
 
 def _blocked(obstacle: ObstacleAhead) -> str | None:

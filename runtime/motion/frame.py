@@ -17,6 +17,7 @@ from runtime.controls import STAND_SPEED, Controls, Gait
 from runtime.crossing.crossing import CLEAR, HALF_BODY_M, LOOK_M, STOP_SECONDS, Look
 from runtime.motion import features, momentum
 from runtime.motion.features import DT, OUTPUT_SIZE, InputParts, OutputParts, split_output
+from runtime.motion.limbs import no_faster, off_walls
 from runtime.motion.model import MotionModel, Style
 from runtime.motion.noise import drifting_noise
 from runtime.motion.phase import advance_phase, at_rate
@@ -28,7 +29,7 @@ from runtime.records import copied, joined, part
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacles import level_ahead, within_steps
-from runtime.terrain.room import has_walls, kept_off
+from runtime.terrain.room import has_walls, led_clear
 from runtime.terrain.way_ahead import EDGE_M, RUN_M
 
 Flags = NDArray[np.bool_]
@@ -299,13 +300,15 @@ def _plant(
 ) -> tuple[Array, Array]:
     """Write the poses to show for the network's, crossing an obstacle or with planted feet; hips and rotations before foot lock."""
     unlocked_hips, unlocked_local = hips.copy(), local.copy()
-    shown_hips, shown_local = np.empty_like(hips), np.empty_like(local)
+    shown_hips, shown_local, walls = np.empty_like(hips), np.empty_like(local), has_walls(terrain)
     for i, (crossing, feet) in enumerate(zip(state.crossings, state.feet, strict=True)):
         if crossing.kind:
             keyed = crossing.apply(hips[i], local[i], float(state.ground[i]), state.poses.pose(i), terrain)
             unlocked_hips[i], unlocked_local[i], contacts[i] = keyed
             shown_hips[i], shown_local[i] = keyed[:2]
             state.jumps[i].cancel(float(hips[i, 1]))
+            if walls:
+                shown_local[i] = no_faster(shown_local[i], state.poses.local[i])
         else:
             jump = state.jumps[i]
             jump.advance(float(hips[i, 1]), float(state.ground[i]), _velocity(state, i))
@@ -314,6 +317,8 @@ def _plant(
                 unlocked_hips[i], unlocked_local[i], contacts[i] = posed
             locked = feet.apply(unlocked_hips[i], unlocked_local[i], contacts[i], terrain, DT, jump.airborne)
             shown_hips[i], shown_local[i] = locked.hips_position, locked.local_rotations
+            if walls:
+                shown_local[i] = off_walls(shown_hips[i], shown_local[i], state.poses.local[i], terrain)
     state.poses = shown_poses(shown_hips, shown_local, contacts, state.trajectory, terrain)
     return unlocked_hips, unlocked_local
 
@@ -427,7 +432,7 @@ def _root_velocity(
                 here = state.trajectory.here[i]
                 velocity[i] = crossing.held_back(terrain, here, velocity[i], look.ahead)
             if walls:
-                velocity[i] = kept_off(terrain, state.trajectory.here[i], velocity[i])
+                velocity[i] = led_clear(terrain, state.trajectory.here[i], velocity[i])
     return velocity
 
 

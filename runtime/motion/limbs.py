@@ -1,0 +1,118 @@
+"""Limbs of the shown pose beside walls: what would be in the ground hangs down, and none turns faster than joints do.
+
+Only what is shown: the network goes on with its own pose. On ground without walls nothing is done here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime import rotations
+from runtime.arrays import Array
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
+
+SHARES = np.linspace(0.0, 1.0, 9)  # of the way from the incoming limb to one that hangs
+SHALLOW_M = 0.25  # that a limb may be in the ground rather than go through it
+TURN_MOST = 0.7  # radians in a frame, of an arm or a leg: 42 rad/s, faster than a pitcher's forearm
+_MOVED = [2, 3, 4, 7, 8, 9, 18, 19, 20, 25, 26, 27]
+_DOWN = np.array([0.0, -1.0, 0.0])
+
+
+@dataclass(frozen=True)
+class Limb:
+    """An arm or a leg."""
+
+    upper: int  # joints: of the shoulder or hip,
+    lower: int  # of the elbow or knee,
+    rest: tuple[int, ...]  # and what follows
+    free_m: tuple[float, ...]  # it is kept so far from a wall, or else so far,
+    sunk_m: float  # and none of its joints deeper than so much under the ground
+    bends: tuple[float, ...]  # radians about Y of an elbow or knee that it may hang with
+
+
+LIMBS = (
+    Limb(18, 19, (20, 21, 22, 23), (0.2, 0.1, 0.0), 0.1, (0.0, -2.4)),
+    Limb(25, 26, (27, 28, 29, 30), (0.2, 0.1, 0.0), 0.1, (0.0, 2.4)),
+    Limb(2, 3, (4, 5), (0.06, 0.0), 0.2, (0.0,)),
+    Limb(7, 8, (9, 10), (0.06, 0.0), 0.2, (0.0,)),
+)
+
+
+def off_walls(hips: Array, local: Array, before: Array, terrain: Terrain) -> Array:
+    """Local rotations `(31, 4)` whose limbs hang down as far as they must to be out of the ground.
+
+    `before` are those of the last frame, which no limb turns away from faster than `TURN_MOST`.
+    """
+    result = no_faster(local, before)
+    positions, world = SPORT_SKELETON.forward_kinematics(hips, result)
+    for limb in LIMBS:
+        if _depths(terrain, limb, positions[None], positions[0]).max() <= limb.sunk_m:
+            continue
+        tries = _tries(result, before, world, limb)
+        placed, _ = SPORT_SKELETON.forward_kinematics(np.broadcast_to(hips, (len(tries), 3)), tries)
+        best = _best(_depths(terrain, limb, placed, positions[0]), limb)
+        result = result.copy()
+        result[[limb.upper, limb.lower]] = tries[best, [limb.upper, limb.lower]]
+    return result
+
+
+def _depths(terrain: Terrain, limb: Limb, poses: Array, hips: Array) -> Array:
+    """Metres `(M, N)` by which a limb's deepest joint in `poses` `(N, 31, 3)` is under the ground anywhere up to `free_m` `(M,)` farther from the hips."""
+    joints = poses[:, [limb.lower, *limb.rest]]
+    out = (joints - hips)[..., [0, 2]]
+    out = out / np.maximum(np.sqrt((out * out).sum(-1, keepdims=True)), 1e-6)
+    points = joints[..., [0, 2]] + np.array(limb.free_m)[:, None, None, None] * out
+    depths = (terrain.height(points[..., 0], points[..., 1]) - joints[..., 1]).max(-1)
+    return np.asarray(np.maximum.accumulate(depths[::-1])[::-1])
+
+
+def _best(depths: Array, limb: Limb) -> int:
+    """The first of N tries that is free of walls at the greatest distance `(M, N)` at which one is.
+
+    Else the least deep one; an arm goes as far as it can out of a high wall: every way down is deeper first. A leg that
+    did so would stand in the ground.
+    """
+    for at_distance in depths:
+        free = at_distance <= limb.sunk_m
+        if free.any():
+            return int(np.argmax(free))
+    least = int(np.argmin(depths[-1]))
+    stays = len(limb.bends) == 1 or depths[-1, least] < SHALLOW_M
+    return least if stays else depths.shape[1] - len(SHARES)
+
+
+def _tries(local: Array, before: Array, world: Array, limb: Limb) -> Array:
+    """Local rotations `(N, 31, 4)` with one limb that hangs more and more, straight or folded, from where it is or was `before`."""
+    bone = SPORT_SKELETON.offsets[limb.lower].astype(np.float64)
+    along = rotations.normalize(rotations.rotate(world[limb.upper].astype(np.float64), bone))
+    down = rotations.multiply(rotations.between(along, _DOWN), world[limb.upper])
+    parent = world[SPORT_SKELETON.parents[limb.upper]].astype(np.float64)
+    hangs = rotations.multiply(rotations.inverse(parent), down)
+    # where neither is free, it goes from where it was as far as it can: one that only stayed would be caught; last straight down
+    ways = [(local, bend, SHARES) for bend in limb.bends]
+    ways += [(before, bend, SHARES[::-1]) for bend in limb.bends[::-1]]
+    tries = np.tile(np.asarray(local, np.float64), (len(ways) * len(SHARES), 1, 1))
+    for k, (start, bend, shares) in enumerate(ways):
+        part = slice(k * len(shares), (k + 1) * len(shares))
+        for joint, goal in ((limb.upper, hangs), (limb.lower, rotations.from_yaw(bend))):
+            tries[part, joint] = _turned(before[joint], rotations.slerp(start[joint], goal, shares))
+    return tries
+
+
+def _turned(before: Array, after: Array) -> Array:
+    """Rotations `(..., 4)` on the way to those `after`, as far as a frame allows."""
+    angle = rotations.angle_between(before, after)
+    return rotations.slerp(before, after, np.minimum(1.0, TURN_MOST / np.maximum(angle, 1e-9)))
+
+
+def no_faster(local: Array, before: Array) -> Array:
+    """Local rotations `(31, 4)` with limbs turned from those of the frame `before` by no more than `TURN_MOST`."""
+    angle = rotations.angle_between(before[_MOVED], local[_MOVED])
+    if angle.max() <= TURN_MOST:
+        return local
+    result = local.copy()
+    result[_MOVED] = _turned(before[_MOVED], local[_MOVED])
+    return result

@@ -6,6 +6,7 @@ import contextlib
 import os
 import re
 import stat
+import sys
 import time
 import uuid
 from collections.abc import Iterator
@@ -14,7 +15,7 @@ from pathlib import Path
 from runtime.errors import FileError
 
 _REMEDY = "Choose a folder that can be written, with space left."
-_OURS = re.compile(r"\..*-sport-[0-9a-f]{12}(\.[^.]*)?")
+_OURS = re.compile(r"\..*-sport-([0-9a-f]{6})[0-9a-f]{6}(\.[^.]*)?")  # the process and a random number
 MAX_NUMBER = 100_000  # of names tried by `write_new`
 
 
@@ -38,16 +39,34 @@ def atomic_path(target: str | Path) -> Iterator[Path]:
 
 
 def sweep(folder: Path, older_s: float = 600.0) -> list[Path]:
-    """Remove the temporary files that a killed program left in a folder; those that are still written to are younger."""
+    """Remove the temporary files that a killed program left in a folder.
+
+    Those that are still written to belong to a process that runs, or are younger: clocks jump, and another machine may
+    write here.
+    """
     removed = []
     with contextlib.suppress(OSError):
         for path in folder.iterdir():
-            if _OURS.fullmatch(path.name):
+            name = _OURS.fullmatch(path.name)
+            if name is not None and not _runs(int(name[1], 16)):
                 with contextlib.suppress(OSError):
                     if time.time() - path.lstat().st_mtime > older_s:
                         path.unlink()
                         removed.append(path)
     return removed
+
+
+def _runs(process: int) -> bool:
+    """Whether a process of this number runs here; on Windows, where asking would end it, nobody knows."""
+    if process == 0 or sys.platform == "win32":
+        return False
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True  # of another user
+    return True
 
 
 def write_new(target: str | Path, content: str | bytes) -> Path:
@@ -106,7 +125,8 @@ def _temporary_beside(target: Path) -> tuple[Path, Path]:
 
 def _temporary(target: Path, final: Path, found: os.stat_result | None = None) -> Path:
     """A new empty file beside `final`, with the mode of the one found there or the umask's; errors name `target`."""
-    temporary = final.with_name(f".{final.stem[:20]}-sport-{uuid.uuid4().hex[:12]}{final.suffix[:12]}")
+    number = f"{os.getpid() & 0xFFFFFF:06x}{uuid.uuid4().hex[:6]}"
+    temporary = final.with_name(f".{final.stem[:20]}-sport-{number}{final.suffix[:12]}")
     flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY
     try:
         final.parent.mkdir(parents=True, exist_ok=True)

@@ -11,7 +11,14 @@ from faults import faults
 from faults.faults import Outcome
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="signals of POSIX")
-QUICK = ("killed by SIGKILL", "display gone", "Ctrl+C four times", "disk full", "two runs end at once")
+QUICK = (
+    "killed by SIGKILL",
+    "folder of journals removed, then SIGKILL",
+    "display gone",
+    "Ctrl+C four times",
+    "disk full",
+    "two runs end at once",
+)
 
 
 @pytest.mark.parametrize("name", QUICK)

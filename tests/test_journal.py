@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -164,3 +165,22 @@ def test_a_pipe_is_no_journal_and_holds_nothing_up(tmp_path: Path) -> None:
     found, complaints = find_journals(tmp_path)
     assert found == []
     assert "not a regular file" in complaints[0]
+
+
+def test_a_take_that_has_ended_is_written_again_where_its_file_was_removed(tmp_path: Path) -> None:
+    folder = tmp_path / "config" / "journals"
+    journal, clip = record(folder)
+    shutil.rmtree(tmp_path / "config")
+    journal.watch()
+    assert journal.problem == ""
+    journal.release()
+    (found,) = left_behind(folder)
+    shutil.rmtree(tmp_path / "config")
+    found.watch()
+    assert len(found.read()) == len(clip)
+    shutil.rmtree(tmp_path / "config")
+    (tmp_path / "config").write_text("in the way", encoding="utf-8")
+    found.watch()
+    assert "config" in found.problem
+    assert len(found.read()) == len(clip)  # from what is open still
+    found.release()

@@ -215,3 +215,11 @@ def test_no_order_of_edits_and_exports_loses_a_take(monkeypatch: pytest.MonkeyPa
         suppress_health_check=list(HealthCheck),
     )
     Desk.TestCase("runTest").runTest()
+
+
+def test_items_of_equal_takes_are_told_apart() -> None:
+    """A file may come to hold another take of the same frames: which item that was is asked of the list."""
+    hips, local, contacts = np.zeros((3, 3)), np.zeros((3, 31, 4)), np.zeros((3, 4))
+    first, second = (ClipItem(Clip("Take", 60.0, hips, local, contacts.copy())) for _ in range(2))
+    assert second not in [first]
+    assert second in [first, second]

@@ -72,16 +72,16 @@ def test_a_large_file_that_a_row_names_is_not_read(tmp_path: Path, monkeypatch: 
 
 def test_what_a_killed_program_left_is_swept(tmp_path: Path) -> None:
     for name in (
-        ".x-sport-0123456789ab.mp4",
-        ".x-sport-0123456789ac.mp4",
+        ".x-sport-ffffff6789ab.mp4",
+        ".x-sport-ffffff6789ac.mp4",
         ".hidden.mp4",
-        "x-sport-0123456789ab.mp4",
+        "x-sport-ffffff6789ab.mp4",
     ):
         (tmp_path / name).touch()
     old = time.time() - 3600
-    for name in (".x-sport-0123456789ab.mp4", ".hidden.mp4", "x-sport-0123456789ab.mp4"):
+    for name in (".x-sport-ffffff6789ab.mp4", ".hidden.mp4", "x-sport-ffffff6789ab.mp4"):
         os.utime(tmp_path / name, (old, old))
-    assert [path.name for path in sweep(tmp_path)] == [".x-sport-0123456789ab.mp4"]
+    assert [path.name for path in sweep(tmp_path)] == [".x-sport-ffffff6789ab.mp4"]
     assert sweep(tmp_path / "none") == []
     write_atomic(tmp_path / ("ü" * 100 + ".json"), "{}")  # the temporary name is no longer than the name
 

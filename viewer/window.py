@@ -20,6 +20,7 @@ _OFFSCREEN_HINT = "Without a display, `sport view --offscreen --screenshot out.p
 
 MAX_PASSES = 60  # of the panels in one frame
 PASS_SECONDS = 1e-4
+SHORTEST_S = 1e-6  # of a picture
 TEXT_FRAMES = 4  # that characters wait for their field
 
 _PLAIN_KEYS = (
@@ -158,7 +159,7 @@ class Window:
         imgui.backends.opengl3_new_frame()
         imgui.backends.glfw_new_frame()
         if dt is not None:
-            imgui.get_io().delta_time = dt
+            imgui.get_io().delta_time = max(dt, SHORTEST_S)  # it asserts that time has passed
         imgui.new_frame()
         self._keep_text_for_field()
 

@@ -79,6 +79,15 @@ class TakeJournal:
         """The take has ended: write what is queued, and keep the file and its lock. Does not wait."""
         self._ending.set()
 
+    def watch(self) -> None:
+        """Once the take has ended, write its file again where somebody has removed it; `problem` says why that failed."""
+        if self._handle is None or self._thread.is_alive() or self.problem:
+            return
+        try:
+            self._handle = still_there(self._handle, self.path)
+        except (OSError, SportError) as error:
+            self.problem = _reason(self.path, error)
+
     def release(self) -> None:
         """Let go of the file: another start of the program may offer it."""
         self.finish()
@@ -102,10 +111,10 @@ class TakeJournal:
             while not ended:
                 ended = self._ending.wait(WRITE_SECONDS)
                 data = self._drained()
+                handle = self._handle = still_there(handle, self.path)
                 _write(handle, data)
                 size += len(data)
                 if ended or time.monotonic() - synced >= SYNC_SECONDS:
-                    handle = self._still_there(handle)
                     os.fsync(handle)
                     synced = time.monotonic()
                 self.cpu_seconds = time.thread_time()
@@ -114,7 +123,7 @@ class TakeJournal:
                         f"{self.path}: {MAX_BYTES >> 20} MB are full.", "Stop the take and export it."
                     )
         except (OSError, SportError) as error:
-            self.problem = f"{self.path}: {getattr(error, 'strerror', None) or error}"
+            self.problem = _reason(self.path, error)
         while not self._ending.wait(WRITE_SECONDS):
             self._queue.clear()  # nobody writes it; the recorder has it all
 
@@ -131,24 +140,6 @@ class TakeJournal:
         _write(handle, json.dumps(head).encode("ascii") + b"\n")
         os.fsync(handle)
         return handle
-
-    def _still_there(self, handle: int) -> int:
-        """The descriptor of a file under this name: one that somebody has removed is written again."""
-        try:
-            if os.path.samestat(os.fstat(handle), os.stat(self.path)):
-                return handle
-        except FileNotFoundError:
-            pass
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        again = open_locked(self.path, create=True)
-        if again is None:
-            raise FileError(f"{self.path}: it cannot be locked.", "Export the take.")
-        os.lseek(handle, 0, os.SEEK_SET)
-        while piece := os.read(handle, 1 << 20):  # what has no name any more can still be read
-            _write(again, piece)
-        os.close(handle)
-        self._handle = again
-        return again
 
     def _drained(self) -> bytes:
         parts = []
@@ -169,6 +160,35 @@ def _write(handle: int, data: bytes) -> None:
         rest = rest[os.write(handle, rest) :]
 
 
+def _reason(path: Path, error: OSError | SportError) -> str:
+    return f"{path}: {getattr(error, 'strerror', None) or error}"
+
+
+def still_there(handle: int, path: Path) -> int:
+    """The descriptor of the file under this name: one that somebody has removed, with its folder or without, is written again.
+
+    OSError or FileError when that fails; `handle` stays open then.
+    """
+    try:
+        if os.path.samestat(os.fstat(handle), os.stat(path)):
+            return handle
+    except FileNotFoundError:
+        pass
+    path.parent.mkdir(parents=True, exist_ok=True)
+    again = open_locked(path, create=True)
+    if again is None:
+        raise FileError(f"{path}: it cannot be locked.", "Export the take.")
+    try:
+        os.lseek(handle, 0, os.SEEK_SET)
+        while piece := os.read(handle, 1 << 20):  # what has no name any more can still be read
+            _write(again, piece)
+    except BaseException:
+        os.close(again)
+        raise
+    os.close(handle)
+    return again
+
+
 def _unlink(path: Path) -> None:
     try:
         path.unlink(missing_ok=True)
@@ -184,12 +204,22 @@ class FoundJournal:
     header: Header
     seconds: float  # about, by the size of the file
     _handle: int
+    problem: str = ""  # why the take is not on disk any more
 
     def read(self) -> Clip:
         """The take up to the first thing that is none. FileError when there is no frame."""
         os.lseek(self._handle, 0, os.SEEK_SET)
         with open(self._handle, "rb", closefd=False) as file:
             return read_journal(file, self.path)
+
+    def watch(self) -> None:
+        """Write the file again where somebody has removed it; `problem` says why that failed."""
+        if self._handle < 0 or self.problem:
+            return
+        try:
+            self._handle = still_there(self._handle, self.path)
+        except (OSError, SportError) as error:
+            self.problem = _reason(self.path, error)
 
     def release(self) -> None:
         """Let go of the file."""

@@ -94,18 +94,30 @@ def signalled(number: int) -> Callable[[Path, float], Outcome]:
     return fault
 
 
-def _from_journal(recorder: Recorder) -> Outcome:
+def _from_journal(recorder: Recorder, finished: int = 0) -> Outcome:
     code = recorder.wait()
     found, complaints = find_journals(recorder.config / "journals")
     outcome = Outcome(recorder.frames / FPS, code, "journal", len(found), recorder.said, complaints)
     outcome.problems += [f"it did not end within {START_S:.0f} s"] * recorder.stuck
-    if len(found) == 1:
-        outcome.lost_s -= len(found[0].read()) / FPS
+    if len(found) == 1 + finished:
+        outcome.lost_s -= max(len(journal.read()) for journal in found) / FPS
+    else:
+        outcome.problems.append(f"{len(found)} journals of {1 + finished}")
     if outcome.lost_s > 1.0:
         outcome.problems.append(f"{outcome.lost_s:.2f} s lost")
     for journal in found:
         journal.release()
     return outcome
+
+
+def config_removed(folder: Path, seconds: float) -> Outcome:
+    """The folder of settings and journals is removed while a take runs and another has ended; then the process is killed."""
+    recorder = Recorder(folder, "--takes", "1")
+    recorder.until(seconds)
+    shutil.rmtree(recorder.config)
+    recorder.until(seconds + 1.0)
+    recorder.process.send_signal(signal.SIGKILL)
+    return _from_journal(recorder, finished=1)
 
 
 def display_gone(folder: Path, seconds: float) -> Outcome:
@@ -254,6 +266,7 @@ def all_faults() -> dict[str, Callable[[Path, float], Outcome]]:
         faults |= {"display gone": display_gone, "window killed": window_killed}
     return {
         **faults,
+        "folder of journals removed, then SIGKILL": config_removed,
         "Ctrl+C four times": interrupted_twice,
         "disk full": disk_full,
         "export folder is a file": export_is_a_file,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import time
 import uuid
 from dataclasses import dataclass, field
@@ -17,6 +18,7 @@ from runtime.projects.project import SUFFIX
 INTERVAL_S = 6.0  # after a change; with the writing it stays below ten seconds
 LOCK = ".lock"
 KEPT_SESSIONS = 1  # that ended as planned
+_NAME = re.compile(r"(\d{8}-\d{6})-(\d{4})-")
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,10 @@ class LeftBehind:
     def describe(self) -> str:
         """Name, takes and time in a few words."""
         takes = f"{self.takes} take{'s' * (self.takes != 1)}"
-        when = time.strftime("%d %b %H:%M:%S", time.localtime(self.saved_s))
+        try:
+            when = time.strftime("%d %b %H:%M:%S", time.localtime(self.saved_s))
+        except (OverflowError, ValueError, OSError):  # of a clock that was far off
+            when = "at an unknown time"
         return f"{Path(self.origin).stem or 'untitled'}, {takes}, {when}"
 
 
@@ -49,7 +54,14 @@ class AutosaveFile:
         self._name()
 
     def _name(self) -> None:
-        self.path = self.folder / f"{time.strftime('%Y%m%d-%H%M%S')}-{uuid.uuid4().hex[:8]}{SUFFIX}"
+        """Names sort by the order of the sessions, also where the clock was set back between them."""
+        stamp, serial = time.strftime("%Y%m%d-%H%M%S"), 0
+        with contextlib.suppress(OSError):
+            for path in self.folder.iterdir():
+                found = _NAME.match(path.name)
+                if found is not None and (found[1], int(found[2])) >= (stamp, serial):
+                    stamp, serial = found[1], int(found[2]) + 1
+        self.path = self.folder / f"{stamp}-{serial:04d}-{uuid.uuid4().hex[:8]}{SUFFIX}"
 
     def hold(self) -> None:
         """Take the lock, before the first writing; OSError."""

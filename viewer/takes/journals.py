@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,6 +32,8 @@ class Journals:
     folder: Path
     add: Callable[[ClipItem], None]  # puts a recovered take into the list
     _running: TakeJournal | None = None  # of the take that is being recorded
+    _watched: int = 0  # the item that was looked after last
+    _lost: list[TakeJournal | FoundJournal] = field(default_factory=list)  # that it was said of
 
     def begin(
         self, recorder: ClipRecorder, name: str, terrain: str, origin: Origin, size: float = 1.0
@@ -46,10 +48,25 @@ class Journals:
         recorder.journal = journal
 
     def watch(self) -> None:
-        """Say once when the running take cannot be written down; call once a frame."""
+        """Say once when a take cannot be written down; call once a frame.
+
+        Of the takes that have ended one is looked after in each frame: whether its journal is still there.
+        """
         if self._running is not None and self._running.problem:
-            self.messages.warn(f"The take is in memory only until you export it: {self._running.problem}")
-            self._running.problem = ""
+            self._warn("The take", self._running)
+        if not self.state.items:
+            return
+        self._watched = (self._watched + 1) % len(self.state.items)
+        item = self.state.items[self._watched]
+        if item.journal is not None and item.journal not in self._lost:
+            item.journal.watch()
+            if item.journal.problem:
+                self._warn(item.name, item.journal)
+
+    def _warn(self, name: str, journal: TakeJournal | FoundJournal) -> None:
+        if journal not in self._lost:
+            self._lost.append(journal)
+            self.messages.warn(f"{name} is in memory only until you export it: {journal.problem}")
 
     def end(self, recorder: ClipRecorder) -> TakeJournal | None:
         """The journal of the take that has just ended; whoever keeps the take deletes it when it is exported."""
@@ -118,5 +135,8 @@ class Journals:
 
 def describe(found: FoundJournal) -> str:
     """Length and time of a take that was cut off."""
-    begun = time.strftime("%d %b %H:%M", time.localtime(found.header.begun)) if found.header.begun else ""
+    try:
+        begun = time.strftime("%d %b %H:%M", time.localtime(found.header.begun)) if found.header.begun else ""
+    except (OverflowError, ValueError, OSError):  # of a clock that was far off
+        begun = ""
     return ", ".join(filter(None, (clock(found.seconds), begun)))

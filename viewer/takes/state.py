@@ -37,7 +37,7 @@ class TakeVersion:
     edits: PoseEdits = NO_EDITS
 
 
-@dataclass
+@dataclass(eq=False)  # an item is itself: its arrays cannot be compared as a whole
 class ClipItem:
     """One clip in the list; `saved` is the BVH that holds every frame of the version that is shown."""
 

@@ -1,0 +1,141 @@
+"""What must not be read or written: one sentence each, and nothing that was recorded is lost.
+
+As root nothing is denied, so that the processes run without that right.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from fuzz.networks import write_model
+from fuzz.projects import project
+
+from runtime.assets import PROJECT_ROOT, asset_path
+from runtime.formats.bvh_clip import load_clip_bvh
+from runtime.projects.project import save_project
+from runtime.takes.journal import find_journals
+
+RIGHTS = "-dac_override,-dac_read_search,-fowner"
+ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
+DROPPED = ["setpriv", f"--bounding-set={RIGHTS}", f"--inh-caps={RIGHTS}"] if ROOT else []
+pytestmark = pytest.mark.skipif(
+    os.name == "nt" or (ROOT and shutil.which("setpriv") is None), reason="rights of POSIX"
+)
+COMMANDS = """
+import contextlib, io, json, sys
+from sport import cli
+answers = []
+for words in json.load(sys.stdin):
+    said = io.StringIO()
+    with contextlib.redirect_stderr(said), contextlib.redirect_stdout(io.StringIO()):
+        try:
+            code = cli.main(words)
+        except SystemExit as end:
+            code = end.code
+    answers.append([code, said.getvalue()])
+print(json.dumps(answers))
+"""
+VIEW = """
+import sys
+sys.path[:0] = [sys.argv[1], sys.argv[1] + "/tests"]
+from pathlib import Path
+from viewer_fakes import fake_services
+from viewer.app import App
+from viewer.options import ViewOptions
+folder = Path(sys.argv[2])
+app = App(ViewOptions(offscreen=True, terrain="flat", project=str(folder / "mine.sport")), fake_services(), config=folder / "config")
+app.desk.projects.autosaving = True
+app.state.settings.export_folder = str(folder / "clips")
+for _ in range(3):
+    app.frame()
+app.takes.toggle_recording()
+for _ in range(20):
+    app.frame()
+app.takes.toggle_recording()
+app.desk.projects.save()
+for _ in range(3):
+    app.frame()
+print("\\n".join(message.text for message in app.state.messages.recent))
+app.desk.projects.autosaving = False
+app.interrupt()
+code = app.end()
+app.close()
+sys.exit(code)
+"""
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Iterator[Path]:
+    yield tmp_path
+    for path in [tmp_path, *tmp_path.rglob("*")]:
+        path.chmod(0o700)
+
+
+def process(*words: str, folder: Path, given: str = "") -> subprocess.CompletedProcess[str]:
+    temporary = folder / "temporary"
+    temporary.mkdir()
+    environment = {**os.environ, "SPORT_CONFIG_DIR": str(folder / "config"), "TMPDIR": str(temporary)}
+    environment["PYTHONPATH"] = str(PROJECT_ROOT)
+    return subprocess.run(
+        [*DROPPED, sys.executable, *words],
+        input=given, capture_output=True, text=True, env=environment, check=False, timeout=300,
+    )  # fmt: skip
+
+
+def test_every_file_that_is_denied_is_named_in_one_sentence(place: Path) -> None:
+    model, whole = place / "model", place / "whole"
+    write_model(model)
+    shutil.copytree(model, whole)
+    folder = place / "folder"
+    folder.mkdir()
+    names = ("ground.png", "take.bvh", "words.json", "list.csv", "me.glb")
+    files = [place / name for name in names]
+    shutil.copy(asset_path("terrains/bowl.png"), files[0])
+    for file in files[1:]:
+        file.write_text("{}", encoding="utf-8")
+    ground, take, words, rows, me = (str(file) for file in files)
+    for path in [*files, *model.iterdir()]:
+        path.chmod(0)
+    folder.chmod(0o500)
+    start = ["generate", "--prompt", "x", "--seconds", "0.1", "--model", str(whole)]
+    out = ["--out", str(place / "out.bvh")]
+    commands = [
+        [*start[:-1], str(model), *out],
+        [*start, *out, "--terrain", ground],
+        [*start, "--out", str(folder / "out.bvh")],
+        [*start, "--out", str(folder / "new" / "out.bvh")],
+        [*start[:1], *start[3:], *out, "--parts", words],
+        ["convert", take, "--out", str(place / "out.glb")],
+        ["generate", "--batch", rows, "--out", str(place / "many")],
+        [*start, "--out", str(place / "out.glb"), "--character", me],
+    ]
+    done = process("-c", COMMANDS, folder=place, given=json.dumps(commands))
+    assert done.returncode == 0, done.stderr
+    for command, (code, said) in zip(commands, json.loads(done.stdout), strict=True):
+        assert code == 2, (command, said)
+        assert said.startswith("sport: "), (command, said)
+        assert said.count("\n") == 1, (command, said)
+        assert "Traceback" not in said
+
+
+@pytest.mark.parametrize("exports", [False, True])
+def test_a_take_outlives_folders_that_nobody_may_write(place: Path, exports: bool) -> None:
+    save_project(replace(project(), character={}), place / "mine.sport")
+    for name in ("config", "clips"):
+        (place / name).mkdir(mode=0o500)
+    (place / "clips").chmod(0o700 if exports else 0o500)
+    done = process("-c", VIEW, str(PROJECT_ROOT), str(place), folder=place)
+    assert "Traceback" not in done.stderr, done.stderr
+    assert "in memory only until you export it" in done.stdout + done.stderr
+    written = [*(place / "clips").glob("*.bvh"), *(place / "temporary").rglob("*.bvh")]
+    assert [len(load_clip_bvh(path)) for path in written].count(20) == 1
+    assert done.returncode == (0 if exports else 1), done.stderr
+    assert find_journals(place / "config" / "journals")[0] == []

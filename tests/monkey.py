@@ -1,36 +1,77 @@
 """Random actions in the real application without a display: `python -m tests.monkey --actions 5000 --seed 1`.
 
 Every action is one that a user can do: keys, clicks, words, files dropped, takes recorded, edited and exported. Whatever
-raises ends the run with the actions before it; the slowest pictures and the memory are printed at the end.
+raises ends the run with the actions before it; the slowest pictures and the memory are printed at the end. Without a
+graphics card drawing takes most of a picture, so that it is told apart from the rest.
 """
 
 from __future__ import annotations
 
 import argparse
 import gc
+import logging
 import random
 import sys
 import tempfile
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 TESTS = Path(__file__).resolve().parent
 if str(TESTS) not in sys.path:
     sys.path.insert(0, str(TESTS))
 
-from viewer_fakes import fake_services  # noqa: E402
+from viewer_fakes import FakeRenderer, fake_services  # noqa: E402
 
 from runtime.terrain.files import write_height_png  # noqa: E402
 from viewer.app import App  # noqa: E402
 from viewer.input.bindings import Action  # noqa: E402
+from viewer.memory import resident_mb  # noqa: E402
 from viewer.options import ViewOptions  # noqa: E402
+from viewer.services import Services  # noqa: E402
 from viewer.window import KEY_CODES  # noqa: E402
 
 WORDS = ("a proud king", "an old king", "limping", "", "x" * 300, "zombie, arms out", "\u2603 snow")
 NOT_PRESSED = {Action.FULLSCREEN}
+SHOWN = 8  # slow pictures
+
+
+@dataclass(frozen=True, order=True)
+class Slow:
+    """Seconds of one picture: of the processor without drawing, passed without drawing, and passed in all."""
+
+    worked: float
+    passed: float
+    whole: float
+    action: str
+
+    def __str__(self) -> str:
+        worked, passed, whole = (f"{1e3 * s:6.0f}" for s in (self.worked, self.passed, self.whole))
+        return f"{worked} ms of the processor, {passed} ms passed, {whole} ms with drawing  {self.action}"
+
+
+@dataclass
+class Drawing:
+    """Time spent in the graphics library, of the main thread."""
+
+    worked: float = 0.0
+    passed: float = 0.0
+
+    def timed(self, draw: Callable[..., Any]) -> Callable[..., Any]:
+        """The same function, whose time is added."""
+
+        def call(*arguments: Any, **named: Any) -> Any:
+            begun, worked = time.perf_counter(), time.thread_time()
+            try:
+                return draw(*arguments, **named)
+            finally:
+                self.passed += time.perf_counter() - begun
+                self.worked += time.thread_time() - worked
+
+        return call
 
 
 @dataclass
@@ -40,18 +81,31 @@ class Monkey:
     app: App
     folder: Path
     rng: random.Random
+    drawing: Drawing = field(default_factory=Drawing)
     done: deque[str] = field(default_factory=lambda: deque(maxlen=12))
-    slowest: list[tuple[float, float, str]] = field(
-        default_factory=list
-    )  # by seconds of the processor, then passed
+    slowest: list[Slow] = field(default_factory=list)
+    most_mb: float = 0.0
+    broken: list[str] = field(default_factory=list)  # jobs that failed in a way that nobody foresaw
+
+    def __post_init__(self) -> None:
+        for name in ("draw_interface", "present", "read_pixels"):
+            setattr(self.app.window, name, self.drawing.timed(getattr(self.app.window, name)))
+        unforeseen = logging.Handler(logging.ERROR)
+        unforeseen.filter = lambda record: record.exc_info is not None  # type: ignore[assignment, method-assign, return-value]
+        unforeseen.emit = lambda record: self.broken.append(record.getMessage())  # type: ignore[method-assign]
+        logging.getLogger("sport.viewer").addHandler(unforeseen)
 
     def frame(self, count: int = 1) -> None:
         """Show pictures, and remember the slow ones."""
         for _ in range(count):
             begun, worked = time.perf_counter(), time.thread_time()
+            drawn = (self.drawing.worked, self.drawing.passed)
             self.app.frame()
-            seconds = (time.thread_time() - worked, time.perf_counter() - begun)
-            self.slowest = sorted([*self.slowest, (*seconds, self.done[-1] if self.done else "")])[-5:]
+            whole = time.perf_counter() - begun
+            worked = time.thread_time() - worked - (self.drawing.worked - drawn[0])
+            passed = whole - (self.drawing.passed - drawn[1])
+            slow = Slow(worked, passed, whole, self.done[-1] if self.done else "")
+            self.slowest = sorted([*self.slowest, slow])[-SHOWN:]
 
     def act(self) -> None:
         """One random action and some pictures."""
@@ -156,31 +210,51 @@ class Monkey:
         self.rng.choice((self.app.desk.exporting.open, self.app.desk.exporting.propose))()
 
 
-def resident_mb() -> float:
-    """Memory of this process; 0 where the system does not tell."""
-    try:
-        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
-    except OSError:
-        return 0.0
-    return next((int(line.split()[1]) / 1024 for line in lines if line.startswith("VmRSS")), 0.0)
+def services(model: str, draws: bool, drawing: Drawing) -> Services:
+    """A real model (by folder, "" is the shipped one) or "fake"; a real renderer, or one that clears the picture."""
+    fake = fake_services(real_renderer=draws)
+    real = Services()
+    make = real.make_renderer if draws else FakeRenderer
+
+    def make_renderer(context: Any, quality: str) -> Any:
+        renderer = make(context, quality)
+        renderer.render = drawing.timed(renderer.render)
+        return renderer
+
+    if model == "fake":
+        return replace(fake, make_renderer=make_renderer)
+    chosen = Path(model) if model else None
+    return replace(
+        real,
+        load_model=lambda folder, terrain, seed, gpt: real.load_model(folder or chosen, terrain, seed, gpt),
+        load_character=fake.load_character,
+        make_renderer=make_renderer,
+    )
 
 
-def run(actions: int, seed: int, say: Callable[[str], None] = print) -> Monkey:
+def run(
+    actions: int, seed: int, say: Callable[[str], None] = print, model: str = "fake", draws: bool = False
+) -> Monkey:
     """So many random actions; raises what the application raises, with the actions before it."""
     with tempfile.TemporaryDirectory() as home:
-        folder = Path(home)
+        folder, drawing = Path(home), Drawing()
         write_height_png(folder / "dunes.png", [[0.0, 0.5, 0.0], [0.5, 1.0, 0.5], [0.0, 0.5, 0.0]])
         (folder / "damaged.bvh").write_text("HIERARCHY\n", encoding="utf-8")
         (folder / "damaged.sport").write_bytes(b"PK")
-        app = App(ViewOptions(offscreen=True, terrain="flat"), fake_services(), config=folder / "config")
+        options = ViewOptions(offscreen=True, terrain="flat")
+        app = App(options, services(model, draws, drawing), config=folder / "config")
         app.state.settings.export_folder = str(folder / "clips")
-        monkey = Monkey(app, folder, random.Random(seed))
+        monkey = Monkey(app, folder, random.Random(seed), drawing)
         try:
             for number in range(1, actions + 1):
                 monkey.act()
+                assert not monkey.broken, monkey.broken
+                if number % 100 == 0:
+                    monkey.most_mb = max(monkey.most_mb, resident_mb())
                 if number % 500 == 0:
                     gc.collect()
                     say(f"{number} actions, {resident_mb():.0f} MB, {len(app.state.takes.items)} takes")
+                    say(f"slowest: {monkey.slowest[-1]}")
         except BaseException as error:
             error.add_note(f"seed {seed}, after: {', '.join(monkey.done)}")
             raise
@@ -194,11 +268,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.monkey", description=__doc__)
     parser.add_argument("--actions", type=int, default=5000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument(
+        "--model", default="", help='folder of a model, or "fake"; the shipped one by default'
+    )
+    parser.add_argument("--draw", action="store_true", help="draw with the real renderer")
     options = parser.parse_args()
-    monkey = run(options.actions, options.seed)
-    for worked, passed, action in reversed(monkey.slowest):
-        print(f"{worked * 1e3:6.0f} ms of the processor, {passed * 1e3:6.0f} ms passed  {action}")
-    print(f"{resident_mb():.0f} MB at the end")
+    monkey = run(options.actions, options.seed, model=options.model, draws=options.draw)
+    for slow in reversed(monkey.slowest):
+        print(slow)
+    print(f"at most {monkey.most_mb:.0f} MB, {resident_mb():.0f} MB at the end")
 
 
 if __name__ == "__main__":

@@ -49,7 +49,7 @@ ROOMS = {
         "generate",
     ),
     "viewer": (
-        "gl_bindings", "signals", "messages", "jobs", "settings", "options", "input", "render", "services", "gui",
+        "gl_bindings", "signals", "memory", "messages", "jobs", "settings", "options", "input", "render", "services", "gui",
         "prompt", "live", "stage", "takes", "wall", "filming", "exports", "projects", "tools", "desk", "shell", "state", "window", "screenshots", "app",
     ),
 }  # fmt: skip

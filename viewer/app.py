@@ -29,6 +29,7 @@ from viewer.input.bindings import Action, Intent, to_controls
 from viewer.input.devices import Devices, KeyScript
 from viewer.input.gamepad import GamepadSource, GlfwGamepads
 from viewer.jobs import Jobs
+from viewer.memory import give_back_large_blocks, resident_mb
 from viewer.options import ViewOptions
 from viewer.prompt import panel as prompt_panel
 from viewer.prompt.even_blends import EvenBlends
@@ -78,6 +79,7 @@ TITLE = "SPORT viewer"
 # dropped and the motion keeps its time.
 LONGEST_PAUSE_S, LONGEST_FRAME_S = 0.25, 1.0
 MINIMISED_WAIT_S = 0.1
+MEMORY_FRAMES = 60  # between two looks at the memory
 END_S = 1.5  # what is written when the program ends may take so long; what is kept otherwise is then given up
 
 
@@ -122,6 +124,7 @@ class App:
         config: Path | None = None,
     ) -> None:
         options.check()
+        give_back_large_blocks()
         self.options = options
         keys = KeyScript.parse(options.keys, frozenset(KEY_CODES))
         self._stick = None if options.controls is None else parse_stick(options.controls)
@@ -445,6 +448,8 @@ class App:
         if self.frames_shown > 1:  # the first interval is the loading
             work_s = (after if software else before) - self._last_s
             self.state.shell.stats.add(work_s, self._interval_s, self._steps)
+        if self.frames_shown % MEMORY_FRAMES == 1:
+            self.state.shell.stats.memory_mb = resident_mb()
         if not self.options.offscreen:
             self.stage.lower_quality(self.state.shell.stats.fps, self._interval_s)
             spare = 1.0 / self.state.settings.max_fps - (after - self._last_s)

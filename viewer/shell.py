@@ -236,7 +236,9 @@ class Shell:
         driven_by = (f"{icon} {device[:24]}", "The device that drives the character")
         if not self.state.clocked:
             return [(model, "The motion model and what runs it"), driven_by]
+        memory = [(f"{stats.memory_mb:.0f} MB", "Memory of the program, with every take of the list")]
         return [
+            *(memory if stats.memory_mb else ()),
             (model, "The motion model and what runs it"),
             (f"model {stage.simulation.model_ms:.1f} ms", "Time of one step of the model, with foot lock"),
             (f"frame {stats.frame_ms:.0f} ms", "Work of one displayed frame"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Callable
 from pathlib import Path
 
@@ -24,6 +25,7 @@ SIZE_M = 40.0
 START_RADIUS_M = 2.5  # level ground around the origin
 STEP_RISE_M = 0.16
 STEP_RUN_M = 0.32
+KEPT = 9  # generated grounds: one of each
 
 TERRAIN_NAMES = ("flat", "hills", "rough", "stairs", "platforms", "gaps", "hurdles", "beam", "wall")
 
@@ -46,7 +48,7 @@ def make_terrain(name: str, seed: int = 0) -> Terrain:
             f"terrain '{name[:80]}': there is no such terrain.",
             f"Choose one of {', '.join(TERRAIN_NAMES)}, or give a PNG, NPY or mesh file.",
         )
-    return makers[name](seed)
+    return _made(makers[name], name, seed)
 
 
 def load_terrain(spec: str | Path, cell_m: float = 0.1, height_m: float = 2.0) -> Terrain:
@@ -63,6 +65,21 @@ def load_terrain(spec: str | Path, cell_m: float = 0.1, height_m: float = 2.0) -
     if Path(text).suffix.lower() in terrain_files.SUFFIXES:
         return terrain_files.read_terrain(text, cell_m, height_m)
     return make_terrain(text)  # raises with the list of names
+
+
+_kept: OrderedDict[tuple[str, int], Terrain] = OrderedDict()
+
+
+def _made(maker: Callable[[int], Terrain], name: str, seed: int) -> Terrain:
+    """The same object for the same ground while it is one of the last few: takes hold the ground that they were made on."""
+    found = _kept.pop((name, seed), None)
+    if found is None:
+        found = maker(seed)
+        found.heights.flags.writeable = False
+    _kept[name, seed] = found
+    while len(_kept) > KEPT:
+        _kept.popitem(last=False)
+    return found
 
 
 # --- makers ----------------------------------------------------------------------------------------------------------

@@ -28,6 +28,7 @@ class Stats:
     frame_ms: float = 0.0  # work of one frame, without waiting
     fps: float = 0.0  # frames shown a second
     steps_per_s: float = 0.0  # simulation steps a second; 60 is real time
+    memory_mb: float = 0.0  # that the program holds; 0 where the system does not tell
 
     def add(self, work_s: float, interval_s: float, steps: int) -> None:
         """Take one frame: its work, the time since the frame before (both in seconds), and its simulation steps."""

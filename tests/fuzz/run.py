@@ -19,14 +19,13 @@ from runtime.errors import SportError
 
 from .target import Target
 
-MAX_SECONDS = 2.0
 MAX_MB = 500.0
-HUNG_SECONDS = 30
+HUNG_SECONDS = 30  # by the clock; and no less than 15 for each second that a target may take
 MAX_INPUT_BYTES = 4_000_000  # damage repeats damage; large files are tests of their own
 
 
 class HungError(BaseException):
-    """An input that was not read within `HUNG_SECONDS`; no reader may take it for damage."""
+    """An input that was not read in time; no reader may take it for damage."""
 
 
 @dataclass
@@ -62,14 +61,14 @@ def run(
     first: int,
     count: int,
     before: Path | None = None,
-    seconds: float = MAX_SECONDS,
+    seconds: float | None = None,
 ) -> Tally:
     """Read inputs `first` to `first + count`; the number of each is in the file `before` while it is being read."""
     home = folder / "home"
     home.mkdir(parents=True, exist_ok=True)
     with quiet_environment(home), warnings.catch_warnings(), _no_log():
         warnings.simplefilter("ignore")
-        return _run(target, folder, first, count, before, seconds)
+        return _run(target, folder, first, count, before, seconds or target.seconds)
 
 
 @contextlib.contextmanager
@@ -96,7 +95,7 @@ def _run(target: Target, folder: Path, first: int, count: int, before: Path | No
         started = time.thread_time()
         problem = ""
         try:
-            with _alarm():
+            with _alarm(max(HUNG_SECONDS, round(15 * target.seconds))):
                 target.read(folder, data)
             tally.read += 1
         except SportError as error:
@@ -132,17 +131,17 @@ def _sentence(error: SportError) -> str:
 
 
 @contextlib.contextmanager
-def _alarm() -> Iterator[None]:
-    """HungError in what takes longer than `HUNG_SECONDS`."""
+def _alarm(seconds: int) -> Iterator[None]:
+    """HungError in what takes longer than so many seconds."""
 
     def ring(_signal: int, _frame: FrameType | None) -> None:
-        raise HungError(f"not read within {HUNG_SECONDS} s")
+        raise HungError(f"not read within {seconds} s")
 
     if not hasattr(signal, "SIGALRM"):
         yield
         return
     old = signal.signal(signal.SIGALRM, ring)
-    signal.alarm(HUNG_SECONDS)
+    signal.alarm(seconds)
     try:
         yield
     finally:

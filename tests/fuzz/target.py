@@ -14,7 +14,7 @@ class Target:
     """`read(folder, data)` reads a damaged input; anything but an answer or a SportError is a failure.
 
     `seeds(folder)` are good inputs, made once; `folder` is empty at first and the target's own. `weight` is the
-    target's share of a run, smaller for slow ones.
+    target's share of a run, smaller for slow ones; `seconds` of the processor are what an input may take.
     """
 
     name: str
@@ -22,6 +22,7 @@ class Target:
     damage: Mutator
     read: Callable[[Path, bytes], object]
     weight: float = 1.0
+    seconds: float = 2.0
 
 
 def put(folder: Path, name: str, data: bytes) -> Path:

@@ -286,6 +286,6 @@ TARGETS = (
     Target("stored answer", _cache_seeds, damaged_json, _read_cache),
     Target("endpoint settings", lambda _: [b"sk-1\nhttp://localhost:8080/v1\nm\n10\n5\nWed, 21 Oct 2026 07:28:00 GMT"],
            damaged_text, _environment),
-    Target("command line", _command_seeds, _damaged_command, _run_command, 0.05),
+    Target("command line", _command_seeds, _damaged_command, _run_command, 0.05, seconds=10.0),
     Target("library calls", _library_seeds, _any_seed, _call, 0.5),
 )  # fmt: skip

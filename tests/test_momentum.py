@@ -49,3 +49,9 @@ def test_labels_follow_the_planned_speed() -> None:
     assert np.argmax(weights[0, [0, 20, 60]], -1).tolist() == [Gait.STAND, Gait.WALK, Gait.JOG]
     crouched = momentum.labels(speeds, now, np.array([Gait.CROUCH]), np.array([1.8]))
     assert crouched[0, -1, Gait.CROUCH] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_labels_of_a_jump_without_a_stick_are_finite() -> None:
+    now = np.eye(momentum.GAITS)[[Gait.STAND]]
+    weights = momentum.labels(np.zeros((1, 61)), now, np.array([Gait.JOG]), np.array([0.0]))
+    assert weights.sum(-1) == pytest.approx(1.0)

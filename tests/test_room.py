@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from steep import spikes, walk
 from walker import WalkerModel
 
+from runtime import rotations
 from runtime.motion.controller import Controller
 from runtime.motion.limbs import off_walls
 from runtime.motion.state import standing
@@ -98,6 +99,21 @@ def test_an_arm_in_a_wall_hangs_and_one_beside_level_ground_stays() -> None:
     assert depth.max() < 0.2
     flat = off_walls(hips, stretched, stretched, Terrain.flat())
     assert (flat == stretched).all()
+
+
+def test_an_arm_that_leaves_a_wall_comes_back_without_a_jerk() -> None:
+    state = standing(WalkerModel(), CLIFF, None, 0, -0.45, 0.0, 0.0)  # type: ignore[arg-type]
+    hips, before = state.poses.hips[0].copy(), state.poses.local[0]
+    stretched = before.copy()
+    stretched[[18, 25]] = (1.0, 0.0, 0.0, 0.0)  # arms to both sides
+    turns = []
+    for frame in range(120):
+        hips[0] = -0.45 - 0.6 * max(frame - 20, 0) / 100
+        shown = off_walls(hips, stretched, before, CLIFF)
+        turns.append(rotations.angle_between(before[[18, 25]], shown[[18, 25]]).max())
+        before = shown
+    assert max(turns[20:]) < 0.16
+    assert rotations.angle_between(before[[18, 25]], stretched[[18, 25]]).max() < 0.01
 
 
 def test_a_character_stands_beside_a_spike_that_rises_under_it() -> None:

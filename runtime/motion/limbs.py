@@ -17,7 +17,8 @@ from runtime.terrain.height_map import Terrain
 SHARES = np.linspace(0.0, 1.0, 9)  # of the way from the incoming limb to one that hangs
 SHALLOW_M = 0.25  # that a limb may be in the ground rather than go through it
 TURN_MOST = 0.7  # radians in a frame, of an arm or a leg: 42 rad/s, faster than a pitcher's forearm
-_MOVED = [2, 3, 4, 7, 8, 9, 18, 19, 20, 25, 26, 27]
+ARM_TURN = 0.15  # and of an arm that is not in a wall: one that came back at once would flicker
+_ARMS, _LEGS = [18, 19, 20, 25, 26, 27], [2, 3, 4, 7, 8, 9]
 _DOWN = np.array([0.0, -1.0, 0.0])
 
 
@@ -31,11 +32,14 @@ class Limb:
     free_m: tuple[float, ...]  # it is kept so far from a wall, or else so far,
     sunk_m: float  # and none of its joints deeper than so much under the ground
     bends: tuple[float, ...]  # radians about Y of an elbow or knee that it may hang with
+    turns: tuple[float, ...] = (
+        TURN_MOST,
+    )  # radians in a frame: the first with which it comes out of the ground
 
 
 LIMBS = (
-    Limb(18, 19, (20, 21, 22, 23), (0.2, 0.1, 0.0), 0.1, (0.0, -2.4)),
-    Limb(25, 26, (27, 28, 29, 30), (0.2, 0.1, 0.0), 0.1, (0.0, 2.4)),
+    Limb(18, 19, (20, 21, 22, 23), (0.2, 0.1, 0.0), 0.1, (0.0, -2.4), (ARM_TURN, TURN_MOST)),
+    Limb(25, 26, (27, 28, 29, 30), (0.2, 0.1, 0.0), 0.1, (0.0, 2.4), (ARM_TURN, TURN_MOST)),
     Limb(2, 3, (4, 5), (0.06, 0.0), 0.2, (0.0,)),
     Limb(7, 8, (9, 10), (0.06, 0.0), 0.2, (0.0,)),
 )
@@ -44,18 +48,24 @@ LIMBS = (
 def off_walls(hips: Array, local: Array, before: Array, terrain: Terrain) -> Array:
     """Local rotations `(31, 4)` whose limbs hang down as far as they must to be out of the ground.
 
-    `before` are those of the last frame, which no limb turns away from faster than `TURN_MOST`.
+    `before` are those of the last frame, which arms turn away from no faster than `ARM_TURN` out of need, and no limb
+    faster than `TURN_MOST`.
     """
-    result = no_faster(local, before)
+    result = _slowed(no_faster(local, before), before, _ARMS, ARM_TURN)
     positions, world = SPORT_SKELETON.forward_kinematics(hips, result)
     for limb in LIMBS:
         if _depths(terrain, limb, positions[None], positions[0]).max() <= limb.sunk_m:
             continue
-        tries = _tries(result, before, world, limb)
-        placed, _ = SPORT_SKELETON.forward_kinematics(np.broadcast_to(hips, (len(tries), 3)), tries)
-        best = _best(_depths(terrain, limb, placed, positions[0]), limb)
+        for most in limb.turns:
+            tries = _tries(result, before, world, limb, most)
+            placed, _ = SPORT_SKELETON.forward_kinematics(np.broadcast_to(hips, (len(tries), 3)), tries)
+            depths = _depths(terrain, limb, placed, positions[0])
+            if depths[-1].min() <= limb.sunk_m:
+                break
+        moved = [limb.upper, limb.lower]
+        turned = rotations.angle_between(before[moved], tries[:, moved]).sum(-1)
         result = result.copy()
-        result[[limb.upper, limb.lower]] = tries[best, [limb.upper, limb.lower]]
+        result[moved] = tries[_best(depths, turned, limb)][moved]
     return result
 
 
@@ -69,8 +79,8 @@ def _depths(terrain: Terrain, limb: Limb, poses: Array, hips: Array) -> Array:
     return np.asarray(np.maximum.accumulate(depths[::-1])[::-1])
 
 
-def _best(depths: Array, limb: Limb) -> int:
-    """The first of N tries that is free of walls at the greatest distance `(M, N)` at which one is.
+def _best(depths: Array, turned: Array, limb: Limb) -> int:
+    """Of N tries that are free of walls at the greatest distance `(M, N)` at which one is, the one `turned` least.
 
     Else the least deep one; an arm goes as far as it can out of a high wall: every way down is deeper first. A leg that
     did so would stand in the ground.
@@ -78,13 +88,13 @@ def _best(depths: Array, limb: Limb) -> int:
     for at_distance in depths:
         free = at_distance <= limb.sunk_m
         if free.any():
-            return int(np.argmax(free))
+            return int(np.argmin(np.where(free, turned, np.inf)))
     least = int(np.argmin(depths[-1]))
     stays = len(limb.bends) == 1 or depths[-1, least] < SHALLOW_M
     return least if stays else depths.shape[1] - len(SHARES)
 
 
-def _tries(local: Array, before: Array, world: Array, limb: Limb) -> Array:
+def _tries(local: Array, before: Array, world: Array, limb: Limb, most: float) -> Array:
     """Local rotations `(N, 31, 4)` with one limb that hangs more and more, straight or folded, from where it is or was `before`."""
     bone = SPORT_SKELETON.offsets[limb.lower].astype(np.float64)
     along = rotations.normalize(rotations.rotate(world[limb.upper].astype(np.float64), bone))
@@ -98,21 +108,25 @@ def _tries(local: Array, before: Array, world: Array, limb: Limb) -> Array:
     for k, (start, bend, shares) in enumerate(ways):
         part = slice(k * len(shares), (k + 1) * len(shares))
         for joint, goal in ((limb.upper, hangs), (limb.lower, rotations.from_yaw(bend))):
-            tries[part, joint] = _turned(before[joint], rotations.slerp(start[joint], goal, shares))
+            tries[part, joint] = _turned(before[joint], rotations.slerp(start[joint], goal, shares), most)
     return tries
 
 
-def _turned(before: Array, after: Array) -> Array:
-    """Rotations `(..., 4)` on the way to those `after`, as far as a frame allows."""
+def _turned(before: Array, after: Array, most: float) -> Array:
+    """Rotations `(..., 4)` on the way to those `after`, no farther than `most` radians."""
     angle = rotations.angle_between(before, after)
-    return rotations.slerp(before, after, np.minimum(1.0, TURN_MOST / np.maximum(angle, 1e-9)))
+    return rotations.slerp(before, after, np.minimum(1.0, most / np.maximum(angle, 1e-9)))
 
 
 def no_faster(local: Array, before: Array) -> Array:
     """Local rotations `(31, 4)` with limbs turned from those of the frame `before` by no more than `TURN_MOST`."""
-    angle = rotations.angle_between(before[_MOVED], local[_MOVED])
-    if angle.max() <= TURN_MOST:
+    return _slowed(local, before, _ARMS + _LEGS, TURN_MOST)
+
+
+def _slowed(local: Array, before: Array, joints: list[int], most: float) -> Array:
+    """Local rotations whose `joints` are turned by no more than `most` radians."""
+    if rotations.angle_between(before[joints], local[joints]).max() <= most:
         return local
     result = local.copy()
-    result[_MOVED] = _turned(before[_MOVED], local[_MOVED])
+    result[joints] = _turned(before[joints], local[joints], most)
     return result

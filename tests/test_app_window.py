@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -9,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from app_driver import InjectedPads, Start, run
+from faults.faults import display
 from viewer_fakes import fake_services
 
 from runtime.errors import DisplayError, UsageError
@@ -27,6 +32,46 @@ def test_first_frame_shows_scene_and_panels(start: Start) -> None:
     assert picture[-15:, 300:].mean() < 60  # the dark status line
     assert app.state.stage.model_name == "fake"
     assert app.state.prompt.parts["torso"] != ""
+
+
+IN_A_WINDOW = """
+import sys
+from pathlib import Path
+from app_driver import InjectedPads, run
+from viewer_fakes import fake_services
+from viewer.app import App
+from viewer.options import ViewOptions
+
+options = ViewOptions(width=480, height=320, terrain="flat", quality="software")
+app = App(options, fake_services(True), InjectedPads(), Path(sys.argv[1]))
+for size in ((480, 320), (610, 390)):
+    app.window.resize(*size)
+    for _ in range(400):
+        run(app)
+        if app.frames_shown > 5 and app.window.pixels == size:
+            break
+    run(app, 2)
+    picture = app.window.read_pixels()
+    assert picture.shape == (size[1], size[0], 3), (picture.shape, size)
+    assert picture[:6].mean() > 60, "the sky"
+    assert picture[-12:, 200:].mean() < 60, "the status line"
+    assert picture.std() > 20
+app.close()
+"""
+
+
+@pytest.mark.skipif(shutil.which("Xvfb") is None, reason="no Xvfb here")
+def test_a_shown_window_has_scene_and_panels_at_every_size(tmp_path: Path) -> None:
+    with display() as (_, name):
+        done = subprocess.run(
+            [sys.executable, "-c", IN_A_WINDOW, str(tmp_path)],
+            env={**os.environ, "DISPLAY": name, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+    assert done.returncode == 0, done.stderr
 
 
 def test_two_runs_show_the_same_picture(start: Start) -> None:

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from runtime.errors import DisplayError
 from viewer.gl_bindings import glfw, imgui, moderngl
+from viewer.render.gl import shown_size
+from viewer.render.quality import is_software
 
 _LOG = logging.getLogger("sport.viewer")
 _OFFSCREEN_HINT = "Without a display, `sport view --offscreen --screenshot out.png` renders into a file."
@@ -64,7 +66,9 @@ class Window:
         offscreen: bool = False,
         vsync: bool = True,
         ui_scale: float = 0.0,
+        kept: bool = False,
     ) -> None:
+        """`kept`: the picture is read after it was shown, when a window need not have it any more."""
         self._events = events
         self._offscreen = offscreen
         self.wanted_scale = ui_scale
@@ -79,6 +83,8 @@ class Window:
         try:
             glfw.make_context_current(self.handle)
             self.ctx = _context()
+            # a processor would copy every pixel once more
+            self._direct = is_software(self.ctx) and not (offscreen or kept)
             glfw.swap_interval(1 if vsync and not offscreen else 0)
             self._install_callbacks()
             self._start_imgui()
@@ -193,13 +199,15 @@ class Window:
         """Show the framebuffer; without a display there is nobody to show it to."""
         if self._offscreen:
             return
-        self.ctx.copy_framebuffer(self.ctx.screen, self.framebuffer)
+        if not self._direct:
+            self.ctx.copy_framebuffer(self.ctx.screen, self.framebuffer)
         glfw.swap_buffers(self.handle)
 
     def read_pixels(self) -> NDArray[np.uint8]:
         """The framebuffer as `(height, width, 3)`, top row first."""
-        width, height = self.framebuffer.size
-        data = np.frombuffer(self.framebuffer.read(components=3, alignment=1), np.uint8)
+        width, height = shown_size(self.framebuffer)
+        pixels = self.framebuffer.read((0, 0, width, height), components=3, alignment=1)
+        data = np.frombuffer(pixels, np.uint8)
         return data.reshape(height, width, 3)[::-1].copy()
 
     # --- requests
@@ -323,9 +331,13 @@ class Window:
 
     def _match_framebuffer(self) -> None:
         size = self.pixels
-        if 0 in size or (self.framebuffer is not None and self.framebuffer.size == size):
+        if 0 in size or (self.framebuffer is not None and shown_size(self.framebuffer) == size):
             return
         self._release_framebuffer()
+        if self._direct:
+            self.framebuffer = self.ctx.screen
+            self.framebuffer.viewport = (0, 0, *size)
+            return
         self._texture = self.ctx.texture(size, 4)
         self._depth = self.ctx.depth_renderbuffer(size)
         self.framebuffer = self.ctx.framebuffer([self._texture], self._depth)
@@ -334,7 +346,7 @@ class Window:
         if self.framebuffer is None:
             return
         self.ctx.screen.use()  # a bound framebuffer must not be released
-        for resource in (self.framebuffer, self._texture, self._depth):
+        for resource in () if self._direct else (self.framebuffer, self._texture, self._depth):
             resource.release()
         self.framebuffer = None
 

@@ -40,3 +40,9 @@ def scissored(framebuffer: moderngl.Framebuffer, box: tuple[int, int, int, int])
         yield
     finally:
         framebuffer.scissor = None  # type: ignore[assignment]  # the stub omits that None ends it
+
+
+def shown_size(framebuffer: moderngl.Framebuffer) -> tuple[int, int]:
+    """Pixels that are drawn into: of a window's own framebuffer `size` stays what it was when the window opened."""
+    _, _, width, height = framebuffer.viewport
+    return width, height

@@ -31,7 +31,12 @@ HIGH = Quality("high", 256, 2048, 16, True, True, 4, False, 1.0, 0)
 PRESETS = {preset.name: preset for preset in (FAST, SOFTWARE, HIGH)}
 
 
+def is_software(ctx: moderngl.Context) -> bool:
+    """Whether OpenGL runs on the processor."""
+    renderer = str(ctx.info["GL_RENDERER"]).lower()
+    return any(name in renderer for name in SOFTWARE_RENDERERS)
+
+
 def choose_quality(ctx: moderngl.Context) -> Quality:
     """`SOFTWARE` when OpenGL runs on the processor, else `HIGH`."""
-    renderer = str(ctx.info["GL_RENDERER"]).lower()
-    return SOFTWARE if any(name in renderer for name in SOFTWARE_RENDERERS) else HIGH
+    return SOFTWARE if is_software(ctx) else HIGH

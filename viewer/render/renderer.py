@@ -10,6 +10,7 @@ from runtime.terrain.height_map import Terrain
 from viewer.render.camera import Camera
 from viewer.render.character_pass import CharacterDraw, CharacterPass, SkinnedMesh, ghost_draws
 from viewer.render.frame import SHADOW_MARGIN_M, SHADOW_REACH_M, FrameUniforms, RenderFrame, make_frame
+from viewer.render.gl import shown_size
 from viewer.render.marks import (
     REFERENCE_HEIGHT_PX,
     contact_dots,
@@ -68,7 +69,7 @@ class Renderer:
         solid = [*([] if pose is None else [pose]), *overlays.extra_poses]
         in_scene = figure is not None and not (figure.ghost or figure.on_top)
         standing = [*solid, *([figure.pose] if in_scene and figure is not None else [])]
-        scene = self._scene.begin(target.size)
+        scene = self._scene.begin(shown_size(target))
         reach = SHADOW_REACH_M if self.quality.terrain_casts_shadow else 0.0
         frame = make_frame(camera, scene.size, standing, reach, self.quality.shadow_map_size)
         self._frame.write(frame)

@@ -6,7 +6,7 @@ import math
 
 import moderngl
 
-from viewer.render.gl import scissored, set_uniforms
+from viewer.render.gl import scissored, set_uniforms, shown_size
 from viewer.render.quality import Quality
 from viewer.render.shaders import load_program
 
@@ -73,7 +73,9 @@ class SceneTarget:
         if self._samples:
             self._ctx.copy_framebuffer(self._resolved, self._scene)
         softens = self._softens and edges[2] * edges[3] > 0
-        if self._scene.size == target.size:  # not from the scene itself: its depth might not fit the target's
+        if self._scene.size == shown_size(
+            target
+        ):  # not from the scene itself: its depth might not fit the target's
             self._ctx.copy_framebuffer(target, self._resolved)
             if softens:
                 self._soften_into(target, edges)
@@ -96,7 +98,8 @@ class SceneTarget:
         target.use()
         self._ctx.enable_only(moderngl.NOTHING)
         self._picture.use(0)
-        set_uniforms(self._programs[1], {"texel": (1 / target.width, 1 / target.height)})
+        width, height = shown_size(target)
+        set_uniforms(self._programs[1], {"texel": (1 / width, 1 / height)})
         with scissored(target, edges):
             self._soften_array.render(moderngl.TRIANGLES, vertices=3)
 

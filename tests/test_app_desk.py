@@ -15,6 +15,7 @@ from viewer.app import App
 from viewer.desk.guide import STEPS
 from viewer.filming import film
 from viewer.gl_bindings import imgui
+from viewer.gui.layout import STATUS_HEIGHT
 from viewer.messages import SETTLED_SECONDS, WARNING_SECONDS, Messages
 
 
@@ -74,6 +75,24 @@ def test_a_removed_take_comes_back_by_button_and_by_key(start: Start) -> None:
     assert names(app) == ["Take 1", "Take 2", "Take 3"]
 
 
+@pytest.mark.parametrize("height", [720, 560])  # the lower one has tabs
+def test_the_newest_take_is_in_view(start: Start, height: int) -> None:
+    app = start(width=1280, height=height)
+    for _ in range(14):
+        record(app, 4)
+    if "Clips" in {label.partition("##")[0] for label, _ in drawn(app)}:
+        click_on(app, "Clips")
+    run(app, 3)
+    rows = [box for label, box in drawn(app) if label == "row"]
+    window = next(w for w in imgui.get_current_context().windows if "clip list" in w.name)
+    assert window.pos.y <= rows[-1][1]
+    assert rows[-1][3] <= window.pos.y + window.size.y
+    app.takes.select(0)
+    run(app, 3)
+    rows = [box for label, box in drawn(app) if label == "row"]
+    assert window.pos.y <= rows[0][1]
+
+
 def test_every_take_is_exported_at_once_and_no_file_is_replaced(start: Start, tmp_path: Path) -> None:
     app = start()
     app.state.settings.export_folder = str(tmp_path)
@@ -90,6 +109,22 @@ def test_every_take_is_exported_at_once_and_no_file_is_replaced(start: Start, tm
     ]
     assert "Saved 2 takes" in said(app)
     assert app.takes.unsaved == []
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (800, 500)])
+def test_what_became_of_an_export_is_in_view(start: Start, tmp_path: Path, size: tuple[int, int]) -> None:
+    app = start(width=size[0], height=size[1])
+    app.state.settings.export_folder = str(tmp_path)
+    record(app, 40)
+    press(app, "ctrl", "e")
+    run(app, 3)
+    click_on(app, "##export now")
+    run(app, 5)
+    exports = app.state.desk.exports
+    assert exports.report_good, exports.report
+    window, size_y = imgui.internal.find_window_by_name("Export##overlay"), imgui.get_io().display_size.y
+    assert window.pos.y + window.size.y <= size_y - STATUS_HEIGHT, "the status line can be read"
+    assert window.scroll.y == pytest.approx(window.scroll_max.y)
 
 
 def test_the_export_window_writes_what_the_command_writes(start: Start, tmp_path: Path) -> None:

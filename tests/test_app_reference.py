@@ -6,15 +6,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from app_driver import Start, click_on, message, place, press, run
+from app_driver import Start, click_on, drawn, message, place, press, run
 from test_reference import TURNS, foreign
 
 from runtime.character.shape import BodyShape, shaped_file
 from runtime.errors import FileError
 from runtime.formats.reference import load_reference_bvh
 from runtime.takes.own_skeleton import STEP_M, OwnSkeleton
+from runtime.takes.pins import Pinned
 from viewer.app import App
 from viewer.filming.writers import open_writer
+from viewer.gl_bindings import imgui
+from viewer.stage.path_tool import on_screen
 from viewer.takes.reference import Look
 from viewer.takes.video import MAX_SIDE, read_video
 
@@ -33,16 +36,21 @@ def with_take(app: App) -> App:
     return app
 
 
-def choose_beside(app: App, path: Path) -> None:
-    """By the menu of the timeline and the dialog, as a person would."""
-    click_on(app, "Beside…")
-    click_on(app, "A take or film from a file…")
+def choose_file(app: App, entry: str, path: Path) -> None:
+    """An entry of the menu that is open, and a path typed into its dialog."""
+    click_on(app, entry)
     run(app, 3)
     press(app, "ctrl", "a")
     app.window.inject_text(str(path))
     run(app, 3)
     press(app, "enter")
     run(app, 5)
+
+
+def choose_beside(app: App, path: Path) -> None:
+    """By the menu of the timeline and the dialog, as a person would."""
+    click_on(app, "Beside…")
+    choose_file(app, "A take or film from a file…", path)
 
 
 def film(path: Path, size: tuple[int, int] = (64, 48), count: int = 30) -> Path:
@@ -129,13 +137,7 @@ def test_a_reference_is_shown_by_a_character_of_its_own(start: Start, tmp_path: 
     click_on(app, app.state.takes.items[1].name)
     path = shaped_file(BodyShape(1.0, 1.2, 1.2), tmp_path)
     click_on(app, "##reference look")
-    click_on(app, "Another character…")
-    run(app, 3)
-    press(app, "ctrl", "a")
-    app.window.inject_text(str(path))
-    run(app, 3)
-    press(app, "enter")
-    run(app, 5)
+    choose_file(app, "Another character…", path)
     figure = app._overlays(None, []).figure
     assert figure is not None
     assert figure.mesh is app.takes.reference.character
@@ -150,6 +152,53 @@ def test_a_reference_is_shown_by_a_character_of_its_own(start: Start, tmp_path: 
     run(app, 2)
     assert app.takes.reference.look is Look.CHARACTER
     assert app._overlays(None, []).figure is not None
+
+
+def card_box(app: App) -> tuple[float, float, float, float]:
+    """Left, top, right, bottom of the reference's card."""
+    window = imgui.internal.find_window_by_name("Reference")
+    return window.pos.x, window.pos.y, window.pos.x + window.size.x, window.pos.y + window.size.y
+
+
+def body_box(app: App) -> tuple[float, float, float, float]:
+    """The same of the joints of the character in the window."""
+    playback, size = app.state.takes.playback, imgui.get_io().display_size
+    assert playback is not None
+    seen = [on_screen(app.stage.camera.current, point, size) for point in playback.pose().positions]
+    xs, ys = zip(*[point for point in seen if point is not None], strict=True)
+    return min(xs), min(ys), max(xs), max(ys)
+
+
+def apart(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> bool:
+    return a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1]
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (800, 500), (1920, 1080)])
+@pytest.mark.parametrize("pinned", [False, True])
+def test_the_card_hides_nobody(start: Start, tmp_path: Path, size: tuple[int, int], pinned: bool) -> None:
+    app = with_take(start(width=size[0], height=size[1]))
+    app.takes.mirror(0)
+    app.takes.play(0)
+    app.takes.reference.show(app.state.takes.items[1])
+    if pinned:
+        app.pinning.add(Pinned.LEFT_HAND)
+    assert app.state.takes.playback is not None
+    app.state.takes.playback.playing = False
+    run(app, 60)
+    desk = imgui.internal.find_window_by_name("Desk")
+    bar = (desk.pos.x, desk.pos.y, desk.pos.x + desk.size.x, desk.pos.y + desk.size.y)
+    assert apart(card_box(app), bar)
+    assert apart(card_box(app), body_box(app))
+    labels = {label for label, _ in drawn(app)}
+    assert {"##reference offset", "##reference aside"} <= labels
+    assert labels & {"Over it", "Over"}
+    app.takes.reference.open_video(film(tmp_path / "film.mp4"))
+    run(app, 60)
+    assert app.takes.reference.video is not None
+    assert apart(card_box(app), body_box(app)), "a film stands beside the character"
+    app.takes.reference.size = 1.0  # hardly anything is left beside it
+    run(app, 30)
+    assert body_box(app)[2] < size[0]
 
 
 @pytest.mark.parametrize("ending", ["mp4", "gif", "webp"])

@@ -162,7 +162,8 @@ class App:
         events = WindowEvents(self._on_key, self._on_mouse_press, self._on_focus, self.open_files)
         scale = options.ui_scale or (0.0 if options.offscreen else settings.ui_scale)
         width, height = options.width or default[0], options.height or default[1]
-        return Window(TITLE, width, height, events, options.offscreen, settings.vsync, scale)
+        kept = options.screenshot is not None
+        return Window(TITLE, width, height, events, options.offscreen, settings.vsync, scale, kept)
 
     def _assemble(self, services: Services) -> None:
         """The rooms, each with its slice of the state; they need the window's context."""
@@ -210,6 +211,7 @@ class App:
             self.takes.opening,
             lambda title, endings, done: self.desk.ask_for(title, endings, done),
             self.window.ctx,
+            corner_taken=lambda: self.pinning.pin is not None,
         )
         self.screenshots = Screenshots(settings, messages, jobs, options.frames_directory)
         self.desk = Desk(

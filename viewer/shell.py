@@ -139,7 +139,9 @@ class Shell:
     @property
     def framing(self) -> tuple[float, float, float]:
         """Where the panels leave the view free, see `layout.framing`."""
-        return framing(self._layout)
+        over = [p for p in self.panels if p.place is PanelPlace.VIEW and p.shown()]
+        covered = max((p.covers(self._layout.view) for p in over), default=0.0)
+        return framing(self._layout, covered if self.state.panels_open else 0.0)
 
     @property
     def aspect(self) -> float:

@@ -54,4 +54,5 @@ class ExportState:
     missing: str = ""  # what the format needs and is not installed, and how to get it
     progress: tuple[int, int] = (0, 0)  # frames of film done, and in all
     report: str = ""  # what became of the last export
+    shown_report: str = ""  # the one of the frame before
     report_good: bool = True

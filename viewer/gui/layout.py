@@ -88,14 +88,17 @@ def arrange(
     return Layout(status, prompt, scene, clips, None, None, bar, view)
 
 
-def framing(layout: Layout) -> tuple[float, float, float]:
+def framing(layout: Layout, covered: float = 0.0) -> tuple[float, float, float]:
     """Middle of the free view, from -1 (left, bottom of the window) to 1, and the share of the height that it fills.
 
-    0 to the side where hardly anything is free.
+    So much of the view's left side is `covered`, unless hardly anything is left of it. 0 to the side where hardly
+    anything is free.
     """
     width, height = layout.status.width, layout.status.y + layout.status.height
-    across = 2.0 * (layout.view.x + layout.view.width / 2) / max(width, 1.0) - 1.0
-    across = across if layout.view.width >= MIN_VIEW_SHARE * width else 0.0
+    least = MIN_VIEW_SHARE * width
+    covered = covered if layout.view.width - covered >= least else 0.0
+    across = (2.0 * layout.view.x + layout.view.width + covered) / max(width, 1.0) - 1.0
+    across = across if layout.view.width >= least else 0.0
     if layout.transport is None:
         return across, 0.0, 1.0
     share = layout.transport.y / max(height, 1.0)

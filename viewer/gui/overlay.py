@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
+from viewer.gui.layout import STATUS_HEIGHT
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
 
@@ -17,12 +18,11 @@ LABEL_WIDTH = 150.0  # pixels at scale 1
 def window(fonts: Fonts, name: str, icon: str, width: float) -> Iterator[list[bool]]:
     """Draw within it; the list's first entry is whether the window was closed. `width` in pixels at scale 1."""
     size = imgui.get_io().display_size
-    center = imgui.ImVec2(size.x / 2, size.y / 2)
+    free = max(size.y - px(STATUS_HEIGHT), 1.0)  # what is said there belongs to what is done here
+    center = imgui.ImVec2(size.x / 2, free / 2)
     wide = min(px(width), size.x - px(20))
     imgui.set_next_window_pos(center, imgui.Cond_.always, imgui.ImVec2(0.5, 0.5))
-    imgui.set_next_window_size_constraints(
-        imgui.ImVec2(wide, 0), imgui.ImVec2(wide, max(size.y - px(50), 64))
-    )
+    imgui.set_next_window_size_constraints(imgui.ImVec2(wide, 0), imgui.ImVec2(wide, max(free - px(20), 64)))
     flags = (
         imgui.WindowFlags_.always_auto_resize
         | imgui.WindowFlags_.no_title_bar

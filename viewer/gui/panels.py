@@ -51,6 +51,9 @@ class Panel:
     begin_typing: Callable[[], None] | None = None  # Enter in the view goes to its field
     keys: Callable[[], None] | None = None  # acts on combinations with Ctrl, once a frame
     close: Callable[[], bool] | None = None  # Escape: close what is open; whether anything was
+    covers: Callable[[Rect], float] = lambda _: (
+        0.0
+    )  # of the view's left side, in screen units: nobody is there
 
 
 def draw_window(name: str, rect: Rect, contents: Callable[[], None], flags: int = FIXED) -> None:

@@ -21,8 +21,8 @@ SLOT_BYTES = MAX_JOINTS * 64
 SHADOW_CELL_M = 0.018
 NEARER_M = 0.1  # so much nearer, a ghost may hide the character
 GHOST_TINT = (0.20, 0.45, 0.80, 0.75)  # linear colour, share
-# the second one of ghosts before the character, which must not hide it
-GHOST_OPACITY, COVERING_OPACITY = 0.7, 0.3
+GHOST_OPACITY = 0.7
+COVERING_OPACITY = 0.35  # of all ghosts before the character together, which must not hide it
 
 
 class SkinnedMesh(Protocol):
@@ -174,13 +174,15 @@ def _mask_colors(target: moderngl.Framebuffer, written: bool) -> None:
 
 
 def ghost_draws(ghosts: list[Pose], pose: Pose | None, eye: Array) -> list[CharacterDraw]:
-    """Ghosts around a character as they are drawn: fainter where they stand between it and the `eye` `(3,)`."""
+    """Ghosts around a character as they are drawn: fainter, the more of them stand between it and the `eye` `(3,)`."""
 
     def away(one: Pose) -> float:
         return float(np.linalg.norm(one.hips_position - eye))
 
     limit = 0.0 if pose is None else away(pose) - NEARER_M
-    return [CharacterDraw(g, COVERING_OPACITY if away(g) < limit else GHOST_OPACITY) for g in ghosts]
+    before = sum(away(ghost) < limit for ghost in ghosts)
+    each = 1.0 - (1.0 - COVERING_OPACITY) ** (1.0 / max(before, 1))
+    return [CharacterDraw(g, each if away(g) < limit else GHOST_OPACITY) for g in ghosts]
 
 
 def coarse_triangles(positions: Array, triangles: NDArray[np.integer]) -> NDArray[np.integer]:

@@ -73,7 +73,8 @@ class TakeEditing:
             return (
                 "This motion comes from a file: it can be trimmed, pinned and exported."
                 if not item.recorded
-                else "This take cannot be driven again: a model was loaded or failed, or a take was gone on from, in it; or it is a mirror image."
+                else "A mirror image cannot be driven again, nor a take in which a model was loaded or another take was gone on from."
+                " It can be trimmed, pinned and exported."
             )
         return "It is being driven again…" if self.busy else ""
 

@@ -143,11 +143,11 @@ def _row(takes: Takes, references: References, i: int) -> None:
     width, height, square = imgui.get_content_region_avail().x, imgui.get_frame_height(), px(24)
     corner = imgui.get_cursor_screen_pos()
     start = imgui.get_cursor_pos()
-    if i == clips.selected and _newly_selected(item):
-        imgui.set_scroll_here_y(1.0 if corner.y > imgui.get_window_pos().y + height else 0.0)
     imgui.set_next_item_allow_overlap()
     if imgui.invisible_button("row", imgui.ImVec2(width, height)):
         takes.select(i)
+    if i == clips.selected and _newly_selected(item):  # of the row that was just drawn
+        imgui.set_scroll_here_y(1.0 if corner.y > imgui.get_window_pos().y + height else 0.0)
     hovered = imgui.is_item_hovered()
     if hovered and imgui.is_mouse_double_clicked(0):
         takes.begin_rename(i)

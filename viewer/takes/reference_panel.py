@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from runtime.character.read import SUFFIXES as CHARACTERS
 from viewer.gl_bindings import imgui
-from viewer.gui import card, widgets
+from viewer.gui import card, theme, widgets
 from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
@@ -20,9 +20,11 @@ from viewer.takes.reference import LIMITS, Look, Reference
 from viewer.takes.video import SUFFIXES as VIDEOS
 from viewer.takes.video import Video
 
-WIDTH, SMALL_WIDTH = 292.0, 178.0  # of the card, pixels at scale 1
+WIDTH, SMALL_WIDTH = 292.0, 178.0  # of a film's card at least, pixels at scale 1
 SMALL_VIEW = 520.0
 MIN_VIEW = 230.0  # a narrower view has no room for it
+# of the line without a film: its fields in words or short, and how much of a name goes before them
+LINE_WIDTH, SMALL_LINE_WIDTH, NAME_WIDTH, LEAST_NAME = 318.0, 242.0, 120.0, 36.0
 Browse = Callable[[str, tuple[str, ...], Callable[[Path], None]], None]  # title, endings, what takes the file
 
 
@@ -34,6 +36,7 @@ class References:
     opening: Opening
     browse: Browse
     ctx: Any  # OpenGL context
+    corner_taken: Callable[[], bool] = lambda: False  # another card lies at the top right of the view
     _texture: Any = field(default=None, init=False)
     _shown: tuple[Video, int] | None = field(default=None, init=False)
 
@@ -47,7 +50,9 @@ class References:
             return was
 
         shown = lambda: self.reference.shown  # noqa: E731
-        return Panel("Reference", PanelPlace.VIEW, self._draw, shown=shown, close=close)
+        return Panel(
+            "Reference", PanelPlace.VIEW, self._draw, shown=shown, close=close, covers=self._film_width
+        )
 
     def menu(self) -> None:
         """Entries of a menu: the other takes of the list, and a file."""
@@ -74,34 +79,73 @@ class References:
 
     # --- the card
 
+    @property
+    def _film(self) -> Video | None:
+        """The film that is shown in the card."""
+        return None if self.reference.over else self.reference.video
+
+    def _film_width(self, view: Rect) -> float:
+        """What a film's card covers of the view's left side, in screen units."""
+        if self._film is None or self.reference.state.playback is None or view.width < px(MIN_VIEW):
+            return 0.0
+        least = SMALL_WIDTH if view.width < px(SMALL_VIEW) else WIDTH
+        return max(px(least), self.reference.size * view.width) + px(card.MARGIN)
+
     def _draw(self, view: Rect) -> None:
-        reference, playback = self.reference, self.reference.state.playback
+        reference, playback, film = self.reference, self.reference.state.playback, self._film
         if playback is None:
             return
-        video = reference.video
-        if video is not None and reference.over:
-            self._over(video, playback, view)
+        if reference.video is not None and film is None:
+            self._over(reference.video, playback, view)
         if view.width < px(MIN_VIEW):
             return
-        width = SMALL_WIDTH if view.width < px(SMALL_VIEW) else WIDTH
-        if video is not None and not reference.over:
-            width = max(width, reference.size * view.width / px(1.0))
+        if film is None:
+            self._line(playback, view)
+            return
+        width = self._film_width(view) / px(1.0) - card.MARGIN
         with card.card("Reference", view, width, bottom=True):
             if card.title(reference.name, "reference"):
                 reference.close()
-            if video is not None and not reference.over:
-                side = imgui.get_content_region_avail().x
-                imgui.image(
-                    self._picture(video, playback), imgui.ImVec2(side, side * video.size[1] / video.size[0])
-                )
-            self._fields(playback, wide=width > SMALL_WIDTH)
+            side = imgui.get_content_region_avail().x
+            size = imgui.ImVec2(side, side * film.size[1] / film.size[0])
+            imgui.image(self._picture(film, playback), size)
+            self._fields(playback, wide=width >= WIDTH)
 
-    def _fields(self, playback: Playback, wide: bool) -> None:
-        """When and where it is, and who shows it, in one line."""
+    def _line(self, playback: Playback, view: Rect) -> None:
+        """Name, fields and the button that closes, at the top of the view beside the project's bar, where nobody is.
+
+        Under the view where that place is taken or too narrow.
+        """
+        reference = self.reference
+        bar = imgui.internal.find_window_by_name("Desk")
+        taken = 0.0 if bar is None or not bar.active else bar.size.x + px(card.MARGIN)
+        room = (view.width - 2 * px(card.MARGIN) - taken) / px(1.0)
+        at_top = room >= SMALL_LINE_WIDTH and not self.corner_taken()
+        room = room if at_top else view.width / px(1.0) - 2 * card.MARGIN
+        wide = room >= LINE_WIDTH + LEAST_NAME
+        fields = LINE_WIDTH if wide else SMALL_LINE_WIDTH
+        name = min(imgui.calc_text_size(reference.name).x / px(1.0) + 2 * card.GAP, NAME_WIDTH, room - fields)
+        name = name if name >= LEAST_NAME else 0.0
+        if not at_top:  # close to the timeline: right above it are feet
+            view = replace(view, height=view.height + px(card.MARGIN - card.GAP))
+        with card.card("Reference", view, min(fields + name, room), right=at_top, bottom=not at_top):
+            if name:
+                imgui.align_text_to_frame_padding()
+                left = imgui.get_cursor_pos_x()
+                widgets.label(widgets.elided(reference.name, px(name - card.GAP)), theme.ACCENT)
+                widgets.tooltip(reference.name)
+                imgui.same_line(left + px(name))
+            self._fields(playback, wide, imgui.get_frame_height() + px(card.GAP))
+            card.beside()
+            if widgets.icon_button(ICON.close, "close reference", "Close (Esc)", theme.TEXT):
+                reference.close()
+
+    def _fields(self, playback: Playback, wide: bool, spare: float = 0.0) -> None:
+        """When and where it is, and who shows it, in one line that leaves `spare` screen units of its room."""
         reference, fps = self.reference, playback.clip.fps
         side, over = imgui.get_frame_height(), px(60 if wide else 44)
         others = over + px(card.GAP) + (side + px(card.GAP) if reference.video is None else 0.0)
-        each = (imgui.get_content_region_avail().x - others - px(card.GAP)) / 2
+        each = (imgui.get_content_region_avail().x - spare - others - px(card.GAP)) / 2
         imgui.set_next_item_width(each)
         low, high, _ = LIMITS["offset_s"]
         text = "%+d frames" if wide else "%+d"

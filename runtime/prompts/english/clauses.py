@@ -52,6 +52,7 @@ _NAMED = (
     "toe",
     "hip",
     "chin",
+    "shoulder",
 )  # whose actions are not those of the whole part
 
 

@@ -100,12 +100,18 @@ def test_a_state_from_before_momentum_is_read(walked: Controller) -> None:
     tree = json.loads(arrays.pop("head").tobytes())
     tree["version"] = 3
     tree["state"]["jump_left"] = tree["state"].pop("jumps") and tree["state"]["ground"]
-    del tree["state"]["wished_speed"], tree["state"]["smooth_request"], tree["state"]["trajectory"]["wish"]
+    del (
+        tree["state"]["calm"],
+        tree["state"]["wished_speed"],
+        tree["state"]["smooth_request"],
+        tree["state"]["trajectory"]["wish"],
+    )
     buffer = io.BytesIO()
     np.savez(buffer, head=np.frombuffer(json.dumps(tree).encode(), np.uint8), **arrays)  # type: ignore[arg-type]
     state = Snapshot.from_bytes(buffer.getvalue()).state
     assert np.array_equal(state.trajectory.wish, walked.state.trajectory.velocity)
     assert np.array_equal(state.wished_speed, walked.state.requested_speed)
+    assert state.calm.local[0, 5] == pytest.approx(walked.state.poses.local[0, 5])
 
 
 def another_shape(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:

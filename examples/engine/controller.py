@@ -29,6 +29,8 @@ SLOWED = [
     15,
     16,
 ]  # shoulder, arm, forearm of both sides, and the trunk
+LIMBS = [20, 27, 16, 3, 8, 4, 9]  # hands, head, knees, feet
+AT_REST = np.array([0.07, 0.07, 0.07, 0.05, 0.05, 0.02, 0.02])  # m/s
 INPUT = {"path": 24, "facing": 24, "heights": 36, "joints": 93, "velocities": 93, "gait": 72, "phase": 130}
 OUTPUT = {"path": (6, 2), "facing": (6, 2), "joints": (31, 3), "velocities": (31, 3), "root": (3,), "contacts": (4,),
           "phase": (7, 5, 2), "rotations": (31, 6)}  # fmt: skip
@@ -161,6 +163,8 @@ class Controller:
         self.foot_speed = self.slow = 0.0
         self.arms = self.local(matrices(y["rotations"]))[SLOWED]
         self.late, self.late_speed = np.zeros((12, 3)), np.zeros((12, 3))
+        self.seen, self.usual = matrices(y["rotations"]), np.ones(7)  # world rotations relative to the root
+        self.calm, self.rate, self.asked = 1.0, 1.0, 0.0
 
     def local(self, world):
         """Rotations (31, 3, 3) against the parents."""
@@ -198,16 +202,47 @@ class Controller:
         feed = {"x": self.input()[None], "noise": noise, **self.style}
         y = self.split(self.network.run(["y"], feed)[0][0].astype(np.float64))
         here, yaw = self.xz[PRESENT], self.yaw[PRESENT]
+        hips, seen = self.calmed(y)
         place = np.array([here[0], 0.0, here[1]])
-        hips = turned(y["joints"][0], yaw) + place
+        hips = turned(hips, yaw) + place
         about = np.array([[np.cos(yaw), 0, np.sin(yaw)], [0, 1, 0], [-np.sin(yaw), 0, np.cos(yaw)]])
-        world, joints = about @ matrices(y["rotations"]), np.tile(hips, (31, 1))
+        world, joints = about @ seen, np.tile(hips, (31, 1))
         local = self.slowed(self.local(world))
         for joint, parent in enumerate(self.parents[1:], 1):
             world[joint] = world[parent] @ local[joint]
             joints[joint] = joints[parent] + world[parent] @ self.offsets[joint]
         self.feed_back(y, turned(joints - place, -yaw), here, yaw)
         return hips, world, joints
+
+    def calmed(self, y):
+        """Hips (3,) and world rotations (31, 3, 3) relative to the root, as far as a body at rest moves in a frame: `self.rate` of its way."""
+        new = matrices(y["rotations"])
+        world, joints = new, np.tile(y["joints"][0], (31, 1))
+        for joint, parent in enumerate(self.parents[1:], 1):
+            joints[joint] = joints[parent] + world[parent] @ self.offsets[joint]
+        speed = np.linalg.norm((joints - self.joints)[LIMBS], axis=-1) * FPS
+        turning = abs(angle(self.wish_yaw - self.wanted_yaw)) > 0.03
+        changes = np.abs(self.gait[PRESENT] - self.gait[PRESENT - 1]).max() > 0.03
+        free = self.wished == 0 and self.clock_share.max() == 0 and not turning
+        if not free:
+            self.usual = np.maximum(np.maximum(self.usual * kept(2.0), speed), 1.0)
+        self.asked = self.asked + DT if free and self.requested < 0.25 and not changes else 0.0
+        settled = self.calm * kept(0.12)
+        if not (y["contacts"].reshape(2, 2).max(-1) > 0.5).all():  # until both feet stand it steps on
+            settled = max(settled, min(self.calm, 0.6))
+        self.calm = settled if self.asked > 0.2 else 1 + (self.calm - 1) * kept(0.05)
+        limit = np.maximum(self.calm * self.usual, AT_REST)
+        rate = min((limit / np.maximum(speed, 1e-9)).min(), 1.0)
+        self.rate = rate + (self.rate - rate) * kept(0.05 * max(self.calm, 1e-3))
+        if self.rate == 1:
+            self.seen = new
+            return y["joints"][0], new
+        before, after = self.local(self.seen), self.local(new)
+        world = turns(self.rate * vectors(after @ np.swapaxes(before, -1, -2))) @ before
+        for joint, parent in enumerate(self.parents[1:], 1):
+            world[joint] = world[parent] @ world[joint]
+        self.seen = world = matrices(np.concatenate([world[..., 0], world[..., 1]], -1))  # without rounding
+        return self.joints[0] + self.rate * (y["joints"][0] - self.joints[0]), world
 
     def slowed(self, local):
         """Local rotations with arms that turn by 20 rad/s at most, 0.15 at rest: what is too fast comes later, by a damped spring."""
@@ -298,19 +333,27 @@ class Controller:
 
     def feed_back(self, y, joints, here, yaw: float) -> None:
         """What the next frame begins from; `joints` are relative to the root."""
-        self.joints, self.velocities = joints, y["velocities"]
+        self.joints, self.velocities = joints, y["velocities"] * self.rate
         forecast, shares = y["phase"], between(7, 61)
         length = shares @ np.hypot(forecast[..., 0], forecast[..., 1])
         turns = shares @ unwrapped(np.arctan2(forecast[..., 0], forecast[..., 1]))
         coming = length[..., None] * np.stack([np.sin(turns), np.cos(turns)], -1)
+        now = self.phase[PRESENT]
         self.phase = np.concatenate([self.phase[1:61], coming])
+        if self.rate < 1:  # the phases come a part of their way
+            went = angle(np.arctan2(coming[0, :, 0], coming[0, :, 1]) - np.arctan2(now[:, 0], now[:, 1]))
+            back = (self.rate - 1) * went
+            s, c = coming[..., 0], coming[..., 1]
+            self.phase[PRESENT:] = np.stack(
+                [s * np.cos(back) + c * np.sin(back), c * np.cos(back) - s * np.sin(back)], -1
+            )
         feet, before = joints[SOLES], self.feet
         self.feet = feet
         self.unstall(np.linalg.norm(feet - before, axis=-1).sum() * FPS / 4)
 
         resting = self.gait[PRESENT, STAND]
         self.swing_at_rest(resting > 0.9)
-        velocity = turned(y["root"][:2], yaw)
+        velocity = turned(y["root"][:2] * self.rate, yaw)
         weights = np.clip(y["contacts"], 0, 1) ** 2
         back = (weights[:, None] * (feet - before)[:, [0, 2]]).sum(0) * FPS / max(weights.sum(), 0.25)
         firm = self.resting() * min(weights.sum() / 0.5, 1.0)  # the planted feet carry a body that stops
@@ -327,7 +370,7 @@ class Controller:
             going = 2 * self.smooth / max(self.requested, 1e-9) - 1  # a start is not overshot
             going = np.clip(going, self.response, 1)
             velocity = velocity * np.clip(self.smooth / max(self.measured, 1e-9), 0.65, 1 + 0.25 * going)
-        turn = y["root"][2] * DT
+        turn = y["root"][2] * self.rate * DT
         self.advance(velocity, turn, turned(y["path"], yaw + turn), turned(y["facing"], yaw + turn))
 
     def unstall(self, foot_speed: float) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 from runtime.controls import STAND_SPEED, Controls, Gait
 from runtime.crossing.crossing import CLEAR, HALF_BODY_M, LOOK_M, STOP_SECONDS, Look
-from runtime.motion import features, momentum
+from runtime.motion import calm, features, momentum
 from runtime.motion.features import DT, OUTPUT_SIZE, InputParts, OutputParts, split_output
 from runtime.motion.limbs import no_faster, off_walls
 from runtime.motion.model import MotionModel, Style
@@ -24,7 +24,7 @@ from runtime.motion.phase import advance_phase, at_rate
 from runtime.motion.poses import network_pose, shown_poses
 from runtime.motion.stall import CYCLES_PER_SECOND, advance_by_cycles
 from runtime.motion.state import CharacterState, standing
-from runtime.motion.trajectory import PRESENT, SAMPLES, decay
+from runtime.motion.trajectory import PRESENT, SAMPLES, decay, wrap_angle
 from runtime.records import copied, joined, part
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
@@ -51,6 +51,9 @@ CALM_FROM = (
 LAST_SPEED = 9.0  # times the planned speed: what is more fades at the end of a stop,
 FIRM_CONTACT = 0.5  # sum of squared contacts that carry a root
 COAST = 0.24  # seconds, half-life: the planted feet carry the root on, or they would slide under it
+TURNS = 0.03  # rad of the stick's facing that the plan has not reached: a body turns on the spot
+STANDS = 0.5  # of a contact of heel or toe
+CHANGES = 0.03  # of the labels of gait in a frame: a body crouches or gets up
 FASTEST_LIFT = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
 SPEED_HALF_LIFE = 0.25  # seconds, smoothing of the measured speed (a stride speeds up and slows down)
 _PHASES = features.PHASE_OFFSETS + PRESENT
@@ -122,11 +125,14 @@ def step(
     y = split_output(flat.astype(np.float64))
 
     hips, local, joints = network_pose(y, state.trajectory, state.ground)
+    hips, local, joints = _calmed(state, hips, local, joints, y.contacts)
     blending = np.array([blend.blending for blend in state.styles])
     inertialised = state.arms.apply(local, blending, _rest(state))
     if inertialised.any():
         joints[inertialised] = SPORT_SKELETON.forward_kinematics(hips[inertialised], local[inertialised])[0]
-    unlocked = _plant(state, hips, local, np.minimum(np.maximum(y.contacts, 0.0), 1.0), terrain)
+    # the feet of a calm body stay where they are
+    contacts = np.maximum(np.minimum(np.maximum(y.contacts, 0.0), 1.0), 1.0 - state.calm.share[:, None])
+    unlocked = _plant(state, hips, local, contacts, terrain)
     _cross(state, unlocked, (hips, local), looks, styles)
     _feed_back(state, y, joints, looks, styles, terrain, haste)
 
@@ -141,6 +147,33 @@ def _rest(state: CharacterState) -> Array:
     stops = (state.wished_speed == 0.0) & ~np.array([jump.airborne for jump in state.jumps])
     slow = np.minimum(np.maximum(1.0 - state.requested_speed / CALM_FROM, 0.0), 1.0)
     return np.asarray(np.where(stops, slow * (1.0 - state.rest.share.max(-1)), 0.0))
+
+
+def _calmed(
+    state: CharacterState, hips: Array, local: Array, joints: Array, contacts: Array
+) -> tuple[Array, Array, Array]:
+    """The network's pose as far as a body at rest moves towards it in a frame."""
+    path = state.trajectory
+    yaw, gait = path.yaw[:, PRESENT], path.gait
+    turning = np.abs(wrap_angle(path.wish_yaw - path.requested_yaw)) > TURNS
+    changes = np.abs(gait[:, PRESENT] - gait[:, PRESENT - 1]).max(-1) > CHANGES
+    free = (state.wished_speed == 0.0) & (state.rest.share.max(-1) == 0.0) & (state.arms.left == 0.0)
+    free &= [
+        jump.stage == "" and crossing.kind == ""
+        for jump, crossing in zip(state.jumps, state.crossings, strict=True)
+    ]
+    still = (state.requested_speed < calm.SLOW) & ~turning & ~changes
+    grounded = (contacts.reshape(-1, 2, 2).max(-1) > STANDS).all(-1)
+    relative = features.relative_joints(joints, path.here, state.ground, yaw)
+    rate = state.calm.slow(relative, state.joints, free & ~turning, still, grounded)
+    local = state.calm.between(local, yaw)
+    slow = rate < 1.0
+    if slow.any():
+        place = state.joints[:, 0] + rate[:, None] * (relative[:, 0] - state.joints[:, 0])
+        there = features.to_world(place, yaw) + np.stack([path.here[:, 0], state.ground, path.here[:, 1]], -1)
+        hips = np.where(slow[:, None], there, hips)
+        joints[slow] = SPORT_SKELETON.forward_kinematics(hips[slow], local[slow])[0]
+    return hips, local, joints
 
 
 def full_speed(style: Style, gait: Gait) -> float:
@@ -362,8 +395,9 @@ def _feed_back(
     state.joints = features.relative_joints(joints, path.here, state.ground, yaw)
     if (rates != 1.0).any():  # a rhythm that is held back: the body has come a part of its way
         state.joints = before + rates[:, None, None] * (state.joints - before)
-    state.velocities = y.joint_velocities
-    state.phase = at_rate(state.phase, advance_phase(state.phase, y.phase), rates)
+    slowed = state.calm.rate
+    state.velocities = y.joint_velocities * slowed[:, None, None]
+    state.phase = at_rate(state.phase, advance_phase(state.phase, y.phase), rates * slowed)
     resting = path.gait[:, PRESENT, Gait.STAND]
 
     # the speed at which feet should be stepping: 0 at rest, in a jump, and while the root has not set off
@@ -375,9 +409,9 @@ def _feed_back(
         state.phase[stalled] = advance_by_cycles(state.phase[stalled], CYCLES_PER_SECOND * DT)
     state.phase = state.rest.apply(state.phase, np.stack([style.rest for style in styles]), resting)
 
-    velocity = features.to_world(y.root[:, :2], yaw)
+    velocity = features.to_world(y.root[:, :2] * slowed[:, None], yaw)
     velocity = _root_velocity(state, velocity, y.contacts, looks, terrain, response)
-    turn = y.root[:, 2] * DT
+    turn = y.root[:, 2] * slowed * DT
     ahead = (yaw + turn)[:, None]
     path.advance(
         velocity * DT,
@@ -410,6 +444,7 @@ def _root_velocity(
     most = np.maximum(LAST_SPEED * state.requested_speed, coast * state.root_speed)
     creep = np.where(still, np.minimum(1.0, most / np.maximum(speed, 1e-6)), 1.0)
     velocity, state.root_speed = velocity * creep[:, None], speed * creep
+    velocity = velocity + _over_feet(state)
     change = (state.root_speed - state.measured_speed) * (1 - decay(SPEED_HALF_LIFE))
     state.measured_speed = state.measured_speed + change
     state.stride.update(state.joints, np.where(flying[:, None], 0.0, contacts), state.measured_speed)
@@ -434,6 +469,18 @@ def _root_velocity(
             if walls:
                 velocity[i] = led_clear(terrain, state.trajectory.here[i], velocity[i])
     return velocity
+
+
+def _over_feet(state: CharacterState) -> Array:
+    """Velocities `(N, 2)` (m/s) that bring calm bodies over their feet: one that stops leaves them up to 0.2 m behind."""
+    share = np.maximum(1.0 - state.calm.share / calm.NEARLY, 0.0)
+    away = [
+        [foot.offset for foot in feet.feet] if all(feet.held) else ((0.0,) * 3,) * 2 for feet in state.feet
+    ]
+    offset = np.array(away).mean(1)[:, [0, 2]]
+    distance = np.sqrt((offset * offset).sum(-1))
+    speed = np.minimum(np.maximum(distance - calm.UNSEEN, 0.0) / calm.OVER_FEET_S, calm.SWAYS)
+    return np.asarray(offset * (share * speed / np.maximum(distance, 1e-9))[:, None])
 
 
 def _set_back(

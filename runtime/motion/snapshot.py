@@ -20,6 +20,7 @@ import numpy as np
 from runtime.crossing.crossing import is_possible
 from runtime.crossing.jump import Jump
 from runtime.errors import FileError, ModelError
+from runtime.motion.calm import Calm
 from runtime.motion.controller import Controller
 from runtime.motion.model import Style
 from runtime.motion.state import CharacterState
@@ -27,7 +28,7 @@ from runtime.motion.style_blend import StyleCodes
 from runtime.motion.style_mix import StyleMix
 from runtime.records import REMEDY, copied, read_record, write_record
 
-VERSION = 5
+VERSION = 6
 MAX_BYTES = 16 * 1024 * 1024  # a folded style has 2 MB
 MOST_CODES, LARGEST_SHARE, LARGEST_CODE = 64, 64.0, 1e4
 LONGEST_BLEND_S, LARGEST_STRENGTH, FASTEST = 1e6, 16.0, 100.0
@@ -86,8 +87,10 @@ class Snapshot:
                 _plan_as_velocity(tree["state"])
             if version in (3, 4):
                 _no_jump(tree["state"])
-            if version in (3, 4, VERSION):
+            if version in (3, 4, 5, VERSION):
                 arrays = [named[f"a{k}"] for k in range(len(named))]
+                if version != VERSION:
+                    _awake(tree["state"], arrays)
                 codes = _codes(tree["style"], arrays)
                 state = read_record(CharacterState, tree["state"], arrays, name)
                 if state.styles or not all(is_possible(crossing) for crossing in state.crossings):
@@ -132,6 +135,13 @@ def _no_jump(state: Any) -> None:
     """Version 4 had jumps of the network, of which nothing but their time was remembered."""
     del state["jump_left"]
     state["jumps"] = [write_record(Jump(), [])]
+
+
+def _awake(state: Any, arrays: list[np.ndarray]) -> None:
+    """Version 5 knew no time that runs slower at rest."""
+    poses = state["poses"]
+    local, yaw = arrays[poses["local"]].astype(np.float64), arrays[poses["yaw"]]
+    state["calm"] = write_record(Calm.awake(local, yaw), arrays)
 
 
 def take_snapshot(controller: Controller) -> Snapshot:

@@ -11,6 +11,7 @@ from runtime.arrays import Array
 from runtime.crossing.crossing import Crossing
 from runtime.crossing.jump import Jump
 from runtime.feet.foot_lock import FootLock
+from runtime.motion.calm import Calm
 from runtime.motion.features import DT, PHASE_OFFSETS, C, split_output
 from runtime.motion.inertialization import Inertialization
 from runtime.motion.model import MotionModel
@@ -55,6 +56,7 @@ class CharacterState:
     stall: Stall
     rest: RestRhythm
     arms: Inertialization
+    calm: Calm
     feet: tuple[FootLock, ...]
     crossings: tuple[Crossing, ...]
     jumps: tuple[Jump, ...]
@@ -100,6 +102,7 @@ def standing(
         stall=Stall.at_rest(y.joint_positions),
         rest=RestRhythm.silent(),
         arms=Inertialization.at_rest(local),
+        calm=Calm.awake(local, np.array([yaw])),
         feet=(feet,),
         crossings=(Crossing(),),
         jumps=(Jump.standing(float(hips[0, 1]), float(ground[0])),),

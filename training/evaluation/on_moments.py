@@ -1,28 +1,34 @@
 """Experiments on the first and the last second of everything: starts, stops, turns, jumps, and standing for half a minute.
 
-Clips are made by the public `generate_clip`, exported, and measured on the exported BVH alone.
+Clips are those of the public `generate_clip`, exported, and measured on the exported BVH alone.
 """
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from runtime.errors import UsageError
+from runtime.errors import SportError, UsageError
 from runtime.formats.bvh_clip import save_bvh
-from runtime.generate import generate_clip
-from runtime.motion.stick_script import parse_stick
+from runtime.generate import clip_of
+from runtime.motion.controller import Controller
+from runtime.motion.crowd import Crowd
+from runtime.motion.features import FPS
+from runtime.motion.stick_script import StickScript, parse_stick
 from runtime.prompts.parts import PartDescriptions
+from runtime.takes.clip import Clip
+from runtime.terrain.library import load_terrain
 from training.evaluation.experiment import Arguments, Experiment, Setting
 from training.evaluation.metrics import moments
 from training.evaluation.metrics.moments import Points
 from training.markdown import table as table_lines
 
+TOGETHER = 16  # characters of a crowd
 Values = list[float]
 Raw = dict[str, Values]
 
@@ -135,26 +141,43 @@ def clips_of(
     setting: Setting, asked: dict[str, str | PartDescriptions], script: str
 ) -> dict[str, list[dict[str, Any]]]:
     """Figures of every prompt in every seed; the BVHs stay in --keep."""
-    args, subject = setting.args, setting.subject
-    result: dict[str, list[dict[str, Any]]] = {}
+    args = setting.args
+    result: dict[str, list[dict[str, Any]]] = {label: [] for label in asked}
+    stick = parse_stick(script)
+    members = [(label, seed) for label in asked for seed in args.seeds]
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) if args.keep is None else args.keep
         folder.mkdir(parents=True, exist_ok=True)
-        for label, prompt in asked.items():
-            for seed in args.seeds:
-                clip = generate_clip(
-                    prompt,
-                    controls=script,
-                    seed=seed,
-                    model=subject.model,
-                    prompter=subject.prompter,
-                    response=args.response,
-                )
+        for first in range(0, len(members), TOGETHER):
+            few = members[first : first + TOGETHER]
+            setting.report(", ".join(dict.fromkeys(label for label, _ in few)))
+            styles = [(asked[label], seed) for label, seed in few]
+            for (label, seed), clip in zip(few, clips_together(setting, styles, stick), strict=True):
                 path = folder / f"{'_'.join(label.split())}_{seed}.bvh"
                 save_bvh(clip, path)
-                result.setdefault(label, []).append({"seed": seed, **measure(path, script)})
-            setting.report(label)
+                result[label].append({"seed": seed, **measure(path, script)})
     return result
+
+
+def clips_together(
+    setting: Setting, styles: Sequence[tuple[str | PartDescriptions, int]], stick: StickScript
+) -> list[Clip]:
+    """The clips that `generate_clip` makes of prompts and seeds, as one crowd in half of the time."""
+    args, subject, ground = setting.args, setting.subject, load_terrain("flat")
+    crowd = []
+    for prompt, seed in styles:
+        controller = Controller(subject.model, ground, seed, response=args.response)
+        controller.set_style(subject.prompter(prompt), 0.0)
+        controller.settle(stick(0.0).gait)
+        crowd.append(controller)
+    together, poses = Crowd(crowd), []
+    for frame in range(round(stick.seconds * FPS)):
+        poses.append(together.step(stick(frame / FPS)))
+        faults = [member.message for member in crowd if member.message]
+        if faults:
+            raise SportError(f"frame {frame}: {faults[0]}", "Try another seed or model.")
+    together.close()
+    return [clip_of(own, "moments", (), ground.name) for own in zip(*poses, strict=True)]
 
 
 def raw_moments(data: Path) -> dict[str, Raw]:

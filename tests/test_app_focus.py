@@ -116,6 +116,31 @@ def test_a_field_that_was_clicked_has_the_keys_within_the_frame(start: Start, la
     assert not app.state.takes.items
 
 
+@pytest.mark.parametrize("frames", [0, 1])  # in one slow frame, and in two
+def test_what_a_held_key_repeats_is_no_text_of_the_prompt(start: Start, frames: int) -> None:
+    app = start()
+    run(app, 3)
+    app.window.inject_key("w", True)
+    app.window.inject_text("w")
+    run(app, frames)
+    for _ in range(20):  # the keyboard repeats it
+        app.window.inject_repeat("w")
+        app.window.inject_text("w")
+    run(app, frames)
+    app.window.inject_key("w", False)
+    app.window.inject_key("enter", True)
+    app.window.inject_key("enter", False)
+    for letter in "tired waiter":
+        name = "space" if letter == " " else letter
+        app.window.inject_key(name, True)
+        app.window.inject_text(letter)
+        app.window.inject_key(name, False)
+    run(app, 6)
+    assert app.state.prompt.boxes[0].text == "tired waiter"
+    assert not app.state.takes.recording, "R is a letter after Enter"
+    assert not app.state.takes.items
+
+
 def test_typing_at_a_new_prompt_of_the_timeline_is_typed(start: Start) -> None:
     app = start()
     run(app, 40)

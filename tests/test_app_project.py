@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from app_driver import Start, click_on, drawn, press, prompt, run
 from gltf_characters import user_character
 
 from runtime.character.writer import write_character
+from runtime.file_lock import open_locked
 from runtime.projects.project import load_project
 from runtime.terrain.files import write_height_png
 from viewer.app import App
@@ -110,12 +112,74 @@ def test_an_autosaved_session_is_at_most_ten_seconds_old_and_offered(start: Star
 
     other = start()
     other.desk.begin(None, autosaving=True)
-    assert "Cut off before it was saved: untitled, 1 take" in said(other)
+    assert "Cut off: untitled, 1 take" in said(other)
     run(other, 3)
     click_on(other, "##project")
-    click_on(other, "Reopen")
+    click_on(other, "Reopen", 1)  # of the menu; the other one is under Clips
     run(other, 3)
     assert [item.name for item in other.state.takes.items] == ["kept"]
+
+
+def killed_while_recording(start: Start, tmp_path: Path) -> tuple[Path, Path]:
+    """What a run leaves that had one take and was recording a second one: its session and the journal, elsewhere."""
+    app = start()
+    projects = app.desk.projects
+    projects.autosaving = True
+    record(app)
+    run(app, 2)
+    app.takes.toggle_recording()
+    run(app, 30)
+    app.takes.journals.close()
+    (journal,) = (tmp_path / "config" / "journals").glob("*.take")
+    (session,) = projects.folder.glob("*.sport")
+    projects._file.leave(keep=True)  # as if it had been killed
+    moved = tmp_path / session.name, tmp_path / journal.name
+    shutil.move(session, moved[0])
+    shutil.move(journal, moved[1])
+    app.close()
+    return moved
+
+
+@pytest.mark.parametrize("button", ["Reopen", "Discard"])
+@pytest.mark.parametrize("late", [False, True])
+def test_a_killed_run_is_one_offer(start: Start, tmp_path: Path, button: str, late: bool) -> None:
+    session, journal = killed_while_recording(start, tmp_path)
+    app, now = start(), [0.0]
+    projects = app.desk.projects
+    projects.clock = lambda: now[0]
+    places = (projects.folder / session.name, tmp_path / "config" / "journals" / journal.name)
+    shutil.copy(session, places[0])
+    shutil.copy(journal, places[1])
+    locks: list[int] = []
+    if late:  # the system has not ended the killed process yet
+        lock = places[0].with_name(places[0].name + ".lock")
+        locks = [handle for path in (lock, places[1]) if (handle := open_locked(path, create=True))]
+        assert len(locks) == 2
+    app.takes.journals.look()
+    app.desk.begin(None, autosaving=True)
+    run(app, 2)
+    if late:
+        assert not any("Reopen" in label for label, _ in drawn(app))
+        for lock in locks:
+            os.close(lock)
+        now[0] = 3.0
+        run(app, 2)
+    assert "Cut off: untitled, 2 takes" in said(app)
+    labels = [label.partition("##")[0] for label, _ in drawn(app)]
+    assert labels.count("Reopen") == 1
+    assert "Recover" not in labels
+    click_on(app, button)
+    run(app, 5)
+    assert len(app.state.takes.items) == (2 if button == "Reopen" else 0)
+    assert app.state.takes.cut_off == []
+    assert app.desk.projects.offer is None
+    labels = [label.partition("##")[0] for label, _ in drawn(app)]
+    assert not {"Reopen", "Recover"} & set(labels)
+    if button == "Discard":
+        assert not any(path.exists() for path in places)
+    now[0] = 60.0
+    run(app, 5)
+    assert app.desk.projects.offer is None
 
 
 def test_a_new_project_puts_aside_what_was_not_saved(start: Start, tmp_path: Path) -> None:

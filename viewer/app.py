@@ -137,6 +137,9 @@ class App:
         self.frames_shown = 0
         self.interrupted = False  # from outside: by a signal or Ctrl+C
         self._was_moving = False
+        self._field_asked = (
+            False  # Enter in the view: letters that follow within a slow frame are the field's
+        )
         self._interval_s = 0.0  # since the frame before, by the clock
         self._steps = 0  # of the simulation in this frame
         self._script_s = 0.0  # how long the scripts of keys and stick have been played
@@ -241,7 +244,7 @@ class App:
                 lambda: desk.ask_file(self.open_files),
                 lambda width: pin_panel.draw_live(self.pinning, width),
             ),
-            clips_panel.panel(takes, self.references, desk.exporting.open),
+            clips_panel.panel(takes, self.references, desk.exporting.open, lambda: self.desk.projects.offer),
             transport.panel(editing, self.pinning, self.take_camera, self.references),
             labels.panel(wall),
             clips_panel.sign(takes),
@@ -328,6 +331,7 @@ class App:
         if self._typing or not self.shell.focus.in_view:
             window.take_input(self.shell.draw_at)
         intent = self._read_devices(dt)
+        self._field_asked = False
         for action in intent.pressed:  # held actions and gaits are none of this table
             self.actions.get(action, lambda: None)()
         state.shell.crouching = self.devices.mapper.crouching
@@ -460,13 +464,18 @@ class App:
 
     # --- events
 
-    def _on_key(self, name: str, down: bool) -> None:
-        """Function keys act always, Escape unless a field is typed into, all others while the view has the keys."""
-        typing = self._typing
+    def _on_key(self, name: str, down: bool) -> bool:
+        """Function keys act always, Escape unless a field is typed into, all others while the view has the keys.
+
+        Whether this one does.
+        """
+        typing = self._typing or self._field_asked
         acts = self.shell.focus.in_view or (name == "escape" and not typing)
         self.devices.keyboard.key(name, down, typing or not acts)
         if down and not acts and not typing and self.devices.acts_alone(name):
             self.state.messages.note("A panel has the keys: Esc or a click on the view gives them back.")
+        self._field_asked = self._field_asked or (down and acts and not typing and name == "enter")
+        return down and acts and not typing
 
     def _on_mouse_press(self, x: float, y: float) -> None:
         self.shell.focus.press(x, y)

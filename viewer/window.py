@@ -24,6 +24,7 @@ MAX_PASSES = 60  # of the panels in one frame
 PASS_SECONDS = 1e-4
 SHORTEST_S = 1e-6  # of a picture
 TEXT_FRAMES = 4  # that characters wait for their field
+MAX_WAITING = 4096  # characters that ImGui has not handed out
 
 _PLAIN_KEYS = (
     "SPACE", "ENTER", "ESCAPE", "BACKSPACE", "TAB", "LEFT", "RIGHT", "UP", "DOWN", "HOME", "END", "PAGE_UP", "PAGE_DOWN",
@@ -39,6 +40,8 @@ KEY_NAMES: dict[int, str] = {
     **{getattr(glfw, f"KEY_{side}_CONTROL"): "ctrl" for side in ("LEFT", "RIGHT")},
 }  # fmt: skip
 _LETTERS = frozenset(chr(ord("a") + i) for i in range(26))
+# keys that type something
+_TYPING = _LETTERS | frozenset("0123456789") | {"space", "equal", "minus", "comma", "period"}
 REPEATED_KEYS = frozenset({"left", "right", "comma", "period"})  # held, they go on from frame to frame
 _MODIFIERS = {"ctrl": imgui.Key.mod_ctrl, "shift": imgui.Key.mod_shift, "alt": imgui.Key.mod_alt}
 KEY_CODES: dict[str, int] = {name: code for code, name in reversed(KEY_NAMES.items())}
@@ -48,7 +51,7 @@ KEY_CODES: dict[str, int] = {name: code for code, name in reversed(KEY_NAMES.ite
 class WindowEvents:
     """Who wants to hear what; set before the window opens."""
 
-    key: Callable[[str, bool], None]  # name, down
+    key: Callable[[str, bool], bool]  # name, down; whether it acts, and what it types is no text
     mouse_press: Callable[[float, float], None]  # where, in screen units
     focus: Callable[[bool], None]
     drop: Callable[[list[Path]], None]
@@ -74,6 +77,9 @@ class Window:
         self.wanted_scale = ui_scale
         self._mouse = 0.0, 0.0
         self._early: list[tuple[int, int]] = []  # characters without a field, and for how many frames
+        self._typed: list[tuple[int, bool]] = []  # those that ImGui has not handed out; whether they are text
+        self._acting: set[str] = set()  # keys that went down for an action, until they are up
+        self._acts = False  # the key that moved last is one of them: its character comes next
         self._injected: set[str] = set()  # modifiers held by `inject_key`
         self._windowed: tuple[int, int, int, int] | None = None
         self._texture: Any = None
@@ -172,14 +178,26 @@ class Window:
     def _keep_text_for_field(self) -> None:
         """Give characters that came before their field had the keyboard to it: ImGui drops those of that frame."""
         queue = imgui.get_io().input_queue_characters
+        text = self._text([queue[i] for i in range(queue.size())])
         if imgui.internal.get_input_text_state(imgui.internal.get_active_id()) is None:
-            self._early += [(queue[i], 0) for i in range(queue.size())]
+            self._early += [(code, 0) for code in text]
             self._early = [(code, age + 1) for code, age in self._early if age < TEXT_FRAMES]
             queue.clear()
         else:
-            for code, _ in reversed(self._early):
-                queue.push_front(code)
+            queue.clear()
+            for code in [*(code for code, _ in self._early), *text]:
+                queue.push_back(code)
             self._early = []
+
+    def _text(self, codes: list[int]) -> list[int]:
+        """Of characters that ImGui hands out those that no acting key typed: a held W repeats itself."""
+        text = []
+        for code in codes:
+            at = next((i for i, (typed, _) in enumerate(self._typed) if typed == code), None)
+            if at is None or self._typed[at][1]:
+                text.append(code)
+            del self._typed[: 0 if at is None else at + 1]
+        return text
 
     def take_input(self, draw: Callable[[float], None]) -> None:
         """Let panels take all events of a slow frame: ImGui hands out key by key. `draw` draws them at a scale, unseen."""
@@ -258,6 +276,10 @@ class Window:
         for modifier in self._injected:
             imgui.get_io().add_key_event(_MODIFIERS[modifier], True)
 
+    def inject_repeat(self, name: str) -> None:
+        """Behave as if a key that is down repeated itself."""
+        imgui.backends.glfw_key_callback(self._address, KEY_CODES[name], 0, glfw.REPEAT, 0)
+
     def inject_text(self, text: str) -> None:
         """Behave as if text was typed."""
         for character in text:
@@ -294,6 +316,7 @@ class Window:
     def _install_callbacks(self) -> None:
         # before ImGui's, which chain to these; a callback set later would replace ImGui's
         glfw.set_key_callback(self.handle, self._on_key)
+        glfw.set_char_callback(self.handle, self._on_character)
         glfw.set_cursor_pos_callback(self.handle, self._on_mouse_move)
         glfw.set_mouse_button_callback(self.handle, self._on_mouse_button)
         glfw.set_window_focus_callback(self.handle, self._on_focus)
@@ -302,7 +325,14 @@ class Window:
     def _on_key(self, _window: Any, code: int, _scancode: int, action: int, _mods: int) -> None:
         name = KEY_NAMES.get(code)
         if name is not None and (action != glfw.REPEAT or name in REPEATED_KEYS):
-            self._events.key(name, action != glfw.RELEASE)
+            acts = self._events.key(name, action != glfw.RELEASE)
+            if action != glfw.REPEAT:
+                (self._acting.add if acts else self._acting.discard)(name)
+        self._acts = action != glfw.RELEASE and name in self._acting & _TYPING
+
+    def _on_character(self, _window: Any, code: int) -> None:
+        self._typed = [*self._typed[-MAX_WAITING:], (code, not self._acts)]
+        self._acts = False
 
     def _on_mouse_move(self, _window: Any, x: float, y: float) -> None:
         self._mouse = x, y

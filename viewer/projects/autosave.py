@@ -97,6 +97,14 @@ def find_sessions(folder: Path) -> list[LeftBehind]:
     return found
 
 
+def held_sessions(folder: Path) -> set[Path]:
+    """Sessions of living processes, and of one that was killed as long as the system has not ended all of its threads."""
+    try:
+        return {path for path in folder.iterdir() if path.suffix == SUFFIX and _held(path)}
+    except OSError:
+        return set()
+
+
 def drop_old_sessions(folder: Path) -> None:
     """Of the sessions that ended as planned only the newest is kept."""
     for old in [left for left in find_sessions(folder) if left.ended][KEPT_SESSIONS:]:

@@ -21,11 +21,19 @@ from viewer.projects.contents import Contents
 from viewer.projects.notes import StyleNotes
 from viewer.projects.state import ProjectsState
 from viewer.settings import Settings
+from viewer.takes.recovery_panel import CutOffSession
 from viewer.takes.reference import Look
 from viewer.takes.state import ClipItem
 
 FILTERS = ("SPORT projects", f"*{SUFFIX}")
 MAX_RECENT = 8
+LOOKS_S = (
+    2.0,
+    5.0,
+    10.0,
+    20.0,
+    40.0,
+)  # after the start: what was killed right before it may still hold its files
 SETTLE_FRAMES = 5  # after loading, until what was opened counts as unchanged
 
 
@@ -49,6 +57,8 @@ class Projects:
     _autosaved: object = None  # fingerprint of what the session's file holds
     _begun_s: float = -1e9
     _settling: int = 0
+    _held: set[Path] = field(default_factory=set)  # sessions of processes that lived at the last look
+    _looks: list[float] = field(default_factory=list)  # when to look again
     _adopted: Path | None = None  # a session that was reopened, until this one is on disk
     _packed: Packed = field(default_factory=Packed)
     _files: dict[Path, Files] = field(default_factory=dict)  # of characters
@@ -130,10 +140,27 @@ class Projects:
         )
 
     def discard(self, left: LeftBehind) -> None:
-        """Remove a session that another run left behind."""
+        """Remove a session that another run left behind, with the takes that it had not written yet."""
         autosave.remove(left.path)
         self.state.left.remove(left)
+        journals = self.contents.takes.journals
+        for found in [] if left.ended else list(journals.state.cut_off):
+            journals.discard(found)
         self.messages.note("The autosaved session was discarded.")
+
+    @property
+    def offer(self) -> CutOffSession | None:
+        """What is offered of a session that was killed: all of it at once."""
+        left = self.state.cut_off
+        if left is None:
+            return None
+        takes = left.takes + len(self.contents.takes.state.cut_off)
+        return CutOffSession(
+            f"Cut off: {replace(left, takes=takes).describe()}",
+            self.jobs.busy("open project"),
+            lambda: self.reopen(left),
+            lambda: self.discard(left),
+        )
 
     # --- what comes back
 
@@ -215,6 +242,7 @@ class Projects:
     def poll(self) -> None:
         """Note changes and autosave them; call once a frame."""
         self.dialogs.poll()
+        self._look_again()
         self.contents.match_models()
         now = self.contents.fingerprint()
         self._settle(now)
@@ -282,19 +310,30 @@ class Projects:
         return True
 
     def look(self, tell: bool = False) -> None:
-        """Find the sessions of runs that are over; `tell` of one that was cut off."""
+        """Find the sessions of runs that are over; `tell` of one that was cut off, also where it is over a little later."""
         self.state.left = autosave.find_sessions(self.folder)
-        if tell and self.state.cut_off is not None:
-            more = len(self.contents.takes.state.cut_off)
-            recording = (
-                ""
-                if not more
-                else f", and {_takes(more)} that {'was' if more == 1 else 'were'} not in it yet"
-            )
-            self.messages.warn(
-                f"Cut off before it was saved: {self.state.cut_off.describe()}{recording}."
-                " Project: Reopen or Discard."
-            )
+        if tell:
+            self._held = autosave.held_sessions(self.folder)
+            self._looks = [self.clock() + after for after in LOOKS_S]
+            self._tell()
+
+    def _look_again(self) -> None:
+        """Find what held its files at the start."""
+        if not self._looks or self.clock() < self._looks[0]:
+            return
+        del self._looks[0]
+        journals = self.contents.takes.journals
+        more = [left for left in autosave.find_sessions(self.folder) if left.path in self._held]
+        self._held = autosave.held_sessions(self.folder) if self._held else set()
+        recordings = journals.look(again=True)
+        self.state.left = sorted([*more, *self.state.left], key=lambda left: left.path, reverse=True)
+        if more and (recordings or self.state.cut_off in more):
+            self._tell()
+
+    def _tell(self) -> None:
+        offer = self.offer
+        if offer is not None:
+            self.messages.warn(f"{offer.text}. Clips: Reopen or Discard.")
 
     def finish(self, until: float | None = None) -> None:
         """The program ends: keep what is not saved as the last session; `kept` says whether every take is in a file.

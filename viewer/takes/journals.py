@@ -94,18 +94,20 @@ class Journals:
 
     # --- of runs that were cut off
 
-    def look(self) -> None:
-        """Find the takes of runs that were cut off; the panel offers them."""
-        self.state.cut_off, complaints = find_journals(self.folder)
-        for complaint in complaints:
+    def look(self, again: bool = False) -> bool:
+        """Find the takes of runs that were cut off; the panel offers them. Whether there are more than were known."""
+        found, complaints = find_journals(self.folder)
+        self.state.cut_off += found
+        for complaint in [] if again else complaints:
             self.messages.warn(complaint)
-        if self.state.cut_off:
+        if found:
             first, more = self.state.cut_off[0], len(self.state.cut_off) - 1
             others = f" and {more} more" if more else ""
             self.messages.warn(
                 f"Cut off before it was exported: {first.header.name} ({describe(first)}){others}."
                 " Clips: Recover or Discard."
             )
+        return bool(found)
 
     def recover(self, found: FoundJournal) -> None:
         """Read a take that was cut off and put it into the list; its journal stays until it is exported."""

@@ -22,12 +22,17 @@ RENAME_HINT = "Double-click renames it"
 MENU = "take menu"
 
 
-def panel(takes: Takes, references: References, export_window: Callable[[], None]) -> Panel:
-    """The clips panel."""
+Session = Callable[[], recovery_panel.CutOffSession | None]
+
+
+def panel(
+    takes: Takes, references: References, export_window: Callable[[], None], session: Session = lambda: None
+) -> Panel:
+    """The clips panel; `session` is one that was cut off."""
     return Panel(
         "Clips",
         PanelPlace.RIGHT_BOTTOM,
-        lambda _: draw(takes, references, export_window),
+        lambda _: draw(takes, references, export_window, session),
         ICON.clips,
         actions=takes.actions,
     )
@@ -42,10 +47,10 @@ def sign(takes: Takes) -> Panel:
     return Panel("Recording", PanelPlace.SIGN, draw_sign, shown=lambda: takes.state.recording)
 
 
-def draw(takes: Takes, references: References, export_window: Callable[[], None]) -> None:
+def draw(takes: Takes, references: References, export_window: Callable[[], None], session: Session) -> None:
     """Contents of the panel; `export_window` opens the other formats."""
     _record(takes)
-    recovery_panel.draw(takes.journals)
+    recovery_panel.draw(takes.journals, session())
     line, room = imgui.get_frame_height_with_spacing(), imgui.get_content_region_avail().y
     below = line if takes.state.removed else 0.0
     # in a low panel the list and the button matter; rate and unit are in the export window too
@@ -66,7 +71,8 @@ def _record(takes: Takes) -> None:
     text = f"{ICON.stop} {widgets.clock(clips.recorded_s)}" if clips.recording else f"{ICON.record} Record"
     with (
         widgets.color(imgui.Col_.button, theme.RECORD if clips.recording else theme.FIELD),
-        widgets.color(imgui.Col_.button_hovered, (*theme.RECORD[:3], 0.8)),
+        # red words on red could not be read
+        widgets.color(imgui.Col_.button_hovered, (*theme.RECORD[:3], 0.8 if clips.recording else 0.2)),
         widgets.color(imgui.Col_.text, theme.TEXT if clips.recording else theme.RECORD),
     ):
         if imgui.button(f"{text}###record", imgui.ImVec2(half, 0)):

@@ -73,3 +73,18 @@ def test_the_rhythm_of_standing_clips_is_read_off_their_words():
     quiet, waving = (np.full(384, sign) @ fitted[:-1] + fitted[-1] for sign in (1.0, -1.0))
     assert quiet[:C] == pytest.approx(np.full(C, 0.5), abs=0.05)
     assert (waving[3], waving[C + 3]) == pytest.approx((2.0, 1.6), abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("prompt", "swings"),
+    [("waving with the left hand", True), ("waving with the right hand", True), ("a person who waves", True),
+     ("walk like a giant", False), ("a proud queen", False), ("an angry man", False)],
+)  # fmt: skip
+def test_who_was_asked_to_wave_waves_and_nobody_else(prompt: str, swings: bool) -> None:
+    from runtime.motion.model import load_model
+    from runtime.prompts.prompter import Prompter
+
+    model = load_model()
+    clock = RestRhythm.silent()
+    clock.apply(STILL[None], model.fold_style(Prompter(model)(prompt)).rest[None], np.ones(1))
+    assert bool(clock.share.any()) == swings

@@ -141,7 +141,10 @@ class Controller:
         self.style = {name: value[None] for name, value in
                       zip(("front_bias", "content_weight", "content_bias"), folded, strict=False)}  # fmt: skip
         walk, jog = np.clip(folded[3][:2], [0.4, 1.2], [2.2, 5.0])
-        self.rest = folded[3][2:].reshape(2, 5)  # amplitude and turns a second of the phases at rest
+        # amplitude and turns a second of the phases at rest, by what the arms are to do
+        neutral = np.float32(meta["strength"]["neutral"]).reshape(6, 64)
+        arms = np.concatenate([np.float32(z)[:2], neutral[2:]])
+        self.rest = session(model / "style.onnx").run(None, {"z": arms})[3][2:].reshape(2, 5)
         self.clock, self.clock_share = np.zeros(5), np.zeros(5)
         self.full = {WALK: float(walk), JOG: float(max(jog, 1.3 * walk)), CROUCH: 0.8}
         self.network = session(model / "step.onnx")
@@ -385,8 +388,8 @@ class Controller:
 
     def swing_at_rest(self, stands: bool) -> None:
         """Clocks for the phases of what goes on moving in a standing body, such as a waving hand."""
-        swings = (self.rest[0] > 1.7) & (self.rest[1] > 1.15) & stands
-        rate = np.clip(2.0 / np.maximum(self.rest[0], 1.7) * self.rest[1], 0.7, 2.0)
+        swings = (self.rest[0] > 1.3) & (self.rest[1] > 0.97) & stands
+        rate = np.clip(2.0 / np.maximum(self.rest[0], 1.3) * self.rest[1], 0.7, 2.0)
         now = np.arctan2(self.phase[PRESENT, :, 0], self.phase[PRESENT, :, 1]) / (2 * np.pi)
         self.clock = np.where(self.clock_share == 0, now, self.clock) + rate / FPS
         share = self.clock_share + (swings - self.clock_share) * (1 - kept(0.25))

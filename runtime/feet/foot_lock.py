@@ -59,11 +59,13 @@ class FootLock:
         terrain: Terrain,
         dt: float,
         airborne: bool = False,
+        patience: float = 1.0,
     ) -> FootLockResult:
         """Planted pose of an incoming one.
 
         `hips_position` `(3,)`, `local_rotations` `(31, 4)`, `contacts` `(4,)` in 0..1 (left heel, left toe, right
-        heel, right toe), `dt` seconds since the previous call. `airborne`: the body is thrown, no leg carries it.
+        heel, right toe), `dt` seconds since the previous call. `airborne`: the body is thrown, no leg carries it. `patience`: how
+        many times as far as usual a held foot may be from the incoming one.
         """
         x, y, z = (float(v) for v in hips_position)
         local = np.asarray(local_rotations, np.float64).tolist()
@@ -81,7 +83,7 @@ class FootLock:
         ]
         for side, (foot, leg) in enumerate(zip(self.feet, legs, strict=True)):
             foot.observe(leg, chances[2 * side], chances[2 * side + 1], ground, dt)
-            foot.choose_anchor(leg, drop, self.feet[1 - side].refractory > 0.0)
+            foot.choose_anchor(leg, drop, self.feet[1 - side].refractory > 0.0, patience)
             foot.plant(leg, drop, ground, dt)
         self.hips.carry(legs, self.feet, dt, airborne)
         drop = -self.hips.offset

@@ -104,7 +104,7 @@ class PlantedFoot:
             return chance > s.contact_off and speed < slack * s.lock_speed
         return chance > s.contact_on and speed < s.lock_speed and height < s.lock_height
 
-    def choose_anchor(self, leg: LegPose, drop: float, other_steps: bool) -> None:
+    def choose_anchor(self, leg: LegPose, drop: float, other_steps: bool, patience: float = 1.0) -> None:
         """Take, keep or give up the held point; the toe goes before the heel, so that the foot rolls over it."""
         s = SETTINGS
         anchor = "toe" if self.toe_down else "heel" if self.heel_down else ""
@@ -125,7 +125,9 @@ class PlantedFoot:
         stretch = length(subtract(self.ankle, hip)) - self.bones.length
         if rise > self.lowest + may_rise:
             self.anchor, self.toe_down, self.heel_down = "", False, False
-        elif max(away / s.release_offset, stretch / s.release_stretch) > (1.5 if other_steps else 1.0):
+        elif max(away / (patience * s.release_offset), stretch / s.release_stretch) > (
+            1.5 if other_steps else 1.0
+        ):
             self.anchor, self.refractory = "", s.refractory
 
     def plant(self, leg: LegPose, drop: float, ground: PointHeights, dt: float) -> None:

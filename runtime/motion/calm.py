@@ -25,6 +25,7 @@ LIMBS = [
 # m/s of the limbs of a body at rest: hands and head (0.02 to 0.1 in captured idles), knees, and feet, which stand
 AT_REST = np.array([0.07, 0.07, 0.07, 0.05, 0.05, 0.02, 0.02])
 NEARLY = 0.3  # of the usual speed: a body that is nearly at rest comes over its feet
+PATIENCE = 0.6  # more of its usual distance a foot may be held away at rest, where a body steps for no reason
 UNSEEN = 0.05  # m beside its feet it may stay,
 OVER_FEET_S = 0.4  # from farther away it comes in about this time,
 SWAYS = 0.05  # m/s at most

@@ -348,7 +348,10 @@ def _plant(
             if jump.stage:
                 posed = jump.pose(hips[i], local[i], contacts[i], terrain)
                 unlocked_hips[i], unlocked_local[i], contacts[i] = posed
-            locked = feet.apply(unlocked_hips[i], unlocked_local[i], contacts[i], terrain, DT, jump.airborne)
+            patience = 1.0 + calm.PATIENCE * (1.0 - float(state.calm.share[i]))
+            locked = feet.apply(
+                unlocked_hips[i], unlocked_local[i], contacts[i], terrain, DT, jump.airborne, patience
+            )
             shown_hips[i], shown_local[i] = locked.hips_position, locked.local_rotations
             if walls:
                 shown_local[i] = off_walls(shown_hips[i], shown_local[i], state.poses.local[i], terrain)

@@ -25,6 +25,7 @@ from runtime.motion.model_files import (
     run_graph,
 )
 
+ARM_PARTS = 2  # of the six come first
 THREADS = 4  # whose last lists of styles are kept stacked
 MIN_STRENGTH, MAX_STRENGTH = 0.0, 2.0
 
@@ -39,7 +40,7 @@ class Style:
     content_bias: Float32Array
     walk_speed: float  # m/s
     jog_speed: float
-    # amplitude and turns a second (C, 2) of the phases at rest; zeros of a model that does not tell
+    # amplitude and turns a second (C, 2) of the phases at rest, by what the arms are to do; zeros of a model that does not tell
     rest: Float32Array = field(default_factory=lambda: np.zeros((C, 2), np.float32))
 
 
@@ -118,7 +119,13 @@ class MotionModel:
         if not np.isfinite(speeds).all():
             raise ModelError(f"{path}: gives speeds that are not finite.", "Choose another model.")
         walk, jog = float(np.clip(speeds[0], 0.4, 2.2)), float(np.clip(speeds[1], 1.2, 5.0))
-        rest = np.asarray(speeds[2:], np.float32).reshape(2, -1).T if len(speeds) > 2 else np.zeros((C, 2))
+        rest = np.zeros((C, 2), np.float32)
+        if len(speeds) > 2:
+            if self._neutral_code is not None:  # legs and trunk of a giant or an angry body look like waving
+                arms = drawn.copy()
+                arms[ARM_PARTS:] = self._neutral_code[ARM_PARTS:]
+                speeds = run_graph(self._style, path, None, {"z": arms})[3]
+            rest = np.asarray(speeds[2:], np.float32).reshape(2, -1).T
         return Style(z, bias, weight, content_bias, walk, max(jog, 1.3 * walk), rest.astype(np.float32))
 
     def step(

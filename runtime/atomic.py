@@ -56,6 +56,15 @@ def sweep(folder: Path, older_s: float = 600.0) -> list[Path]:
     return removed
 
 
+def sweep_of(process: int, folder: Path) -> None:
+    """Remove the temporary files of a process that was killed."""
+    with contextlib.suppress(OSError):
+        for path in folder.iterdir():
+            name = _OURS.fullmatch(path.name)
+            if name is not None and int(name[1], 16) == process & 0xFFFFFF:
+                path.unlink(missing_ok=True)
+
+
 def _runs(process: int) -> bool:
     """Whether a process of this number runs here; on Windows, where asking would end it, nobody knows."""
     if process == 0 or sys.platform == "win32":

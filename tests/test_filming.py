@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
+import signal
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -145,6 +149,25 @@ def test_a_film_is_made_beside_the_window_in_a_process_of_its_own(tmp_path: Path
         film_beside(
             take, FLAT, tmp_path / "nowhere" / "a.xyz", ExportOptions(), film, print, threading.Event()
         )
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="no process can be stopped here")
+def test_a_film_whose_process_does_not_answer_is_given_up_at_once(tmp_path: Path) -> None:
+    cancel, times = threading.Event(), []
+
+    def stop(_done: int, _total: int) -> None:
+        if not cancel.is_set():
+            (process,) = [p for p in multiprocessing.active_children() if p.name == "sport-film"]
+            assert process.pid is not None
+            os.kill(process.pid, signal.SIGSTOP)
+            times.append(time.monotonic())
+            cancel.set()
+
+    film = FilmOptions(48, 32, 60.0, quality="software")
+    take = prepare(CLIP, ExportOptions(), FLAT)
+    assert film_beside(take, FLAT, tmp_path / "a.mp4", ExportOptions(), film, stop, cancel) == ""
+    assert time.monotonic() - times[0] < 5.0
+    assert not list(tmp_path.iterdir())
 
 
 def test_what_the_writer_meets_ends_the_film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -167,8 +167,9 @@ class FakePrompts:
             raise result
         return result
 
-    def close(self, timeout_s: float = 2.0) -> None:
+    def close(self, timeout_s: float = 2.0) -> bool:
         self._result = None
+        return True
 
 
 class FakeRenderer:

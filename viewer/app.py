@@ -29,12 +29,12 @@ from viewer.input.bindings import Action, Intent, to_controls
 from viewer.input.devices import Devices, KeyScript
 from viewer.input.gamepad import GamepadSource, GlfwGamepads
 from viewer.jobs import Jobs
-from viewer.memory import give_back_large_blocks, resident_mb
+from viewer.memory import give_back_freed, give_back_large_blocks, resident_mb
 from viewer.options import ViewOptions
 from viewer.prompt import panel as prompt_panel
 from viewer.prompt.even_blends import EvenBlends
 from viewer.prompt.expanders import Expanders
-from viewer.prompt.prompting import Prompting
+from viewer.prompt.prompting import CLOSE_SECONDS, Prompting
 from viewer.prompt.room import PromptRoom
 from viewer.prompt.style_edit import Side
 from viewer.prompt.suggester import Suggester
@@ -80,7 +80,9 @@ TITLE = "SPORT viewer"
 LONGEST_PAUSE_S, LONGEST_FRAME_S = 0.25, 1.0
 MINIMISED_WAIT_S = 0.1
 MEMORY_FRAMES = 60  # between two looks at the memory
-END_S = 1.5  # what is written when the program ends may take so long; what is kept otherwise is then given up
+GROWN_MB = 24.0  # after which what was freed is given back
+PATIENCE_S = 0.2  # with the encoder of a prompt, after which the process ends with it
+END_S = 1.0  # what is written when the program ends may take so long; what is kept otherwise is then given up
 
 
 def run(options: ViewOptions, services: Services | None = None, config: Path | None = None) -> int:
@@ -136,6 +138,7 @@ class App:
         self.state = AppState(settings, StageState(ground, Simulation.standing(ground)))
         self.frames_shown = 0
         self.interrupted = False  # from outside: by a signal or Ctrl+C
+        self._trimmed_mb = 0.0  # held after freed memory was last given back
         self._was_moving = False
         self._field_asked = (
             False  # Enter in the view: letters that follow within a slow frame are the field's
@@ -341,6 +344,7 @@ class App:
         self.way.poll()
         self.desk.poll(dt, intent.move != (0.0, 0.0))
         self._simulate(dt, intent)
+        self.takes.watch()
         pose, *others = self.wall.shown(not self.options.offscreen) or [self._shown_pose()]
         self.shell.arrange(window.ui_scale)
         self._move_camera(pose, intent, dt)
@@ -455,12 +459,19 @@ class App:
             work_s = (after if software else before) - self._last_s
             self.state.shell.stats.add(work_s, self._interval_s, self._steps)
         if self.frames_shown % MEMORY_FRAMES == 1:
-            self.state.shell.stats.memory_mb = resident_mb()
+            self._look_at_memory()
         if not self.options.offscreen:
             self.stage.lower_quality(self.state.shell.stats.fps, self._interval_s)
             spare = 1.0 / self.state.settings.max_fps - (after - self._last_s)
             if spare > 0.0:
                 time.sleep(spare)
+
+    def _look_at_memory(self) -> None:
+        stats, now = self.state.shell.stats, resident_mb()
+        if now > self._trimmed_mb + GROWN_MB:
+            give_back_freed()
+            now = self._trimmed_mb = resident_mb()
+        stats.memory_mb = now
 
     # --- events
 
@@ -543,7 +554,8 @@ class App:
         self.takes.journals.close()
         self.jobs.close()
         self.expanders.close()
-        self.prompting.close()
+        stopped = self.prompting.close(CLOSE_SECONDS if self.options.offscreen else PATIENCE_S)
+        self.jobs.abandoned = self.jobs.abandoned or not stopped
         self.stage.live.stop()
         self.stage.vmc.stop()
         if self.jobs.abandoned and not self.options.offscreen:

@@ -88,8 +88,8 @@ class PromptWorkerLike(Protocol):
     def poll(self) -> Any:
         """The newest answer to the newest request, or None."""
 
-    def close(self, timeout_s: float = 2.0) -> None:
-        """Stop working, waiting at most so long for the text in hand."""
+    def close(self, timeout_s: float = 2.0) -> bool:
+        """Stop working, waiting at most so long for the text in hand; whether it has stopped."""
 
 
 class LibraryLike(Expander, Protocol):

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from runtime.atomic import atomic_path
 from runtime.errors import FileError
+from runtime.projects.spool import Place, Spool
 from runtime.safe_read import parse_json, read_bounded, reason
 
 MAX_BYTES = 1 << 29
@@ -37,6 +38,7 @@ DOCUMENT = "project.json"
 REMEDY = "Choose another project, or an autosaved one."
 SMALLER = "Remove takes, or save some of them in a project of their own."
 LEVEL = 6  # of zlib
+SPARE_BYTES = 32 << 20  # of what is not needed any more in a spool
 _BEGINNING = (1980, 1, 1, 0, 0, 0)  # of time in a ZIP: the same content gives the same bytes
 # what zipfile raises on damage, and what else a file may cost
 ZIP_ERRORS = (
@@ -79,13 +81,26 @@ class Budget:
 
 @dataclass
 class Packed:
-    """What arrays came to when they were packed last: saving again packs only what is new. Safe between threads."""
+    """What arrays came to when they were packed last: saving again packs only what is new. Safe between threads.
 
+    The packed bytes are in a file of `folder`: of long lists of takes they would fill the memory.
+    """
+
+    folder: Path | None = None
     lock: threading.RLock = field(default_factory=threading.RLock)
-    _content: dict[bytes, bytes] = field(default_factory=dict)  # by the hash of what it unfolds to
+    _spool: Spool = field(init=False)
+    _content: dict[bytes, Place] = field(default_factory=dict)  # by the hash of what it unfolds to
     _known: dict[tuple[str, int], tuple[Any, Any]] = field(default_factory=dict)  # by kind and identity
     _used_content: set[bytes] = field(default_factory=set)
     _used: set[tuple[str, int]] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self._spool = Spool(self.folder)
+
+    @property
+    def bytes_on_disk(self) -> int:
+        """Size of the file."""
+        return self._spool.size
 
     def once(self, what: str, thing: Any, make: Callable[[], Made]) -> Made:
         """What `make` gives for a thing that does not change, made once for as long as it is saved."""
@@ -95,18 +110,25 @@ class Packed:
             self._known[key] = thing, make()  # the thing is kept alive, and its identity with it
         return self._known[key][1]
 
-    def compress(self, digest: bytes, values: NDArray[Any]) -> bytes:
-        """An array's bytes, compressed."""
-        self._used_content.add(digest)
+    def compress(self, digest: bytes, values: NDArray[Any]) -> None:
+        """Keep an array's bytes, compressed."""
         if digest not in self._content:
-            self._content[digest] = zlib.compress(values.data.cast("B") if values.size else b"", LEVEL)
-        return self._content[digest]
+            content = zlib.compress(values.data.cast("B") if values.size else b"", LEVEL)
+            self._content[digest] = self._spool.add(content)
+
+    def content(self, digest: bytes) -> bytes:
+        """What `compress` kept."""
+        self._used_content.add(digest)
+        return self._spool.read(self._content[digest])
 
     def forget_unused(self) -> None:
         """Keep only what was used since the last call."""
         self._content = {key: self._content[key] for key in self._used_content}
         self._known = {key: self._known[key] for key in self._used if key in self._known}
         self._used_content, self._used = set(), set()
+        if self._spool.size > 2 * sum(place.length for place in self._content.values()) + SPARE_BYTES:
+            before, self._spool = self._spool, Spool(self.folder)
+            self._content = {key: self._spool.add(before.read(at)) for key, at in self._content.items()}
 
 
 @dataclass
@@ -115,23 +137,35 @@ class ArchiveWriter:
 
     packed: Packed = field(default_factory=Packed)
     _table: list[list[Any]] = field(default_factory=list)
-    _members: list[bytes] = field(default_factory=list)
+    _members: list[bytes] = field(default_factory=list)  # by their hashes
     _numbers: dict[bytes, int] = field(default_factory=dict)
 
     def array(self, values: Any, kind: str = "<f4") -> int:
         """The number under which an array of one of `KINDS` is stored."""
-        digest = self.packed.once(kind, values, lambda: _digest(_as(values, kind)))
-        number = self._numbers.get(digest)
-        if number is None:
-            plain = _as(values, kind)
-            self._members.append(self.packed.compress(digest, plain))
-            self._table.append([plain.dtype.str, list(plain.shape)])
-            self._numbers[digest] = number = len(self._table) - 1
-        return number
+        return self._number(*self.packed.once(kind, values, lambda: self._kept(values, kind)))
 
     def data(self, content: bytes) -> int:
         """The number under which bytes are stored."""
         return self.array(content, "|u1")
+
+    def pieces(self, what: str, thing: Any, make: Callable[[], Sequence[bytes]]) -> list[int]:
+        """The numbers of the bytes that `make` gives for a thing that does not change; they are made once, and not kept here."""
+        kept = self.packed.once(what, thing, lambda: [self._kept(piece, "|u1") for piece in make()])
+        return [self._number(*each) for each in kept]
+
+    def _kept(self, values: Any, kind: str) -> tuple[bytes, str, tuple[int, ...]]:
+        """Hash, kind and shape of an array that was compressed."""
+        plain = _as(values, kind)
+        digest = _digest(plain)
+        self.packed.compress(digest, plain)
+        return digest, plain.dtype.str, plain.shape
+
+    def _number(self, digest: bytes, kind: str, shape: tuple[int, ...]) -> int:
+        if digest not in self._numbers:
+            self._members.append(digest)
+            self._table.append([kind, list(shape)])
+            self._numbers[digest] = len(self._table) - 1
+        return self._numbers[digest]
 
     def save(self, path: Path, document: dict[str, Any], check: Callable[[Path], object]) -> None:
         """Write the archive whole or not at all: it takes the place of `path` once `check` has read it; FileError."""
@@ -139,8 +173,10 @@ class ArchiveWriter:
         with atomic_path(path) as temporary:
             with zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as file:
                 file.writestr(zipfile.ZipInfo(DOCUMENT, _BEGINNING), text)
-                for number, content in enumerate(self._members):
-                    file.writestr(zipfile.ZipInfo(f"arrays/{number}", _BEGINNING), content)
+                for number, digest in enumerate(self._members):
+                    file.writestr(
+                        zipfile.ZipInfo(f"arrays/{number}", _BEGINNING), self.packed.content(digest)
+                    )
             try:
                 check(temporary)
             except FileError as error:
@@ -173,6 +209,7 @@ class ArchiveReader:
     _file: zipfile.ZipFile
     _table: Sequence[Any]
     _made: dict[Any, Any] = field(default_factory=dict)
+    _counted: set[Any] = field(default_factory=set)  # what was made and forgotten
 
     @staticmethod
     def open(path: Path) -> ArchiveReader:
@@ -194,8 +231,16 @@ class ArchiveReader:
     def once(self, what: str, key: Any, make: Callable[[], Made]) -> Made:
         """What `make` gives for a number of the file, made once however often the file names it."""
         if (what, key) not in self._made:
+            before = self.budget.left
             self._made[what, key] = make()
+            if (what, key) in self._counted:
+                self.budget.left = before
         return self._made[what, key]
+
+    def forget(self) -> None:
+        """Let go of what was made: it is made again where it is named again, and counted once all the same."""
+        self._counted |= self._made.keys()
+        self._made.clear()
 
     def array(self, number: Any, kind: str, shape: Sequence[int | None]) -> NDArray[Any]:
         """Array `number`; FileError unless it has this kind and shape (None: any length)."""

@@ -54,12 +54,10 @@ class DriveWriter:
 
     def drive(self, drive: Drive) -> Json:
         """JSON of a drive."""
-        packed = self.archive.packed
+        (sticks,) = self.archive.pieces("stick", drive.frames, lambda: [_packed_sticks(drive.frames)])
         return {
             "count": len(drive.frames),
-            "frames": self.archive.data(
-                packed.once("stick", drive.frames, lambda: _packed_sticks(drive.frames))
-            ),
+            "frames": sticks,
             "changes": [[c.frame, self._number(self.changes, self._change(c))] for c in drive.changes],
             "keyframes": [[key.frame, self._snapshot(key.snapshot)] for key in drive.keyframes],
         }
@@ -72,7 +70,8 @@ class DriveWriter:
         return self._numbers[text]
 
     def _snapshot(self, snapshot: Snapshot) -> int:
-        return self.archive.data(self.archive.packed.once("state", snapshot, snapshot.to_bytes))
+        (number,) = self.archive.pieces("state", snapshot, lambda: [snapshot.to_bytes()])
+        return number
 
     def _change(self, change: Change) -> Json:
         if isinstance(change, Restart):

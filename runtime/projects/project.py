@@ -6,7 +6,7 @@ kept within the bounds of `runtime.projects.motion`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -139,7 +139,7 @@ def save_project(
         archive = ArchiveWriter(packed)
         drives = DriveWriter(archive, lambda note: notes.pack(note, archive))
         document = _document(project, archive, drives, notes)
-        archive.save(path, document, lambda written: load_project(written, notes))
+        archive.save(path, document, lambda written: check_project(written, notes))
         packed.forget_unused()
 
 
@@ -172,9 +172,31 @@ def _document(project: Project, archive: ArchiveWriter, drives: DriveWriter, not
     }
 
 
+TakesReader = Callable[[Json, ArchiveReader, DriveReader], tuple[StoredTake, ...]]
+
+
 def load_project(path: str | Path, notes: Notes | None = None) -> Project:
     """A project of a file that nobody vouches for; FileError in one sentence for damage and other versions."""
-    path, notes = Path(path), notes or Notes()
+    return _read(Path(path), notes or Notes(), _read_takes)
+
+
+def check_project(path: Path, notes: Notes) -> None:
+    """Read a project as `load_project` does, FileError included, and hold one take of it at a time."""
+
+    def one_by_one(value: Json, archive: ArchiveReader, drives: DriveReader) -> tuple[StoredTake, ...]:
+        for take in value:
+            _read_take(take, archive, drives)
+            archive.forget()
+        return ()
+
+    _read(path, notes, one_by_one)
+
+
+def _read_takes(value: Json, archive: ArchiveReader, drives: DriveReader) -> tuple[StoredTake, ...]:
+    return tuple(_read_take(take, archive, drives) for take in value)
+
+
+def _read(path: Path, notes: Notes, read_takes: TakesReader) -> Project:
     archive = ArchiveReader.open(path)
     document = archive.document
     if document.get("format") != FORMAT:
@@ -186,7 +208,7 @@ def load_project(path: str | Path, notes: Notes | None = None) -> Project:
             "Open it with the version that saved it.",
         )
     try:
-        return _project(document, archive, notes)
+        return _project(document, archive, notes, read_takes)
     except FileError:
         raise
     except SportError as error:
@@ -195,7 +217,7 @@ def load_project(path: str | Path, notes: Notes | None = None) -> Project:
         raise FileError(f"{path}: damaged ({reason(error)}).", REMEDY) from error
 
 
-def _project(value: Json, archive: ArchiveReader, notes: Notes) -> Project:
+def _project(value: Json, archive: ArchiveReader, notes: Notes, read_takes: TakesReader) -> Project:
     grounds = [read_ground(ground, archive) for ground in value["grounds"]]
     drives = DriveReader(archive, lambda note: notes.unpack(note, archive), grounds, value["changes"])
     if len(value["takes"]) > MAX_TAKES:
@@ -205,7 +227,7 @@ def _project(value: Json, archive: ArchiveReader, notes: Notes) -> Project:
     ground, model, style = value["ground"], value["model"], value["style"]
     x, z, yaw = (_number(part) for part in value["place"])
     return Project(
-        takes=tuple(_read_take(take, archive, drives) for take in value["takes"]),
+        takes=read_takes(value["takes"], archive, drives),
         counter=_count(value["counter"]),
         selected=min(_count(value["selected"] + 1) - 1, len(value["takes"]) - 1),
         ground=_text(ground["name"]),
@@ -290,13 +312,13 @@ def _take(take: StoredTake, archive: ArchiveWriter, drives: DriveWriter) -> Json
 def _version(version: StoredVersion, archive: ArchiveWriter, drives: DriveWriter) -> Json:
     clip = version.clip if version.base is None else version.base
     check_motion(clip)
-    frames = archive.packed.once("frames", clip, lambda: [_piece(clip, part) for part in pieces(len(clip))])
+    frames = archive.pieces("frames", clip, lambda: [_piece(clip, part) for part in pieces(len(clip))])
     return {
         "name": _label(clip.name),
         "fps": clip.fps,
         "terrain": _label(clip.terrain),
         "count": len(clip),
-        "frames": [archive.data(piece) for piece in frames],
+        "frames": frames,
         "gaits": clip.gaits is not None,
         "gait_seconds": [list(pair) for pair in clip.gait_seconds],
         "prompts": [vars(event) for event in clip.prompts],

@@ -94,12 +94,13 @@ class PromptWorker:
         with self._condition:
             return self._work is not None and not self._work.done
 
-    def close(self, timeout_s: float = 2.0) -> None:
-        """Stop the thread after the text in the encoder; waits at most `timeout_s` seconds."""
+    def close(self, timeout_s: float = 2.0) -> bool:
+        """Stop the thread after the text in the encoder; waits at most `timeout_s` seconds. Whether it has stopped."""
         with self._condition:
             self._closed = True
             self._replace(None)
         self._thread.join(timeout_s)
+        return not self._thread.is_alive()
 
     def _replace(self, work: _Work | None) -> None:
         if self._work is not None:

@@ -57,6 +57,12 @@ class Clip:
     def __len__(self) -> int:
         return len(self.hips_positions)
 
+    def move(self, hips_positions: Array, local_rotations: Array, contacts: Array) -> None:
+        """Hold equal arrays in place of its own, which are somewhere else in memory or in a file."""
+        object.__setattr__(self, "hips_positions", hips_positions)
+        object.__setattr__(self, "local_rotations", local_rotations)
+        object.__setattr__(self, "contacts", contacts)
+
     @property
     def seconds(self) -> float:
         """Time from the first to the last frame."""

@@ -6,10 +6,13 @@ import contextlib
 import multiprocessing
 import os
 import threading
+import time
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from runtime.atomic import sweep_of
 from runtime.errors import SportError
 from runtime.formats.prepare import ExportOptions, PreparedTake
 from runtime.terrain.height_map import Terrain
@@ -17,6 +20,7 @@ from viewer.filming.film import FilmOptions, Progress, film_of_take
 
 NICENESS = 10  # of the process: whatever the window needs comes first
 POLL_S = 0.1
+KILL_S = 0.2  # that a cancelled film may take to clean up by itself
 
 
 def film_beside(
@@ -37,23 +41,29 @@ def film_beside(
     process.start()
     theirs.close()
     try:
-        return _follow(ours, progress, cancel)
-    except EOFError as error:
+        return _follow(ours, progress, cancel, process.kill)
+    except (EOFError, ConnectionError) as error:
+        if cancel.is_set():
+            return ""
         raise SportError(
             f"{path}: the film was ended from outside.", "Free some memory, or choose a smaller size."
         ) from error
     finally:
         ours.close()
         process.join()
+        if cancel.is_set() and process.pid is not None:
+            sweep_of(process.pid, path.parent)
 
 
-def _follow(pipe: Connection, progress: Progress, cancel: threading.Event) -> str:
-    """Hand progress on until the film is done; its sentence. EOFError when the process is gone."""
-    cancelled = False
+def _follow(pipe: Connection, progress: Progress, cancel: threading.Event, kill: Callable[[], None]) -> str:
+    """Hand progress on until the film is done; its sentence. EOFError or ConnectionError when the process is gone."""
+    cancelled = 0.0
     while True:
         if cancel.is_set() and not cancelled:
-            cancelled = True
+            cancelled = time.monotonic()
             pipe.send("cancel")
+        elif cancelled and time.monotonic() - cancelled > KILL_S:
+            kill()  # it has no say in how long the program takes to end
         if not pipe.poll(POLL_S):
             continue
         kind, value = pipe.recv()

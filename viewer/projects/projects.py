@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -34,6 +35,7 @@ LOOKS_S = (
     20.0,
     40.0,
 )  # after the start: what was killed right before it may still hold its files
+SESSION_S = 0.5  # that the session may take longer at the end than what else is written
 SETTLE_FRAMES = 5  # after loading, until what was opened counts as unchanged
 
 
@@ -60,11 +62,12 @@ class Projects:
     _held: set[Path] = field(default_factory=set)  # sessions of processes that lived at the last look
     _looks: list[float] = field(default_factory=list)  # when to look again
     _adopted: Path | None = None  # a session that was reopened, until this one is on disk
-    _packed: Packed = field(default_factory=Packed)
+    _packed: Packed = field(init=False)
     _files: dict[Path, Files] = field(default_factory=dict)  # of characters
 
     def __post_init__(self) -> None:
         self._file = AutosaveFile(self.folder)
+        self._packed = Packed(self.folder)
 
     @property
     def files(self) -> dict[str, Callable[[Path], None]]:
@@ -257,12 +260,7 @@ class Projects:
         session, path, items = self._session(ended=False), self._file.path, self._items()
 
         def work() -> None:
-            try:
-                self._file.hold()
-            except OSError as error:
-                raise SportError(
-                    f"{path}: {error.strerror or error}.", "Make the folder writable."
-                ) from error
+            self._hold()
             self._write(session, path)
 
         def done(_: None) -> None:
@@ -272,6 +270,14 @@ class Projects:
                 self._safe(items)
 
         self.jobs.submit("autosave", work, done, writing="the autosave")
+
+    def _hold(self) -> None:
+        """Lock the session's file; SportError."""
+        try:
+            self._file.hold()
+        except OSError as error:
+            path = self._file.path
+            raise SportError(f"{path}: {error.strerror or error}.", "Make the folder writable.") from error
 
     def _begin_settling(self) -> None:
         self._settling = SETTLE_FRAMES
@@ -338,7 +344,8 @@ class Projects:
     def finish(self, until: float | None = None) -> None:
         """The program ends: keep what is not saved as the last session; `kept` says whether every take is in a file.
 
-        A project that is not written at the time `until` (of `time.monotonic`) is given up: the session holds it.
+        What is not written at the time `until` (of `time.monotonic`) is given up: a project, as the session holds it, and
+        the session `SESSION_S` later, as journals hold the takes, or the last autosave.
         """
         self.jobs.finish("project", until if self.autosaving else None)
         if not self.autosaving:
@@ -351,10 +358,28 @@ class Projects:
             self.kept = named
             self._file.leave(keep=False)
             return
-        if self.jobs.abandoned:
-            self._packed = Packed()  # the other one is in use
-        self.in_session = self._keep_session()
+        if not self.jobs.finish("autosave", until) or self.jobs.abandoned:
+            self._packed = Packed(self.folder)  # the other one is in use
+        self.in_session = self._end_session(None if until is None else until + SESSION_S)
         self.kept = self.in_session and named
+
+    def _end_session(self, until: float | None) -> bool:
+        """Write the session as one that ended as planned, by the time `until`; whether it is on disk."""
+        session, items, path = self._session(ended=True), self._items(), self._file.path
+        written = threading.Event()
+
+        def work() -> None:
+            self._hold()
+            self._write(session, path)
+            written.set()
+
+        self.jobs.submit("session", work, lambda _: self._safe(items), writing="the session")
+        self.jobs.finish("session", until)
+        on_disk = written.is_set()
+        self._file.leave(keep=on_disk or self._file.written)
+        if on_disk:
+            autosave.drop_old_sessions(self.folder)
+        return on_disk
 
 
 def _takes(count: int) -> str:

@@ -69,10 +69,13 @@ class Prompting:
         for worker in self.workers or ():
             worker.use(expander)
 
-    def close(self) -> None:
-        """Stop the workers, after the text they are at: a thread inside a network must not outlive the interpreter."""
-        for worker in self.workers or ():
-            worker.close(CLOSE_SECONDS)
+    def close(self, seconds: float = CLOSE_SECONDS) -> bool:
+        """Stop the workers, after the text they are at; whether they have stopped within so many seconds.
+
+        A thread inside a network must not outlive the interpreter.
+        """
+        end = time.monotonic() + seconds
+        return all([worker.close(max(end - time.monotonic(), 0.0)) for worker in self.workers or ()])
 
     # --- words
 

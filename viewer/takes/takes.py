@@ -17,6 +17,7 @@ from runtime.controls import Controls
 from runtime.errors import SportError, UsageError
 from runtime.pose import Pose
 from runtime.safe_read import printable
+from runtime.takes.frame_store import FrameStore
 from runtime.takes.metadata import Origin, gait_of, origin_of
 from runtime.takes.pins import Pin
 from runtime.takes.pose_edits import PoseEdits
@@ -32,6 +33,7 @@ from viewer.takes.playback import Playback
 from viewer.takes.reference import Reference
 from viewer.takes.rescue import Rescue
 from viewer.takes.state import ClipItem, Removed, TakesState
+from viewer.takes.storing import Storing
 from viewer.takes.video import SUFFIXES as VIDEOS
 
 if TYPE_CHECKING:
@@ -76,6 +78,7 @@ class Takes:
     def __post_init__(self) -> None:
         self.reference = Reference(self.state, self.messages, self.jobs, self.load_character)
         self.journals = Journals(self.state, self.messages, self.jobs, self.folder / "journals", self._add)
+        self.storing = Storing(self.state, self.jobs, FrameStore(self.folder / "frames"))
         self.opening = Opening(
             self.messages, self.jobs, self.stage, self._take_opened, self.lay, self._show_opened
         )
@@ -97,6 +100,11 @@ class Takes:
     def files(self) -> dict[str, Callable[[Path], None]]:
         """What opens a file, by its suffix."""
         return {".bvh": self.opening.open, **dict.fromkeys(VIDEOS, self.reference.open_video)}
+
+    def watch(self) -> None:
+        """Look after what is on disk of the takes; call once a frame."""
+        self.journals.watch()
+        self.storing.watch()
 
     def before_steps(self) -> None:
         """Keep the controller's state when it is time; call once a frame before it is simulated."""
@@ -128,7 +136,6 @@ class Takes:
         clips = self.state
         clips.memory_s = self.recorder.seconds
         clips.recorded_s = self.recorder.take_seconds
-        self.journals.watch()
 
     def toggle_recording(self) -> None:
         """Start a take, or stop it and put it into the list."""

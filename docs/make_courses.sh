@@ -9,9 +9,9 @@ shot() { # name, ground, prompt, gait, seconds, the second that is shown
   python -m sport generate --prompt "$3" --terrain "$2" --path forward --gait "$4" --seconds "$5" --out "$work/$1.bvh"
   python -m sport convert "$work/$1.bvh" "$work/$1.mp4" --terrain "$2" --size 960x540 --camera side --no-captions --range "$6"
 }
-shot 1-hurdle hurdles "an ordinary walk" walk 14 10.15:10.3
-shot 2-wall wall "an ordinary walk" walk 15 11.15:11.3
-shot 3-platforms gaps "a happy child" jog 9 4.45:4.6
+shot 1-hurdle hurdles "an ordinary walk" walk 14 12.4:12.55
+shot 2-wall wall "an ordinary walk" walk 15 13.1:13.25
+shot 3-platforms gaps "a happy child" jog 9 5.05:5.2
 shot 4-beam beam "a happy child" walk 12 5.9:6.05
 shot 5-stairs stairs "an old man" walk 12 7.5:7.65
 shot 6-hill hills "an exhausted soldier" walk 10 6.45:6.6

@@ -215,6 +215,56 @@ def test_every_panel_is_reached_and_used_by_keys(start: Start) -> None:
     assert controller(app).z == 0.0  # no key reached the character
 
 
+def test_the_view_has_the_keys_again_when_a_window_closes_that_was_opened_there(start: Start) -> None:
+    app = start()
+    app.takes.toggle_recording()
+    run(app, 40)
+    app.takes.toggle_recording()
+    press(app, "ctrl", "e")
+    run(app, 3)
+    for _ in range(2):
+        press(app, "tab")
+    press(app, "escape")
+    run(app, 4)
+    assert not app.state.desk.exports.open
+    press(app, "p")
+    run(app, 2)
+    assert app.state.takes.playback is not None
+    assert "has the keys" not in message(app)
+    press(app, "escape")
+    press(app, "f6")
+    press(app, "f6")  # from a panel
+    press(app, "ctrl", "e")
+    run(app, 3)
+    assert "has the keys" not in message(app), "Ctrl+E is no letter"
+    press(app, "tab")
+    press(app, "escape")
+    run(app, 4)
+    assert not app.state.desk.exports.open
+    assert not app.shell.focus.in_view
+
+
+def test_tab_goes_through_a_panel_and_its_fields(start: Start) -> None:
+    app = start()
+    app.takes.toggle_recording()
+    run(app, 40)
+    app.takes.toggle_recording()
+    app.takes.play(0)
+    run(app, 3)
+    for _ in range(4):
+        press(app, "f6")
+    reached = set()
+    for _ in range(24):  # past the field of the speed
+        press(app, "tab")
+        run(app, 3)
+        context = imgui.get_current_context()
+        assert context.nav_window is not None
+        assert context.nav_window.root_window.name == "Transport"
+        reached.add(context.nav_id)
+    assert len(reached) >= 12, "every button"
+    assert app.state.takes.playback is not None
+
+
 def test_windows_keep_keys_from_what_is_behind(start: Start) -> None:
     app = start()
     run(app, 30)

@@ -140,9 +140,9 @@ class App:
         self.interrupted = False  # from outside: by a signal or Ctrl+C
         self._trimmed_mb = 0.0  # held after freed memory was last given back
         self._was_moving = False
-        self._field_asked = (
-            False  # Enter in the view: letters that follow within a slow frame are the field's
-        )
+        self._ctrl = False  # is down
+        # Enter was pressed in the view: letters that follow within a slow frame are the field's
+        self._field_asked = False
         self._interval_s = 0.0  # since the frame before, by the clock
         self._steps = 0  # of the simulation in this frame
         self._script_s = 0.0  # how long the scripts of keys and stick have been played
@@ -483,7 +483,8 @@ class App:
         typing = self._typing or self._field_asked
         acts = self.shell.focus.in_view or (name == "escape" and not typing)
         self.devices.keyboard.key(name, down, typing or not acts)
-        if down and not acts and not typing and self.devices.acts_alone(name):
+        self._ctrl = down if name == "ctrl" else self._ctrl
+        if down and not acts and not typing and not self._ctrl and self.devices.acts_alone(name):
             self.state.messages.note("A panel has the keys: Esc or a click on the view gives them back.")
         self._field_asked = self._field_asked or (down and acts and not typing and name == "enter")
         return down and acts and not typing
@@ -502,6 +503,7 @@ class App:
     def _on_focus(self, focused: bool) -> None:
         if not focused:
             self.devices.keyboard.release_all()
+            self._ctrl = False
 
     # --- the end
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from viewer.gl_bindings import imgui
 
+TAB_FRAMES = 4
 _IMPLICIT = "Debug##"  # ImGui's own window, which is never shown
 
 
@@ -24,6 +25,9 @@ class Focus:
     _used: bool = False  # by the mouse, or a field was left: the keys go back when nothing is open any more
     _field: bool = False  # a text field had the keys in the frame before
     _pressed: bool = False  # the mouse was down on an item in the frame before
+    _tabbing: int = 0  # frames in which Tab goes from a field to the next item
+    _name: str = ""  # of the window that had the keys in the frame before
+    _over_view: bool = False  # the window over everything was opened while the view had them
 
     def press(self, x: float, y: float) -> None:
         """The mouse was pressed at a place on the screen."""
@@ -36,13 +40,15 @@ class Focus:
         active, window = context.active_id, context.nav_window
         root = None if window is None else window.root_window
         name = "" if root is None or root.name.startswith(_IMPLICIT) else root.name
+        self._tabbing = TAB_FRAMES if imgui.is_key_pressed(imgui.Key.tab) else max(self._tabbing - 1, 0)
         if active == 0:
-            self._used = self._used or self._field or self._pressed
+            self._used = self._used or (self._field and not self._tabbing) or self._pressed
         self._chosen = self._chosen or self._field
         self._field = active != 0 and imgui.internal.get_input_text_state(active) is not None
         by_mouse = context.active_id_source == imgui.internal.InputSource.mouse
         background = root is not None and active in (root.move_id, window.move_id)
         self._pressed = active != 0 and by_mouse and not background and not self._field
+        self._notice_closing(name, panels)
         self.in_view = not name
         moving = (
             context.nav_move_submitted or context.nav_next_activate_id
@@ -52,6 +58,16 @@ class Focus:
             if name in panels and (self._used or not self._chosen):
                 self.give_to_view()
             self._used = False
+
+    def _notice_closing(self, name: str, panels: Sequence[str]) -> None:
+        """Who opened a window over everything gets the keys when it closes: ImGui gives them to some panel."""
+        before, self._name = self._name, name
+        if name == before:
+            return
+        if before and before not in panels and not is_drawn(before):
+            self._chosen = self._chosen and not self._over_view
+        elif name and name not in panels:
+            self._over_view = not before
 
     def expect_field(self) -> None:
         """A field of a panel is about to be typed into."""

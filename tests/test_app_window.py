@@ -16,6 +16,7 @@ from app_driver import InjectedPads, Start, run
 from faults.faults import display
 from viewer_fakes import fake_services
 
+from benchmarks import frames
 from runtime.errors import DisplayError, UsageError
 from viewer.app import App
 from viewer.gl_bindings import imgui
@@ -189,3 +190,12 @@ def test_random_use_never_breaks_the_interface(start: Start) -> None:
             app.takes.save_last()
         run(app)
     assert np.isfinite(app.state.stage.simulation.current.positions).all()
+
+
+def test_frames_are_timed_by_part_and_left_as_they_were(start: Start) -> None:
+    app = start()
+    times = frames.measure(app, 3, frames.parts(app))
+    assert set(times) == {"frame", "all else", *frames.parts(app)}
+    assert all(len(ms) == 3 for ms in times.values())
+    assert "advance" not in vars(app.stage)
+    assert set(frames.measure(app, 2, {})) == {"frame", "all else"}

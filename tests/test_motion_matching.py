@@ -15,6 +15,7 @@ from runtime.controls import Controls, Gait
 from runtime.errors import ModelError
 from runtime.motion import features, matching
 from runtime.motion.controller import Controller
+from runtime.motion.frame import MAX_OUTPUT
 from runtime.motion.matching import STEP, Database, MatchingModel, Playing, decay, feature_vectors
 from runtime.skeleton import SPORT_SKELETON, J
 from runtime.terrain.height_map import Terrain
@@ -117,15 +118,19 @@ def test_the_search_finds_what_trying_all_rows_finds(model, base):
             assert model._nearest(query.astype(np.float32), label) in rows[away <= away.min() * (1 + 1e-5)]
 
 
+LAST_PLACE = STEP * matching.MAX_ROWS - 1
+
+
 @given(
-    st.integers(0, 2_000_000),
+    st.integers(0, LAST_PLACE),
     st.integers(0, 5),
-    st.lists(st.tuples(*[st.integers(0, 2_000_000)] * 2, st.integers(0, 60)), max_size=matching.CHANGES),
+    st.lists(st.tuples(*[st.integers(0, LAST_PLACE)] * 2, st.integers(0, 60)), max_size=matching.CHANGES),
 )
 def test_what_is_played_travels_in_the_phases(place, since, changes):
     """Also where the controller turns the vectors on, as it does for feet that stall."""
     playing = Playing(place, since, tuple(changes))
     samples = playing.packed()
+    assert np.abs(samples).max() < MAX_OUTPUT  # or the frame takes it for a fault
     angle = 0.7
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     window = np.concatenate([np.ones((6, features.C, 2)), samples @ turn]).astype(np.float32)

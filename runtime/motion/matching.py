@@ -37,7 +37,10 @@ SEARCH_FRAMES = 6  # ten searches a second
 HALF_LIFE = 0.1  # seconds, of what is left of a change of frame
 CHANGE_FRAMES = 42  # after seven half-lives less than a thousandth is left
 CACHED = 256
-CHANGES = 10  # that can be under way at once
+CHANGES = 8  # that can be under way at once: seven searches fall into `CHANGE_FRAMES`
+# A place is two numbers of at most four digits, as no output of a network is larger (`runtime.motion.frame.MAX_OUTPUT`).
+PLACES, HIGH = 9_000, 90
+MAX_ROWS = PLACES * HIGH // STEP  # of a database: 225 minutes
 NEAR_ROWS = 10  # a row so near to the shown one is no change
 FORECAST = features.FUTURE_OFFSETS  # frames
 
@@ -190,7 +193,11 @@ class Playing:
 
     def packed(self) -> Array:
         """Amplitudes of the 35 present and future phase vectors `(7, 5, 2)`."""
-        numbers = [self.place, self.since_search, *(n for change in self.changes for n in change)]
+        high, low = divmod(self.place, PLACES)
+        numbers = [high, low, self.since_search]
+        for left, entered, since in self.changes:
+            (high_a, low_a), (high_b, low_b) = divmod(left, PLACES), divmod(entered, PLACES)
+            numbers += [100 * high_a + high_b, low_a, low_b, since]
         amplitude = np.zeros(7 * features.C)
         amplitude[: len(numbers)] = np.array(numbers) + 1
         return np.stack([np.zeros_like(amplitude), amplitude], -1).reshape(7, features.C, 2)
@@ -199,10 +206,16 @@ class Playing:
     def unpacked(phase: Array) -> Playing:
         """Of the phase vectors `(13, 5, 2)` of an input; nothing is played where they are zero."""
         amplitude = np.linalg.norm(phase[features.L // 2 :].reshape(-1, 2), axis=-1)
-        numbers = np.rint(amplitude).astype(int) - 1
-        triples = numbers[2 : 2 + 3 * CHANGES].reshape(-1, 3)
-        changes = tuple((int(a), int(b), int(n)) for a, b, n in triples if min(a, b, n) >= 0)
-        return Playing(int(numbers[0]), max(0, int(numbers[1])), changes)
+        high, low, since_search, *rest = (np.rint(amplitude).astype(int) - 1).tolist()
+        if min(high, low) < 0:
+            return Playing()
+        rows = np.reshape(rest[: 4 * CHANGES], (-1, 4)).tolist()
+        changes = tuple(
+            (highs // 100 * PLACES + a, highs % 100 * PLACES + b, since)
+            for highs, a, b, since in rows
+            if min(highs, a, b, since) >= 0
+        )
+        return Playing(high * PLACES + low, max(0, since_search), changes)
 
 
 class MatchingModel:

@@ -26,7 +26,7 @@ from runtime.controls import Gait
 from runtime.errors import FileError, UsageError
 from runtime.motion import matching
 from runtime.motion.features import LAYOUT_VERSION, OUTPUT_SIZE, C, L, split_output
-from runtime.motion.matching import DATABASE, KIND, STEP, Database, MatchingModel, feature_vectors
+from runtime.motion.matching import DATABASE, KIND, MAX_ROWS, STEP, Database, MatchingModel, feature_vectors
 from runtime.motion.model import load_model
 from runtime.motion.model_files import read_metadata
 from runtime.prompts.prompter import Prompter
@@ -37,7 +37,6 @@ from training.evaluation.motion.subject import style_texts
 from training.frames import LAYERED, ClipFrames, clip_frames
 
 MIN_FRAMES = 60  # of a clip
-MAX_ROWS = 450_000  # 250 minutes
 WALK_RANGE, JOG_RANGE = (0.3, 2.2), (1.2, 5.0)  # m/s that count
 ROLLOUTS = "pfnn_rollouts"
 

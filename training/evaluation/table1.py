@@ -172,18 +172,20 @@ def table_one(setting: Setting) -> dict[str, Any]:
                 f"{args.store}: measured with other options.",
                 "Name another --store, or take the same options.",
             )
-    waiting = [
-        (title, seed, folder)
+    models = [
+        (number, title, seed, folder)
         for title, seeds in _models(args).items()
-        for seed, folder in seeds.items()
-        if seed not in kept["cells"].get(title, {})
+        for number, (seed, folder) in enumerate(seeds.items())
+    ]
+    waiting = [  # every row once, then its other seeds
+        each for each in sorted(models, key=lambda m: m[0]) if each[2] not in kept["cells"].get(each[1], {})
     ]
     if waiting or CAPTURE not in kept["cells"]:
         plan = _plan(setting)
         if CAPTURE not in kept["cells"]:
             kept["cells"][CAPTURE] = {"0": capture_cells(plan, setting.report)}
             _keep(args, kept)
-        for title, seed, folder in waiting:
+        for _, title, seed, folder in waiting:
             setting.report(f"{title}, seed {seed}")
             cells = cells_of(score_model(plan, Subject(folder, plan.texts), setting.report))
             kept["cells"].setdefault(title, {})[seed] = cells

@@ -5,6 +5,7 @@ import pytest
 from walker import CYCLE_FRAMES, walk
 
 from runtime import rotations
+from runtime.feet import ik
 from runtime.feet.foot_lock import FootLock
 from runtime.feet.settings import FootLockSettings
 from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS, joint_heights, skating
@@ -240,6 +241,39 @@ def test_a_raised_foot_follows_the_pose_again():
     assert held[-1] == ("", "")
     feet = ANKLES + TOES
     np.testing.assert_allclose(positions[-1, feet], before[-1, feet], atol=6e-3)  # a straight leg is eased
+
+
+def near_ground(toe):
+    """Metres that a toe `(T, 3)` travels in its longest stay within a centimetre of flat ground."""
+    low = toe[:, 1] < TOE_HEIGHT + 0.01
+    steps = np.where(low[1:] & low[:-1], np.linalg.norm(np.diff(toe[:, [0, 2]], axis=0), axis=-1), 0.0)
+    stays = np.split(steps, np.flatnonzero(~low[1:]))
+    return max(float(stay.sum()) for stay in stays)
+
+
+@pytest.mark.parametrize("seconds", [0.2, 0.4, 0.8])
+def test_a_foot_that_the_pose_drags_lifts_before_it_travels(seconds):
+    hips, local, contacts = standing(120)
+    ankles = forward(hips, local)[:, ANKLES].astype(np.float64)
+    ankles[:, 0, 2] += 0.25 * np.clip((np.arange(120) - 30) / (60 * seconds), 0.0, 1.0)
+    dragged = ik.solve_legs(hips.astype(np.float64), local.astype(np.float64), ankles)
+    contacts[30:, :2] = np.clip(1.0 - (np.arange(90) / (60 * seconds)), 0.0, 1.0)[:, None]
+    contacts[30 + round(60 * seconds) :, :2] = 1.0
+    incoming = forward(hips, dragged)[:, 5]
+    positions, _ = planted(hips, dragged, contacts, Terrain.flat())
+    assert near_ground(incoming) > 0.2
+    assert near_ground(positions[:, 5]) < 0.04
+    assert positions[-1, 5] == pytest.approx(incoming[-1], abs=0.2)
+
+
+def test_a_body_that_turns_over_a_held_heel_steps():
+    hips, local, contacts = standing(90)
+    yaw = np.clip((np.arange(90) - 20) / 40, 0.0, 1.0) * np.pi / 2
+    local[:, 0] = rotations.from_axis_angle(np.broadcast_to([0.0, 1.0, 0.0], (90, 3)), yaw)
+    contacts[20:60, [1, 3]] = 0.0
+    positions, held = planted(hips, local, contacts, Terrain.flat())
+    assert ("heel", "heel") in held
+    assert max(near_ground(positions[:, joint]) for joint in TOES) < 0.06
 
 
 def test_a_new_one_knows_nothing_and_equal_input_gives_equal_output():

@@ -29,7 +29,7 @@ def test_a_velocity_comes_nearer_to_the_wish_and_no_faster_than_a_body(
 
 @given(st.floats(-10.0, 10.0), st.floats(-10.0, 10.0))
 def test_a_body_turns_the_shorter_way(now: float, wish: float) -> None:
-    yaws = momentum.facings(np.array([now]), np.array([wish]), np.array([momentum.TO_TURN]))[0]
+    yaws = momentum.facings(np.array([now]), np.array([wish]), np.array([momentum.TO_TURN[0]]))[0]
     assert yaws[0] == pytest.approx(now)
     assert abs(yaws[-1] - now) <= np.pi + 1e-9
 
@@ -39,6 +39,14 @@ def test_a_walk_starts_and_stops_in_the_time_of_captures_and_a_game_at_once() ->
     capture, game = (float(momentum.change_seconds(walk, np.array([r]))[0]) for r in (0.0, 1.0))
     assert 0.7 < capture < 1.6
     assert game < 0.15
+
+
+def test_a_turn_takes_the_time_of_captures_and_runners_turn_faster() -> None:
+    speeds, walk = np.array([0.0, 1.3, 2.6, 9.0]), np.full(4, 1.3)
+    stands, walks, runs, races = momentum.turn_seconds(speeds, walk, np.zeros(4))
+    assert walks > stands > runs == races
+    assert 0.85 < walks < 2.4  # seconds of captured turns of 90 degrees in a walk
+    assert momentum.turn_seconds(speeds, walk, np.ones(4)).max() < 0.2
 
 
 def test_labels_follow_the_planned_speed() -> None:

@@ -287,12 +287,15 @@ class Controller:
         """Plan the coming second towards the request, as fast as a body changes, and blend it into the path."""
         self.wish = velocity + (self.wish - velocity) * kept(0.1) ** (1 / self.game)
         change, walk = self.velocity - self.wish, self.full[WALK]
+        quarter = np.interp(
+            np.hypot(*self.velocity) / walk, (0, 1, 2), (0.95, 1.25, 0.75)
+        )  # seconds of a turn
         missing = np.hypot(*change)
         plan = self.wish + (left(missing, walk, self.change_s) / max(missing, 1e-9))[:, None] * change
         facing = self.wanted_yaw if facing is None else facing
         self.wish_yaw = facing + angle(self.wish_yaw - facing) * kept(0.1) ** (1 / self.game)
         turn = angle(self.wanted_yaw - self.wish_yaw)
-        yaws = self.wanted_yaw - turn + np.sign(turn) * left(abs(turn), np.pi / 2, 0.75 * self.game)
+        yaws = self.wanted_yaw - turn + np.sign(turn) * left(abs(turn), np.pi / 2, quarter * self.game)
         self.velocity, self.wanted_yaw = plan[1], yaws[1]
 
         slow_jog = 0.75 * self.wished if gait == JOG else np.inf
@@ -305,13 +308,13 @@ class Controller:
         self.gait[PRESENT:] = labels + (self.gait[PRESENT] - labels[0]) * kept(0.08) ** frames
 
         time = np.arange(1, 61) / 60
-        plan = plan[1:] * self.gain(float(np.hypot(*self.velocity)))
+        plan = plan[1:] * self.gain(float(np.hypot(*self.velocity)), gait)
         steps = np.diff(self.xz[PRESENT:], axis=0)
         steps += (plan / FPS - steps) * (1 - (1 - time) ** 8)[:, None]
         self.xz[PRESENT + 1 :] = self.xz[PRESENT] + np.cumsum(steps, axis=0)
         self.yaw[PRESENT + 1 :] += angle(yaws[1:] - self.yaw[PRESENT + 1 :]) * (1 - (1 - time) ** 3)
 
-    def gain(self, planned: float) -> float:
+    def gain(self, planned: float, gait: int) -> float:
         """What the speed regulator makes of the planned speed: more where the feet carry less."""
         self.smooth += (planned - self.smooth) * (1 - kept(0.25))
         self.requested, moving = planned, self.wished > 0 or planned > 0.05
@@ -325,6 +328,8 @@ class Controller:
         if not moving:
             self.expected = self.followed = 0.0
             self.integral = gain = 1.0
+        if gait == JOG and self.followed < 0.8 * planned and self.stood < 0.7:  # more would be a dive
+            gain = min(gain, 1.0)
         return float(gain)
 
     def input(self):
@@ -370,9 +375,13 @@ class Controller:
         if (
             self.measured > 0.5 * self.requested and self.requested > 0.12
         ):  # strides a little longer or shorter
-            going = 2 * self.smooth / max(self.requested, 1e-9) - 1  # a start is not overshot
-            going = np.clip(going, self.response, 1)
-            velocity = velocity * np.clip(self.smooth / max(self.measured, 1e-9), 0.65, 1 + 0.25 * going)
+            there = self.smooth / max(self.requested, 1e-9)  # a start is not overshot
+            going, settled = (np.clip(v, self.response, 1) for v in (2 * there - 1, 10 * there - 9))
+            longer = np.clip(self.smooth / max(self.measured, 1e-9), 0.65, 1 + 0.25 * going)
+            if settled < 1 and self.gait[PRESENT, JOG] <= 0.5:
+                most = max(1.12 * self.requested / max(self.speed, 1e-9), 1.0) + 0.25 * settled
+                longer = min(longer, most)
+            velocity = velocity * longer
         turn = y["root"][2] * self.rate * DT
         self.advance(velocity, turn, turned(y["path"], yaw + turn), turned(y["facing"], yaw + turn))
 

@@ -52,6 +52,7 @@ class PlantedFoot:
     yaw: float = 0.0
     yaw_velocity: float = 0.0
     held_yaw: float | None = None
+    twisted: bool = False  # the body has turned away over a held heel
     tilt: Vector = NOWHERE  # rotation vector that lays the sole on the ground
     tilt_velocity: Vector = NOWHERE
     incoming: tuple[Vector, Vector] | None = None  # toe and ankle of the previous frame
@@ -63,6 +64,7 @@ class PlantedFoot:
     toe_down: bool = False
     heel_down: bool = False
     heights: tuple[float, float] = (0.0, 0.0)  # incoming toe and ankle over their resting heights
+    climb: float = 0.0  # m/s of the incoming toe over the ground
     chances: tuple[float, float] = (0.0, 0.0)  # of contact, toe and heel
 
     @property
@@ -79,10 +81,12 @@ class PlantedFoot:
         ankle_velocity = scale(subtract(leg.ankle, self.incoming[1]), 1.0 / dt)
         self.incoming = (leg.toe, leg.ankle)
         self.refractory = max(0.0, self.refractory - dt)
+        before = self.heights[0]
         self.heights = (
             leg.toe[1] - ground.height(leg.toe[0], leg.toe[2]) - TOE_HEIGHT,
             leg.ankle[1] - ground.height(leg.ankle[0], leg.ankle[2]) - ANKLE_HEIGHT,
         )
+        self.climb = (self.heights[0] - before) / dt
         self.chances = (toe, heel)
         self.toe_down = self._in_contact(self.toe_down, toe, self.heights[0], self.velocity)
         self.heel_down = self._in_contact(self.heel_down, heel, self.heights[1], ankle_velocity)
@@ -125,7 +129,7 @@ class PlantedFoot:
         stretch = length(subtract(self.ankle, hip)) - self.bones.length
         if rise > self.lowest + may_rise:
             self.anchor, self.toe_down, self.heel_down = "", False, False
-        elif max(away / (patience * s.release_offset), stretch / s.release_stretch) > (
+        elif self.twisted or max(away / (patience * s.release_offset), stretch / s.release_stretch) > (
             1.5 if other_steps else 1.0
         ):
             self.anchor, self.refractory = "", s.refractory
@@ -149,9 +153,11 @@ class PlantedFoot:
             self.ankle = (self.point[0], y, self.point[1])
             self.toe = add(self.ankle, sole)
         else:
-            goal = (0.0, self._lift(leg, ground), 0.0)
-            self._fade_offset(goal, dt)
-            self.toe = add(leg.toe, self.offset)
+            last = self.offset
+            self._fade_offset((0.0, self._lift(leg, ground), 0.0), dt)
+            self.toe = self._lifted_first(add(leg.toe, self.offset), leg, ground, dt)
+            x, _, z = scale(subtract(subtract(self.toe, leg.toe), last), 1.0 / dt)
+            self.offset_velocity = (x, self.offset_velocity[1], z)
             self.ankle = subtract(self.toe, sole)
         self._clear(ground)
         if (
@@ -164,6 +170,22 @@ class PlantedFoot:
         if self.anchor:
             self.offset_velocity = scale(subtract(offset, self.offset), 1.0 / dt)
         self.offset = offset
+
+    def _lifted_first(self, target: Vector, leg: LegPose, ground: PointHeights, dt: float) -> Vector:
+        """Where a free toe goes on its way to `target`: it lifts before it travels, and rests before it is down."""
+        s = SETTINGS
+        height = min(joint[1] - ground.height(joint[0], joint[2]) for joint in (self.toe, target))
+        share = max(0.0, height - TOE_HEIGHT) / s.travel_height
+        if share >= 1.0:
+            return target
+        x, z = target[0] - self.toe[0], target[2] - self.toe[2]
+        behind = sqrt((leg.toe[0] - self.toe[0]) ** 2 + (leg.toe[2] - self.toe[2]) ** 2)
+        fastest = s.travel_near + s.travel_rise * share * share / (1.0 - share)
+        fastest = max(fastest, (behind - s.max_behind) / s.behind_seconds)
+        part = fastest * dt / max(sqrt(x * x + z * z), 1e-9)
+        if part >= 1.0:
+            return target
+        return (self.toe[0] + part * x, target[1], self.toe[2] + part * z)
 
     def _roll(self, leg: LegPose) -> None:
         """Roll a trailing foot over its held toe until the leg spans what the incoming one does, as a walker does."""
@@ -201,14 +223,16 @@ class PlantedFoot:
         tiptoe = min(self.heights[1] - self.heights[0], heel_over_toe) > s.still_height
         whole = bool(self.anchor) and self.toe_down and self.heel_down and level and not tiptoe
         heading = atan2(ahead[0], ahead[2])
-        if whole:
+        near = self.toe[1] - ground.height(self.toe[0], self.toe[2]) - TOE_HEIGHT < s.travel_height
+        if whole or (self.anchor == "heel" and near and level):  # toes that are nearly down would sweep
             if self.held_yaw is None:
                 self.held_yaw = heading + self.yaw
             turn = (self.held_yaw - heading + pi) % (2.0 * pi) - pi
+            self.twisted = self.anchor == "heel" and abs(turn) > s.max_yaw
             turn = min(max(turn, -s.max_yaw), s.max_yaw)
             self.yaw, self.yaw_velocity = turn, (turn - self.yaw) / dt
         else:
-            self.held_yaw = None
+            self.held_yaw, self.twisted = None, False
             self.yaw, self.yaw_velocity = damp(self.yaw, self.yaw_velocity, 0.0, s.yaw_halflife, dt)
         rotation = multiply(_from_yaw(self.yaw), leg.foot)
         goal: Vector = (0.0, 0.0, 0.0)
@@ -248,6 +272,7 @@ class PlantedFoot:
         vx, vy, vz = self.velocity
         speed = sqrt(vx * vx + vz * vz)
         moving = min(1.0, speed / s.swing_speed)
+        travels, toe_clears = self._toe_travels(speed)
         incoming = (leg.toe[1] - TOE_HEIGHT, leg.ankle[1] - ANKLE_HEIGHT)
         heel_strikes = leg.toe[1] - leg.ankle[1] > TOE_HEIGHT - ANKLE_HEIGHT
         for joint, rest, chance in zip((self.toe, self.ankle), incoming, self.chances, strict=True):
@@ -258,13 +283,27 @@ class PlantedFoot:
                 if ahead - below > 0.03 + s.edge_slope * time * speed:
                     lift = max(lift, ahead + s.clearance - rest)
             # a foot in swing slows down before it lands, and does not drag over the ground
-            free = 1.0 - chance
-            soon = max(0.0, ahead - below - 0.25 * s.look_ahead * vy) + moving * moving * s.swing_clearance
+            free, clear = 1.0 - chance, moving * moving * s.swing_clearance
+            if joint is self.toe:
+                free, clear = max(free, travels), toe_clears
+            soon = max(0.0, ahead - below - 0.25 * s.look_ahead * vy) + clear
             if joint is self.ankle and heel_strikes:
                 soon = 0.3 * soon
             depth = below - s.sink - rest + free * soon
             lift = max(lift, _soft_positive(depth, free * s.soft_floor))
         return lift
+
+    def _toe_travels(self, speed: float) -> tuple[float, float]:
+        """How surely (0..1) the shown toe is to travel, and the metres that it then keeps from the ground; `speed` is the incoming one's.
+
+        One that comes down or goes up steeply needs none: it does not travel far while it is near.
+        """
+        s = SETTINGS
+        catching_up = sqrt(self.offset[0] ** 2 + self.offset[2] ** 2) / s.catch_up_seconds
+        travels = min(1.0, max(speed, catching_up) / s.travel_speed)
+        shallow = 2.0 - abs(self.climb) / (s.shallow * max(speed, 1e-6))
+        under = -self.heights[0] / s.travel_height
+        return travels, travels * travels * min(max(shallow, under, 0.0), 1.0) * s.travel_clearance
 
     def _fade_offset(self, goal: Vector, dt: float) -> None:
         s = SETTINGS

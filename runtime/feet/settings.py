@@ -25,7 +25,7 @@ class FootLockSettings:
     refractory: float = 0.15  # s without a new hold after a forced release
     refractory_lift: float = 0.04  # m: a forced release becomes a small step
     release_halflife: float = 0.07
-    rise_halflife: float = 0.045  # of a free foot's height over the incoming one, upwards
+    rise_halflife: float = 0.03  # of a free foot's height over the incoming one, upwards
     fall_halflife: float = 0.03  # the same downwards
     settle_halflife: float = 0.02  # of a held point's height
     unseen: float = (
@@ -39,8 +39,8 @@ class FootLockSettings:
     max_drop: float = 0.35  # m that the hips may sink
     max_rise: float = 0.02  # m that they may be carried up
     carry_halflife: float = 0.02  # in which the hips follow
-    max_room: float = 0.006  # m that they make room for a knee that bends no faster
-    room_speed: float = 0.09  # m/s in which they do
+    max_room: float = 0.012  # m that they make room for a knee that bends no faster
+    room_speed: float = 0.3  # m/s in which they do
     room_halflife: float = 0.05
     max_free_rise: float = 0.01  # m that a foot in the air may carry them, up or down
     straight_span: float = (
@@ -53,6 +53,15 @@ class FootLockSettings:
     soft_floor: float = 0.015  # m over the ground in which a landing foot slows down
     swing_clearance: float = 0.02  # m between the ground and a sole that moves at `swing_speed` or faster
     swing_speed: float = 2.0  # m/s
+    travel_clearance: float = 0.025  # m that a free toe keeps from the ground at `travel_speed` or faster
+    travel_speed: float = 0.8  # m/s
+    travel_height: float = 0.015  # m, and lower it may not travel freely,
+    travel_near: float = 0.15  # m/s on the ground
+    travel_rise: float = 1.0  # m/s more on the way up, beyond all bounds at `travel_height`
+    max_behind: float = 0.2  # m that it may so stay behind the incoming one; what is more is taken up
+    behind_seconds: float = 0.05  # in so many
+    catch_up_seconds: float = 0.1  # in which one that was held comes back to the incoming one
+    shallow: float = 0.17  # rise over run of a toe's way: at twice that it needs no clearance
     clearance: float = 0.02  # m between the sole and an edge
     edge_slope: float = 0.7  # rise over run from which the ground is an edge, not a slope
     ground_under_hips: float = 3.0  # m: no foot is put on ground that is farther below the hips

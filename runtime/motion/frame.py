@@ -22,6 +22,7 @@ from runtime.motion.model import MotionModel, Style
 from runtime.motion.noise import drifting_noise
 from runtime.motion.phase import advance_phase, at_rate
 from runtime.motion.poses import network_pose, shown_poses
+from runtime.motion.speed_regulator import STANDING_SECONDS
 from runtime.motion.stall import CYCLES_PER_SECOND, advance_by_cycles
 from runtime.motion.state import CharacterState, standing
 from runtime.motion.trajectory import PRESENT, SAMPLES, decay, wrap_angle
@@ -44,6 +45,9 @@ STRIDE_WARP = (0.65, 1.25)
 SETTING_OFF = (
     0.5  # of the plan: a smoothed request below that is a start, which longer strides would overshoot
 )
+SETTLED = 0.9  # of the plan: until the smoothed request is there,
+WALK_START = 1.12  # times a walk's plan is the most that longer strides make of a speed
+GATHERED, JOG_START_GAIN = 0.8, 1.0  # share of the plan's speed, and the regulator's gain at most until then
 SLOWEST_PLAN = 0.05  # m/s: a body that stops is regulated until then
 CALM_FROM = (
     0.8  # m/s of the plan of a stop: from there on the feet carry the root, and arms and trunk grow calm
@@ -270,6 +274,10 @@ def _steer(state: CharacterState, request: Request, styles: Sequence[Style], res
     state.requested_speed = speeds
     moving = (state.wished_speed > 0.0) | (speeds > SLOWEST_PLAN)
     gain = state.regulator.update(speeds, state.root_speed * state.stride.share, moving)
+    # asked for more while it gathers speed, the network dives into a jog
+    begins = (request.gait == Gait.JOG) & (state.regulator.measured < GATHERED * speeds)
+    begins &= state.regulator.stood < STANDING_SECONDS
+    gain = np.where(begins, np.minimum(gain, JOG_START_GAIN), gain)
     state.trajectory.steer(replace(plan, velocities=plan.velocities * gain[:, None, None]))
 
 
@@ -454,8 +462,13 @@ def _root_velocity(
     walks = (state.measured_speed > 0.5 * state.requested_speed) & (state.requested_speed > STAND_SPEED)
     longer = state.smooth_request / np.maximum(state.measured_speed, 1e-9)
     going = state.smooth_request / np.maximum(state.requested_speed, 1e-9)
+    settled = np.minimum(np.maximum((going - SETTLED) / (1.0 - SETTLED), response), 1.0)
     going = np.minimum(np.maximum((going - SETTING_OFF) / (1.0 - SETTING_OFF), response), 1.0)
     longer = np.minimum(np.maximum(longer, STRIDE_WARP[0]), 1.0 + (STRIDE_WARP[1] - 1.0) * going)
+    # a body that has caught up with its plan is not carried past it
+    most = np.maximum(WALK_START * state.requested_speed / np.maximum(state.root_speed, 1e-9), 1.0)
+    most = np.where(state.trajectory.gait[:, PRESENT, Gait.JOG] > 0.5, STRIDE_WARP[1], most)
+    longer = np.where(settled < 1.0, np.minimum(longer, most + (STRIDE_WARP[1] - 1.0) * settled), longer)
     velocity = velocity * np.where(walks & ~flying, longer, 1.0)[:, None]
     near = 2.0 * state.root_speed * DT + HALF_BODY_M  # strides are scaled by less
     way = velocity / np.maximum(np.sqrt((velocity * velocity).sum(-1, keepdims=True)), 1e-9)

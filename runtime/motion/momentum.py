@@ -20,7 +20,8 @@ from runtime.motion.features import FPS, GAITS
 TO_WALK = 0.72  # seconds from rest to the walking speed of a neutral body, and back
 NEUTRAL_SPEED = 1.3  # m/s; a slower style has slower steps, and takes so much longer:
 FASTEST_CHANGE, SLOWEST_CHANGE = 0.85, 1.12  # of TO_WALK
-TO_TURN, TURN = 0.75, np.pi / 2  # seconds and radians
+TURN = np.pi / 2  # radians
+TO_TURN = (0.95, 1.25, 0.75)  # seconds: standing, walking, and at twice that speed
 GAME = 0.13  # of these times, at full response
 MIN_RESPONSE, MAX_RESPONSE = 0.0, 1.0
 WISH_HALF_LIFE = 0.1  # seconds in which a body makes up its mind
@@ -43,6 +44,11 @@ def change_seconds(walk_speed: Array, response: Array) -> Array:
     """Seconds `(N,)` in which bodies change their velocity by their walking speed (m/s); `response` 0 (capture) to 1 (game)."""
     style = np.clip(np.sqrt(NEUTRAL_SPEED / walk_speed), FASTEST_CHANGE, SLOWEST_CHANGE)
     return np.asarray(TO_WALK * style * GAME**response)
+
+
+def turn_seconds(speed: Array, walk_speed: Array, response: Array) -> Array:
+    """Seconds `(N,)` in which bodies at a speed turn by TURN (m/s; see `change_seconds`)."""
+    return np.asarray(np.interp(speed / walk_speed, (0.0, 1.0, 2.0), TO_TURN) * GAME**response)
 
 
 def remaining(missing: Array, reach: Array | float, seconds: Array, after: Array) -> Array:

@@ -114,7 +114,8 @@ class Trajectory:
         goal = np.where(np.isnan(facing), self.requested_yaw, facing)
         # a plan that turns at once makes the network's pose jump: elbows by 10 degrees in a frame
         self.wish_yaw = goal + wrap_angle(self.wish_yaw - goal) * quick
-        yaws = momentum.facings(self.requested_yaw, self.wish_yaw, momentum.TO_TURN * momentum.GAME**response)
+        around = momentum.turn_seconds(np.sqrt((self.velocity**2).sum(-1)), walk, response)
+        yaws = momentum.facings(self.requested_yaw, self.wish_yaw, around)
         self.velocity, self.requested_yaw = velocities[:, 1], yaws[:, 1]
         speeds = np.sqrt((velocities * velocities).sum(-1))
         return Plan(velocities, yaws, momentum.labels(speeds, self.gait[:, PRESENT], gait, jog_from))

@@ -97,6 +97,7 @@ def test_a_knee_that_bends_in_one_frame_pops_once() -> None:
 def test_pops_of_jumps_are_counted_apart() -> None:
     points = puppet(np.zeros(600))
     points["lk"][400:, 2] += 0.1
+    assert m.raw_jumps(points) == {"knee_pops_in_jumps": pytest.approx(6.0), "elbow_pops_in_jumps": 0.0}
     whole = m.whole_clip(points, parse_stick("stand 5; jump 5"))
     assert whole["knee_pops"] == 0.0
     assert whole["knee_pops_in_jumps"] == pytest.approx(12.0)

@@ -91,7 +91,8 @@ class Row:
 ROWS = (
     Row("knee_pops", "knee pops a minute", high=1.0, digits=1),
     Row("elbow_pops", "elbow pops a minute", high=1.0, digits=1),
-    Row("knee_pops_in_jumps", "knee pops a minute of jumps", high=1.0, digits=1),
+    # captured knees take a landing by as many
+    Row("knee_pops_in_jumps", "knee pops a minute of jumps", high=60.0, digits=1),
     Row("elbow_pops_in_jumps", "elbow pops a minute of jumps", high=1.0, digits=1),
     Row("stop_s", "hips stop from half a walk, s", ("stop",), "half walk"),
     Row("stop_s", "hips stop from a walk, s", ("stop",), "walk", 0.7, 1.6),
@@ -127,6 +128,8 @@ RAW: tuple[tuple[str, str, Callable[[Points], dict[str, float]]], ...] = (
     ("spin", "TurnOnSpot1.bvh", moments.raw_turns),
     ("whole", "Walk*1.bvh", moments.raw_pops),
     ("whole", "TurnOnSpot1.bvh", moments.raw_pops),
+    ("whole", "Jumps1.bvh", moments.raw_jumps),
+    ("whole", "*_RunToJumpToWalk.bvh", moments.raw_jumps),
 )
 
 

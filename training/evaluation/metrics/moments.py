@@ -350,3 +350,8 @@ def raw_pops(p: Points) -> dict[str, float]:
     minutes = len(p["hips"]) / FPS / 60.0
     knees, elbows = joint_pops(p)
     return {"knee_pops": len(knees) / minutes, "elbow_pops": len(elbows) / minutes}
+
+
+def raw_jumps(p: Points) -> dict[str, float]:
+    """The same of a take that is full of jumps."""
+    return {f"{key}_in_jumps": value for key, value in raw_pops(p).items()}

@@ -107,6 +107,18 @@ class Monkey:
             slow = Slow(worked, passed, whole, self.done[-1] if self.done else "")
             self.slowest = sorted([*self.slowest, slow])[-SHOWN:]
 
+    def keep(self, takes: int) -> None:
+        """Walk for ten seconds, then put the last ten into the list again and again."""
+        if takes:
+            self.done.append("last_seconds")
+            self.app.window.inject_key("w", True)
+            self.frame(600)
+            self.app.window.inject_key("w", False)
+        for _ in range(takes):
+            self.app.takes.save_last()
+            self.frame(3)
+            self.most_mb = max(self.most_mb, resident_mb())
+
     def act(self) -> None:
         """One random action and some pictures."""
         names = [name for name in dir(self) if name.startswith("do_")]
@@ -233,9 +245,14 @@ def services(model: str, draws: bool, drawing: Drawing) -> Services:
 
 
 def run(
-    actions: int, seed: int, say: Callable[[str], None] = print, model: str = "fake", draws: bool = False
+    actions: int,
+    seed: int,
+    say: Callable[[str], None] = print,
+    model: str = "fake",
+    draws: bool = False,
+    takes: int = 0,
 ) -> Monkey:
-    """So many random actions; raises what the application raises, with the actions before it."""
+    """So many random actions, with so many takes in the list; raises what the application raises, with the actions before it."""
     with tempfile.TemporaryDirectory() as home:
         folder, drawing = Path(home), Drawing()
         write_height_png(folder / "dunes.png", [[0.0, 0.5, 0.0], [0.5, 1.0, 0.5], [0.0, 0.5, 0.0]])
@@ -246,6 +263,9 @@ def run(
         app.state.settings.export_folder = str(folder / "clips")
         monkey = Monkey(app, folder, random.Random(seed), drawing)
         try:
+            monkey.keep(takes)
+            if takes:
+                say(f"{resident_mb():.0f} MB, {len(app.state.takes.items)} takes")
             for number in range(1, actions + 1):
                 monkey.act()
                 assert not monkey.broken, monkey.broken
@@ -271,9 +291,12 @@ def main() -> None:
     parser.add_argument(
         "--model", default="", help='folder of a model, or "fake"; the shipped one by default'
     )
+    parser.add_argument(
+        "--takes", type=int, default=0, help="of ten seconds, in the list before the first action"
+    )
     parser.add_argument("--draw", action="store_true", help="draw with the real renderer")
     options = parser.parse_args()
-    monkey = run(options.actions, options.seed, model=options.model, draws=options.draw)
+    monkey = run(options.actions, options.seed, model=options.model, draws=options.draw, takes=options.takes)
     for slow in reversed(monkey.slowest):
         print(slow)
     print(f"at most {monkey.most_mb:.0f} MB, {resident_mb():.0f} MB at the end")

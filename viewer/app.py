@@ -194,7 +194,7 @@ class App:
         self.takes = Takes(
             state.takes, settings, messages, stage, jobs, ClipRecorder(), drives, self.state_folder,
             self.stage.read_ground, lambda path: services.load_character(path, None),
-            is_safe=lambda _: self.desk.projects.kept, is_offered=lambda _: self.desk.projects.in_session,
+            is_safe=lambda _: self.desk.projects.kept, is_offered=lambda item: self.desk.projects.offers(item),
             live_pins=self.stage.pins.cut,
         )  # fmt: skip
         self.prompting = Prompting(
@@ -560,8 +560,6 @@ class App:
         self.jobs.abandoned = self.jobs.abandoned or not stopped
         self.stage.live.stop()
         self.stage.vmc.stop()
-        if self.jobs.abandoned and not self.options.offscreen:
-            return  # a thread may still draw a film in a context of its own; the process ends with it
         if self.window.handle is not None:
             self.stage.renderer.release()
         self.window.destroy()

@@ -178,7 +178,8 @@ class Jobs:
         _, late = wait([job.future for job in waiting], left)
         given_up = [job for job in waiting if job.future in late]
         self._drop(given_up)
-        wait(late, 0.0 if left is None else 0.2)  # a job that lets itself be ended cleans up
+        cleaning = [job.future for job in given_up if job.cancel is not None]
+        wait(cleaning, 0.2)  # a job that lets itself be ended cleans up
         for job in given_up:
             self.messages.warn(f"{job.writing[:1].upper()}{job.writing[1:]} was given up: the program ends.")
         self._jobs = [job for job in self._jobs if job not in given_up]

@@ -190,23 +190,25 @@ def ended(
 
 
 def _kept(folder: Path) -> int:
-    """Takes in files, and those that the next start offers: a project or its autosave holds all at once."""
+    """Takes in files, and those that the next start offers, by their names."""
     from runtime.errors import SportError
     from runtime.formats.bvh_clip import load_clip_bvh
+    from runtime.projects.project import load_project
     from runtime.takes.journal import find_journals
     from viewer.projects.autosave import find_sessions
 
-    written = 0
+    names = set()
     for path in (folder / "clips").glob("*.bvh"):
         with contextlib.suppress(SportError):
-            load_clip_bvh(path)
-            written += 1
+            names.add(load_clip_bvh(path).name)
     found, _ = find_journals(folder / "config" / "journals")
-    offered = len(found)
     for journal in found:
+        names.add(journal.header.name)
         journal.release()
-    sessions = [left.takes for left in find_sessions(folder / "config" / "sessions")]
-    return max([written + offered, *sessions])
+    projects = [left.path for left in find_sessions(folder / "config" / "sessions")]
+    for path in [*projects, *folder.glob("*.sport")]:
+        names |= {take.shown.clip.name for take in load_project(path).takes}
+    return len(names)
 
 
 def main() -> int:
@@ -214,12 +216,16 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.faults.ending", description=__doc__)
     parser.add_argument("--times", type=int, default=1)
     parser.add_argument("--only", default="", help="states whose name holds this")
+    parser.add_argument(
+        "--nice", type=int, default=0, help="priority of the program (below 0 as root, where others work)"
+    )
     parser.add_argument("--program", nargs=2, metavar=("STATE", "FOLDER"), help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.program:
         return program(options.program[0], Path(options.program[1]))
     from tests.faults.faults import display
 
+    os.nice(options.nice)
     bad = 0
     print("| state | SIGTERM, s | Ctrl+C, s | close, s | exit codes | failures |")
     print("| --- | ---: | ---: | ---: | --- | ---: |", flush=True)

@@ -13,6 +13,7 @@ from runtime.errors import SportError
 from runtime.projects.archive import Packed
 from runtime.projects.character_files import Files, read_character_files
 from runtime.projects.project import SUFFIX, Project, load_project, save_project
+from runtime.takes.clip import Clip
 from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.jobs import Jobs
 from viewer.messages import Messages
@@ -57,6 +58,7 @@ class Projects:
     _file: AutosaveFile = field(init=False)
     _clean: object = None  # fingerprint of what the project's file holds
     _autosaved: object = None  # fingerprint of what the session's file holds
+    _held_clips: list[tuple[ClipItem, Clip]] = field(default_factory=list)  # what it holds of the takes
     _begun_s: float = -1e9
     _settling: int = 0
     _held: set[Path] = field(default_factory=set)  # sessions of processes that lived at the last look
@@ -258,6 +260,7 @@ class Projects:
 
     def _autosave(self, fingerprint: object) -> None:
         session, path, items = self._session(ended=False), self._file.path, self._items()
+        clips = [(item, item.clip) for item in items]
 
         def work() -> None:
             self._hold()
@@ -266,7 +269,7 @@ class Projects:
         def done(_: None) -> None:
             self._autosaved = fingerprint
             if self._file.path == path:
-                self._file.written = True
+                self._file.written, self._held_clips = True, clips
                 self._safe(items)
 
         self.jobs.submit("autosave", work, done, writing="the autosave")
@@ -363,6 +366,10 @@ class Projects:
         self.in_session = self._end_session(None if until is None else until + SESSION_S)
         self.kept = self.in_session and named
 
+    def offers(self, item: ClipItem) -> bool:
+        """At the end: whether the next start offers the take as it is, in the session or in the last autosave."""
+        return self.in_session or any(item is one and item.clip is clip for one, clip in self._held_clips)
+
     def _end_session(self, until: float | None) -> bool:
         """Write the session as one that ended as planned, by the time `until`; whether it is on disk."""
         session, items, path = self._session(ended=True), self._items(), self._file.path
@@ -376,6 +383,8 @@ class Projects:
         self.jobs.submit("session", work, lambda _: self._safe(items), writing="the session")
         self.jobs.finish("session", until)
         on_disk = written.is_set()
+        if not self._file.written:
+            self._held_clips.clear()
         self._file.leave(keep=on_disk or self._file.written)
         if on_disk:
             autosave.drop_old_sessions(self.folder)

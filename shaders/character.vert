@@ -7,6 +7,7 @@ in vec3 in_color;
 out vec3 position;
 out vec3 normal;
 out vec3 albedo;
+uniform float forward;  // 1: as near as can be, for its depth alone
 invariant gl_Position;
 
 void main() {
@@ -15,4 +16,5 @@ void main() {
     normal = mat3(skin) * in_normal;
     albedo = in_color;
     gl_Position = view_projection * vec4(position, 1.0);
+    if (forward > 0.5) gl_Position.z = -0.9999 * gl_Position.w;
 }

@@ -74,11 +74,11 @@ def test_ghosts_trails_and_mirror_in_the_window(start: Start) -> None:
     click_on(app, "Trails")
     seek(app, 30)
     overlays = app.stage.renderer.overlays
-    assert len(overlays.ghosts) == 5  # of the 60 frames
+    assert len(overlays.frames) == 5  # of the 60 frames
     assert overlays.trails is not None
     app.takes.mirror(0)
     run(app, 2)
     assert len(app.state.takes.items) == 2
     app.takes.close_playback()
     run(app, 2)
-    assert app.stage.renderer.overlays.ghosts == []
+    assert app.stage.renderer.overlays.frames == []

@@ -194,6 +194,18 @@ def test_ghosts_are_fainter_where_they_would_hide_the_character(render: Render) 
     assert 0 < covering.max() < 0.7 * alone.max()
 
 
+def test_frames_of_a_take_hide_nothing_of_the_character(render: Render) -> None:
+    flat = Terrain.flat()
+    pose = walking_pose(flat)
+    bare, alone = (render(pose=p).astype(int) for p in (None, pose))
+    frames = [walking_pose(flat, x, z) for x, z in ((0.1, -0.1), (-0.1, 0.1), (0.0, -0.4), (0.0, 0.4))]
+    among = render(pose=pose, overlays=Overlays(frames=frames)).astype(int)
+    body = np.abs(alone - bare).max(-1) > 60  # its shadow is fainter
+    inner = body[2:-2, 2:-2] & body[:-4, 2:-2] & body[4:, 2:-2] & body[2:-2, :-4] & body[2:-2, 4:]
+    assert np.abs(among - alone).max(-1)[2:-2, 2:-2][inner].mean() < 3.0
+    assert (np.abs(among - alone).max(-1) > 20).sum() > 0.5 * body.sum(), "they are seen around it"
+
+
 def test_ghosts_throw_no_shadow_and_let_the_ground_through(render: Render) -> None:
     terrain = Terrain.flat()
     pose = walking_pose(terrain)

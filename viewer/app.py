@@ -411,10 +411,11 @@ class App:
 
     def _overlays(self, live: ControllerLike | None, others: list[Pose]) -> Overlays:
         settings, playback = self.state.settings, self.state.takes.playback
-        around: list[Pose] = []
+        frames: list[Pose] = []
+        over: list[Pose] = []
         trails = None
         if playback is not None and settings.show_ghosts:
-            around = ghosts(playback, round(settings.ghost_frames))
+            frames = ghosts(playback, round(settings.ghost_frames))
         if playback is not None and settings.show_trails:
             trails = self.trails.around(playback)
         figure, reference = None, self.takes.reference
@@ -422,9 +423,10 @@ class App:
         if playback is not None and beside is not None:
             figure = reference.figure(playback, beside)
             if figure is None:
-                (around if reference.over else others).append(beside)
+                (over if reference.over else others).append(beside)
         pins = None if others and playback is None else self.pinning.overlay()
-        return make_overlays(settings, live, self.stage.path.overlay(), others, around, trails, pins, figure)
+        path = self.stage.path.overlay()
+        return make_overlays(settings, live, path, others, over, trails, pins, figure, frames)
 
     def _shown_pose(self) -> Pose:
         playback = self.state.takes.playback

@@ -50,6 +50,7 @@ class CharacterDraw:
     pose: Pose
     opacity: float = 1.0  # less: a ghost
     matrices: Array | None = None  # of the joints, where the pose does not tell them
+    behind: bool = False  # a ghost that hides nothing of the solid characters
 
     @property
     def ghost(self) -> bool:
@@ -138,11 +139,19 @@ class CharacterPass:
 
     def draw_ghosts(self, target: moderngl.Framebuffer) -> None:
         """Draw the translucent characters: first their depth, then only their nearest surface."""
-        set_uniforms(self._programs["surface"], {"tint": GHOST_TINT})
+        if not any(draw.ghost for draw in self._draws):
+            return
+        self._ghosts(target, behind=False)
+        if any(draw.behind for draw in self._draws):
+            self._bring_forward(target)
+            self._ghosts(target, behind=True)
+
+    def _ghosts(self, target: moderngl.Framebuffer, behind: bool) -> None:
+        program = self._programs["surface"]
         self._ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
         for slot, draw in enumerate(self._draws):
-            if draw.ghost:
-                set_uniforms(self._programs["surface"], {"opacity": draw.opacity})
+            if draw.ghost and draw.behind is behind:
+                set_uniforms(program, {"tint": GHOST_TINT, "opacity": draw.opacity})
                 self._ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
                 self._ctx.depth_func = "<"
                 _mask_colors(target, False)
@@ -151,6 +160,18 @@ class CharacterPass:
                 self._ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE | moderngl.BLEND)
                 self._ctx.depth_func = "<="
                 self._render("surface", slot)
+
+    def _bring_forward(self, target: moderngl.Framebuffer) -> None:
+        """Leave the depth of the solid characters at the eye: what is drawn afterwards hides nothing of them."""
+        set_uniforms(self._programs["surface"], {"forward": 1.0})
+        self._ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        self._ctx.depth_func = "<"
+        _mask_colors(target, False)
+        for slot, draw in enumerate(self._draws):
+            if not draw.ghost:
+                self._render("surface", slot)
+        _mask_colors(target, True)
+        set_uniforms(self._programs["surface"], {"forward": 0.0})
 
     def _free_mesh(self) -> None:
         for array in self._arrays.values():

@@ -74,5 +74,8 @@ class Overlays:
     trails: TrailOverlay | None = None
     pins: PinOverlay | None = None
     ghosts: list[Pose] = field(default_factory=list)  # translucent, for comparison
+    frames: list[Pose] = field(
+        default_factory=list
+    )  # the same at other times: they hide nothing of the character
     extra_poses: list[Pose] = field(default_factory=list)  # drawn like the main character
     figure: Figure | None = None

@@ -8,7 +8,13 @@ import numpy as np
 from runtime.pose import Pose
 from runtime.terrain.height_map import Terrain
 from viewer.render.camera import Camera
-from viewer.render.character_pass import CharacterDraw, CharacterPass, SkinnedMesh, ghost_draws
+from viewer.render.character_pass import (
+    GHOST_OPACITY,
+    CharacterDraw,
+    CharacterPass,
+    SkinnedMesh,
+    ghost_draws,
+)
 from viewer.render.frame import SHADOW_MARGIN_M, SHADOW_REACH_M, FrameUniforms, RenderFrame, make_frame
 from viewer.render.gl import shown_size
 from viewer.render.marks import (
@@ -75,6 +81,7 @@ class Renderer:
         self._frame.write(frame)
         self._terrain.prepare(frame, np.array([camera.target[0], camera.target[2]]))
         draws = [CharacterDraw(p) for p in solid] + ghost_draws(overlays.ghosts, pose, camera.position)
+        draws += [CharacterDraw(p, GHOST_OPACITY, behind=True) for p in overlays.frames]
         self._characters.prepare(draws)
         others = self._figures(figure)
         passes = [self._characters, *([] if figure is not None and figure.on_top else others)]
@@ -88,7 +95,7 @@ class Renderer:
         self._terrain.draw_shadows(frame, scene, self._shadow_map.texture, feet_of(standing))
         self._sky.draw()
         self._draw_ground_overlays(scene, pose, overlays)
-        for characters in passes:
+        for characters in reversed(passes):  # the character's own last: nothing is drawn over it afterwards
             characters.draw_ghosts(scene)
         if figure is not None and figure.on_top:
             others[0].draw(self._shadow_map.texture, on_top=True)

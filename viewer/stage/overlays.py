@@ -23,11 +23,12 @@ def make_overlays(
     trails: TrailOverlay | None = None,
     pins: PinOverlay | None = None,
     figure: Figure | None = None,
+    frames: Sequence[Pose] = (),
 ) -> Overlays:
     """Overlays of the live character; without a controller there is no trajectory. `others` are drawn beside it.
 
     `ghosts` are translucent, `trails` the lines of its joints, `pins` the points it is bent to,
-    `figure` somebody of another mesh.
+    `figure` somebody of another mesh, `frames` ghosts of it at other times.
     """
     trajectory = None
     if settings.show_trajectory and controller is not None:
@@ -43,6 +44,7 @@ def make_overlays(
         path=path,
         extra_poses=list(others),
         ghosts=list(ghosts),
+        frames=list(frames),
         trails=trails,
         pins=pins,
         figure=figure,

@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -184,3 +185,25 @@ def test_a_take_that_has_ended_is_written_again_where_its_file_was_removed(tmp_p
     assert "config" in found.problem
     assert len(found.read()) == len(clip)  # from what is open still
     found.release()
+
+
+def test_a_journal_that_nobody_wants_keeps_nobody_waiting_for_the_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    syncing, sync = threading.Event(), os.fsync
+
+    def slow(handle: int) -> None:
+        syncing.set()
+        time.sleep(1.0)
+        sync(handle)
+
+    monkeypatch.setattr(os, "fsync", slow)
+    journal = TakeJournal(tmp_path, HEADER)
+    assert syncing.wait(10)  # of its header
+    begun = time.monotonic()
+    journal.delete()
+    assert time.monotonic() - begun < 0.7
+    end = time.monotonic() + 20
+    while list(tmp_path.iterdir()) and time.monotonic() < end:
+        time.sleep(0.01)
+    assert not list(tmp_path.iterdir())

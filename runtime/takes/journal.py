@@ -36,6 +36,7 @@ MAX_HEADER = 64 * 1024  # bytes
 MAX_EVENT = 1 << 20  # bytes
 MAX_BYTES = 1 << 30  # of a journal: nine hours; what is recorded after that is in memory only
 WRITE_SECONDS = 0.25  # between two writes: what a killed process loses
+PATIENCE_SECONDS = 0.05  # that the end of a journal that nobody wants may keep its caller waiting
 SYNC_SECONDS = 1.0  # between two fsyncs: what a machine without power loses
 _FORMAT, _VERSION = "sport-journal", 1
 _FRAME, _PROMPT = b"F", b"P"
@@ -64,6 +65,7 @@ class TakeJournal:
         self._queue: deque[NDArray[np.float32] | PromptEvent] = deque()
         self._handle: int | None = None
         self._ending = threading.Event()
+        self._unwanted = False
         self._thread = threading.Thread(target=self._run, name="sport-journal", daemon=True)
         self._thread.start()
 
@@ -98,7 +100,16 @@ class TakeJournal:
 
     def delete(self) -> None:
         """The take is safe elsewhere, or not wanted. A file that cannot be removed is offered again."""
+        self._unwanted = True
         self._queue.clear()
+        self.finish()
+        self._thread.join(PATIENCE_SECONDS)
+        if self._thread.is_alive():  # a disk that syncs: the window does not wait for it
+            threading.Thread(target=self._remove, name="sport-journal-end", daemon=True).start()
+        else:
+            self._remove()
+
+    def _remove(self) -> None:
         self.release()
         _unlink(self.path)
 
@@ -110,6 +121,8 @@ class TakeJournal:
             ended = False
             while not ended:
                 ended = self._ending.wait(WRITE_SECONDS)
+                if self._unwanted:
+                    break
                 data = self._drained()
                 handle = self._handle = still_there(handle, self.path)
                 _write(handle, data)

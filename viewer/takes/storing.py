@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from runtime.takes.clip import Clip
 
 SLOT = "takes to disk"
-LET_GO_FRAMES = 300  # between two times at which what was read is given back
+LET_GO_FRAMES = 60  # between two times at which what was read is given back
 
 
 @dataclass

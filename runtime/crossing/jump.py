@@ -74,6 +74,8 @@ WAKE_S = 0.1  # before the landing it goes on
 FASTEST_RATE = 2.0  # of the network's rhythm, before the take-off
 SWINGING_RATE = 0.7  # of it in flight, until the foot that comes down is ahead,
 FLYING_RATE = 0.12  # and from then on
+RATE_STEP = 0.18  # it changes by in a frame at most: elbows would bend their course by 8 degrees
+EASE_S = 0.1  # in which a push comes to its rate
 LEG_SHARE = 0.985  # of its length that a pushing leg spans,
 BENT_SHARE = 0.955  # and one that is to give way,
 YIELDING, YIELD_S, YIELDED_SHARE = 24.0, 0.12, 0.88  # by so much, 1/s2, for so long, so far
@@ -145,6 +147,13 @@ class Jump:
         """Whether the jump has begun and the body is not yet caught."""
         return self.stage in ("push", "flight")
 
+    @property
+    def pace(self) -> float:
+        """Of the network's rhythm in this frame: a push takes a moment until it has its rate."""
+        if self.stage != "push":
+            return self.rate
+        return 1.0 + (self.rate - 1.0) * min(self.time / EASE_S, 1.0)
+
     def asked(self, gait: Gait) -> Gait:
         """The gait that the stick asks for: while the button is down the one before."""
         return Gait(self.gait) if gait is Gait.JUMP else gait
@@ -206,13 +215,13 @@ class Jump:
             if share >= 1.0 - 1e-6:
                 self.stage, self.time, self.velocity = "flight", 0.0, root
                 self.begin = self.aim
-                self.rate = 1.0 if self.foot == BOTH else FLYING_RATE if self.ripe else SWINGING_RATE
         elif self.stage == "flight":
             t = self.time
             self.hips = self.begin[0] + self.begin[1] * t - 0.5 * GRAVITY * t * t
             falls = self.begin[1] - GRAVITY * t
-            if self._wakes():
-                self.rate = 1.0
+            going = FLYING_RATE if self.ripe else SWINGING_RATE
+            goal = 1.0 if self.foot == BOTH or self._wakes() else going
+            self.rate += min(max(goal - self.rate, -RATE_STEP), RATE_STEP)
             if falls < 0.0 and self.hips < mean + LAND_M:
                 self.stage, self.time, self.spot = "land", 0.0, None
                 self.begin = (self.hips - mean, falls)
@@ -284,8 +293,8 @@ class Jump:
         lead = dot(_ahead(leg), subtract(leg.toe, leg.hip))
         self.ripe = self.ripe or AHEAD_M < lead < self.lead
         self.lead = lead
-        if self.ripe and not self._wakes():
-            self.rate = FLYING_RATE
+        if self.ripe and self.stage == "push":
+            self.rate = max(self.rate - RATE_STEP, FLYING_RATE)
 
     def _wakes(self) -> bool:
         """Whether the landing is near."""

@@ -401,7 +401,7 @@ def _feed_back(
     """
     path = state.trajectory
     yaw = path.yaw[:, PRESENT]
-    rates = np.array([jump.rate for jump in state.jumps])
+    rates = np.array([jump.pace for jump in state.jumps])
     before = state.joints
     state.joints = features.relative_joints(joints, path.here, state.ground, yaw)
     if (rates != 1.0).any():  # a rhythm that is held back: the body has come a part of its way

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from app_driver import Start, run
 
 from runtime.errors import FileError
 from runtime.takes import frame_store
@@ -83,3 +84,17 @@ def test_a_full_disk_leaves_takes_in_memory(tmp_path: Path, monkeypatch: pytest.
         FrameStore(tmp_path).move([clip])
     assert not FrameStore.holds(clip)
     assert np.array_equal(clip.local_rotations, frames)
+
+
+def test_takes_of_the_list_are_moved_while_frames_are_shown(start: Start) -> None:
+    app = start()
+    for _ in range(3):
+        app.takes.toggle_recording()
+        run(app, 5)
+        app.takes.toggle_recording()
+    run(app, 3)
+    items = app.state.takes.items
+    assert len(items) == 3
+    assert all(FrameStore.holds(item.clip) for item in items)
+    app.takes.play(0)
+    run(app, 2)

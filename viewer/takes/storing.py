@@ -15,12 +15,13 @@ if TYPE_CHECKING:
     from runtime.takes.clip import Clip
 
 SLOT = "takes to disk"
+LOOKED_AT = 16  # takes in a frame: a project may bring hundreds at once
 LET_GO_FRAMES = 60  # between two times at which what was read is given back
 
 
 @dataclass
 class Storing:
-    """Looks after one take of the list in each frame."""
+    """Looks after some takes of the list in each frame."""
 
     state: TakesState
     jobs: Jobs
@@ -36,8 +37,10 @@ class Storing:
             self.store.let_go()
         if self._full or not self.state.items or self.jobs.busy(SLOT):
             return
-        self._next = (self._next + 1) % len(self.state.items)
-        clips = [clip for clip in _clips(self.state.items[self._next]) if not self.store.holds(clip)]
+        clips = []
+        for _ in range(min(LOOKED_AT, len(self.state.items))):
+            self._next = (self._next + 1) % len(self.state.items)
+            clips += [clip for clip in _clips(self.state.items[self._next]) if not self.store.holds(clip)]
         if clips:
             self.jobs.submit(SLOT, partial(self.store.move, clips), lambda _: None, self._stop)
 

@@ -52,14 +52,19 @@ def test_a_turn_takes_the_time_of_captures_and_runners_turn_faster() -> None:
 def test_labels_follow_the_planned_speed() -> None:
     speeds = np.linspace(0.0, 3.0, 61)[None]
     now = np.eye(momentum.GAITS)[[Gait.STAND]]
-    weights = momentum.labels(speeds, now, np.array([Gait.JOG]), np.array([1.8]))
+    weights = momentum.labels(speeds, now, np.array([Gait.JOG]), np.array([1.8]), np.zeros(1))
     assert weights.sum(-1) == pytest.approx(1.0)
     assert np.argmax(weights[0, [0, 20, 60]], -1).tolist() == [Gait.STAND, Gait.WALK, Gait.JOG]
-    crouched = momentum.labels(speeds, now, np.array([Gait.CROUCH]), np.array([1.8]))
-    assert crouched[0, -1, Gait.CROUCH] == pytest.approx(1.0, abs=1e-3)
+    slow, game = (
+        momentum.labels(speeds, now, np.array([Gait.CROUCH]), np.array([1.8]), np.array([response]))
+        for response in (0.0, 1.0)
+    )
+    assert game[0, -1, Gait.CROUCH] == pytest.approx(1.0, abs=1e-3)
+    assert slow[0, 1, Gait.CROUCH] < 0.1  # nobody snaps into it
+    assert 0.8 < slow[0, -1, Gait.CROUCH] < 1.0
 
 
 def test_labels_of_a_jump_without_a_stick_are_finite() -> None:
     now = np.eye(momentum.GAITS)[[Gait.STAND]]
-    weights = momentum.labels(np.zeros((1, 61)), now, np.array([Gait.JOG]), np.array([0.0]))
+    weights = momentum.labels(np.zeros((1, 61)), now, np.array([Gait.JOG]), np.array([0.0]), np.zeros(1))
     assert weights.sum(-1) == pytest.approx(1.0)

@@ -305,7 +305,10 @@ class Controller:
         if gait in (STAND, WALK, JOG):
             labels = np.stack([1 - moves, moves * (1 - jogs), moves * jogs, *np.zeros((3, 61))], -1)
         frames = np.arange(1, 62)[:, None]
-        self.gait[PRESENT:] = labels + (self.gait[PRESENT] - labels[0]) * kept(0.08) ** frames
+        change = self.gait[PRESENT] - labels[0]
+        crouches = abs(change[CROUCH]) > 0.02  # nobody snaps into a crouch
+        half_life = max(0.35 * self.game, 0.08) if crouches else 0.08
+        self.gait[PRESENT:] = labels + change * kept(half_life) ** frames
 
         time = np.arange(1, 61) / 60
         plan = plan[1:] * self.gain(float(np.hypot(*self.velocity)), gait)

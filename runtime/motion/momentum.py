@@ -26,6 +26,7 @@ GAME = 0.13  # of these times, at full response
 MIN_RESPONSE, MAX_RESPONSE = 0.0, 1.0
 WISH_HALF_LIFE = 0.1  # seconds in which a body makes up its mind
 LABEL_HALF_LIFE = 0.08  # seconds in which a gait's label comes and goes
+CROUCH_HALF_LIFE = 0.35  # of the label of a crouch: knees and elbows snap where it comes at once
 STILL_SPEED = 0.15  # m/s: slower is standing, as the training's labels have it
 JOG_SHARE = 0.75  # of a slow jog's speed from which it is a jog
 AHEAD = np.arange(61) / FPS  # seconds of the coming frames, the present one first
@@ -74,11 +75,12 @@ def facings(now: Array, wish: Array, seconds: Array) -> Array:
     return np.asarray((now - turn)[:, None] + np.sign(turn)[:, None] * left)
 
 
-def labels(speeds: Array, now: Array, gait: NDArray[np.integer], jog_from: Array) -> Array:
+def labels(speeds: Array, now: Array, gait: NDArray[np.integer], jog_from: Array, response: Array) -> Array:
     """Weights of gaits `(N, 61, 6)` of planned speeds `(N, 61)`, as the training's labels follow the speed.
 
     `gait` `(N,)` is the requested one, `now` `(N, 6)` the present weights, which go over into the plan's; `jog_from`
-    `(N,)` m/s is where a jog begins. A gait other than standing, walking and jogging is kept as it is.
+    `(N,)` m/s is where a jog begins. A gait other than standing, walking and jogging is kept as it is. At full `response`
+    `(N,)` a crouch comes as fast as other labels.
     """
     moves, jogs = _over(speeds, STILL_SPEED), _over(speeds, jog_from[:, None])
     plan = np.zeros((*speeds.shape, GAITS))
@@ -87,8 +89,11 @@ def labels(speeds: Array, now: Array, gait: NDArray[np.integer], jog_from: Array
     plan[..., Gait.JOG] = moves * jogs
     own = np.isin(gait, (Gait.CROUCH, Gait.JUMP, Gait.OTHER))
     plan[own] = np.eye(GAITS)[gait[own], None]
-    left = 0.5 ** ((AHEAD + 1.0 / FPS) / LABEL_HALF_LIFE)
-    return plan + (now - plan[:, 0])[:, None] * left[:, None]
+    change = now - plan[:, 0]
+    crouches = np.abs(change[:, Gait.CROUCH, None, None]) > 0.02
+    slow = np.maximum(CROUCH_HALF_LIFE * GAME ** response[:, None, None], LABEL_HALF_LIFE)
+    half_life = np.where(crouches, slow, LABEL_HALF_LIFE)
+    return plan + change[:, None] * 0.5 ** ((AHEAD[:, None] + 1.0 / FPS) / half_life)
 
 
 def _over(speeds: Array, threshold: Array | float) -> Array:

@@ -118,7 +118,9 @@ class Trajectory:
         yaws = momentum.facings(self.requested_yaw, self.wish_yaw, around)
         self.velocity, self.requested_yaw = velocities[:, 1], yaws[:, 1]
         speeds = np.sqrt((velocities * velocities).sum(-1))
-        return Plan(velocities, yaws, momentum.labels(speeds, self.gait[:, PRESENT], gait, jog_from))
+        return Plan(
+            velocities, yaws, momentum.labels(speeds, self.gait[:, PRESENT], gait, jog_from, response)
+        )
 
     def steer(self, plan: Plan) -> None:
         """Blend a plan into the coming second."""

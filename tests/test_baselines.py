@@ -27,6 +27,7 @@ from training.baselines.networks import (
     catmull_rom,
     footstep_window,
 )
+from training.baselines.train import BaselineStepGraph
 from training.data.clip_files import TrainingClip
 from training.data.height_patches import Patches
 from training.evaluation.motion.subject import count_parameters
@@ -106,6 +107,19 @@ def test_style_by_label_differs_by_label_alone():
     a, b = (network(x, torch.eye(2)[k : k + 1]) for k in range(2))
     assert a.shape == (1, OUTPUT_SIZE)
     assert not torch.allclose(a, b)
+
+
+@pytest.mark.parametrize("kind", [PhaseFunctioned, FilmModulated])
+def test_a_graph_takes_any_number_of_characters(kind):
+    """torch.export refuses a network that fixes the batch of its example."""
+    graph = BaselineStepGraph(kind(1, 16).eval())
+    batch = torch.export.Dim("batch", min=1, max=64)
+    example = (
+        torch.zeros(2, INPUT_SIZE), torch.zeros(2, 1, 1, OUTPUT_SIZE), torch.ones(2, 1), torch.zeros(2, 1),
+        torch.zeros(2, 1),
+    )  # fmt: skip
+    exported = torch.export.export(graph, example, dynamic_shapes=tuple({0: batch} for _ in example))
+    assert exported.module()(*(e[:1] for e in example))[0].shape == (1, OUTPUT_SIZE)
 
 
 def test_from_clips_to_a_folder_that_walks(tmp_path):

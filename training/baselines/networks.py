@@ -118,8 +118,10 @@ def footstep_window(phase: Tensor, change: Tensor) -> Tensor:
     ahead = 1.0 + 10.0 * torch.arange(HALF + 1, device=phase.device, dtype=phase.dtype)
     angle = phase[:, None] + change[:, None] * ahead
     footstep = torch.stack([torch.sin(angle), torch.cos(angle)], -1)[:, :, None]
-    still = torch.zeros(len(phase), HALF + 1, C - 1, 2, device=phase.device, dtype=phase.dtype)
-    return torch.cat([still, footstep], 2).reshape(len(phase), -1)
+    still = torch.zeros_like(footstep).expand(
+        -1, -1, C - 1, -1
+    )  # `len` would fix the batch of an exported graph
+    return torch.cat([still, footstep], 2).flatten(1)
 
 
 class FilmModulated(Baseline):

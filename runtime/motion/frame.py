@@ -14,23 +14,25 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Array
 from runtime.controls import STAND_SPEED, Controls, Gait
-from runtime.crossing.crossing import CLEAR, HALF_BODY_M, LOOK_M, STOP_SECONDS, Look
+from runtime.crossing.crossing import LOOK_M, STOP_SECONDS, Look
 from runtime.motion import calm, features, momentum
+from runtime.motion.coming_to_rest import calmed_pose, rest_share
 from runtime.motion.features import DT, OUTPUT_SIZE, InputParts, OutputParts, split_output
 from runtime.motion.limbs import no_faster, off_walls
 from runtime.motion.model import MotionModel, Style
 from runtime.motion.noise import drifting_noise
 from runtime.motion.phase import advance_phase, at_rate
 from runtime.motion.poses import network_pose, shown_poses
+from runtime.motion.root_motion import SPEED_HALF_LIFE, root_velocity
 from runtime.motion.speed_regulator import STANDING_SECONDS
 from runtime.motion.stall import CYCLES_PER_SECOND, advance_by_cycles
 from runtime.motion.state import CharacterState, standing
-from runtime.motion.trajectory import PRESENT, SAMPLES, decay, wrap_angle
+from runtime.motion.trajectory import PRESENT, SAMPLES, decay
 from runtime.records import copied, joined, part
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacles import level_ahead, within_steps
-from runtime.terrain.room import has_walls, led_clear
+from runtime.terrain.room import has_walls
 from runtime.terrain.way_ahead import EDGE_M, RUN_M
 
 Flags = NDArray[np.bool_]
@@ -40,26 +42,9 @@ REST_TEMPERATURE = 0.35  # of the temperature, while standing: breathing and shi
 TAKE_OFF_FRAMES = 6  # whose mean velocity a body keeps in the air
 MIN_GAIT_SPEED = 0.3  # m/s; slower, feet may well rest for a while
 CROUCH_SPEED = 0.8  # m/s at full stick
-# what the regulator leaves of a difference in speed is taken up by longer or shorter strides, this much at most
-STRIDE_WARP = (0.65, 1.25)
-SETTING_OFF = (
-    0.5  # of the plan: a smoothed request below that is a start, which longer strides would overshoot
-)
-SETTLED = 0.9  # of the plan: until the smoothed request is there,
-WALK_START = 1.12  # times a walk's plan is the most that longer strides make of a speed
 GATHERED, JOG_START_GAIN = 0.8, 1.0  # share of the plan's speed, and the regulator's gain at most until then
 SLOWEST_PLAN = 0.05  # m/s: a body that stops is regulated until then
-CALM_FROM = (
-    0.8  # m/s of the plan of a stop: from there on the feet carry the root, and arms and trunk grow calm
-)
-LAST_SPEED = 9.0  # times the planned speed: what is more fades at the end of a stop,
-FIRM_CONTACT = 0.5  # sum of squared contacts that carry a root
-COAST = 0.24  # seconds, half-life: the planted feet carry the root on, or they would slide under it
-TURNS = 0.03  # rad of the stick's facing that the plan has not reached: a body turns on the spot
-STANDS = 0.5  # of a contact of heel or toe
-CHANGES = 0.03  # of the labels of gait in a frame: a body crouches or gets up
 FASTEST_LIFT = 3.0  # m/s of the ground that the body is placed over: jogging up a wall of 1 m takes 2.5
-SPEED_HALF_LIFE = 0.25  # seconds, smoothing of the measured speed (a stride speeds up and slows down)
 _PHASES = features.PHASE_OFFSETS + PRESENT
 
 
@@ -129,9 +114,9 @@ def step(
     y = split_output(flat.astype(np.float64))
 
     hips, local, joints = network_pose(y, state.trajectory, state.ground)
-    hips, local, joints = _calmed(state, hips, local, joints, y.contacts)
+    hips, local, joints = calmed_pose(state, hips, local, joints, y.contacts)
     blending = np.array([blend.blending for blend in state.styles])
-    inertialised = state.arms.apply(local, blending, _rest(state))
+    inertialised = state.arms.apply(local, blending, rest_share(state))
     if inertialised.any():
         joints[inertialised] = SPORT_SKELETON.forward_kinematics(hips[inertialised], local[inertialised])[0]
     # the feet of a calm body stay where they are
@@ -144,40 +129,6 @@ def step(
     if not sound.all():
         state = _set_back(model, before, state, sound, terrain)
     return state, Frame(*unlocked, reasons, ~sound)
-
-
-def _rest(state: CharacterState) -> Array:
-    """How far bodies have come to rest `(N,)`: 0 while they move or gesticulate, 1 when their plan stands still."""
-    stops = (state.wished_speed == 0.0) & ~np.array([jump.airborne for jump in state.jumps])
-    slow = np.minimum(np.maximum(1.0 - state.requested_speed / CALM_FROM, 0.0), 1.0)
-    return np.asarray(np.where(stops, slow * (1.0 - state.rest.share.max(-1)), 0.0))
-
-
-def _calmed(
-    state: CharacterState, hips: Array, local: Array, joints: Array, contacts: Array
-) -> tuple[Array, Array, Array]:
-    """The network's pose as far as a body at rest moves towards it in a frame."""
-    path = state.trajectory
-    yaw, gait = path.yaw[:, PRESENT], path.gait
-    turning = np.abs(wrap_angle(path.wish_yaw - path.requested_yaw)) > TURNS
-    changes = np.abs(gait[:, PRESENT] - gait[:, PRESENT - 1]).max(-1) > CHANGES
-    free = (state.wished_speed == 0.0) & (state.rest.share.max(-1) == 0.0) & (state.arms.left == 0.0)
-    free &= [
-        jump.stage == "" and crossing.kind == ""
-        for jump, crossing in zip(state.jumps, state.crossings, strict=True)
-    ]
-    still = (state.requested_speed < calm.SLOW) & ~turning & ~changes
-    grounded = (contacts.reshape(-1, 2, 2).max(-1) > STANDS).all(-1)
-    relative = features.relative_joints(joints, path.here, state.ground, yaw)
-    rate = state.calm.slow(relative, state.joints, free & ~turning, still, grounded)
-    local = state.calm.between(local, yaw)
-    slow = rate < 1.0
-    if slow.any():
-        place = state.joints[:, 0] + rate[:, None] * (relative[:, 0] - state.joints[:, 0])
-        there = features.to_world(place, yaw) + np.stack([path.here[:, 0], state.ground, path.here[:, 1]], -1)
-        hips = np.where(slow[:, None], there, hips)
-        joints[slow] = SPORT_SKELETON.forward_kinematics(hips[slow], local[slow])[0]
-    return hips, local, joints
 
 
 def full_speed(style: Style, gait: Gait) -> float:
@@ -421,7 +372,7 @@ def _feed_back(
     state.phase = state.rest.apply(state.phase, np.stack([style.rest for style in styles]), resting)
 
     velocity = features.to_world(y.root[:, :2] * slowed[:, None], yaw)
-    velocity = _root_velocity(state, velocity, y.contacts, looks, terrain, response)
+    velocity = root_velocity(state, velocity, y.contacts, looks, terrain, response)
     turn = y.root[:, 2] * slowed * DT
     ahead = (yaw + turn)[:, None]
     path.advance(
@@ -430,73 +381,6 @@ def _feed_back(
         features.to_world(y.trajectory_positions, ahead),
         features.to_world(y.trajectory_directions, ahead),
     )
-
-
-def _root_velocity(
-    state: CharacterState,
-    velocity: Array,
-    contacts: Array,
-    looks: Sequence[Look],
-    terrain: Terrain,
-    response: Array,
-) -> Array:
-    """The velocities `(N, 2)` (m/s) that the roots take of the network's; writes the speeds and the strides."""
-    velocity = velocity + np.array([feet.pull for feet in state.feet])
-    flying = np.array([jump.airborne for jump in state.jumps])
-    carried, weight = state.stride.carried(state.joints, contacts)
-    firm = np.where(flying, 0.0, _rest(state) * np.minimum(weight / FIRM_CONTACT, 1.0))
-    carried = features.to_world(carried, state.trajectory.yaw[:, PRESENT])
-    velocity = velocity + (carried - velocity) * firm[:, None]
-    for i, jump in enumerate(state.jumps):
-        velocity[i] = jump.carried(velocity[i])
-    speed = np.sqrt((velocity * velocity).sum(-1))
-    still = (state.wished_speed == 0.0) & ~flying  # at rest nobody creeps
-    coast = decay(COAST) ** (momentum.GAME**-response)
-    most = np.maximum(LAST_SPEED * state.requested_speed, coast * state.root_speed)
-    creep = np.where(still, np.minimum(1.0, most / np.maximum(speed, 1e-6)), 1.0)
-    velocity, state.root_speed = velocity * creep[:, None], speed * creep
-    velocity = velocity + _over_feet(state)
-    change = (state.root_speed - state.measured_speed) * (1 - decay(SPEED_HALF_LIFE))
-    state.measured_speed = state.measured_speed + change
-    state.stride.update(state.joints, np.where(flying[:, None], 0.0, contacts), state.measured_speed)
-    walks = (state.measured_speed > 0.5 * state.requested_speed) & (state.requested_speed > STAND_SPEED)
-    longer = state.smooth_request / np.maximum(state.measured_speed, 1e-9)
-    going = state.smooth_request / np.maximum(state.requested_speed, 1e-9)
-    settled = np.minimum(np.maximum((going - SETTLED) / (1.0 - SETTLED), response), 1.0)
-    going = np.minimum(np.maximum((going - SETTING_OFF) / (1.0 - SETTING_OFF), response), 1.0)
-    longer = np.minimum(np.maximum(longer, STRIDE_WARP[0]), 1.0 + (STRIDE_WARP[1] - 1.0) * going)
-    # a body that has caught up with its plan is not carried past it
-    most = np.maximum(WALK_START * state.requested_speed / np.maximum(state.root_speed, 1e-9), 1.0)
-    most = np.where(state.trajectory.gait[:, PRESENT, Gait.JOG] > 0.5, STRIDE_WARP[1], most)
-    longer = np.where(settled < 1.0, np.minimum(longer, most + (STRIDE_WARP[1] - 1.0) * settled), longer)
-    velocity = velocity * np.where(walks & ~flying, longer, 1.0)[:, None]
-    near = 2.0 * state.root_speed * DT + HALF_BODY_M  # strides are scaled by less
-    way = velocity / np.maximum(np.sqrt((velocity * velocity).sum(-1, keepdims=True)), 1e-9)
-    gentle, walls = terrain.steepest * RUN_M < EDGE_M, has_walls(terrain)
-    clear = np.full(len(state), True) if gentle else level_ahead(terrain, state.trajectory.here, way, near)
-    for i, (crossing, look) in enumerate(zip(state.crossings, looks, strict=True)):
-        if crossing.kind:
-            velocity[i] = crossing.root_velocity()
-        else:
-            velocity[i] *= crossing.pace
-            if look is not CLEAR or not clear[i]:
-                here = state.trajectory.here[i]
-                velocity[i] = crossing.held_back(terrain, here, velocity[i], look.ahead)
-            if walls:
-                velocity[i] = led_clear(terrain, state.trajectory.here[i], velocity[i])
-    return velocity
-
-
-def _over_feet(state: CharacterState) -> Array:
-    """Velocities `(N, 2)` (m/s) that bring calm bodies over their feet: one that stops leaves them up to 0.2 m behind."""
-    share = np.maximum(1.0 - state.calm.share / calm.NEARLY, 0.0)
-    away = [
-        [foot.offset for foot in feet.feet] if all(feet.held) else ((0.0,) * 3,) * 2 for feet in state.feet
-    ]
-    offset = np.array(away).mean(1)[:, [0, 2]]
-    distance = np.sqrt((offset * offset).sum(-1))
-    speed = np.minimum(np.maximum(distance - calm.UNSEEN, 0.0) / calm.OVER_FEET_S, calm.SWAYS)
-    return np.asarray(offset * (share * speed / np.maximum(distance, 1e-9))[:, None])
 
 
 def _set_back(

@@ -1,4 +1,4 @@
-"""How much of the root's speed the feet carry.
+"""How much of the root's speed the feet carry, and how long strides become.
 
 A network that is asked to go on at a speed moves its root at that speed, even where its legs take shorter steps: planted
 feet then slide, and hands, hips and shoulders swing as little as such steps need. What a planted foot goes back at, seen
@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.arrays import Array
 from runtime.feet.skating import SOLE_POINTS
@@ -21,6 +22,12 @@ LEAST_CONTACT = 0.25  # sum of squared contacts: less is a flight, which says no
 RANGE = (0.5, 1.5)  # of the share
 SMOOTHING = 0.3  # seconds, half-life: about a step
 SLOWEST = 0.3  # m/s: slower, feet may well rest
+# what the regulator leaves of a difference in speed is taken up by longer or shorter strides, this much at most
+STRETCH = (0.65, 1.25)
+# of the plan: a smoothed request below that is a start, which longer strides would overshoot
+SETTING_OFF = 0.5
+SETTLED = 0.9  # of the plan: until the smoothed request is there,
+WALK_START = 1.12  # times a walk's plan is the most that longer strides make of a speed
 
 
 @dataclass
@@ -52,6 +59,29 @@ class StrideState:
         share = np.where(speed < SLOWEST, 1.0, share)
         self.share = self.share + (share - self.share) * (1.0 - decay(SMOOTHING))
         return self.share
+
+
+def stretch(
+    smooth_request: Array,
+    requested: Array,
+    measured: Array,
+    root: Array,
+    jogs: NDArray[np.bool_],
+    response: Array,
+) -> Array:
+    """How much longer strides become `(N,)`, for speeds in m/s: planned, smoothed and not, the root's, smoothed and not.
+
+    `response` `(N,)` is 1 where a body may start at once.
+    """
+    longer = smooth_request / np.maximum(measured, 1e-9)
+    going = smooth_request / np.maximum(requested, 1e-9)
+    settled = np.minimum(np.maximum((going - SETTLED) / (1.0 - SETTLED), response), 1.0)
+    going = np.minimum(np.maximum((going - SETTING_OFF) / (1.0 - SETTING_OFF), response), 1.0)
+    longer = np.minimum(np.maximum(longer, STRETCH[0]), 1.0 + (STRETCH[1] - 1.0) * going)
+    # a body that has caught up with its plan is not carried past it
+    most = np.maximum(WALK_START * requested / np.maximum(root, 1e-9), 1.0)
+    most = np.where(jogs, STRETCH[1], most)
+    return np.where(settled < 1.0, np.minimum(longer, most + (STRETCH[1] - 1.0) * settled), longer)
 
 
 def _across(joints: Array) -> Array:

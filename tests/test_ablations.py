@@ -52,11 +52,26 @@ def test_shared_stages_are_copied_and_missed(tmp_path) -> None:
     run.mkdir()
     for file in SHARED["full"]:
         (run / file).write_bytes(b"x")
-    prepare(run, tmp_path / "out", "pae")
+    prepare(run, tmp_path / "out", "pae", tmp_path)
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["content_final.pt"]
     (run / "phase.npy").unlink()
     with pytest.raises(FileError, match=r"phase\.npy"):
-        prepare(run, tmp_path / "other", "full")
+        prepare(run, tmp_path / "other", "full", tmp_path)
+
+
+def test_the_table_of_frames_is_shared_by_variants_of_the_same_clips_alone(tmp_path) -> None:
+    run, clips = tmp_path / "run", tmp_path / "clips"
+    for folder in (run / "frames", clips):
+        folder.mkdir(parents=True)
+    (clips / "walk.npz").write_bytes(b"walk")
+    (run / "frames" / "table.json").write_text('{"files": [["walk.npz", 4]]}', encoding="utf-8")
+    for file in SHARED["full"]:
+        (run / file).write_bytes(b"x")
+    prepare(run, tmp_path / "same", "full", clips)
+    assert (tmp_path / "same" / "frames").resolve() == (run / "frames").resolve()
+    (clips / "jog.npz").write_bytes(b"jog")
+    prepare(run, tmp_path / "other", "full", clips)
+    assert not (tmp_path / "other" / "frames").exists()
 
 
 def test_of_every_variant_it_is_known_what_it_shares() -> None:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from runtime.errors import FileError, run_command
 from training import pipeline
+from training.frames import stored_for
 from training.presets import ABLATIONS
 
 log = logging.getLogger("sport.train")
@@ -39,9 +40,14 @@ SHARED: dict[str, tuple[str, ...]] = {
 }
 
 
-def prepare(run: Path, out: Path, name: str) -> None:
+FRAMES = "frames"  # the table of all frames: gigabytes, which every variant of the same clips maps
+
+
+def prepare(run: Path, out: Path, name: str, clips: Path) -> None:
     """Copy what the variant `name` shares with `run` into `out`; FileError names what is missing."""
     out.mkdir(parents=True, exist_ok=True)
+    if stored_for(run / FRAMES, clips) and not (out / FRAMES).exists():
+        (out / FRAMES).symlink_to((run / FRAMES).resolve(), target_is_directory=True)
     for file in SHARED[name]:
         if (out / file).exists():
             continue
@@ -76,7 +82,7 @@ def _train(args: argparse.Namespace, name: str, seed: int) -> None:
     if (folder / "model" / "metadata.json").exists():
         log.info("%s, seed %d: already exported", name, seed)
         return
-    prepare(args.run, folder, name)
+    prepare(args.run, folder, name, args.clips)
     steps = [
         f"--{stage}-steps={getattr(args, f'{stage}_steps')}"
         for stage in ("phase", "content", "stage2", "stage3")

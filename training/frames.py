@@ -271,10 +271,19 @@ def load_frames(
             for name in _ARRAYS:
                 setattr(table, name, np.array(getattr(table, name)))
             return table
-    files = [[path.name, path.stat().st_size] for path in paths]
+    files = _files(paths)
     if _stored_files(folder) != files:
         _write_table(paths, files, folder, workers)
     return _mapped(folder)
+
+
+def stored_for(folder: Path, clips: Path) -> bool:
+    """Whether `load_frames` of these clips would find its table in `folder`."""
+    return _stored_files(folder) == _files(sorted(clips.glob("*.npz")))
+
+
+def _files(paths: list[Path]) -> list[list[Any]]:
+    return [[path.name, path.stat().st_size] for path in paths]
 
 
 def _stored_files(folder: Path) -> object:

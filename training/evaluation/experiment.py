@@ -42,6 +42,7 @@ EXPERIMENTS = {
     "precision": "training.evaluation.on_straight_walks:PRECISION",
     "moments": "training.evaluation.on_moments:MOMENTS",
     "standing": "training.evaluation.on_moments:STANDING_STILL",
+    "phases": "training.evaluation.phase_spaces:PHASES",
     "prompts": "training.evaluation.text.untuned_prompts:PROMPTS",
     "soak": "training.evaluation.motion.soak:SOAK",
 }

@@ -21,13 +21,13 @@ from runtime.takes.clip import Clip
 from runtime.takes.drive import (
     KEYFRAME_STEPS,
     Drive,
-    DrivenFrame,
     DriveRecorder,
     Keyframe,
     StyleChange,
     played_again,
     redrive,
 )
+from runtime.takes.driven_frames import DrivenFrame, DrivenFrames
 from runtime.takes.metadata import PromptEvent, gait_of
 from runtime.takes.recorder import ClipRecorder
 from runtime.terrain.height_map import Terrain
@@ -204,7 +204,7 @@ def test_a_gait_where_the_stick_rests_goes_on_as_it_pointed(take: Take) -> None:
 @given(st.integers(0, 6), st.integers(-400, 900), st.integers(-400, 900))
 def test_moved_gaits_still_fill_the_take(index: int, start: int, end: int) -> None:
     asked = [Gait.WALK] * 90 + [Gait.JOG] * 60 + [Gait.WALK] * 50 + [Gait.CROUCH] * 20
-    frames = tuple(DrivenFrame(Controls((0.0, 1.0), None, gait), 1.0, 1.0) for gait in asked)
+    frames = DrivenFrames.of(DrivenFrame(Controls((0.0, 1.0), None, gait), 1.0, 1.0) for gait in asked)
     drive = Drive(frames, (), (Keyframe(-20, take_snapshot(Controller(WalkerModel(), Terrain.flat()))),))
     spans = drive_edits.gait_spans(drive.gaits())
     edit = drive_edits.move_gait(drive, index % len(spans), start, end)

@@ -14,6 +14,7 @@ from runtime.projects import spool
 from runtime.projects.archive import Budget, Packed
 from runtime.projects.project import Project, StoredTake, StoredVersion, load_project, save_project
 from runtime.takes.clip import Clip
+from runtime.takes.frame_store import FrameStore
 
 FRAMES = 600
 
@@ -42,6 +43,25 @@ def test_a_save_and_what_is_kept_for_the_next_one_hold_a_fraction_of_the_takes(t
     save_project(Project(takes), tmp_path / "b.sport", packed=packed)
     assert (tmp_path / "b.sport").read_bytes() == (tmp_path / "a.sport").read_bytes()
     assert len(load_project(tmp_path / "b.sport").takes) == 24
+
+
+def test_opening_a_long_list_holds_a_fraction_of_it(tmp_path: Path) -> None:
+    path = tmp_path / "a.sport"
+    takes = tuple(a_take(seed) for seed in range(24))
+    save_project(Project(takes), path)
+    size = sum(take.shown.clip.local_rotations.nbytes for take in takes)
+    store = FrameStore(tmp_path / "frames")
+    tracemalloc.start()
+    try:
+        project = load_project(path, keep=store.move)
+        kept, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert kept < 0.05 * size
+    assert most < path.stat().st_size + 0.35 * size
+    for take, plain in zip(project.takes, load_project(path).takes, strict=True):
+        for name in ("hips_positions", "local_rotations", "contacts"):
+            assert np.array_equal(getattr(take.shown.clip, name), getattr(plain.shown.clip, name))
 
 
 def test_what_takes_share_is_counted_once_when_it_is_read_take_by_take(

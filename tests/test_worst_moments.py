@@ -22,7 +22,8 @@ from runtime.pose import Pose
 from runtime.prompts.gpt.client import ChatClient, EndpointError
 from runtime.prompts.gpt.settings import GptSettings
 from runtime.takes import journal as journals
-from runtime.takes.drive import Drive, DrivenFrame, Keyframe, played_again
+from runtime.takes.drive import Drive, Keyframe, played_again
+from runtime.takes.driven_frames import DrivenFrame, DrivenFrames
 from runtime.takes.journal import TakeJournal
 from runtime.takes.recorder import ClipRecorder
 from runtime.terrain.height_map import Terrain
@@ -102,7 +103,7 @@ class Lost:
 @pytest.mark.parametrize("x", [np.nan, np.inf, 4e11])
 def test_a_take_that_is_driven_to_nowhere_is_refused(x: float, monkeypatch: pytest.MonkeyPatch) -> None:
     state: Any = SimpleNamespace(restore=lambda _: None)
-    frames = tuple(DrivenFrame(Controls(), 1.0, 1.0) for _ in range(len(clip())))
+    frames = DrivenFrames.of(DrivenFrame(Controls(), 1.0, 1.0) for _ in range(len(clip())))
     monkeypatch.setattr("runtime.takes.drive.take_snapshot", lambda _: state)
     controller: Any = Lost(x)
     with pytest.raises(FileError, match="poses that are none"):

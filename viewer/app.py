@@ -13,6 +13,7 @@ from runtime.atomic import sweep
 from runtime.controls import Controls
 from runtime.errors import SportError
 from runtime.motion.stick_script import parse_stick
+from runtime.open_files import allow_many_files
 from runtime.pose import Pose
 from runtime.prompts.expander import DEFAULT_PROMPT
 from runtime.takes.drive import DriveRecorder
@@ -127,6 +128,7 @@ class App:
     ) -> None:
         options.check()
         give_back_large_blocks()
+        allow_many_files()
         self.options = options
         keys = KeyScript.parse(options.keys, frozenset(KEY_CODES))
         self._stick = None if options.controls is None else parse_stick(options.controls)

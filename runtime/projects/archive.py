@@ -237,10 +237,12 @@ class ArchiveReader:
                 self.budget.left = before
         return self._made[what, key]
 
-    def forget(self) -> None:
-        """Let go of what was made: it is made again where it is named again, and counted once all the same."""
-        self._counted |= self._made.keys()
-        self._made.clear()
+    def forget(self, *kinds: str) -> None:
+        """Let go of what was made, of all `kinds` without any: it is made again where it is named again, and counted once."""
+        gone = [key for key in self._made if not kinds or key[0] in kinds]
+        self._counted.update(gone)
+        for key in gone:
+            del self._made[key]
 
     def array(self, number: Any, kind: str, shape: Sequence[int | None]) -> NDArray[Any]:
         """Array `number`; FileError unless it has this kind and shape (None: any length)."""

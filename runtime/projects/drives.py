@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from runtime.controls import Controls, Gait
 from runtime.errors import FileError
 from runtime.motion.snapshot import Snapshot
 from runtime.motion.style_mix import StyleMix
@@ -18,16 +16,17 @@ from runtime.projects.archive import REMEDY, ArchiveReader, ArchiveWriter
 from runtime.projects.motion import packed_table, unpacked_table
 from runtime.safe_read import is_text, parse_json, printable
 from runtime.takes.clip import MAX_DISTANCE_M, MAX_SIZE, MIN_SIZE
-from runtime.takes.drive import Change, Drive, DrivenFrame, GroundChange, Keyframe, Restart, StyleChange
+from runtime.takes.drive import Change, Drive, GroundChange, Keyframe, Restart, StyleChange
+from runtime.takes.driven_frames import COLUMNS, DrivenFrames, are_asked
 from runtime.takes.metadata import PromptEvent, event_from
 from runtime.terrain.files import MAX_HEIGHT_M
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.mesh import MAX_SIDE
 
 CODE = (6, 64)
-STICK_COLUMNS = (8, 7)  # numbers of a frame; the first takes had no response
+STICK_COLUMNS = (COLUMNS, 7)  # numbers of a frame; the first takes had no response
 # in memory, about
-FRAME_BYTES, STATE_BYTES, CHANGE_BYTES = 400, 65_536, 4096
+FRAME_BYTES, STATE_BYTES, CHANGE_BYTES = 8 * COLUMNS, 65_536, 4096
 Json = Any
 Note = Callable[[Any], Json]  # packs what a program keeps with a style, or unpacks it
 
@@ -54,7 +53,9 @@ class DriveWriter:
 
     def drive(self, drive: Drive) -> Json:
         """JSON of a drive."""
-        (sticks,) = self.archive.pieces("stick", drive.frames, lambda: [_packed_sticks(drive.frames)])
+        (sticks,) = self.archive.pieces(
+            "stick", drive.frames, lambda: [packed_table(drive.frames.rows.astype("<f8", copy=False))]
+        )
         return {
             "count": len(drive.frames),
             "frames": sticks,
@@ -117,8 +118,8 @@ class DriveReader:
             raise FileError(f"{self.archive.path}: a keyframe after the take's end.", REMEDY)
         return Drive(frames, changes, keyframes)
 
-    def _frames(self, number: Json, count: Json) -> tuple[DrivenFrame, ...]:
-        def made() -> tuple[DrivenFrame, ...]:
+    def _frames(self, number: Json, count: Json) -> DrivenFrames:
+        def made() -> DrivenFrames:
             sizes = () if type(count) is not int else [8 * columns * count for columns in STICK_COLUMNS]
             if self.archive.size(number) not in sizes:
                 raise ValueError("a stick of another length")
@@ -127,14 +128,12 @@ class DriveReader:
 
         return self.archive.once("stick", number, made)
 
-    def _sticks(self, rows: Any) -> tuple[DrivenFrame, ...]:
-        rest = np.delete(rows, (2, 3), axis=1)
-        if not np.isfinite(rest).all() or not (np.abs(rest[:, 3:]) <= 10.0).all():
-            raise FileError(f"{self.archive.path}: a stick that is not finite.", REMEDY)
-        return tuple(
-            DrivenFrame(Controls((x, z), None if math.isnan(fx) else (fx, fz), Gait(int(gait))), *settings)
-            for x, z, fx, fz, gait, *settings in rows.tolist()
-        )
+    def _sticks(self, table: Any) -> DrivenFrames:
+        rows = np.zeros((len(table), COLUMNS))
+        rows[:, : table.shape[1]] = table
+        if not are_asked(rows):
+            raise FileError(f"{self.archive.path}: a stick that nobody can push.", REMEDY)
+        return DrivenFrames(rows)
 
     def _keyframe(self, value: Json) -> Keyframe:
         frame, number = value
@@ -210,22 +209,6 @@ def read_ground(value: Json, archive: ArchiveReader) -> Terrain:
 def _is_ground(heights: Any) -> bool:
     fits = min(heights.shape) >= 2 and max(heights.shape) <= MAX_SIDE
     return fits and max(-float(heights.min()), float(heights.max())) <= MAX_HEIGHT_M  # nor with NaN
-
-
-def _packed_sticks(frames: tuple[DrivenFrame, ...]) -> bytes:
-    nowhere = (math.nan, math.nan)
-    rows = [
-        (
-            *f.controls.move,
-            *(f.controls.facing or nowhere),
-            int(f.controls.gait),
-            f.temperature,
-            f.strength,
-            f.response,
-        )
-        for f in frames
-    ]
-    return packed_table(np.array(rows, "<f8").reshape(-1, STICK_COLUMNS[0]))
 
 
 def read_words_text(value: Json) -> str:

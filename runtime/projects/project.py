@@ -6,7 +6,7 @@ kept within the bounds of `runtime.projects.motion`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -175,9 +175,25 @@ def _document(project: Project, archive: ArchiveWriter, drives: DriveWriter, not
 TakesReader = Callable[[Json, ArchiveReader, DriveReader], tuple[StoredTake, ...]]
 
 
-def load_project(path: str | Path, notes: Notes | None = None) -> Project:
-    """A project of a file that nobody vouches for; FileError in one sentence for damage and other versions."""
-    return _read(Path(path), notes or Notes(), _read_takes)
+def load_project(
+    path: str | Path, notes: Notes | None = None, keep: Callable[[Sequence[Clip]], None] | None = None
+) -> Project:
+    """A project of a file that nobody vouches for; FileError in one sentence for damage and other versions.
+
+    `keep` is given the clips of each take as soon as it is read, and may move their frames elsewhere: a long list is then
+    at no time in memory as a whole.
+    """
+
+    def read_takes(value: Json, archive: ArchiveReader, drives: DriveReader) -> tuple[StoredTake, ...]:
+        takes = []
+        for take in value:
+            takes.append(_read_take(take, archive, drives))
+            if keep is not None:
+                keep(list(_clips(takes[-1])))
+                archive.forget("array", "frames")
+        return tuple(takes)
+
+    return _read(Path(path), notes or Notes(), read_takes)
 
 
 def check_project(path: Path, notes: Notes) -> None:
@@ -192,8 +208,12 @@ def check_project(path: Path, notes: Notes) -> None:
     _read(path, notes, one_by_one)
 
 
-def _read_takes(value: Json, archive: ArchiveReader, drives: DriveReader) -> tuple[StoredTake, ...]:
-    return tuple(_read_take(take, archive, drives) for take in value)
+def _clips(take: StoredTake) -> Iterator[Clip]:
+    """Those of every version, and what their edits begin with."""
+    for version in (take.shown, *take.older, *take.newer):
+        yield version.clip
+        if version.base is not None:
+            yield version.base
 
 
 def _read(path: Path, notes: Notes, read_takes: TakesReader) -> Project:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import count, islice
+from itertools import count
 from typing import Any, Protocol
 
 import numpy as np
@@ -24,7 +24,8 @@ from runtime.motion.snapshot import Snapshot, take_snapshot
 from runtime.motion.style_mix import StyleMix
 from runtime.pose import Pose
 from runtime.takes.clip import Clip, are_poses, shift_prompts
-from runtime.takes.metadata import PromptEvent, gait_of, gait_seconds
+from runtime.takes.driven_frames import DrivenFrame, DrivenFrames, KeptFrames
+from runtime.takes.metadata import PromptEvent, gait_seconds
 from runtime.takes.recorder import LIVE_SECONDS
 from runtime.terrain.height_map import Terrain
 
@@ -49,16 +50,6 @@ class Drivable(Protocol):
 
     def reset(self, x: float, z: float, yaw: float) -> Any:
         """Stand at a place."""
-
-
-@dataclass(frozen=True)
-class DrivenFrame:
-    """What one simulated step was asked for, and the settings that may change while it runs."""
-
-    controls: Controls
-    temperature: float
-    strength: float
-    response: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +116,7 @@ class Drive:
     `frames` begin with that of the first keyframe, at or before the clip's first one, and end with the clip's last.
     """
 
-    frames: tuple[DrivenFrame, ...]
+    frames: DrivenFrames
     changes: tuple[Change, ...]  # in the order in which they happened
     keyframes: tuple[Keyframe, ...]
 
@@ -149,7 +140,7 @@ class Drive:
 
     def gaits(self) -> NDArray[np.int8]:
         """What was asked for in each frame of the clip `(T,)`, as `gait_of` counts gaits."""
-        return np.array([gait_of(f.controls) for f in self.frames[-self.start :]], np.int8)
+        return self.frames[-self.start :].gaits()
 
     def prompts(self) -> tuple[PromptEvent, ...]:
         """The clip's prompts with their times; of live changes in quick succession the last, at the time of the first."""
@@ -303,7 +294,7 @@ class DriveRecorder:
 
     def __init__(self) -> None:
         self._first = 0  # number of the oldest frame kept
-        self._frames: deque[DrivenFrame] = deque()
+        self._frames = KeptFrames()
         self._changes: list[Change] = []
         self._keyframes: deque[Keyframe] = deque()
 
@@ -321,7 +312,7 @@ class DriveRecorder:
     def add(self, controls: Controls, controller: Drivable) -> None:
         """Remember what one simulated step of `controller` was asked for."""
         frame = DrivenFrame(controls, controller.temperature, controller.strength, controller.response)
-        self._frames.append(frame)
+        self._frames.add(frame)
 
     def mark_style(
         self,
@@ -351,7 +342,7 @@ class DriveRecorder:
     def forget(self) -> None:
         """Something happened that cannot be made again: takes that began before it cannot be driven again."""
         self._first = self.next_frame
-        self._frames.clear()
+        self._frames = KeptFrames()
         self._keyframes.clear()
         self._changes = self._still_holding(self._first)
 
@@ -363,9 +354,8 @@ class DriveRecorder:
             popped = True
         if popped:
             first = self._keyframes[0].frame
-            while self._first < first:
-                self._frames.popleft()
-                self._first += 1
+            self._frames.drop(first - self._first)
+            self._first = first
             self._changes = self._still_holding(first) + [c for c in self._changes if c.frame > first]
 
     def _still_holding(self, frame: int) -> list[Change]:
@@ -380,7 +370,7 @@ class DriveRecorder:
             return None
         start = keys[-1].frame
         return Drive(
-            tuple(islice(self._frames, start - self._first, None)),
+            self._frames.since(start - self._first),
             tuple(replace(c, frame=c.frame - first_frame) for c in self._changes),
             tuple(
                 replace(k, frame=k.frame - first_frame)

@@ -5,9 +5,9 @@ Each edit answers another `Drive` and the first frame that it changes; `drive.pl
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from math import hypot
 
 import numpy as np
@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from runtime.controls import Controls, Gait
 from runtime.errors import UsageError
-from runtime.takes.drive import Drive, DrivenFrame, StyleChange, follows_live
+from runtime.takes.drive import Drive, StyleChange, follows_live
+from runtime.takes.driven_frames import DrivenFrame, DrivenFrames
 from runtime.takes.metadata import PromptEvent, gait_of
 
 SETTLE_STEPS = 60  # before the clip, in which hands reach the place that new words give them
@@ -142,10 +143,12 @@ def with_gait(drive: Drive, first: int, last: int, gait: Gait) -> Edit:
         last = min(last, first + JUMP_FRAMES - 1)
     if last < first:
         raise UsageError(f"gait from frame {first} to {last}: no frame.", "Choose a later end.")
-    frames = list(drive.frames)
-    for i in range(first - drive.start, last + 1 - drive.start):
-        frames[i] = _requested(frames[i], gait, frames, i)
-    return Edit(replace(drive, frames=tuple(frames)), first)
+    start, end = first - drive.start, last + 1 - drive.start
+    before, changed = drive.frames[:start], list[DrivenFrame]()
+    for frame in drive.frames[start:end]:
+        changed.append(_requested(frame, gait, chain(reversed(changed), reversed(before))))
+    frames = before + DrivenFrames.of(changed) + drive.frames[end:]
+    return Edit(replace(drive, frames=frames), first)
 
 
 def move_gait(drive: Drive, index: int, start: int, end: int) -> Edit:
@@ -167,20 +170,21 @@ def move_gait(drive: Drive, index: int, start: int, end: int) -> Edit:
     return edit
 
 
-def _requested(frame: DrivenFrame, gait: Gait, frames: Sequence[DrivenFrame], i: int) -> DrivenFrame:
+def _requested(frame: DrivenFrame, gait: Gait, before: Iterable[DrivenFrame]) -> DrivenFrame:
+    """A frame with another gait; `before` are the frames before it, the last one first."""
     old = frame.controls
     if gait is Gait.STAND:
         asked = Controls((0.0, 0.0), old.facing, Gait.WALK)
     elif any(old.move) or gait is Gait.JUMP:
         asked = replace(old, gait=gait)
     else:
-        asked = Controls(_pointed(frames, i), old.facing, gait)
+        asked = Controls(_pointed(before), old.facing, gait)
     return replace(frame, controls=asked)
 
 
-def _pointed(frames: Sequence[DrivenFrame], i: int) -> tuple[float, float]:
-    """Where the stick pointed last before frame `i`, at full length; +Z when it never did."""
-    for frame in reversed(frames[:i]):
+def _pointed(before: Iterable[DrivenFrame]) -> tuple[float, float]:
+    """Where the stick pointed last, at full length; +Z when it never did."""
+    for frame in before:
         x, z = frame.controls.move
         length = hypot(x, z)
         if length > 0.0 and gait_of(frame.controls) != Gait.STAND:

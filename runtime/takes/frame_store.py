@@ -56,16 +56,16 @@ class FrameStore:
                 for clip in clips:
                     arrays = (clip.hips_positions, clip.local_rotations, clip.contacts)
                     clip.move(*self._written(arrays))
+                if self._map is not None:
+                    _let_go(self._map)  # what was just compared
             except (OSError, ValueError) as error:  # a mapping that cannot be made is a ValueError
                 reason = getattr(error, "strerror", None) or error
                 raise FileError(f"{self._folder}: {reason}; takes stay in memory.", REMEDY) from error
 
     def let_go(self) -> None:
         """Give the memory back that was read into; it is read again when a clip is looked at."""
-        if hasattr(mmap.mmap, "madvise"):
-            for held in list(self._maps):
-                with contextlib.suppress(ValueError, OSError):  # only advice
-                    held.madvise(mmap.MADV_DONTNEED)
+        for held in list(self._maps):
+            _let_go(held)
 
     def _written(self, arrays: Sequence[Array]) -> list[Array]:
         whole = sum(-(-array.nbytes // ALIGNED) * ALIGNED for array in arrays)
@@ -100,3 +100,9 @@ class FrameStore:
             self._file.close()
         self._file = self._map = None
         self._used = self._size = 0
+
+
+def _let_go(held: mmap.mmap) -> None:
+    if hasattr(mmap.mmap, "madvise"):
+        with contextlib.suppress(ValueError, OSError):  # only advice
+            held.madvise(mmap.MADV_DONTNEED)

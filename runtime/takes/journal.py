@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from runtime.errors import FileError, SportError
 from runtime.file_lock import open_locked
+from runtime.open_files import leaves_room
 from runtime.safe_read import is_text, parse_json, printable
 from runtime.skeleton import J
 from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, MAX_NORM_ERROR, MAX_SIZE, MIN_SIZE, Clip
@@ -147,6 +148,10 @@ class TakeJournal:
             raise FileError(
                 f"{self.path}: it cannot be locked.", "Choose another folder by SPORT_CONFIG_DIR."
             )
+        if not leaves_room(handle):
+            os.close(handle)
+            _unlink(self.path)
+            raise FileError(f"{self.path}: {handle} files are open.", "Save the project, or export takes.")
         self._handle = handle
         head = {"format": _FORMAT, "version": _VERSION, **asdict(self._header)}
         head["terrain"] = printable(self._header.terrain)
@@ -219,6 +224,11 @@ class FoundJournal:
     _handle: int
     problem: str = ""  # why the take is not on disk any more
 
+    @property
+    def leaves_room(self) -> bool:
+        """Whether this process may hold more files; see `open_files`."""
+        return leaves_room(self._handle)
+
     def read(self) -> Clip:
         """The take up to the first thing that is none. FileError when there is no frame."""
         os.lseek(self._handle, 0, os.SEEK_SET)
@@ -249,7 +259,7 @@ class FoundJournal:
 def find_journals(folder: Path) -> tuple[list[FoundJournal], list[str]]:
     """The journals in `folder` that no living process holds, oldest first, and complaints about those that are none.
 
-    Journals without a whole frame are removed.
+    Journals without a whole frame are removed. Of more than this process may hold open the first are found.
     """
     found, complaints = [], []
     try:
@@ -266,6 +276,8 @@ def find_journals(folder: Path) -> tuple[list[FoundJournal], list[str]]:
             continue
         if journal is not None:
             found.append(journal)
+            if not journal.leaves_room:
+                break
     return found, complaints
 
 

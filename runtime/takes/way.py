@@ -21,6 +21,7 @@ from runtime.motion.point_path import PointPath, Waypoint
 from runtime.pose import FPS, Pose
 from runtime.takes.clip import Clip
 from runtime.takes.drive import Drivable, Drive, played_poses, started
+from runtime.takes.driven_frames import DrivenFrames
 from runtime.takes.metadata import gait_of
 
 APART_M = 1.5  # between two points of a straight way
@@ -79,8 +80,8 @@ def walked_again(
 
     poses, keyframes = started(drive, controller, first, stick)
     settings = [drive.frame(min(first + i, len(drive) - 1)) for i in range(len(asked))]
-    made = [replace(frame, controls=stick) for stick, frame in zip(asked, settings, strict=True)]
-    frames = (*drive.frames[: first - drive.start], *made)
+    made = (replace(frame, controls=stick) for stick, frame in zip(asked, settings, strict=True))
+    frames = drive.frames[: first - drive.start] + DrivenFrames.of(made)
     changes = tuple(change for change in drive.changes if change.frame < len(frames) + drive.start)
     again = replace(drive, frames=frames, changes=changes, keyframes=keyframes)
     return played_poses(clip, again, poses, first), again

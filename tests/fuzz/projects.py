@@ -19,13 +19,13 @@ from runtime.projects.project import Project, StoredTake, StoredVersion, load_pr
 from runtime.takes.clip import Clip
 from runtime.takes.drive import (
     Drive,
-    DrivenFrame,
     GroundChange,
     Keyframe,
     Restart,
     StyleChange,
     played_again,
 )
+from runtime.takes.driven_frames import DrivenFrame, DrivenFrames
 from runtime.takes.metadata import PromptEvent
 from runtime.terrain.height_map import Terrain
 
@@ -49,7 +49,7 @@ def project() -> Project:
     style = StyleChange(
         0, np.ones((6, 64), np.float32), 0.4, PromptEvent(0.0, "a proud walk", 0.4, '{"a": 1}')
     )
-    frames = tuple(DrivenFrame(Controls((0.1, 1.0), None, Gait.WALK), 0.7, 1.0) for _ in range(4))
+    frames = DrivenFrames.of(DrivenFrame(Controls((0.1, 1.0), None, Gait.WALK), 0.7, 1.0) for _ in range(4))
     changes = (GroundChange(0, "dunes.png", ground), style, Restart(2, 0.0, 1.0, 0.5))
     drive = Drive(frames, changes, (Keyframe(0, snapshot()),))
     shown = StoredVersion(clip(), drive, "", "words")

@@ -99,7 +99,7 @@ class Projects:
         """Open a project; what is on the desk stays until it is read."""
         self.jobs.submit(
             "open project",
-            lambda: load_project(path, StyleNotes()),
+            partial(self._load, path),
             lambda project: self._opened(path, project),
             reading=path.name,
         )
@@ -139,7 +139,7 @@ class Projects:
         """Open a session that another run left behind."""
         self.jobs.submit(
             "open project",
-            lambda: load_project(left.path, StyleNotes()),
+            partial(self._load, left.path),
             lambda project: self._reopened(left, project),
             reading=f"the session of {left.describe()}",
         )
@@ -166,6 +166,10 @@ class Projects:
             lambda: self.reopen(left),
             lambda: self.discard(left),
         )
+
+    def _load(self, path: Path) -> Project:
+        """Read a project, its frames to disk; on any thread."""
+        return load_project(path, StyleNotes(), self.contents.takes.storing.keep)
 
     # --- what comes back
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import contextlib
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
+from runtime.errors import FileError
 from runtime.takes.frame_store import FrameStore
 from viewer.jobs import Jobs
 from viewer.takes.state import ClipItem, TakesState, TakeVersion
@@ -43,6 +45,11 @@ class Storing:
             clips += [clip for clip in _clips(self.state.items[self._next]) if not self.store.holds(clip)]
         if clips:
             self.jobs.submit(SLOT, partial(self.store.move, clips), lambda _: None, self._stop)
+
+    def keep(self, clips: Sequence[Clip]) -> None:
+        """Move clips that are not in the list yet; on any thread. Where the disk has no room they stay in memory."""
+        with contextlib.suppress(FileError):  # `watch` meets it again, and says so
+            self.store.move(clips)
 
     def _stop(self, _error: Exception) -> None:
         self._full = True

@@ -27,7 +27,8 @@ class Group:
 class Grammar:
     """The rules of a file: `groups` by name, `phrases` (pattern, whose action, what is looked up), `targets` of gestures.
 
-    `relations` are patterns and the clauses that they stand for, with {side}, {other} and the pattern's groups.
+    `relations` are patterns and the clauses that they stand for, with {side}, {other} and the pattern's groups;
+    `first_relations` are those that name a hand, to which "the other" may refer.
     """
 
     def __init__(self, file: dict[str, Any]) -> None:
@@ -42,9 +43,10 @@ class Grammar:
         }
         self.phrases = [(self._compiled(p), target, asked) for p, target, asked in file["phrases"]["rules"]]
         self.targets = self._rules(file["gestures"]["targets"])
-        self.relations = [
-            (self._compiled(pattern), clauses) for pattern, clauses in file["relations"]["rules"]
-        ]
+        self.first_relations, self.relations = (
+            [(self._compiled(pattern), clauses) for pattern, clauses in file["relations"][key]]
+            for key in ("first", "rules")
+        )
         self._found: dict[str, re.Pattern[str]] = {}
 
     def __getitem__(self, name: str) -> re.Pattern[str]:

@@ -59,7 +59,9 @@ _ELLIPSIS = re.compile(
     r"\b(?:on|at|over) (?:the |his |her |their )?(?:left|right))(?= *(?:[,;.:!?]|$))"
 )
 _SIDED_NOUNS = word_set("arm hand elbow shoulder wrist leg foot feet knee hip ankle side thigh heel toe")
-_IDLE_ARM = re.compile(r"\bhanging\b|\bswinging (?:naturally|gently|little|lightly|evenly)")
+_IDLE_ARM = re.compile(
+    r"\bbehind the back\b|\bhanging\b(?!.*\bpulled\b)|\bswinging (?:naturally|gently|little|lightly|evenly)"
+)
 _BUSY_LEG = re.compile(
     r"limping|dragging|trailing|hopping|springing off|off the ground|stiff and straight|low kick|hanging"
 )
@@ -78,7 +80,8 @@ class _Spoken:
 
 
 def name_sides(prompt: str) -> tuple[str, str]:
-    """A lower-case prompt with the side of each limb before its noun, and the side that it prefers ("left-handed"), or "".
+    """A lower-case prompt with the side of each limb before its noun, and the side that it prefers ("left-handed"), or
+    that carries something, or "".
 
     A single limb of which nothing tells the side stays as it is; it is read as the right one.
     """
@@ -90,10 +93,15 @@ def name_sides(prompt: str) -> tuple[str, str]:
     text = _IN_LINE.sub("both feet", text)
     text = _ELLIPSIS.sub(r"\g<first> \g<noun>", text)
     text = _SIDE_BEHIND.sub(_put_side_before, text)
+    loaded = ""
+    for pattern, clauses in grammar().first_relations:
+        found = pattern.search(text)
+        loaded = loaded or (found["side"] if found else "")
+        text = pattern.sub(partial(_relation, clauses=clauses, hand=hand), text)
     text = _with_sides(text, hand)
     for pattern, clauses in grammar().relations:
         text = pattern.sub(partial(_relation, clauses=clauses, hand=hand), text)
-    return text, hand
+    return text, hand or loaded
 
 
 def hand_at(side: str, target: str) -> str:

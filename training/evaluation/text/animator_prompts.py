@@ -1,6 +1,6 @@
 """Sixty prompts of animators, measured on exported files: `python -m training.evaluation.text.animator_prompts`.
 
-Each prompt is walked by the shipped model, written as BVH and read back; angles and places of the file decide. The list,
+Each prompt is walked by a model, written as BVH and read back; angles and places of the file decide. The list,
 written before its writer had read the library, is data/animator_prompts.txt.
 """
 
@@ -95,6 +95,7 @@ def main(argv: list[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description="Measure sixty prompts of animators on exported files.")
     parser.add_argument("--out", type=Path, help="folder that keeps the BVH files")
+    parser.add_argument("--model", help="a shipped model, or the folder of an exported one")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args(argv)
     sections = [
@@ -104,7 +105,7 @@ def main(argv: list[str] | None = None) -> None:
     with TemporaryDirectory() as temporary:
         folder = given.out or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
-        model = load_model()
+        model = load_model(given.model)
         walk = partial(measured, prompter=Prompter(model), model=model, folder=folder, seed=given.seed)
         neutral = walk(NEUTRAL)
         for name, lines in (

@@ -53,6 +53,8 @@ _NAMED = (
     "hip",
     "chin",
     "shoulder",
+    "eye",
+    "gaze",
 )  # whose actions are not those of the whole part
 
 

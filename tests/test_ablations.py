@@ -7,11 +7,12 @@ torch = pytest.importorskip("torch")
 
 from runtime.errors import FileError, UsageError  # noqa: E402
 from runtime.motion.model_files import FOLDED  # noqa: E402
+from runtime.skeleton import SPORT_SKELETON  # noqa: E402
 from training.ablations import SHARED, prepare  # noqa: E402
 from training.export.graph import export_graph  # noqa: E402
 from training.export.model import EmbeddingGraph, StyleGraph  # noqa: E402
 from training.networks.generator import Generator  # noqa: E402
-from training.networks.phase import PeriodicAutoencoder  # noqa: E402
+from training.networks.phase import PeriodicAutoencoder, two_hop_neighbours  # noqa: E402
 from training.presets import ABLATIONS, ablation, preset  # noqa: E402
 
 
@@ -34,6 +35,9 @@ def test_the_variants_change_what_they_are_named_for() -> None:
         for name in ("full", "pae")
     ]
     assert has_graph == [True, False]
+    joined = two_hop_neighbours(True) - two_hop_neighbours()
+    hips = sorted(SPORT_SKELETON.index(f"{side}UpLeg") for side in ("Left", "Right"))
+    assert torch.nonzero(joined).tolist() == [hips, hips[::-1]]
 
 
 def test_an_unknown_variant_lists_the_known_ones() -> None:

@@ -72,18 +72,20 @@ def test_figures_are_drawn_and_a_known_table_is_made_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     random = np.random.default_rng(0)
-    names = ("chicken", "neutral")
-    walks = phase_spaces.Walks(np.arange(80), np.repeat([0, 1], 40), names)
-    spaces = {name: random.normal(size=(80, 26)) + walks.styles[:, None] for name in phase_spaces.NAMES}
-    figures = {name: {"silhouette": 0.25, "arm": 0.2, "styles": 0.8} for name in phase_spaces.NAMES}
+    walks = phase_spaces.Walks(np.arange(80), np.repeat([0, 1], 40), ("chicken", "neutral"))
+    names = (phase_spaces.FOOTSTEPS, "PAE", phase_spaces.OURS)
+    spaces = {name: random.normal(size=(80, 26)) + walks.styles[:, None] for name in names}
+    figures = {name: {"silhouette": 0.25, "arm": 0.2, "styles": 0.8, "error": 0.3} for name in names}
     code = (np.zeros((40, C, 2)), random.random((40, C)), random.random((40, C)))
-    codes = {name: {0: code, 1: code} for name in phase_spaces.NAMES[1:]}
+    codes = {name: {0: code, 1: code} for name in names[1:]}
     drawn = draw(tmp_path, spaces, walks, figures, (codes, codes), 0)
     assert [path.name for path in drawn] == ["fig6_phase_spaces.png", "fig7_channels.png"]
     assert all(path.stat().st_size > 10_000 for path in drawn)
     known = tmp_path / "figures.json"
     known.write_text(json.dumps(figures), encoding="utf-8")
     assert run(PHASES, ["--known", str(known)], "phases") == 0
-    assert "| BP-PAE | 0.250 | 0.20 | 0.80 |" in capsys.readouterr().out
+    assert "| BP-PAE | 0.250 | 30.0 | 0.20 | 0.80 |" in capsys.readouterr().out
     with pytest.raises(UsageError, match="--run"):
         run(PHASES, ["--clips", str(tmp_path)], "phases")
+    with pytest.raises(UsageError, match="--rival x: has no name"):
+        run(PHASES, ["--clips", str(tmp_path), "--run", str(tmp_path), "--rival", "x"], "phases")

@@ -26,6 +26,7 @@ _PHASE, _CONTENT = ("phase.npy", "phase_final.pt"), ("content_final.pt",)
 SHARED: dict[str, tuple[str, ...]] = {
     "full": _PHASE + _CONTENT,
     "pae": _CONTENT,
+    "joined-hips": _CONTENT,
     "4-experts": _PHASE + _CONTENT,
     "4-content-experts": _PHASE + _CONTENT,
     "no-content-encoder": _PHASE,

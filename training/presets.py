@@ -31,6 +31,7 @@ class ModelConfig:
     phase_hidden: int = 31  # channels between the two convolutions of the periodic autoencoder
     phase_kernel: int = 25  # frames (DeepPhase: the whole window, 121)
     part_aware_phase: bool = True  # False: PAE instead of BP-PAE
+    joined_hips: bool = False  # True: each hip joint sees the other one, as Fig. 3 draws it
     content_layers: int = 1  # temporal transformer and sequence decoder (paper 6)
     content_heads: int = 4
     content_feedforward: int = 256  # paper 1024
@@ -107,6 +108,7 @@ PRESETS: dict[str, ModelConfig] = {
 ABLATIONS: dict[str, dict[str, Any]] = {
     "full": {},
     "pae": {"part_aware_phase": False},
+    "joined-hips": {"joined_hips": True},
     "4-experts": {"experts": 4},
     "4-content-experts": {"content_experts": 4},
     "no-content-encoder": {

@@ -1,8 +1,8 @@
 """Fig. 6 and 7 with their rivals: the phases of PFNN (footsteps), PAE and BP-PAE over the same captured walks.
 
-    python -m training.evaluation phases --run RUN --pae RUNS/pae/seed0 --figures docs/images --markdown docs/results/phases.md
+    python -m training.evaluation phases --clips DIR --run RUN --rival PAE=RUNS/pae/seed0 --figures docs/images --markdown docs/results/phases.md
 
-`--run` and `--pae` are folders of runs whose stage 0 is trained on the same clips, `--pae` with `--ablation pae`.
+`--run` and the rivals are folders of runs whose stage 0 is trained on the same clips, PAE's with `--ablation pae`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ MOVING = 0.6  # m/s of the root: a walk
 DIFFERS = 1.0  # pooled standard deviations between the means of a channel's amplitude or frequency
 ARM = "left_arm"  # the part that is held still for Fig. 7
 HALF = WINDOW // 2
-NAMES = ("footstep phase (PFNN)", "PAE", "BP-PAE")
+FOOTSTEPS, OURS = "footstep phase (PFNN)", "BP-PAE"
 
 
 @dataclass(frozen=True)
@@ -92,6 +92,12 @@ class Autoencoder:
         amplitude, frequency, _, _ = self.module.encode(windows)
         return self.module.phase_vectors(windows).numpy(), amplitude.numpy(), frequency.numpy()
 
+    @torch.no_grad()
+    def error(self, velocities: Array) -> float:
+        """Root mean square of what five sinusoids leave of windows `(N, 121, 31, 3)`, m/s."""
+        windows = torch.as_tensor(velocities, dtype=torch.float32) / self.scale
+        return self.scale * float((self.module(windows) - windows).square().mean().sqrt())
+
 
 def velocities_around(frames: FrameTable, rows: Array) -> Array:
     """Joint velocities `(N, 121, 31, 3)` of the second before and after."""
@@ -100,17 +106,17 @@ def velocities_around(frames: FrameTable, rows: Array) -> Array:
     return flat.reshape(*around.shape, -1, 3)
 
 
-def spaces(frames: FrameTable, walks: Walks, pae: Autoencoder, ours: Autoencoder) -> dict[str, Array]:
-    """What each kind of phase tells the experts of a window: `(N, 13 * channels * 2)`, by `NAMES`."""
-    result: dict[str, list[Array]] = {name: [] for name in NAMES}
+def spaces(frames: FrameTable, walks: Walks, autoencoders: dict[str, Autoencoder]) -> dict[str, Array]:
+    """What each kind of phase tells the experts of a window: `(N, 13 * channels * 2)`, by its name."""
+    result: dict[str, list[Array]] = {name: [] for name in (FOOTSTEPS, *autoencoders)}
     for row in walks.rows:
         at = row + PHASE_OFFSETS
         clip = int(frames.clip[row])
         first, end = int(frames.start[clip]), int(frames.start[clip + 1])
         contacts = frames.y[first:end, OUTPUT["contacts"]] > 0.5
-        result[NAMES[0]].append(phase_vectors(contacts)[at - first, FOOTSTEP].ravel())
+        result[FOOTSTEPS].append(phase_vectors(contacts)[at - first, FOOTSTEP].ravel())
         windows = velocities_around(frames, np.clip(at, first + HALF, end - 1 - HALF))
-        for name, autoencoder in ((NAMES[1], pae), (NAMES[2], ours)):
+        for name, autoencoder in autoencoders.items():
             result[name].append(autoencoder.encode(windows)[0].ravel())
     return {name: np.stack(rows) for name, rows in result.items()}
 
@@ -137,28 +143,24 @@ def _figures(setting: Setting) -> dict[str, Any]:
     args = setting.args
     frames = load_frames(setting.clips, args.run / "frames")
     walks = walks_of(frames, args.seed)
-    pae, ours = Autoencoder.of(args.pae), Autoencoder.of(args.run)
+    autoencoders = {name: Autoencoder.of(Path(folder)) for name, folder in _rivals(args)}
+    autoencoders[OURS] = Autoencoder.of(args.run)
     setting.report(f"{len(walks.rows)} windows of {', '.join(walks.names)}")
-    found = spaces(frames, walks, pae, ours)
+    found = spaces(frames, walks, autoencoders)
     velocities = {
         k: velocities_around(frames, walks.rows[walks.styles == k]) for k in range(len(walks.names))
-    }
-    codes = {
-        name: {k: each.encode(v) for k, v in velocities.items()}
-        for name, each in ((NAMES[1], pae), (NAMES[2], ours))
-    }
-    held = {
-        name: {k: each.encode(arm_held(v)) for k, v in velocities.items()}
-        for name, each in ((NAMES[1], pae), (NAMES[2], ours))
     }
     pairs = [(a, b) for a in velocities for b in velocities if a < b]
     figures: dict[str, Any] = {
         name: {"silhouette": float(silhouette_score(rows, walks.styles))} for name, rows in found.items()
     }
-    for name in NAMES[1:]:
-        one, several = codes[name], held[name]
+    codes, held = {}, {}
+    for name, each in autoencoders.items():
+        one = codes[name] = {k: each.encode(v) for k, v in velocities.items()}
+        still = held[name] = {k: each.encode(arm_held(v)) for k, v in velocities.items()}
         figures[name] |= {
-            "arm": float(np.mean([differing(one[k], several[k]).mean() for k in one])),
+            "error": float(np.mean([each.error(v) for v in velocities.values()])),
+            "arm": float(np.mean([differing(one[k], still[k]).mean() for k in one])),
             "styles": float(np.mean([differing(one[a], one[b]).mean() for a, b in pairs])),
         }
     if args.figures is not None:
@@ -168,18 +170,25 @@ def _figures(setting: Setting) -> dict[str, Any]:
     return figures
 
 
+def _rivals(args: Arguments) -> list[list[str]]:
+    return [rival.split("=", 1) for rival in args.rival or []]
+
+
 def _table(figures: dict[str, Any]) -> str:
+    missing = float("nan")
     rows = [
         [
             name,
-            number(figures[name]["silhouette"], 3),
-            *(number(figures[name].get(key, float("nan")), 2) for key in ("arm", "styles")),
+            number(found["silhouette"], 3),
+            number(100 * found.get("error", missing), 1),
+            *(number(found.get(key, missing), 2) for key in ("arm", "styles")),
         ]
-        for name in NAMES
+        for name, found in figures.items()
     ]
     head = [
         "phases",
         "silhouette by style",
+        "velocities that five sines leave (cm/s)",
         "channels that differ, one arm held still",
         "channels that differ, two styles",
     ]
@@ -187,9 +196,15 @@ def _table(figures: dict[str, Any]) -> str:
 
 
 def _check(args: Arguments) -> None:
-    for name in ("run", "pae"):
-        if getattr(args, name) is None and args.known is None:
-            raise UsageError(f"--{name}: no folder of a run is given.", f"Add --{name} DIR.")
+    if args.known is not None:
+        return
+    if args.run is None:
+        raise UsageError("--run: no folder of a run is given.", "Add --run DIR.")
+    for rival in args.rival or []:
+        if "=" not in rival:
+            raise UsageError(
+                f"--rival {rival}: has no name.", "Write it as NAME=DIR, such as PAE=RUNS/pae/seed0."
+            )
 
 
 PHASES = Experiment(
@@ -201,7 +216,10 @@ PHASES = Experiment(
     models=0,
     options=(
         ("--run", {"type": Path, "metavar": "DIR", "help": "run with a trained BP-PAE"}),
-        ("--pae", {"type": Path, "metavar": "DIR", "help": "run with a trained PAE"}),
+        (
+            "--rival",
+            {"action": "append", "metavar": "NAME=DIR", "help": "run of a variant; several can be given"},
+        ),
         (
             "--figures",
             {"type": Path, "metavar": "DIR", "help": "draw fig6_phase_spaces.png and fig7_channels.png"},

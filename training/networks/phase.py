@@ -15,8 +15,11 @@ WINDOW = 121  # frames, ±1 s
 SPINE_JOINTS = ("Hips", "LowerBack", "Spine", "Spine1")
 
 
-def two_hop_neighbours() -> Tensor:
-    """`(31, 31)` mask: joints within two hops that lie in the same body part or on the spine (global motion)."""
+def two_hop_neighbours(joined_hips: bool = False) -> Tensor:
+    """`(31, 31)` mask: joints within two hops that lie in the same body part or on the spine (global motion).
+
+    With `joined_hips` the thighs see each other too.
+    """
     adjacency = torch.eye(J)
     for child, parent in enumerate(SPORT_SKELETON.parents):
         if parent >= 0:
@@ -26,7 +29,11 @@ def two_hop_neighbours() -> Tensor:
     for number, name in enumerate(PART_NAMES):
         part[list(PART_JOINTS[name])] = number
     spine = torch.tensor([name in SPINE_JOINTS for name in SPORT_SKELETON.names])
-    return (reach & ((part[:, None] == part[None, :]) | spine[None, :])).float()
+    mask = (reach & ((part[:, None] == part[None, :]) | spine[None, :])).float()
+    if joined_hips:
+        left, right = (SPORT_SKELETON.index(f"{side}UpLeg") for side in ("Left", "Right"))
+        mask[left, right] = mask[right, left] = 1.0
+    return mask
 
 
 class TwoHopGraphConvolution(nn.Module):
@@ -34,9 +41,9 @@ class TwoHopGraphConvolution(nn.Module):
 
     mask: Tensor
 
-    def __init__(self) -> None:
+    def __init__(self, joined_hips: bool = False) -> None:
         super().__init__()
-        mask = two_hop_neighbours()
+        mask = two_hop_neighbours(joined_hips)
         self.register_buffer("mask", mask.repeat_interleave(3, 0).repeat_interleave(3, 1))
         start = torch.eye(3 * J) + 0.02 * torch.randn(3 * J, 3 * J)
         self.weight = nn.Parameter(start)
@@ -61,7 +68,7 @@ class PeriodicAutoencoder(nn.Module):
     def __init__(self, config: ModelConfig) -> None:
         super().__init__()
         channels, hidden, kernel = 3 * J, config.phase_hidden, config.phase_kernel
-        self.graph = TwoHopGraphConvolution() if config.part_aware_phase else nn.Identity()
+        self.graph = TwoHopGraphConvolution(config.joined_hips) if config.part_aware_phase else nn.Identity()
         self.encode_wide = nn.Conv1d(channels, hidden, kernel, padding=kernel // 2)
         self.encode_norm = nn.LayerNorm([hidden, WINDOW])
         self.encode_narrow = nn.Conv1d(hidden, C, kernel, padding=kernel // 2)

@@ -129,8 +129,11 @@ class PlantedFoot:
         stretch = length(subtract(self.ankle, hip)) - self.bones.length
         if rise > self.lowest + may_rise:
             self.anchor, self.toe_down, self.heel_down = "", False, False
-        elif self.twisted or max(away / (patience * s.release_offset), stretch / s.release_stretch) > (
-            1.5 if other_steps else 1.0
+        elif (
+            self.twisted
+            or self.ankle[1] > hip[1] - s.release_under
+            or max(away / (patience * s.release_offset), stretch / s.release_stretch)
+            > (1.5 if other_steps else 1.0)
         ):
             self.anchor, self.refractory = "", s.refractory
 
@@ -196,7 +199,9 @@ class PlantedFoot:
         share = min(max((ahead - SETTINGS.trailing) / SETTINGS.trailing, 0.0), 1.0)
         if lack == 0.0 or share == 0.0:
             return
-        wanted = span(leg) + (1.0 - share) * lack
+        # an incoming leg that goes deep into the ground would roll the ankle over the hip
+        beyond = max(-lack - SETTINGS.rolls_away, 0.0)
+        wanted = span(leg) + (1.0 - share) * lack - share * beyond
         cosine = (distance * distance + foot * foot - wanted * wanted) / (2.0 * distance * foot)
         up, along = scale(to_hip, 1.0 / distance), unit(to_ankle)
         side = unit(subtract(along, scale(up, dot(along, up))))
@@ -275,6 +280,8 @@ class PlantedFoot:
         travels, toe_clears = self._toe_travels(speed)
         incoming = (leg.toe[1] - TOE_HEIGHT, leg.ankle[1] - ANKLE_HEIGHT)
         heel_strikes = leg.toe[1] - leg.ankle[1] > TOE_HEIGHT - ANKLE_HEIGHT
+        # to what lies ahead a foot rises no nearer to the hip than a knee folds: over it, the knee would flip
+        room, under = max(leg.hip[1] - s.folded - leg.ankle[1], 0.0), 0.0
         for joint, rest, chance in zip((self.toe, self.ankle), incoming, self.chances, strict=True):
             below = ahead = ground.height(joint[0], joint[2])
             for share in (1.0, 0.75, 0.5, 0.25):
@@ -291,7 +298,8 @@ class PlantedFoot:
                 soon = 0.3 * soon
             depth = below - s.sink - rest + free * soon
             lift = max(lift, _soft_positive(depth, free * s.soft_floor))
-        return lift
+            under = max(under, below - s.sink - rest)
+        return max(min(lift, room), under)
 
     def _toe_travels(self, speed: float) -> tuple[float, float]:
         """How surely (0..1) the shown toe is to travel, and the metres that it then keeps from the ground; `speed` is the incoming one's.

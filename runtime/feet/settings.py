@@ -19,9 +19,13 @@ class FootLockSettings:
     release_rise_sure: float = 0.12  # the same while the network is sure of the contact
     release_offset: float = 0.2  # m between the held and the incoming point
     release_stretch: float = 0.04  # m that the leg would have to grow
+    release_under: float = (
+        0.12  # m that the ankle must stay under its hip: a body that goes down a steep slope leaves it behind
+    )
     trailing: float = (
         0.08  # m behind the hips from which a foot begins to roll over its toe, wholly at twice that
     )
+    rolls_away: float = 0.05  # m that it rolls its ankle farther from the hip at most
     refractory: float = 0.15  # s without a new hold after a forced release
     refractory_lift: float = 0.04  # m: a forced release becomes a small step
     release_halflife: float = 0.07
@@ -63,6 +67,7 @@ class FootLockSettings:
     catch_up_seconds: float = 0.1  # in which one that was held comes back to the incoming one
     shallow: float = 0.17  # rise over run of a toe's way: at twice that it needs no clearance
     clearance: float = 0.02  # m between the sole and an edge
+    folded: float = 0.25  # m that an ankle stays under its hip where it clears the ground ahead
     edge_slope: float = 0.7  # rise over run from which the ground is an edge, not a slope
     ground_under_hips: float = 3.0  # m: no foot is put on ground that is farther below the hips
     ground_over_hips: float = 0.3  # m: nor over them; higher ground is a wall

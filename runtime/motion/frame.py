@@ -307,13 +307,15 @@ def _plant(
             if jump.stage:
                 posed = jump.pose(hips[i], local[i], contacts[i], terrain)
                 unlocked_hips[i], unlocked_local[i], contacts[i] = posed
+            stood = feet.feet[0].incoming is not None  # else on ground that has just come under the body
             patience = 1.0 + calm.PATIENCE * (1.0 - float(state.calm.share[i]))
             locked = feet.apply(
                 unlocked_hips[i], unlocked_local[i], contacts[i], terrain, DT, jump.airborne, patience
             )
             shown_hips[i], shown_local[i] = locked.hips_position, locked.local_rotations
             if walls:
-                shown_local[i] = off_walls(shown_hips[i], shown_local[i], state.poses.local[i], terrain)
+                before = state.poses.local[i] if stood else shown_local[i]
+                shown_local[i] = off_walls(shown_hips[i], shown_local[i], before, terrain)
     state.poses = shown_poses(shown_hips, shown_local, contacts, state.trajectory, terrain)
     return unlocked_hips, unlocked_local
 

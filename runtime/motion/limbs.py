@@ -15,6 +15,9 @@ from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 
 SHARES = np.linspace(0.0, 1.0, 9)  # of the way from the incoming limb to one that hangs
+PARTS = np.linspace(
+    0.0, 1.0, 7
+)  # of the way of one joint, where a limb is looked at that goes round the ground
 SHALLOW_M = 0.25  # that a limb may be in the ground rather than go through it
 TURN_MOST = 0.7  # radians in a frame, of an arm or a leg: 42 rad/s, faster than a pitcher's forearm
 ARM_TURN = 0.15  # and of an arm that is not in a wall: one that came back at once would flicker
@@ -31,17 +34,20 @@ class Limb:
     rest: tuple[int, ...]  # and what follows
     free_m: tuple[float, ...]  # it is kept so far from a wall, or else so far,
     sunk_m: float  # and none of its joints deeper than so much under the ground
-    bends: tuple[float, ...]  # radians about Y of an elbow or knee that it may hang with
+    bends: tuple[
+        float | None, ...
+    ]  # radians about Y of an elbow or knee that it may hang with; None as it is
+    steps: bool = False  # it goes round ground on its way to where it is less deep
     turns: tuple[float, ...] = (
         TURN_MOST,
-    )  # radians in a frame: the first with which it comes out of the ground
+    )  # radians a frame: the first with which it comes out of the ground
 
 
 LIMBS = (
-    Limb(18, 19, (20, 21, 22, 23), (0.2, 0.1, 0.0), 0.1, (0.0, -2.4), (ARM_TURN, TURN_MOST)),
-    Limb(25, 26, (27, 28, 29, 30), (0.2, 0.1, 0.0), 0.1, (0.0, 2.4), (ARM_TURN, TURN_MOST)),
-    Limb(2, 3, (4, 5), (0.06, 0.0), 0.2, (0.0,)),
-    Limb(7, 8, (9, 10), (0.06, 0.0), 0.2, (0.0,)),
+    Limb(18, 19, (20, 21, 22, 23), (0.2, 0.1, 0.0), 0.1, (0.0, -2.4), turns=(ARM_TURN, TURN_MOST)),
+    Limb(25, 26, (27, 28, 29, 30), (0.2, 0.1, 0.0), 0.1, (0.0, 2.4), turns=(ARM_TURN, TURN_MOST)),
+    Limb(2, 3, (4, 5), (0.06, 0.0), 0.2, (0.0, None), steps=True),
+    Limb(7, 8, (9, 10), (0.06, 0.0), 0.2, (0.0, None), steps=True),
 )
 
 
@@ -62,9 +68,18 @@ def off_walls(hips: Array, local: Array, before: Array, terrain: Terrain) -> Arr
             depths = _depths(terrain, limb, placed, positions[0])
             if depths[-1].min() <= limb.sunk_m:
                 break
-        moved = [limb.upper, limb.lower]
+        result, moved = result.copy(), [limb.upper, limb.lower]
+        if limb.steps:
+            goal = result.copy()  # whose foot has come as far as it can
+            goal[moved] = local[moved]
+            asked, _ = SPORT_SKELETON.forward_kinematics(hips, goal)
+            there, least = _depths(terrain, limb, asked[None], positions[0])[-1, 0], depths[-1].min()
+            if there < max(least, limb.sunk_m):
+                round_it, deepest = _way_round(terrain, hips, before, goal, limb, TURN_MOST)
+                if least > limb.sunk_m or deepest <= SHALLOW_M:
+                    result[moved] = round_it
+                    continue
         turned = rotations.angle_between(before[moved], tries[:, moved]).sum(-1)
-        result = result.copy()
         result[moved] = tries[_best(depths, turned, limb)][moved]
     return result
 
@@ -90,7 +105,7 @@ def _best(depths: Array, turned: Array, limb: Limb) -> int:
         if free.any():
             return int(np.argmin(np.where(free, turned, np.inf)))
     least = int(np.argmin(depths[-1]))
-    stays = len(limb.bends) == 1 or depths[-1, least] < SHALLOW_M
+    stays = limb.steps or depths[-1, least] < SHALLOW_M
     return least if stays else depths.shape[1] - len(SHARES)
 
 
@@ -107,12 +122,56 @@ def _tries(local: Array, before: Array, world: Array, limb: Limb, most: float) -
     tries = np.tile(np.asarray(local, np.float64), (len(ways) * len(SHARES), 1, 1))
     for k, (start, bend, shares) in enumerate(ways):
         part = slice(k * len(shares), (k + 1) * len(shares))
-        for joint, goal in ((limb.upper, hangs), (limb.lower, rotations.from_yaw(bend))):
+        bent = start[limb.lower] if bend is None else rotations.from_yaw(bend)
+        for joint, goal in ((limb.upper, hangs), (limb.lower, bent)):
             tries[part, joint] = _turned(before[joint], rotations.slerp(start[joint], goal, shares), most)
     return tries
 
 
-def _turned(before: Array, after: Array, most: float) -> Array:
+def _way_round(
+    terrain: Terrain, hips: Array, before: Array, asked: Array, limb: Limb, most: float
+) -> tuple[Array, float]:
+    """The limb's two rotations `(2, 4)` of this frame on the least deep way from where it was `before` to where it is `asked` to be, and how deep that way leads (m).
+
+    Either joint may go ahead of the other: a knee is folded before the thigh is raised, or after.
+    """
+    moved, count = [limb.upper, limb.lower], len(PARTS)
+    grid = np.tile(np.asarray(asked, np.float64), (count * count, 1, 1))
+    upper, lower = (rotations.slerp(before[j], asked[j], PARTS) for j in moved)
+    grid[:, limb.upper], grid[:, limb.lower] = np.repeat(upper, count, axis=0), np.tile(lower, (count, 1))
+    placed, _ = SPORT_SKELETON.forward_kinematics(np.broadcast_to(hips, (len(grid), 3)), grid)
+    depths = _depths(terrain, limb, placed, placed[0, 0])[-1].reshape(count, count)
+    deepest = _deepest_on(depths)
+    turns = np.maximum(rotations.angle_between(before[moved], asked[moved]), 1e-9)
+    at, share = (0, 0), np.zeros(2)
+    while at != (count - 1, count - 1):
+        steps = [
+            (i, j)
+            for i, j in ((at[0] + 1, at[1] + 1), (at[0] + 1, at[1]), (at[0], at[1] + 1))
+            if max(i, j) < count
+        ]
+        goal = min(steps, key=lambda cell: deepest[cell])
+        there = PARTS[list(goal)]
+        room = (most / turns - share) / np.maximum(there - share, 1e-9)
+        part = float(np.where(there > share, room, 1.0).min())
+        share = share + min(max(part, 0.0), 1.0) * (there - share)
+        if part < 1.0:
+            break
+        at = goal
+    return rotations.slerp(before[moved], asked[moved], share), float(deepest[0, 0])
+
+
+def _deepest_on(depths: Array) -> Array:
+    """For every cell of a grid of depths the deepest on the least deep way onwards to the last cell."""
+    deepest = np.full(np.add(depths.shape, 1), np.inf)
+    for i in reversed(range(len(depths))):
+        for j in reversed(range(len(depths))):
+            ahead = min(deepest[i + 1, j], deepest[i, j + 1], deepest[i + 1, j + 1])
+            deepest[i, j] = max(depths[i, j], ahead if ahead < np.inf else depths[i, j])
+    return deepest[:-1, :-1]
+
+
+def _turned(before: Array, after: Array, most: float | Array) -> Array:
     """Rotations `(..., 4)` on the way to those `after`, no farther than `most` radians."""
     angle = rotations.angle_between(before, after)
     return rotations.slerp(before, after, np.minimum(1.0, most / np.maximum(angle, 1e-9)))

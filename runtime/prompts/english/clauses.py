@@ -55,6 +55,7 @@ _NAMED = (
     "shoulder",
     "eye",
     "gaze",
+    "palm",
 )  # whose actions are not those of the whole part
 
 

@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,6 +19,7 @@ from viewer_fakes import fake_services
 
 from benchmarks import frames
 from runtime.errors import DisplayError, UsageError
+from viewer import app as app_module
 from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.options import ViewOptions
@@ -37,9 +39,11 @@ def test_first_frame_shows_scene_and_panels(start: Start) -> None:
 
 IN_A_WINDOW = """
 import sys
+from functools import partial
 from pathlib import Path
 from app_driver import InjectedPads, run
 from viewer_fakes import fake_services
+from viewer import app as app_module
 from viewer.app import App
 from viewer.options import ViewOptions
 
@@ -93,6 +97,35 @@ def test_resize_to_odd_sizes(start: Start, size: tuple[int, int]) -> None:
     run(app, 3)
     assert app.window.framebuffer.size == size
     assert app.window.read_pixels().shape == (size[1], size[0], 3)
+
+
+def test_without_a_display_every_picture_is_drawn_to_its_end(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else the graphics library keeps the buffers of all of them: 200 MB in some minutes."""
+    app = start(panels=True)
+    run(app, 1)
+    drawn: list[int] = []
+    context = app.window.ctx
+    monkeypatch.setattr(app.window, "ctx", SimpleNamespace(finish=lambda: drawn.append(1)))
+    app.window.present()
+    monkeypatch.setattr(app.window, "ctx", context)
+    assert drawn == [1]
+
+
+def test_memory_that_shrank_is_given_back_again_when_it_grows(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = start()
+    held = iter((500.0, 500.0, 300.0, 330.0, 310.0))
+    given: list[float] = []
+    monkeypatch.setattr(app_module, "resident_mb", lambda: next(held))
+    monkeypatch.setattr(app_module, "give_back_freed", partial(given.append, 1.0))
+    app._trimmed_mb = 0.0
+    for _ in range(3):
+        app._look_at_memory()
+    assert len(given) == 2
+    assert app.state.shell.stats.memory_mb == 310.0
 
 
 def test_change_of_scale_does_not_add_up(start: Start) -> None:

@@ -475,6 +475,7 @@ class App:
         if now > self._trimmed_mb + GROWN_MB:
             give_back_freed()
             now = self._trimmed_mb = resident_mb()
+        self._trimmed_mb = min(self._trimmed_mb, now)  # what shrinks by itself may not grow back unseen
         stats.memory_mb = now
 
     # --- events

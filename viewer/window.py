@@ -214,8 +214,9 @@ class Window:
         imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
 
     def present(self) -> None:
-        """Show the framebuffer; without a display there is nobody to show it to."""
+        """Show the framebuffer; without a display there is nobody to show it to, and the picture is only drawn to its end."""
         if self._offscreen:
+            self.ctx.finish()  # what a swap would do: the library keeps the buffers of every picture until it is drawn
             return
         if not self._direct:
             self.ctx.copy_framebuffer(self.ctx.screen, self.framebuffer)

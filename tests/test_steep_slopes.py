@@ -11,19 +11,20 @@ from runtime.controls import Controls, Gait
 from runtime.feet.ik import solve_legs
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
-from runtime.motion.limbs import LIMBS, TURN_MOST, off_walls
+from runtime.motion.limbs import LEGS, LIMBS, TURN_MOST, Limb, off_walls
 from runtime.motion.model import load_model
 from runtime.motion.state import standing
 from runtime.rotations import angle_between
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 
-LEGS = [joint for limb in LIMBS[2:] for joint in (limb.lower, *limb.rest)]
+LEG_JOINTS = [joint for limb in LEGS for joint in (limb.lower, *limb.rest)]
+ARMS = [18, 19, 20, 25, 26, 27]
 
 
 def depth(terrain: Terrain, hips: Array, local: Array) -> float:
     """Metres that the deepest joint of the legs is under the ground."""
-    joints = SPORT_SKELETON.forward_kinematics(hips, local)[0][LEGS]
+    joints = SPORT_SKELETON.forward_kinematics(hips, local)[0][LEG_JOINTS]
     return float((terrain.height(joints[:, 0], joints[:, 2]) - joints[:, 1]).max())
 
 
@@ -46,11 +47,12 @@ def test_no_knee_flips_where_a_jogger_meets_a_slope_of_45_degrees(
     assert fastest < 25.0
 
 
+@pytest.mark.parametrize("limbs", [LIMBS, LEGS])
 @pytest.mark.parametrize(
     ("rise", "degrees", "hips_m"), [(1.5, 90, 0.7), (1.5, 225, 0.6), (2.0, 135, 0.6), (3.0, 225, 0.8)]
 )
 def test_a_leg_that_hangs_in_a_slope_goes_round_to_where_it_has_room(
-    rise: float, degrees: float, hips_m: float
+    rise: float, degrees: float, hips_m: float, limbs: tuple[Limb, ...]
 ) -> None:
     state = standing(WalkerModel(), Terrain.flat(), None, 0, 0.0, 0.0, 0.0)  # type: ignore[arg-type]
     hips, shown = state.poses.hips[0].astype(float), state.poses.local[0].astype(float)
@@ -63,10 +65,13 @@ def test_a_leg_that_hangs_in_a_slope_goes_round_to_where_it_has_room(
     asked = solve_legs(hips, shown, ankles)
     assert depth(slope, hips, asked) < 0.2
     assert depth(slope, hips, shown) > 0.5
+    asked[[18, 25]] = shown[[18, 25]] = (1.0, 0.0, 0.0, 0.0)  # arms to both sides
     for _ in range(8):
-        before, shown = shown, off_walls(hips, asked, shown, slope)
+        before, shown = shown, off_walls(hips, asked, shown, slope, limbs)
         assert angle_between(before, shown).max() < TURN_MOST + 1e-6
     assert depth(slope, hips, shown) < 0.2
+    if limbs is LEGS:  # a climber's, whose hands are on a wall
+        assert angle_between(shown[ARMS], asked[ARMS]).max() < 1e-3
 
 
 def test_a_foot_is_out_of_a_wall_that_comes_under_it_in_the_first_frame() -> None:

@@ -18,7 +18,7 @@ from runtime.crossing.crossing import LOOK_M, STOP_SECONDS, Look
 from runtime.motion import calm, features, momentum
 from runtime.motion.coming_to_rest import calmed_pose, rest_share
 from runtime.motion.features import DT, OUTPUT_SIZE, InputParts, OutputParts, split_output
-from runtime.motion.limbs import no_faster, off_walls
+from runtime.motion.limbs import LEGS, off_walls
 from runtime.motion.model import MotionModel, Style
 from runtime.motion.noise import drifting_noise
 from runtime.motion.phase import advance_phase, at_rate
@@ -300,7 +300,7 @@ def _plant(
             shown_hips[i], shown_local[i] = keyed[:2]
             state.jumps[i].cancel(float(hips[i, 1]))
             if walls:
-                shown_local[i] = no_faster(shown_local[i], state.poses.local[i])
+                shown_local[i] = off_walls(shown_hips[i], shown_local[i], state.poses.local[i], terrain, LEGS)
         else:
             jump = state.jumps[i]
             jump.advance(float(hips[i, 1]), float(state.ground[i]), _velocity(state, i))

@@ -49,17 +49,22 @@ LIMBS = (
     Limb(2, 3, (4, 5), (0.06, 0.0), 0.2, (0.0, None), steps=True),
     Limb(7, 8, (9, 10), (0.06, 0.0), 0.2, (0.0, None), steps=True),
 )
+LEGS = LIMBS[2:]
 
 
-def off_walls(hips: Array, local: Array, before: Array, terrain: Terrain) -> Array:
-    """Local rotations `(31, 4)` whose limbs hang down as far as they must to be out of the ground.
+def off_walls(
+    hips: Array, local: Array, before: Array, terrain: Terrain, limbs: tuple[Limb, ...] = LIMBS
+) -> Array:
+    """Local rotations `(31, 4)` whose `limbs` hang down as far as they must to be out of the ground.
 
     `before` are those of the last frame, which arms turn away from no faster than `ARM_TURN` out of need, and no limb
     faster than `TURN_MOST`.
     """
-    result = _slowed(no_faster(local, before), before, _ARMS, ARM_TURN)
+    result = no_faster(local, before)
+    if limbs is LIMBS:  # arms that are keyed are as fast as they must be
+        result = _slowed(result, before, _ARMS, ARM_TURN)
     positions, world = SPORT_SKELETON.forward_kinematics(hips, result)
-    for limb in LIMBS:
+    for limb in limbs:
         if _depths(terrain, limb, positions[None], positions[0]).max() <= limb.sunk_m:
             continue
         for most in limb.turns:

@@ -153,7 +153,7 @@ def walks(folder: Path) -> None:
 def test_an_ablation_is_trained_exported_and_walked(
     name: str, short: Path, full: Path, tmp_path: Path
 ) -> None:
-    ablations.prepare(full, tmp_path / "run", name)
+    ablations.prepare(full, tmp_path / "run", name, short)
     train(short, tmp_path / "run", "compact", "--ablation", name)
     walks(tmp_path / "run" / "model")
 

@@ -204,6 +204,8 @@ def run_stage2(
 
     def losses(item: object, step: int) -> dict[str, Tensor]:
         assert isinstance(item, Tensor)
+        if step >= DROPOUT_SHARE * steps:
+            _without_dropout(module)
         mixed = mixed_batch(data, item, lanes, NOISE)
         e, alpha = module.embed(mixed.x, mixed.z)
         with _full_precision(e.device):
@@ -231,6 +233,7 @@ def _without_dropout(module: torch.nn.Module) -> None:
 
 
 SHORT_STEPS = 6000  # of a stage: fewer leave no time for restarts
+DROPOUT_SHARE = 3 / 7  # of stage 2: the first two of its three cycles
 
 
 def _decay(steps: int) -> float:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.arrays import Array
+from runtime.arrays import Array, Flags
 from runtime.controls import STAND_SPEED, Controls, Gait
 from runtime.crossing.crossing import LOOK_M, STOP_SECONDS, Look
 from runtime.motion import calm, features, momentum
@@ -34,8 +34,6 @@ from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacles import level_ahead, within_steps
 from runtime.terrain.room import has_walls
 from runtime.terrain.way_ahead import EDGE_M, RUN_M
-
-Flags = NDArray[np.bool_]
 
 MAX_OUTPUT = 1e4  # metres, m/s, rad/s: no body has more, and bones would be lost in rounding
 REST_TEMPERATURE = 0.35  # of the temperature, while standing: breathing and shifts of weight stay

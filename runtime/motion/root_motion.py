@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from runtime.arrays import Array
+from runtime.arrays import Array, Flags
 from runtime.controls import STAND_SPEED, Gait
 from runtime.crossing.crossing import CLEAR, HALF_BODY_M, Look
 from runtime.motion import features, momentum, stride
@@ -19,8 +18,6 @@ from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacles import level_ahead
 from runtime.terrain.room import has_walls, led_clear
 from runtime.terrain.way_ahead import EDGE_M, RUN_M
-
-Flags = NDArray[np.bool_]
 
 LAST_SPEED = 9.0  # times the planned speed: what is more fades at the end of a stop,
 FIRM_CONTACT = 0.5  # sum of squared contacts that carry a root

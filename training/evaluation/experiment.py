@@ -43,6 +43,8 @@ EXPERIMENTS = {
     "moments": "training.evaluation.on_moments:MOMENTS",
     "standing": "training.evaluation.on_moments:STANDING_STILL",
     "phases": "training.evaluation.phase_spaces:PHASES",
+    "contrast": "training.evaluation.contrast:CONTRAST",
+    "wall": "training.evaluation.wall:WALL",
     "prompts": "training.evaluation.text.untuned_prompts:PROMPTS",
     "soak": "training.evaluation.motion.soak:SOAK",
 }

@@ -44,10 +44,15 @@ class Subject:
 
     @property
     def name(self) -> str:
-        """The folder's name; that of the training run for its `model` and `model-mixture`."""
+        """The folder's name; that of the training run for its `model` and `model-mixture`, without a first seed."""
         folder = self.folder.resolve()
         inner = folder.name
-        return folder.parent.name + inner[5:] if inner.startswith("model") else inner
+        if not inner.startswith("model"):
+            return inner
+        run, seed = folder.parent, ""
+        if run.name.startswith("seed"):  # of an ablation or a baseline: RUNS/<row>/seed<k>/model
+            run, seed = run.parent, "" if run.name == "seed0" else f" {run.name}"
+        return run.name + inner[5:] + seed
 
     @property
     def decoder(self) -> str:

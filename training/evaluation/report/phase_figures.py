@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from runtime.arrays import Array
 from runtime.motion.features import C
+
+if TYPE_CHECKING:
+    from training.evaluation.phase_spaces import Walks
 
 Codes = dict[str, dict[int, tuple[Array, Array, Array]]]  # by kind of phase and style
 DPI = 110
@@ -18,7 +21,7 @@ PERPLEXITY = 30.0
 def draw(
     folder: Path,
     spaces: dict[str, Array],
-    walks: Any,
+    walks: Walks,
     figures: dict[str, Any],
     codes: tuple[Codes, Codes],
     seed: int,
@@ -43,7 +46,7 @@ def draw(
     return paths
 
 
-def _spaces(spaces: dict[str, Array], walks: Any, figures: dict[str, Any], seed: int) -> Any:
+def _spaces(spaces: dict[str, Array], walks: Walks, figures: dict[str, Any], seed: int) -> Any:
     """t-SNE of what each kind of phase tells of the same windows, coloured by style."""
     from matplotlib import pyplot
     from sklearn.manifold import TSNE
@@ -61,7 +64,7 @@ def _spaces(spaces: dict[str, Array], walks: Any, figures: dict[str, Any], seed:
     return figure
 
 
-def _channels(walks: Any, codes: tuple[Codes, Codes]) -> Any:
+def _channels(walks: Walks, codes: tuple[Codes, Codes]) -> Any:
     """Amplitude (over the largest) and frequency of five channels: a walk, the same with one arm held, another style."""
     from matplotlib import pyplot
 

@@ -38,7 +38,8 @@ def test_a_part_alone_that_is_as_in_the_style_reaches_all_of_it_and_spills_nothi
 def test_a_part_that_stays_reaches_nothing_and_the_wrong_way_is_less_than_nothing() -> None:
     stays = part_alone("chicken", "left_arm", NEUTRAL, WHOLE, standing(Spine=20.0))
     wrong = part_alone("chicken", "left_arm", NEUTRAL, WHOLE, standing(LeftArm=-60.0, LeftForeArm=-40.0))
-    assert stays is not None and wrong is not None
+    assert stays is not None
+    assert wrong is not None
     assert stays.reached == pytest.approx(0.0)
     assert stays.spilt > 1.0
     assert wrong.reached == pytest.approx(-1.0)
@@ -69,7 +70,13 @@ def test_jerk_is_that_of_a_cubic() -> None:
 
 def test_the_table_of_walls_has_means_of_both_gaits() -> None:
     def row(inside: float, hands: list[float | None]) -> dict:
-        after = {"joint_inside": inside, "thighs_p99": 1.0, "shins_p99": 2.0, "hands_p99": 0.0, "hands_s": hands}
+        after = {
+            "joint_inside": inside,
+            "thighs_p99": 1.0,
+            "shins_p99": 2.0,
+            "hands_p99": 0.0,
+            "hands_s": hands,
+        }
         shared = {"passed": 3, "obstacles": 3, "seconds_each": 3.0, "skating": 0.1, "jerk": 2.0}
         return {**shared, "before": {"joint_inside": 0.5}, "after": after}
 

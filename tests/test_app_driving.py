@@ -8,8 +8,11 @@ import math
 import pytest
 from app_driver import Start, click_prompt_box, controller, message, run
 
+from runtime.crossing.crossing import KINDS
+from viewer.gl_bindings import imgui
 from viewer.input.gamepad import GamepadState
 from viewer.prompt.style_edit import Side
+from viewer.stage.simulation import CROSSINGS
 
 
 def test_key_w_moves_the_character_at_once(start: Start) -> None:
@@ -139,6 +142,23 @@ def test_no_key_of_ctrl_z_makes_the_character_duck(start: Start) -> None:
         app.window.inject_key(key, True)
         run(app)
         assert app.devices.mapper.read(app.devices.keyboard, None, 1 / 60).gait is Gait.WALK
+
+
+def test_the_status_line_says_what_is_keyed_over_an_obstacle(start: Start) -> None:
+    assert set(CROSSINGS) == set(KINDS) - {""}
+    app = start()
+    run(app, 2)
+    shown: list[str] = []
+    with pytest.MonkeyPatch.context() as patch:
+        real = imgui.text_unformatted
+        patch.setattr(imgui, "text_unformatted", lambda text: (shown.append(text), real(text)))
+        controller(app).crossing = "gap"
+        run(app)
+        assert any("keyed: leap over a gap" in text for text in shown)
+        shown.clear()
+        controller(app).crossing = ""
+        run(app)
+    assert not any("keyed" in text for text in shown)
 
 
 def test_the_status_line_says_why_the_character_does_not_go_on(start: Start) -> None:

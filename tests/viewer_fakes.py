@@ -40,6 +40,7 @@ class FakeController:
         self.answer_nan = False
         self.message = ""
         self.blocked: str | None = None
+        self.crossing = ""
         self.seed = 0
 
     def step(self, controls: Controls) -> Pose:

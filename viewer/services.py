@@ -38,6 +38,10 @@ class ControllerLike(Protocol):
         """Why the character does not go on; None where it does."""
 
     @property
+    def crossing(self) -> str:
+        """What it is over by keyed motion, as in `runtime.crossing`; "" where the motion is the network's."""
+
+    @property
     def trajectory(self) -> Any:
         """`positions` (12, 3) and `directions` (12, 2) in world space."""
 

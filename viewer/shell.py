@@ -236,6 +236,12 @@ class Shell:
         icon = ICON.keyboard if device == KEYBOARD else ICON.gamepad
         model = f"{ICON.chip} {stage.model_name or 'no model'}  {stage.provider}".rstrip()
         driven_by = (f"{icon} {device[:24]}", "The device that drives the character")
+        keyed = stage.simulation.keyed
+        if keyed:
+            driven_by = (
+                f"{ICON.walk} keyed: {keyed}",
+                "Legs and hips follow keys over this obstacle, not the network",
+            )
         if not self.state.clocked:
             return [(model, "The motion model and what runs it"), driven_by]
         memory = [(f"{stats.memory_mb:.0f} MB", "Memory of the program, with every take of the list")]

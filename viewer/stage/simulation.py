@@ -23,6 +23,14 @@ STEP_SECONDS = 1.0 / FPS
 # character slows down instead of falling behind for ever
 MIN_STEPS, MAX_STEPS = 6, 60
 MODEL_SHARE = 0.5  # of a frame's time that its steps may take
+CROSSINGS = {  # by the kinds of `runtime.crossing`
+    "bar": "leap over a bar",
+    "gap": "leap over a gap",
+    "up": "step up",
+    "down": "step down",
+    "climb": "climb",
+    "descend": "climb down",
+}
 _STANDS = "The character stands until you reset it (Home)."
 MAX_FAILURES = 3  # in a row; then the character stands still until it is reset
 MS_HALF_LIFE_STEPS = 20.0
@@ -95,6 +103,11 @@ class Simulation:
     def blocked(self) -> str | None:
         """Why the character does not go on, as the status line says it."""
         return None if self.controller is None else self.controller.blocked
+
+    @property
+    def keyed(self) -> str:
+        """What the character does by keys in place of the network, as the status line says it; "" for nothing."""
+        return "" if self.controller is None else CROSSINGS.get(self.controller.crossing, "")
 
     def use(self, controller: ControllerLike) -> None:
         """Take another controller; it starts where the character stands."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from runtime.arrays import Array
+from runtime.arrays import Array, Flags
 from runtime.controls import Controls, Gait
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS
@@ -65,7 +65,7 @@ class ObstacleRun:
     root: Array  # (T, 2) metres
     requested_speed: Array  # (T,) m/s
     blocked: tuple[str, ...]  # what the status line said
-    keyed: float  # seconds that keyed motion was shown
+    keyed: Flags  # (T,) keyed motion was shown
 
 
 def run_obstacles(
@@ -80,7 +80,7 @@ def run_obstacles(
     end = course.obstacles[-1].end + BEYOND_M
     limit = round((end / controller.full_speed(gait) * 1.3 + SPARE_S) * FPS)
     roots, speeds, blocked = [], [], set()
-    keyed = 0
+    keyed = []
     for _ in range(limit):
         root = controller.pose.root_position.astype(np.float64)
         ahead = np.array([-root[0], LOOK_AHEAD_M])
@@ -88,14 +88,16 @@ def run_obstacles(
         pose = recorder.step(Controls((float(ahead[0]), float(ahead[1])), gait=gait))
         roots.append(pose.root_position[[0, 2]])
         speeds.append(controller.requested_speed)
-        keyed += int(bool(controller.crossing))
+        keyed.append(bool(controller.crossing))
         if controller.blocked:
             blocked.add(controller.blocked)
         if pose.root_position[2] > end:
             break
     labels = np.full(len(roots), int(gait))
     motion = recorder.motion(f"{style} {gait.label} {course.name}", style, labels, 0)
-    return ObstacleRun(course, motion, np.stack(roots), np.array(speeds), tuple(sorted(blocked)), keyed / FPS)
+    return ObstacleRun(
+        course, motion, np.stack(roots), np.array(speeds), tuple(sorted(blocked)), np.array(keyed)
+    )
 
 
 def score_run(run: ObstacleRun) -> dict[str, Any]:
@@ -117,7 +119,8 @@ def score_run(run: ObstacleRun) -> dict[str, Any]:
         "frozen_s": crossing.frozen_seconds(motion.positions, run.root, run.requested_speed),
         "skating": foot_skating(motion.positions, ground, np.ones(len(motion), bool)).soles,
         "blocked": list(run.blocked),
-        "keyed_s": run.keyed,
+        "keyed_s": float(run.keyed.sum() / FPS),
+        "keyed_share": float(run.keyed[within].mean()) if within.any() else None,
     }
     for name, positions in (("before", motion.unlocked), ("after", motion.positions)):
         result[name] |= _own_measures(course, positions, motion.contacts)

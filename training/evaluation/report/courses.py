@@ -49,6 +49,7 @@ def _overview(results: dict[str, Any]) -> list[str]:
                 *(_both(found, f"{limb}_deep", percent) for limb in ("thighs", "shins", "hands")),
                 number(mean_of(found, "skating"), 2),
                 str(sum(r["frozen_s"] for r in found)),
+                percent(mean_of(found, "keyed_share")),
                 percent(known) + ("" if isnan(known / level) else f" ({known / level:.2f})"),
             ]
         )
@@ -61,6 +62,7 @@ def _overview(results: dict[str, Any]) -> list[str]:
         "hand",
         "soles slide, cm a frame",
         "frozen s",
+        "keyed",
     ]
     return table([*head, f"recognised (of level ground's {percent(level)})"], rows)
 

@@ -30,6 +30,7 @@ SHARED: dict[str, tuple[str, ...]] = {
     "4-experts": _PHASE + _CONTENT,
     "4-content-experts": _PHASE + _CONTENT,
     "no-content-encoder": _PHASE,
+    "6-content-layers": _PHASE,
     "no-direction-words": _PHASE,
     "distilled-diffusion": _PHASE + _CONTENT,
     "whole-body-contrast": _PHASE,

@@ -116,6 +116,7 @@ ABLATIONS: dict[str, dict[str, Any]] = {
         "direction_words": False,
         "one_sided_words": False,
     },
+    "6-content-layers": {"content_layers": 6},
     "no-direction-words": {"direction_words": False},
     "distilled-diffusion": {"residual_diffusion": False},  # Eq. 14 as it stands in the paper
     "whole-body-contrast": {"part_contrast": False},

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from runtime.assets import model_folder
 from runtime.errors import UsageError
 from runtime.motion.motion_encoder import ExportedMotionEncoder
 from training.evaluation.experiment import Arguments, Experiment, Setting, run
@@ -127,7 +128,7 @@ MOTION = Experiment(
         (
             "--features",
             {
-                "type": Path,
+                "type": model_folder,
                 "metavar": "DIR",
                 "help": "model folder whose motion encoder serves all distances (default: the first model's)",
             },

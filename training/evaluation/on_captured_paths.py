@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.arrays import Array
+from runtime.assets import model_folder
 from runtime.controls import Gait
 from runtime.errors import FileError
 from runtime.formats.bvh_clip import save_bvh
@@ -96,7 +97,10 @@ DISTANCES = Experiment(
         seconds(12.0),
         SEED,
         ("--styles", {"nargs": "+", "metavar": "STYLE", "help": "default: every style of the clips"}),
-        ("--features", {"type": Path, "metavar": "DIR", "help": "model whose motion encoder serves all"}),
+        (
+            "--features",
+            {"type": model_folder, "metavar": "DIR", "help": "model whose motion encoder serves all"},
+        ),
     ),
 )
 

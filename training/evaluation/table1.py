@@ -281,7 +281,7 @@ TABLE1 = Experiment(
         ("--store", {"type": Path, "metavar": "FILE", "help": "figures so far; the run goes on from them"}),
         (
             "--features",
-            {"type": Path, "metavar": "DIR", "help": "model whose motion encoder serves all rows"},
+            {"type": model_folder, "metavar": "DIR", "help": "model whose motion encoder serves all rows"},
         ),
         ("--styles", {"nargs": "+", "metavar": "STYLE", "help": "default: every style of the clips"}),
         ("--seconds", {"type": float, "metavar": "S", "help": "of followed paths per style (default: 40)"}),

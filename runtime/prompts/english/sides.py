@@ -25,6 +25,7 @@ OPPOSITE = {"left": "right", "right": "left"}
 _ARM = "arm|hand|fist|elbow|wrist|palm|forearm|finger"
 _LEG = "leg|foot|feet|knee|thigh|ankle|heel|toe|shin|calf"
 _OF_ARM = re.compile(_ARM)
+_ABBREVIATED = re.compile(rf"\b(?P<side>[lr])\.? (?=(?:upper ?arm|shoulder|hip|{_ARM}|{_LEG})s?\b)")  # "L arm up"
 _HANDED = re.compile(r"\b(?:(?P<side>left|right)[- ]?hand(?:ed|er)|(?P<southpaw>southpaw|lefty))\b")
 # "a hand ..., the left one"; "the hand of the same side"; "a peg leg on the right": the side comes after its limb
 _SIDE_BEHIND = re.compile(
@@ -88,6 +89,7 @@ def name_sides(prompt: str) -> tuple[str, str]:
     handed = _HANDED.search(prompt)
     hand = (handed["side"] or "left") if handed else ""
     text = _HANDED.sub("", prompt) if handed else prompt
+    text = _ABBREVIATED.sub(lambda found: "left " if found["side"] == "l" else "right ", text)
     text = re.sub(rf"\b(left|right) (?:arm|leg)'s (?=(?:{_ARM}|{_LEG})s?\b)", r"\1 ", text)
     text = re.sub(rf"\beach ((?:{_ARM}|{_LEG}))\b", r"both \1s", text).replace("foots", "feet")
     text = _IN_LINE.sub("both feet", text)

@@ -42,6 +42,7 @@ SAYS = {
     "WEIGHT": r"weight|heav|firm|leaning on|stepping hard|bearing",
     "HOP": r"hop|spring",
     "BOUNCE": r"bounc",
+    "TURNED_IN": r"inward|turned in",
     "TURNED_OUT": r"outward|turned out",
     "TURN_LEFT": r"(?:turn|look|twist|fac|rotat)\w*[^,]*\bleft",
     "TURN_RIGHT": r"(?:turn|look|twist|fac|rotat)\w*[^,]*\bright",

@@ -45,6 +45,7 @@ EXPERIMENTS = {
     "phases": "training.evaluation.phase_spaces:PHASES",
     "contrast": "training.evaluation.contrast:CONTRAST",
     "wall": "training.evaluation.wall:WALL",
+    "hands": "training.evaluation.text.hand_places:HANDS",
     "prompts": "training.evaluation.text.untuned_prompts:PROMPTS",
     "soak": "training.evaluation.motion.soak:SOAK",
 }

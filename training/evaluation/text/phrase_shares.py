@@ -106,7 +106,7 @@ def measure_shares(
     log.info("%d walks", len(asked) + 1)
     walks = [Walk.of(prompter(d), 0) for d in (neutral, *(d for d, _ in asked))]
     plain, *made = walker.make(walks)
-    motion = _neutral_motion(model, prompter(neutral))
+    motion = neutral_motion(model, prompter(neutral))
     found, described = Found(), _described(motion)
     for (descriptions, edit), walked in zip(asked, made, strict=True):
         if not edit:
@@ -127,7 +127,7 @@ def edit_share(edit: str, example: tuple[Summary, Summary], plain: Summary, walk
     before, after = example
     if EDITS[edit].kind == "hand" and "wave" not in EDITS[edit].parameters:
         part = EDITS[edit].slot
-        place = [_hand(s, part) for s in (before, after, plain, walked)]
+        place = [hand_place(s, part) for s in (before, after, plain, walked)]
         wanted, way = place[1] - place[0], place[3] - place[2]
         missed = float(np.linalg.norm(wanted - way)) / max(float(np.linalg.norm(wanted)), 0.05)
         return float(np.clip(1.0 - missed, 0.0, 1.0))
@@ -139,7 +139,8 @@ def edit_share(edit: str, example: tuple[Summary, Summary], plain: Summary, walk
     return float(np.clip(min(shares), 0.0, 1.0)) if shares else 0.0
 
 
-def _hand(summary: Summary, part: str) -> np.ndarray:
+def hand_place(summary: Summary, part: str) -> np.ndarray:
+    """Where the hand of an arm is, metres: forward of the shoulder, outward of it, and up."""
     arm = getattr(summary.body, part)
     place = np.array([getattr(arm, name) for name in _HAND])
     return place * np.array([1.0, 1.0, _LEVEL_M])
@@ -168,7 +169,7 @@ def _described(motion: EditedMotion) -> dict[str, tuple[Summary, Summary]]:
     return found
 
 
-def _neutral_motion(model: MotionModel, z: Any) -> EditedMotion:
+def neutral_motion(model: MotionModel, z: Any) -> EditedMotion:
     """A neutral walk of the model, to apply edits to."""
     controller = Controller(model, flat_ground(), 0)
     lead, frames = round(LEAD_SECONDS * FPS), round(2 * SECONDS * FPS)

@@ -37,9 +37,9 @@ def draw(folder: Path, subjects: Sequence[Subject], results: dict[str, Any], sty
             for column, (style, part, title) in enumerate(shown):
                 axis = figure.add_subplot(grid[row, column])
                 draw_figure(axis, *_stride(subject, z_of(subject, style, part)))
-                axis.set_title(title if row else f"{title}\n", fontsize=11)
+                axis.set_title(title, fontsize=11)
                 if not column:
-                    axis.text(-0.75, 1.8, subject.name, fontsize=13, fontweight="bold")
+                    axis.text(-0.75, 0.6, subject.name, rotation=90, va="center", fontweight="bold")
             _blends(figure.add_subplot(grid[row, -1]), results[subject.name]["blends"])
         path = folder / "fig8_contrast.png"
         figure.savefig(path, dpi=DPI, bbox_inches="tight")

@@ -93,26 +93,21 @@ def outcome(line: str, values: dict[str, float], neutral: dict[str, float]) -> O
 
 def main(argv: list[str] | None = None) -> None:
     """Command line."""
-    parser = argparse.ArgumentParser(description="Measure sixty prompts of animators on exported files.")
+    parser = argparse.ArgumentParser(description="Measure prompts of animators on exported files.")
     parser.add_argument("--out", type=Path, help="folder that keeps the BVH files")
     parser.add_argument("--model", help="a shipped model, or the folder of an exported one")
+    parser.add_argument("--list", type=Path, default=PROMPTS, help="file of prompts and expectations")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args(argv)
-    sections = [
-        part.strip().splitlines() for part in re.split(r"^#.*\n", PROMPTS.read_text("utf-8"), flags=re.M)
-    ]
-    few, many, known = [lines for lines in sections if lines]
+    _, *parts = re.split(r"^# (.*)\n", given.list.read_text("utf-8"), flags=re.M)
+    sections = [(name, body.strip().splitlines()) for name, body in zip(parts[::2], parts[1::2], strict=True)]
     with TemporaryDirectory() as temporary:
         folder = given.out or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
         model = load_model(given.model)
         walk = partial(measured, prompter=Prompter(model), model=model, folder=folder, seed=given.seed)
         neutral = walk(NEUTRAL)
-        for name, lines in (
-            ("one or two parts", few),
-            ("three parts and more", many),
-            ("kinds with rules of their own", known),
-        ):
+        for name, lines in (section for section in sections if section[1]):  # above the first stand comments
             found = []
             for line in lines:
                 found.append(outcome(line, walk(line.split(" | ")[0]), neutral))

@@ -25,9 +25,8 @@ OPPOSITE = {"left": "right", "right": "left"}
 _ARM = "arm|hand|fist|elbow|wrist|palm|forearm|finger"
 _LEG = "leg|foot|feet|knee|thigh|ankle|heel|toe|shin|calf"
 _OF_ARM = re.compile(_ARM)
-_ABBREVIATED = re.compile(
-    rf"\b(?P<side>[lr])\.? (?=(?:upper ?arm|shoulder|hip|{_ARM}|{_LEG})s?\b)"
-)  # "L arm up"
+# "L arm up, r. hand in the pocket"
+_ABBREVIATED = re.compile(rf"\b(?P<side>[lr])\.? (?=(?:upper ?arm|shoulder|hip|{_ARM}|{_LEG})s?\b)")
 _HANDED = re.compile(r"\b(?:(?P<side>left|right)[- ]?hand(?:ed|er)|(?P<southpaw>southpaw|lefty))\b")
 # "a hand ..., the left one"; "the hand of the same side"; "a peg leg on the right": the side comes after its limb
 _SIDE_BEHIND = re.compile(

@@ -93,11 +93,11 @@ class FrameTensors:
                 x[at, start : INPUT[name].stop] = values.flatten(1)
         return x, y
 
-    def plan(self, rows: Tensor, ahead: int = 0) -> CompositionPlan:
-        """What is put on the bases `rows`: nothing without a composer."""
+    def plan(self, rows: Tensor, ahead: int = 0, often: float = 1.0) -> CompositionPlan:
+        """What is put on the bases `rows`, see `Composer.draw`: nothing without a composer."""
         if self.composer is None:
             return CompositionPlan.nothing(len(rows), rows.device)
-        return self.composer.draw(rows, ahead)
+        return self.composer.draw(rows, ahead, often)
 
 
 def _put(y: Tensor, at: Tensor, pose: UpperBodyPose, ground: Tensor | None = None) -> None:

@@ -42,10 +42,12 @@ class RolloutLanes:
         lanes: int,
         mean_frames: float,
         fresh: Iterator[Tensor],
+        often: float = 1.0,
     ) -> None:
         self.frames = frames
         self.mean_frames = mean_frames
         self._fresh = fresh
+        self._often = often  # parts of other clips are put on a lane, see `Composer.draw`
         device = frames.phase.device
         self.rows = torch.zeros(lanes, dtype=torch.long, device=device)
         self.patch = torch.zeros(lanes, dtype=torch.long, device=device)
@@ -65,7 +67,7 @@ class RolloutLanes:
             return
         rows = next(self._fresh)[:count]
         ended = ended.nonzero()[:, 0][: len(rows)]
-        self.plan[ended] = self.frames.plan(rows, PLANNED_FRAMES)
+        self.plan[ended] = self.frames.plan(rows, PLANNED_FRAMES, self._often)
         self.rows[ended] = rows
         self.age[ended] = 0
         self._energy[:, ended] = 0.0

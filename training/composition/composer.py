@@ -101,10 +101,13 @@ class Composer:
 
     # --- plans --------------------------------------------------------------------------------------------------------
 
-    def draw(self, rows: Tensor, ahead: int = 0) -> CompositionPlan:
-        """A plan for base frames `rows` `(B,)` whose clips last for `ahead` frames more, or as long as their bases do."""
+    def draw(self, rows: Tensor, ahead: int = 0, often: float = 1.0) -> CompositionPlan:
+        """A plan for base frames `rows` `(B,)` whose clips last for `ahead` frames more, or as long as their bases do.
+
+        Samples are composed `often` times as often as COMPOSED and COMPOSED_MOMENTS say.
+        """
         count, device = len(rows), rows.device
-        share = torch.where(self.moments[rows], COMPOSED_MOMENTS, COMPOSED)
+        share = often * torch.where(self.moments[rows], COMPOSED_MOMENTS, COMPOSED)
         composed = torch.rand(count, device=device) < share
         changed = torch.rand(count, len(PARTS), device=device) < CHANGED
         changed |= (~changed.any(1, keepdim=True)) & (

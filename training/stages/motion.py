@@ -13,6 +13,7 @@ from torch import Tensor
 from runtime.feet.skating import SOLE_POINTS
 from runtime.motion.features import INPUT, OUTPUT
 from training import losses as terms
+from training import parallel
 from training.batches import FrameTensors, Normalisation, RandomRows, loss_weights
 from training.composition.composer import CompositionPlan
 from training.networks.decoder import blend_codes
@@ -80,7 +81,9 @@ def measure(frames: FrameTensors, weights: np.ndarray, session: Session, count: 
     """Normalisation from `count` weighted frames, composed as training sees them."""
     torch.manual_seed(session.seed + 1)
     rows = next(RandomRows(weights, count, 0, frames.last, session.generator(3)))
-    return Normalisation.measure(*frames.pairs(rows, torch.zeros_like(rows), frames.plan(rows)))
+    return Normalisation.measure(
+        *frames.pairs(rows, torch.zeros_like(rows), frames.plan(rows, often=COMPOSED))
+    )
 
 
 def _corrupt(x: Tensor, level: float) -> Tensor:
@@ -119,6 +122,8 @@ BEND_WEIGHT = 0.3  # of the knees' flexion: in lanes of its distribution too
 NOISE = 0.12  # of captured frames' inputs: more makes the network trust its own pose less, and swings shrink
 LANES = 0.5  # share of a batch that goes on from the network's own output
 LANE_FRAMES = 90.0  # mean length of such a rollout
+# Parts of other clips are put on a sample so often, over stage 1: whole captured bodies are learnt slower than they.
+COMPOSED = 0.65
 
 
 @dataclass
@@ -133,7 +138,7 @@ class MixedBatch:
 def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes, noise: float) -> MixedBatch:
     """The first part of `rows` as captured or composed, the rest replaced by the lanes."""
     fresh = rows[: len(rows) - len(lanes.rows)]
-    patch, plan = data.patch(fresh), data.frames.plan(fresh)
+    patch, plan = data.patch(fresh), data.frames.plan(fresh, often=COMPOSED)
     x, y = data.pairs(fresh, patch, plan)
     in_lanes = data.normal.normalised(steered(lanes.inputs()))
     clips = [plan.words(data.frames.clip[fresh]), lanes.plan.words(data.frames.clip[lanes.rows])]
@@ -178,7 +183,7 @@ def _total(result: Losses) -> Tensor:
 def _lanes(session: Session, data: MotionData, batch: int, salt: int) -> RolloutLanes:
     """Rollouts beside a batch, begun at random frames."""
     fresh = RandomRows(data.weights, batch, 2, data.frames.last, session.batch_generator(salt))
-    return RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh)
+    return RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh, COMPOSED)
 
 
 def run_stage2(
@@ -197,7 +202,7 @@ def run_stage2(
         module.load_state_dict(load_checkpoint(session.out / START)["module"])
         _without_dropout(module)
     parameters = [p for n, p in module.named_parameters() if not n.startswith("denoiser")]
-    optimizer = torch.optim.AdamW(parameters, lr=1e-3, weight_decay=1e-4)
+    optimizer = torch.optim.AdamW(parameters, lr=1e-3, weight_decay=1e-4, fused=True)
     state = TrainingState(module, optimizer, MovingAverage(module, _decay(steps)))
     rows = RandomRows(data.weights, batch, 1, data.frames.last, session.batch_generator(4))
     lanes = _lanes(session, data, batch, 8)
@@ -214,7 +219,7 @@ def run_stage2(
             return result | {"total": _total(result)}
 
     cycles = 3 if steps >= SHORT_STEPS else 1
-    rate = _warm_restarts(steps, 5e-4 if fine_tuned else 1e-3, cycles)
+    rate = _warm_restarts(steps, _peak(batch) * (0.5 if fine_tuned else 1.0), cycles)
     kept: dict[str, Resumable] = {"rows": rows, "lanes": lanes}
     train(session, "stage2", state, rows, losses, steps, rate, batch, max_minutes, kept)
     module.load_state_dict(state.average.values)
@@ -233,12 +238,17 @@ def _without_dropout(module: torch.nn.Module) -> None:
 
 
 SHORT_STEPS = 6000  # of a stage: fewer leave no time for restarts
-DROPOUT_SHARE = 3 / 7  # of stage 2: the first two of its three cycles
+DROPOUT_SHARE = 1 / 7  # of stage 2: the first of its three cycles
 
 
 def _decay(steps: int) -> float:
     """Of the moving average of the weights: a fifth of the stage, at most 2000 steps."""
     return min(0.9995, 1.0 - 5.0 / max(steps, 10))
+
+
+def _peak(batch: int) -> float:
+    """Highest learning rate: 1e-3 for a batch of 256 over all processes, by the square root for others."""
+    return 1e-3 * math.sqrt(batch * parallel.workers() / 256)
 
 
 def _warm_restarts(steps: int, peak: float, cycles: int = 3) -> Callable[[int], float]:
@@ -284,12 +294,12 @@ def _noised(schedule: Schedule, tau: Tensor, codes: Tensor) -> tuple[Tensor, Ten
     return n, add_noise(schedule, codes, n, torch.randn(codes.shape, device=codes.device))
 
 
-def _cosine(steps: int) -> Callable[[int], float]:
-    """Learning rate from 1e-3 down to 1e-5 along a cosine; Sec. III-G begins at 4e-4."""
+def _cosine(steps: int, peak: float) -> Callable[[int], float]:
+    """Learning rate from `peak` down to a hundredth along a cosine; Sec. III-G begins at 4e-4."""
 
     def rate(step: int) -> float:
-        return min(1.0, (step + 1) / 200) * (
-            1e-5 + 0.5 * (1e-3 - 1e-5) * (1 + math.cos(math.pi * step / steps))
+        return (
+            peak * min(1.0, (step + 1) / 200) * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * step / steps)))
         )
 
     return rate
@@ -302,7 +312,7 @@ def _denoiser_state(session: Session, config: ModelConfig, module: Generator, st
         torch.nn.init.zeros_(module.denoiser.head.bias)
     module.requires_grad_(False)
     module.denoiser.requires_grad_(True)
-    optimizer = torch.optim.AdamW(module.denoiser.parameters(), lr=1e-3, weight_decay=1e-4)
+    optimizer = torch.optim.AdamW(module.denoiser.parameters(), lr=1e-3, weight_decay=1e-4, fused=True)
     return TrainingState(module, optimizer, MovingAverage(module, _decay(steps)))
 
 
@@ -344,7 +354,9 @@ def run_stage3(
             return result | {"total": total}
 
     kept: dict[str, Resumable] = {"rows": rows, "lanes": lanes}
-    train(session, "stage3", state, rows, losses, steps, _cosine(steps), batch, max_minutes, kept)
+    train(
+        session, "stage3", state, rows, losses, steps, _cosine(steps, _peak(batch)), batch, max_minutes, kept
+    )
     module.load_state_dict(state.average.values)
     return module.eval()
 

@@ -1,8 +1,5 @@
 """Training in two processes: averaged gradients, equal weights, one writer."""
 
-import os
-import socket
-
 import pytest
 
 torch = pytest.importorskip("torch")
@@ -28,28 +25,19 @@ def _train(out, batches, module) -> None:
     train(session, "trial", state, batches, losses, STEPS, lambda step: 0.1, 16)
 
 
-def _process(rank: int, port: int, out) -> None:
-    os.environ |= {
-        "RANK": str(rank), "LOCAL_RANK": str(rank), "WORLD_SIZE": "2",
-        "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(port),
-    }  # fmt: skip
+def _train_together(out) -> None:
     assert parallel.join("stage2") == torch.device("cpu")
+    rank = parallel.rank()
     torch.manual_seed(rank)  # they do not even begin alike
     module = torch.nn.Linear(4, 2)
     _train(out / "run", _batches(rank), module)
     assert parallel.anyone(rank == 1)
     assert not parallel.anyone(False)
     torch.save(module.state_dict(), out / f"{rank}.pt")
-    parallel.wait()  # the first process serves the others: it must not go before they are done
-    torch.distributed.destroy_process_group()
-    os._exit(0)  # gloo's threads now and then abort the process while the interpreter is taken down
 
 
 def test_two_processes_train_as_one_with_both_batches(tmp_path):
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    torch.multiprocessing.spawn(_process, (port, tmp_path), nprocs=2)
+    parallel.run_together(2, _train_together, tmp_path)
     first, second = (torch.load(tmp_path / f"{rank}.pt") for rank in (0, 1))
     assert all(torch.equal(first[name], second[name]) for name in first)
 

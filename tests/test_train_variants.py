@@ -30,7 +30,7 @@ from runtime.prompts.content import PromptEncoder  # noqa: E402
 from runtime.prompts.parts import PartDescriptions  # noqa: E402
 from runtime.skeleton import PART_NAMES  # noqa: E402
 from runtime.terrain.height_map import Terrain  # noqa: E402
-from training import ablations, pipeline  # noqa: E402
+from training import ablations, parallel, pipeline  # noqa: E402
 from training.export import model as export_module  # noqa: E402
 from training.layering.longer_phrases import longer_sentences  # noqa: E402
 from training.networks.content import StatisticsReader  # noqa: E402
@@ -160,6 +160,19 @@ def test_an_ablation_is_trained_exported_and_walked(
 
 def test_the_full_model_is_walked(full: Path) -> None:
     walks(full / "model")
+
+
+def test_several_processes_train_what_can_be_shared(
+    short: Path, full: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What they do together is in `test_parallel.py`."""
+    stages: list[tuple[int, str]] = []
+    monkeypatch.setattr(pipeline.Run, "train", lambda run, stage: stages.append((1, stage)))
+    monkeypatch.setattr(
+        parallel, "run_together", lambda count, work, args, stage: stages.append((count, stage))
+    )
+    train(short, full, "compact", "--processes", "2")
+    assert stages == [(1, "phase"), (2, "content"), (1, "words"), (2, "stage2"), (2, "stage3"), (1, "export")]
 
 
 def test_stage_2_alone_is_exported(short: Path, full: Path, monkeypatch: pytest.MonkeyPatch) -> None:

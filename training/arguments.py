@@ -23,7 +23,7 @@ class StageSteps:
     words: int = WORD_STEPS
     stage2: int = 20000
     stage3: int = 6000
-    batch: int = 256  # of stages 2 and 3; what two cores can do in a night
+    batch: int = 256  # of stages 2 and 3, in each process
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -58,5 +58,11 @@ def build_parser() -> argparse.ArgumentParser:
         parser.add_argument(
             f"--{name}-steps" if name != "batch" else "--batch", dest=name, type=int, default=value
         )
+    parser.add_argument(
+        "--processes",
+        type=int,
+        default=1,
+        help="that train stages content, 2 and 3 together, such as one a core",
+    )
     parser.add_argument("--max-minutes", type=float, help="time limit of each stage")
     return parser

@@ -1,4 +1,4 @@
-"""Training in several processes, one for each GPU, started by torchrun.
+"""Training in several processes, one for each GPU or for each core: `sport train --processes`, or torchrun on machines of several GPUs.
 
     torchrun --nproc-per-node 4 -m sport train stage2 --preset paper-rotations --clips DIR --out RUN
 
@@ -8,8 +8,11 @@ writes the checkpoints and the log.
 
 from __future__ import annotations
 
+import logging
 import os
-from collections.abc import Iterable
+import socket
+from collections.abc import Callable, Iterable
+from typing import ParamSpec
 
 import torch
 import torch.distributed as distributed
@@ -17,6 +20,7 @@ from torch import Tensor, nn
 
 from runtime.errors import UsageError
 
+Arguments = ParamSpec("Arguments")
 STAGES = ("content", "stage2", "stage3")  # the others are quick, or write files that all would write
 
 
@@ -45,6 +49,33 @@ def join(stage: str) -> torch.device | None:
     if not distributed.is_initialized():
         distributed.init_process_group("nccl" if cuda else "gloo")
     return torch.device("cuda", local) if cuda else torch.device("cpu")
+
+
+def run_together(
+    count: int, work: Callable[Arguments, object], *args: Arguments.args, **options: Arguments.kwargs
+) -> None:
+    """Call `work(*args, **options)` in `count` processes of this machine, which share its cores and meet in `join`.
+
+    Raises what a process raises, with its traceback.
+    """
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    torch.multiprocessing.spawn(_process, (count, port, work, args, options), nprocs=count)
+
+
+def _process(
+    number: int, count: int, port: int, work: Callable[..., object], args: tuple, options: dict
+) -> None:
+    os.environ |= {"RANK": str(number), "LOCAL_RANK": str(number), "WORLD_SIZE": str(count)}
+    os.environ |= {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(port)}
+    torch.set_num_threads(max(1, (os.cpu_count() or 1) // count))
+    work(*args, **options)
+    wait()  # the first process serves the others: it must not go before they are done
+    if distributed.is_initialized():
+        distributed.destroy_process_group()
+    logging.shutdown()
+    os._exit(0)  # gloo's threads now and then abort the process while the interpreter is taken down
 
 
 @torch.no_grad()

@@ -55,9 +55,7 @@ log = logging.getLogger("sport.train")
 def main(argv: list[str] | None = None) -> int:
     """Run one stage or all of them."""
     args = build_parser().parse_args(argv)
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
-    for chatty in ("onnx_ir", "onnxscript", "torch.onnx"):
-        logging.getLogger(chatty).setLevel(logging.WARNING)
+    _log_progress()
     wanted = STAGES if args.stage == "all" else (args.stage,)
     if set(wanted) - {"import", "layer"}:
         _refuse_table_one(preset(args.preset))  # now: an import takes hours
@@ -95,8 +93,25 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
     """The stages after import and layering that are `wanted`, in their order."""
     run = Run.of(args)
     for stage in STAGES:
-        if stage in wanted and stage not in ("import", "layer"):
-            getattr(run, f"train_{stage}" if stage != "export" else "export")()
+        if stage not in wanted or stage in ("import", "layer"):
+            continue
+        if args.processes > 1 and stage in parallel.STAGES:
+            _ = run.phase  # written once, before all of them read it
+            parallel.run_together(args.processes, _train_stage, args, stage)
+        else:
+            run.train(stage)
+
+
+def _train_stage(args: argparse.Namespace, stage: str) -> None:
+    """One stage in one of several processes."""
+    _log_progress()
+    Run.of(argparse.Namespace(**vars(args) | {"stage": stage})).train(stage)
+
+
+def _log_progress() -> None:
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    for chatty in ("onnx_ir", "onnxscript", "torch.onnx"):
+        logging.getLogger(chatty).setLevel(logging.WARNING)
 
 
 @dataclass
@@ -222,6 +237,10 @@ class Run:
         return module.to(self.session.device)
 
     # --- stages -------------------------------------------------------------------------------------------------------
+
+    def train(self, stage: str) -> None:
+        """A stage of `STAGES` after import and layering."""
+        getattr(self, f"train_{stage}" if stage != "export" else "export")()
 
     def train_phase(self) -> None:
         """Stage 0, once."""

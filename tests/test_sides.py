@@ -30,7 +30,7 @@ SAYS = {
     "SHOULDERHIGH": r"shoulder height|raised|chest height",
     "TREMBLE": r"trembl|shak",
     "ELBOW": r"elbow",
-    "FACE": r"face|eyes|mouth|forehead|head|ear|brow",
+    "FACE": r"face|eyes|mouth|forehead|head|\bear\b|brow",
     "THIGH": r"thigh|knee",
     "POCKET": r"pocket",
     "LIMP": r"limp|careful|stiff|drag|weak|hurt|short|barely|hardly|trail",

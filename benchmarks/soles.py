@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from runtime.assets import asset_path
-from runtime.character.character import Character, load_character, skin_vertices
+from runtime.character.character import Character, load_character
 from runtime.character.shape import BodyShape, shaped
+from runtime.character.skinned_mesh import skin_vertices
 from runtime.character.writer import write_character
 from runtime.feet.skating import TOES
 from runtime.generate import generate_clip

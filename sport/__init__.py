@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from runtime.assets import asset_path
-    from runtime.character.character import load_character, skin_vertices
+    from runtime.character.character import load_character
     from runtime.character.joint_map import read_joint_map
+    from runtime.character.skinned_mesh import skin_vertices
     from runtime.controls import Controls, Gait
     from runtime.errors import SportError
     from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
@@ -50,7 +51,7 @@ _MODULES = {
     "parse_weights": "runtime.prompts.blend",
     "read_joint_map": "runtime.character.joint_map",
     "save_bvh": "runtime.formats.bvh_clip",
-    "skin_vertices": "runtime.character.character",
+    "skin_vertices": "runtime.character.skinned_mesh",
 }
 __all__ = [
     "BlendedPrompt",

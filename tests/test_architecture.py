@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import graphlib
 import json
 import os
 import re
@@ -103,6 +104,12 @@ def modules(path: Path) -> frozenset[str]:
     return frozenset(found)
 
 
+def module_name(path: Path) -> str:
+    """`runtime.motion.frame` of its file; a package by its own name."""
+    parts = path.relative_to(PROJECT_ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
 def imported(path: Path) -> set[str]:
     """Top-level packages that a file imports: of the project (`runtime`, `viewer`, ...) and of others."""
     return {name.split(".")[0] for name in modules(path)}
@@ -111,6 +118,15 @@ def imported(path: Path) -> set[str]:
 def room(name: str, rooms: tuple[str, ...]) -> str:
     """The room that holds a module, given by its name below its package."""
     return max((r for r in rooms if f"{name}.".startswith(f"{r}.")), key=len, default="")
+
+
+def test_no_files_import_each_other_in_a_circle() -> None:
+    paths = {module_name(path): path for package in (*PACKAGES, "sport") for path in sources(package)}
+    imports = {
+        name: {m for found in modules(path) for m in (found, found.rpartition(".")[0]) if m in paths} - {name}
+        for name, path in paths.items()
+    }
+    graphlib.TopologicalSorter(imports).prepare()  # CycleError names one
 
 
 @pytest.mark.parametrize("package", PACKAGES)

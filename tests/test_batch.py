@@ -19,7 +19,7 @@ import pytest
 
 from runtime.assets import PROJECT_ROOT
 from runtime.errors import FileError, UsageError
-from sport import cli
+from sport import cli, clips
 from sport.batch import local, manifest, work
 from sport.batch.plan import Task, plan
 from sport.batch.progress import BatchProgress
@@ -159,7 +159,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> list[str]:
                 work.put(scratch / str(task.number), line, target)
             yield line
 
-    monkeypatch.setattr(generate, "write_clips", write_clips)
+    monkeypatch.setattr(clips, "write_clips", write_clips)
     monkeypatch.setattr(local, "run_local", run_local)
     return made
 

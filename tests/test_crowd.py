@@ -15,7 +15,8 @@ from runtime.errors import UsageError
 from runtime.motion.controller import Controller
 from runtime.motion.crowd import MOST, Crowd
 from runtime.motion.features import INPUT_SIZE
-from runtime.motion.model import MotionModel, Style, load_model
+from runtime.motion.model import MotionModel, load_model
+from runtime.motion.style_mix import Style
 from runtime.pose import Pose
 from runtime.rotations import angle_between
 from runtime.terrain.height_map import Terrain

@@ -13,9 +13,10 @@ from gltf_characters import make_pose, split_glb, user_character
 
 from runtime import rotations
 from runtime.assets import asset_path
-from runtime.character.character import Character, load_character, skin_vertices
+from runtime.character.character import Character, load_character
 from runtime.character.joint_map import read_joint_map
 from runtime.character.joints import match_joints
+from runtime.character.skinned_mesh import skin_vertices
 from runtime.character.writer import save_animated_glb, write_character
 from runtime.errors import FileError
 from runtime.pose import Pose

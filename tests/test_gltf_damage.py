@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from gltf_characters import join_glb, split_glb, user_character
 
-from runtime.character.character import load_character, skin_vertices
+from runtime.character.character import load_character
+from runtime.character.skinned_mesh import skin_vertices
 from runtime.character.writer import write_character
 from runtime.errors import FileError
 

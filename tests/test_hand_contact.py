@@ -14,8 +14,9 @@ from gltf_characters import make_pose
 
 from runtime import rotations
 from runtime.assets import asset_path
-from runtime.character.character import Character, load_character, skin_vertices
+from runtime.character.character import Character, load_character
 from runtime.character.hand_contact import clear_hands, touching
+from runtime.character.skinned_mesh import skin_vertices
 from runtime.formats.bvh_clip import load_clip_bvh
 from runtime.formats.prepare import ExportOptions
 from runtime.formats.table import save_motion
@@ -104,7 +105,7 @@ def test_a_hand_lies_on_the_surface(
     character = mannequin if kind == "mannequin" else stout(mannequin)
     hips, local = reaching(np.array([PLACES[place]]))
     after = depth_cm(character, hips[0], local[0])
-    monkeypatch.setattr("runtime.character.character.clear_hands", lambda c, p, w: (p, w))
+    monkeypatch.setattr("runtime.character.character.clear_hands", lambda c, b, p, w: (p, w))
     before = depth_cm(character, hips[0], local[0])
     assert before > 3.0
     assert after < 2.5
@@ -113,7 +114,7 @@ def test_a_hand_lies_on_the_surface(
 
 def test_a_free_pose_stays_as_it_is(mannequin: Character) -> None:
     pose = make_pose(None)
-    positions, world = clear_hands(mannequin, pose.positions, pose.world_rotations)
+    positions, world = clear_hands(mannequin, mannequin.body, pose.positions, pose.world_rotations)
     assert positions is pose.positions
     assert world is pose.world_rotations
 
@@ -121,7 +122,7 @@ def test_a_free_pose_stays_as_it_is(mannequin: Character) -> None:
 def test_a_hand_that_comes_near_is_not_thrown_about(mannequin: Character) -> None:
     goals = np.linspace((0.4, 0.1, 0.25), (0.04, 0.1, 0.06), 120)
     positions, world = SPORT_SKELETON.forward_kinematics(*reaching(goals))
-    shown, turned = clear_hands(mannequin, positions, world)
+    shown, turned = clear_hands(mannequin, mannequin.body, positions, world)
     assert np.abs(shown - positions).max() > 0.03
     assert mannequin.body is not None
     fingers = rotations.rotate(world[:, HAND, None], mannequin.body.hands[0])
@@ -131,7 +132,7 @@ def test_a_hand_that_comes_near_is_not_thrown_about(mannequin: Character) -> Non
     assert ways[1].max() < 1.5 * ways[0].max()
     again = SPORT_SKELETON.forward_kinematics(positions[:, 0], SPORT_SKELETON.local_rotations(turned))[0]
     assert np.allclose(again, shown, atol=1e-4), "bones keep their lengths"
-    one = clear_hands(mannequin, positions[80], world[80])[0]
+    one = clear_hands(mannequin, mannequin.body, positions[80], world[80])[0]
     assert np.allclose(one, shown[80], atol=1e-6), "a clip and its frames are treated alike"
 
 
@@ -143,7 +144,7 @@ def test_glb_has_the_hand_on_the_surface_and_bvh_the_motion_as_it_is(
     save_motion(clip, tmp_path / "hip.glb", ExportOptions())
     save_motion(clip, tmp_path / "hip.bvh", ExportOptions())
     positions, world = clip.world()
-    shown = clear_hands(mannequin, positions.astype(float), world.astype(float))[0]
+    shown = clear_hands(mannequin, mannequin.body, positions.astype(float), world.astype(float))[0]
     exported = play(tmp_path / "hip.glb").joints()["LeftHand"][:, :3, 3]
     assert np.abs(exported - shown[:, HAND]).max() < 1e-3
     assert np.abs(shown - positions).max() > 0.03
@@ -158,7 +159,7 @@ def test_joints_of_others_are_led_too(tmp_path: Path, rig: Callable[[Path], Path
     positions, world = SPORT_SKELETON.forward_kinematics(*reaching(goals))
     hand = int(np.flatnonzero(character.sport_joints == HAND)[0])
     before = character.joint_transforms(positions, world)[0][:, hand]
-    after = character.joint_transforms(*clear_hands(character, positions, world))[0][:, hand]
+    after = character.joint_transforms(*clear_hands(character, character.body, positions, world))[0][:, hand]
     assert np.allclose(before[0], after[0])
     assert np.linalg.norm(after - before, axis=-1).max() > 0.02
     assert np.abs(after[:, 0]).min() > np.abs(before[:, 0]).min()
@@ -169,7 +170,7 @@ def test_fingers_that_point_into_the_waist_lie_along_it(mannequin: Character) ->
         (0.3, 0.05, 0.02), (0.2, 0.05, 0.02), 60
     )  # the elbow is outside, the hand would go right in
     positions, world = SPORT_SKELETON.forward_kinematics(*reaching(goals))
-    shown, turned = clear_hands(mannequin, positions, world)
+    shown, turned = clear_hands(mannequin, mannequin.body, positions, world)
     turns = rotations.angle_between(world[:, HAND], turned[:, HAND])
     assert 0.3 < turns.max() <= 1.2 + 1e-6
     assert np.abs(np.diff(turns)).max() < 0.15
@@ -188,7 +189,7 @@ def test_a_hand_on_the_hip_is_there_on_a_character_of_other_proportions(tmp_path
         return float(np.linalg.norm(pivots[hand] - pivots[hips] - (positions[0, HAND] - positions[0, 0])))
 
     assert off((positions, world)) > 0.05
-    assert off(clear_hands(character, positions, world)) < 0.6 * off((positions, world))
+    assert off(clear_hands(character, character.body, positions, world)) < 0.6 * off((positions, world))
 
 
 def test_arms_that_hang_or_are_held_away_touch_nothing() -> None:

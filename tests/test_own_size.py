@@ -15,8 +15,9 @@ from walker import walk
 
 from runtime import rotations
 from runtime.assets import asset_path
-from runtime.character.character import Character, load_character, skin_vertices
+from runtime.character.character import Character, load_character
 from runtime.character.shape import BodyShape, shaped
+from runtime.character.skinned_mesh import skin_vertices
 from runtime.character.writer import write_character
 from runtime.errors import UsageError
 from runtime.formats.bvh import read_bvh

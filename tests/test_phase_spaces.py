@@ -78,7 +78,7 @@ def test_figures_are_drawn_and_a_known_table_is_made_again(
     figures = {name: {"silhouette": 0.25, "arm": 0.2, "styles": 0.8, "error": 0.3} for name in names}
     code = (np.zeros((40, C, 2)), random.random((40, C)), random.random((40, C)))
     codes = {name: {0: code, 1: code} for name in names[1:]}
-    drawn = draw(tmp_path, spaces, walks, figures, (codes, codes), 0)
+    drawn = draw(tmp_path, spaces, walks.styles, walks.names, figures, (codes, codes), 0)
     assert [path.name for path in drawn] == ["fig6_phase_spaces.png", "fig7_channels.png"]
     assert all(path.stat().st_size > 10_000 for path in drawn)
     known = tmp_path / "figures.json"

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from runtime import rotations
 from runtime.arrays import AnyArray
+from runtime.character.skinned_mesh import SkinnedMesh
 from runtime.skeleton import SPORT_SKELETON
-
-if TYPE_CHECKING:
-    from runtime.character.character import Character
-
 
 TRUNK = ("Hips", "LowerBack", "Spine", "Spine1")
 HEAD = "Head"
@@ -98,18 +94,18 @@ class BodySurface:
         return np.asarray(low * (1 - up) + high * up)
 
 
-def fit_surface(character: Character, rest: AnyArray, pivots: AnyArray) -> BodySurface | None:
+def fit_surface(mesh: SkinnedMesh, rest: AnyArray, pivots: AnyArray) -> BodySurface | None:
     """The surface of a character from its vertices `rest` `(V, 3)` and pivots `(K, 3)` in the aligned rest pose.
 
     None where the mesh is not one: no hands, or holes all over.
     """
     names = np.array((*SPORT_SKELETON.names, ""))
-    lead = character.joint_indices[np.arange(len(rest)), character.joint_weights.argmax(axis=1)]
-    source = character.alignment.source[character.alignment.driver[lead]]
+    lead = mesh.joint_indices[np.arange(len(rest)), mesh.joint_weights.argmax(axis=1)]
+    source = mesh.alignment.source[mesh.alignment.driver[lead]]
     owner = names[source]
-    joints = {str(names[s]): int(k) for k, s in enumerate(character.alignment.source) if s >= 0}
+    joints = {str(names[s]): int(k) for k, s in enumerate(mesh.alignment.source) if s >= 0}
     hands = _hands(rest, pivots, owner, joints)
-    points, of = _samples(character, rest, owner)
+    points, of = _samples(mesh, rest, owner)
     if not hands or not len(points):
         return None
     found = []
@@ -141,10 +137,10 @@ def _spread(points: AnyArray) -> AnyArray:
     return np.asarray(points[chosen])
 
 
-def _samples(character: Character, rest: AnyArray, owner: AnyArray) -> tuple[AnyArray, AnyArray]:
+def _samples(mesh: SkinnedMesh, rest: AnyArray, owner: AnyArray) -> tuple[AnyArray, AnyArray]:
     """Points on the mesh without its arms, evenly, and the SPORT joint that carries each."""
     arms = np.isin(owner, [side + bone for side in ("Left", "Right") for bone in ARMS] + ["LThumb", "RThumb"])
-    triangles = character.triangles[~arms[character.triangles].any(axis=1)]
+    triangles = mesh.triangles[~arms[mesh.triangles].any(axis=1)]
     corners = rest[triangles].astype(np.float64)
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     if not 0.0 < area.sum() < np.inf:

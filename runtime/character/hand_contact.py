@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from runtime import rotations
 from runtime.arrays import AnyArray
 from runtime.character.body_surface import BodySurface
+from runtime.character.skinned_mesh import SkinnedMesh
 from runtime.character.two_bones import bend
 from runtime.skeleton import SPORT_SKELETON
-
-if TYPE_CHECKING:
-    from runtime.character.character import Character
-
 
 ANCHORS = tuple(SPORT_SKELETON.index(name) for name in ("Hips", "Spine1", "Head"))
 # Of our own body, metres: half width and depth of the trunk, from under the hips to the neck; the head about its middle.
@@ -73,49 +68,44 @@ BELOW = {
 
 
 def clear_hands(
-    character: Character, positions: AnyArray, world_rotations: AnyArray
+    mesh: SkinnedMesh, body: BodySurface | None, positions: AnyArray, world_rotations: AnyArray
 ) -> tuple[AnyArray, AnyArray]:
-    """A SPORT pose as `joint_transforms` takes it, any leading shape, whose hands lie on the character's surface.
+    """A SPORT pose as `joint_transforms` takes it, any leading shape, whose hands lie on the surface `body` of `mesh`.
 
     The wrist turns first, so that fingers that would sink in lie along the body; then shoulder and elbow take the hand
     out. A pose whose hands are free comes back as it is.
     """
-    body = character.body
     if body is None:
         return positions, world_rotations
-    pivots, _ = character.joint_transforms(positions, world_rotations)
-    if not character.alignment.native:
-        pivots, world_rotations = _placed(character, body.sides, pivots, positions, world_rotations)
-    seen = _Seen(character, body, pivots, world_rotations)
+    pivots, _ = mesh.joint_transforms(positions, world_rotations)
+    if not mesh.alignment.native:
+        pivots, world_rotations = _placed(mesh, body.sides, pivots, positions, world_rotations)
+    seen = _Seen(mesh, body, pivots, world_rotations)
     if seen.free:
         return positions, world_rotations
     turns = seen.turns()
     way = seen.way_out(turns)
     for k, side in enumerate(body.sides):
         if np.any(turns[..., k, 1:]):
-            positions, world_rotations = _turned(
-                character, side, turns[..., k, :], positions, world_rotations
-            )
+            positions, world_rotations = _turned(mesh, side, turns[..., k, :], positions, world_rotations)
         if np.any(way[..., k, :]):
-            positions, world_rotations = _bent(
-                character, side, way[..., k, :], pivots, positions, world_rotations
-            )
+            positions, world_rotations = _bent(mesh, side, way[..., k, :], pivots, positions, world_rotations)
     return positions, world_rotations
 
 
-def _joint(character: Character, side: str, bone: int) -> int:
-    return int(np.flatnonzero(character.alignment.source == ARM[side][bone])[0])
+def _joint(mesh: SkinnedMesh, side: str, bone: int) -> int:
+    return int(np.flatnonzero(mesh.alignment.source == ARM[side][bone])[0])
 
 
 def _placed(
-    character: Character,
+    mesh: SkinnedMesh,
     sides: tuple[str, ...],
     pivots: AnyArray,
     positions: AnyArray,
     world_rotations: AnyArray,
 ) -> tuple[AnyArray, AnyArray]:
     """Pivots and rotations with hands that touch the body in their place on this one."""
-    source = character.alignment.source
+    source = mesh.alignment.source
     if not all(np.any(source == j) for j in ANCHORS):
         return pivots, world_rotations
     anchors = pivots[..., [int(np.flatnonzero(source == j)[0]) for j in ANCHORS], :]
@@ -123,23 +113,23 @@ def _placed(
     for side in sides:
         touch = touching(positions, world_rotations, ARM[side])
         if np.any(touch):
-            wrist = pivots[..., _joint(character, side, 2), :]
+            wrist = pivots[..., _joint(mesh, side, 2), :]
             way = touch[..., None] * (reach(positions, anchors, ARM[side]) - wrist)
-            _, placed = _bent(character, side, way, pivots, positions, placed)
+            _, placed = _bent(mesh, side, way, pivots, positions, placed)
     if placed is world_rotations:
         return pivots, placed
-    return character.joint_transforms(positions, placed)[0], placed
+    return mesh.joint_transforms(positions, placed)[0], placed
 
 
 class _Seen:
     """The hands as the joints of the surface's tables see them; any leading shape `...`, S sides and T tables."""
 
     def __init__(
-        self, character: Character, body: BodySurface, pivots: AnyArray, world_rotations: AnyArray
+        self, mesh: SkinnedMesh, body: BodySurface, pivots: AnyArray, world_rotations: AnyArray
     ) -> None:
         self.body = body
-        self.wrists = pivots[..., [_joint(character, side, 2) for side in body.sides], :]
-        shoulders = pivots[..., [_joint(character, side, 0) for side in body.sides], 1]
+        self.wrists = pivots[..., [_joint(mesh, side, 2) for side in body.sides], :]
+        shoulders = pivots[..., [_joint(mesh, side, 0) for side in body.sides], 1]
         self.low = ramp(shoulders - self.wrists[..., 1], NECK_M, WAIST_M)
         turned = world_rotations[..., [ARM[side][2] for side in body.sides], :]
         self.hands = rotations.rotate(turned[..., None, :], body.hands)  # (..., S, n, 3) about the wrists
@@ -200,14 +190,14 @@ class _Seen:
 
 
 def _turned(
-    character: Character, side: str, turn: AnyArray, positions: AnyArray, world_rotations: AnyArray
+    mesh: SkinnedMesh, side: str, turn: AnyArray, positions: AnyArray, world_rotations: AnyArray
 ) -> tuple[AnyArray, AnyArray]:
     """The pose with a hand turned in its wrist."""
     world, at, below = np.array(world_rotations), np.array(positions), list(BELOW[side])
     free = ~np.any(turn[..., 1:], axis=-1)[..., None, None]
     turned = rotations.multiply(turn[..., None, :], world_rotations[..., below, :])
     world[..., below, :] = np.where(free, world_rotations[..., below, :], turned)
-    if character.alignment.native:
+    if mesh.alignment.native:
         wrist = positions[..., below[:1], :]
         moved = wrist + rotations.rotate(turn[..., None, :], positions[..., below, :] - wrist)
         at[..., below, :] = np.where(free, positions[..., below, :], moved)
@@ -220,7 +210,7 @@ def _seen(vectors: AnyArray, axes: AnyArray) -> AnyArray:
 
 
 def _bent(
-    character: Character,
+    mesh: SkinnedMesh,
     side: str,
     way: AnyArray,
     pivots: AnyArray,
@@ -228,7 +218,7 @@ def _bent(
     world_rotations: AnyArray,
 ) -> tuple[AnyArray, AnyArray]:
     """The pose with an arm bent so that its hand goes `way` further, in the plane of its elbow."""
-    shoulder, elbow, hand = (pivots[..., _joint(character, side, bone), :] for bone in range(3))
+    shoulder, elbow, hand = (pivots[..., _joint(mesh, side, bone), :] for bone in range(3))
     upper, lower, moved = bend(shoulder, elbow, hand, hand + way, _ELBOW)
     world, arm = np.array(world_rotations), ARM[side]
     free = ~np.any(way, axis=-1)[..., None]  # stays bit by bit
@@ -236,7 +226,7 @@ def _bent(
         turned = rotations.multiply(turn, world_rotations[..., j, :])
         world[..., j, :] = np.where(free, world_rotations[..., j, :], turned)
     at = np.array(positions)
-    if character.alignment.native:
+    if mesh.alignment.native:
         bent = shoulder + rotations.rotate(upper, elbow - shoulder)
         at[..., arm[1], :] = np.where(free, at[..., arm[1], :], bent)
         for j in BELOW[side]:

@@ -7,19 +7,15 @@ its own; while it stands, it stands still.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.arrays import AnyArray
+from runtime.character.skinned_mesh import SkinnedMesh
 from runtime.character.two_bones import bend
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
-
-if TYPE_CHECKING:
-    from runtime.character.character import Character
-
 
 LEGS = tuple(
     tuple(SPORT_SKELETON.index(side + bone) for bone in ("UpLeg", "Leg", "Foot", "ToeBase"))
@@ -55,11 +51,11 @@ class Soles:
     toe_joint: AnyArray  # (2, 3)
 
 
-def find_soles(character: Character, rest: AnyArray, pivots: AnyArray) -> Soles:
+def find_soles(mesh: SkinnedMesh, rest: AnyArray, pivots: AnyArray) -> Soles:
     """The feet of a character from its vertices `rest` `(V, 3)` and pivots `(K, 3)` in the aligned rest pose."""
-    alignment = character.alignment
+    alignment = mesh.alignment
     joint_of = {int(s): k for k, s in enumerate(alignment.source) if s >= 0}
-    lead = character.joint_indices[np.arange(len(rest)), character.joint_weights.argmax(axis=1)]
+    lead = mesh.joint_indices[np.arange(len(rest)), mesh.joint_weights.argmax(axis=1)]
     owner = alignment.source[alignment.driver[lead]]
     hips = 0.5 * sum(pivots[joint_of[upper]] for upper, *_ in LEGS)
     sides = []
@@ -100,15 +96,15 @@ def _outline(points: AnyArray) -> AnyArray:
 
 
 def plant_feet(
-    character: Character, positions: AnyArray, world_rotations: AnyArray, contacts: AnyArray
+    mesh: SkinnedMesh, soles: Soles, positions: AnyArray, world_rotations: AnyArray, contacts: AnyArray
 ) -> tuple[AnyArray, AnyArray]:
-    """A SPORT pose as `Character.joint_transforms` takes it, any leading shape, whose legs put this character's feet down.
+    """A SPORT pose as `SkinnedMesh.joint_transforms` takes it, any leading shape, whose legs put this character's feet down.
 
     `contacts` `(..., 4)` as those of a pose. Positions stay, for they are those of the motion.
     """
     upper, lower, foot, toe = (list(joints) for joints in zip(*LEGS, strict=True))
-    world, soles = np.array(world_rotations, np.float64), character.soles
-    pivots, _ = character.joint_transforms(positions, world)
+    world = np.array(world_rotations, np.float64)
+    pivots, _ = mesh.joint_transforms(positions, world)
     hip, knee, ankle = (pivots[..., soles.joints[:, k], :] for k in range(3))
     turned = world[..., foot, :]
     world[..., toe, :] = toes = _flat_toes(turned, world[..., toe, :])

@@ -4,13 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from runtime.errors import UsageError
-from runtime.skeleton import SPORT_SKELETON
-
-if TYPE_CHECKING:
-    from runtime.formats.glb_skeleton import Rig
 
 
 @dataclass(frozen=True)
@@ -76,23 +71,3 @@ def engine_of(name: str) -> Engine:
     if name not in ENGINES:
         raise UsageError(f" {name[:40]}: unknown.", f"Choose {', '.join(ENGINES)}.", "engine")
     return ENGINES[name]
-
-
-def rename_bones(rig: Rig, engine: Engine) -> None:
-    """Give the joints of a rig the names of an engine's humanoid, those that it has none for keep theirs."""
-    nodes = rig.gltf.nodes
-    wanted: dict[int, str] = {}
-    for name, bone in engine.bones.items():
-        if name == "Root":
-            node = rig.root_node
-        else:
-            index = SPORT_SKELETON.index(name)
-            node = next((n for n, k in rig.joints.items() if rig.character.sport_joints[k] == index), -1)
-        if node >= 0 and node not in wanted:
-            wanted[node] = bone
-    taken = set(wanted.values())
-    for number, node in enumerate(nodes):
-        if number not in wanted and node.name in taken:
-            node.name = f"{node.name}_{number}"
-    for number, bone in wanted.items():
-        nodes[number].name = bone

@@ -13,7 +13,7 @@ from runtime.character.character import Character, load_character
 from runtime.character.joint_map import read_joint_map
 from runtime.character.mesh import read_meshes
 from runtime.character.read import open_gltf
-from runtime.formats.engines import engine_of, rename_bones
+from runtime.formats.engines import engine_of
 from runtime.formats.glb_buffer import GlbBuffer
 from runtime.formats.glb_skeleton import (
     Rig,
@@ -21,6 +21,7 @@ from runtime.formats.glb_skeleton import (
     local_rest,
     nearest_rotation,
     open_rig,
+    rename_bones,
     set_local,
     written,
 )

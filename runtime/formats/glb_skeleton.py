@@ -14,6 +14,7 @@ from runtime.character.character import Character
 from runtime.character.mesh import MeshData
 from runtime.character.nodes import ancestors, node_world_matrices
 from runtime.character.read import GltfFile, read_accessor
+from runtime.formats.engines import Engine
 from runtime.formats.glb_buffer import GlbBuffer
 from runtime.formats.prepare import PreparedTake
 from runtime.skeleton import SPORT_SKELETON
@@ -294,3 +295,23 @@ def _root_worlds(rig: Rig, take: PreparedTake, frames: slice) -> Array:
     matrices[:, :3, :3] = rotations.to_matrix(rotations.from_yaw(yaw)) @ rig.rest[rig.root_node, :3, :3]
     matrices[:, :3, 3] = rig.size * positions
     return matrices
+
+
+def rename_bones(rig: Rig, engine: Engine) -> None:
+    """Give the joints of a rig the names of an engine's humanoid, those that it has none for keep theirs."""
+    nodes = rig.gltf.nodes
+    wanted: dict[int, str] = {}
+    for name, bone in engine.bones.items():
+        if name == "Root":
+            node = rig.root_node
+        else:
+            index = SPORT_SKELETON.index(name)
+            node = next((n for n, k in rig.joints.items() if rig.character.sport_joints[k] == index), -1)
+        if node >= 0 and node not in wanted:
+            wanted[node] = bone
+    taken = set(wanted.values())
+    for number, node in enumerate(nodes):
+        if number not in wanted and node.name in taken:
+            node.name = f"{node.name}_{number}"
+    for number, bone in wanted.items():
+        nodes[number].name = bone

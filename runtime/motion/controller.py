@@ -13,10 +13,10 @@ from runtime.errors import UsageError
 from runtime.feet.foot_lock import FootLock
 from runtime.motion.features import FPS
 from runtime.motion.frame import Frame, full_speed, step
-from runtime.motion.model import MotionModel, Style
+from runtime.motion.model import MotionModel
 from runtime.motion.state import CharacterState, standing
 from runtime.motion.style_blend import StyleBlend, StyleCodes
-from runtime.motion.style_mix import StyleFolder, StyleMix
+from runtime.motion.style_mix import Style, StyleFolder, StyleMix
 from runtime.motion.trajectory import Trajectory, TrajectoryView
 from runtime.pose import Pose
 from runtime.records import copied

@@ -19,7 +19,7 @@ from runtime.motion import calm, features, momentum
 from runtime.motion.coming_to_rest import calmed_pose, rest_share
 from runtime.motion.features import DT, OUTPUT_SIZE, InputParts, OutputParts, split_output
 from runtime.motion.limbs import LEGS, off_walls
-from runtime.motion.model import MotionModel, Style
+from runtime.motion.model import MotionModel
 from runtime.motion.noise import drifting_noise
 from runtime.motion.phase import advance_phase, at_rate
 from runtime.motion.poses import network_pose, shown_poses
@@ -27,6 +27,7 @@ from runtime.motion.root_motion import SPEED_HALF_LIFE, root_velocity
 from runtime.motion.speed_regulator import STANDING_SECONDS
 from runtime.motion.stall import CYCLES_PER_SECOND, advance_by_cycles
 from runtime.motion.state import CharacterState, standing
+from runtime.motion.style_mix import Style
 from runtime.motion.trajectory import PRESENT, SAMPLES, decay
 from runtime.records import copied, joined, part
 from runtime.skeleton import SPORT_SKELETON

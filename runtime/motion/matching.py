@@ -25,7 +25,7 @@ from runtime.arrays import Array
 from runtime.errors import ModelError
 from runtime.motion import features
 from runtime.motion.features import FPS, INPUT, OutputParts, build_output
-from runtime.motion.model import Style
+from runtime.motion.style_mix import Style
 from runtime.skeleton import SPORT_SKELETON, J
 
 Indices = NDArray[np.integer]

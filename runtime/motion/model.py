@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
@@ -24,24 +23,11 @@ from runtime.motion.model_files import (
     read_metadata,
     run_graph,
 )
+from runtime.motion.style_mix import Style
 
 ARM_PARTS = 2  # of the six come first
 THREADS = 4  # whose last lists of styles are kept stacked
 MIN_STRENGTH, MAX_STRENGTH = 0.0, 2.0
-
-
-@dataclass(frozen=True)
-class Style:
-    """What a prompt contributes to every frame: the modulator's folded weights and the natural speeds."""
-
-    z: Float32Array  # (6, 64), as it came from the prompt, whatever the strength
-    front_bias: Float32Array
-    content_weight: Float32Array
-    content_bias: Float32Array
-    walk_speed: float  # m/s
-    jog_speed: float
-    # amplitude and turns a second (C, 2) of the phases at rest, by what the arms are to do; zeros of a model that does not tell
-    rest: Float32Array = field(default_factory=lambda: np.zeros((C, 2), np.float32))
 
 
 class MotionModel:

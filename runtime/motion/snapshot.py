@@ -22,10 +22,9 @@ from runtime.crossing.jump import Jump
 from runtime.errors import FileError, ModelError
 from runtime.motion.calm import Calm
 from runtime.motion.controller import Controller
-from runtime.motion.model import Style
 from runtime.motion.state import CharacterState
 from runtime.motion.style_blend import StyleCodes
-from runtime.motion.style_mix import StyleMix
+from runtime.motion.style_mix import Style, StyleMix
 from runtime.records import REMEDY, copied, read_record, write_record
 
 VERSION = 6

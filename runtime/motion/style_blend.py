@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.arrays import Float32Array
-from runtime.motion.model import Style
-from runtime.motion.style_mix import StyleMix, mixed
+from runtime.motion.style_mix import Style, StyleMix, mixed
 
 Fold = Callable[[Float32Array | StyleMix], Style]
 

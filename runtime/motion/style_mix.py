@@ -7,17 +7,31 @@ What the experts' weights are folded into is linear in the gating's result, so t
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from runtime.arrays import Float32Array
-from runtime.motion.model import Style
+from runtime.motion.features import C
 
 Shares = tuple[float, ...]  # of the second of two styles, at even parts of the change from the first
 
 LINEAR: Shares = (0.0, 1.0)
 CACHED = 16  # folded codes that are kept: a blend of six parts has seven
+
+
+@dataclass(frozen=True)
+class Style:
+    """What a prompt contributes to every frame: the modulator's folded weights and the natural speeds."""
+
+    z: Float32Array  # (6, 64), as it came from the prompt, whatever the strength
+    front_bias: Float32Array
+    content_weight: Float32Array
+    content_bias: Float32Array
+    walk_speed: float  # m/s
+    jog_speed: float
+    # amplitude and turns a second (C, 2) of the phases at rest, by what the arms are to do; zeros of a model that does not tell
+    rest: Float32Array = field(default_factory=lambda: np.zeros((C, 2), np.float32))
 
 
 @dataclass(frozen=True, eq=False)

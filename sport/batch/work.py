@@ -56,7 +56,7 @@ class Maker:
 
     def _run(self, task: Task, folder: Path) -> None:
         """As `sport generate` does; imported here, since a process that only leads needs none of it."""
-        from sport.commands.generate import write_clips
+        from sport.clips import write_clips
 
         options = argparse.Namespace(**vars(task.options))
         options.out = folder / options.out

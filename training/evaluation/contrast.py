@@ -101,6 +101,12 @@ def measure(subject: Subject, styles: tuple[str, ...]) -> dict[str, Any]:
     }
 
 
+def _shown(subject: Subject, style: str) -> dict[str, Array]:
+    """What Fig. 8 shows of a model, by its title: neutral, a style, and each of the style's parts alone."""
+    whole = {name: z_of(subject, name) for name in (NEUTRAL, style)}
+    return whole | {f"its {part.replace('_', ' ')} alone": z_of(subject, style, part) for part in PARTS}
+
+
 def contrast(setting: Setting) -> dict[str, Any]:
     """Every model's figures by its name; draws Fig. 8 with --figures."""
     styles = tuple(setting.args.styles)
@@ -111,7 +117,8 @@ def contrast(setting: Setting) -> dict[str, Any]:
     if setting.args.figures is not None:
         from training.evaluation.report.contrast_figure import draw
 
-        draw(setting.args.figures, setting.subjects, results, styles)
+        shown = [(subject, _shown(subject, styles[0])) for subject in setting.subjects]
+        draw(setting.args.figures, shown, results, SEED)
     return results
 
 

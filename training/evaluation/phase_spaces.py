@@ -166,7 +166,7 @@ def _figures(setting: Setting) -> dict[str, Any]:
     if args.figures is not None:
         from training.evaluation.report.phase_figures import draw
 
-        draw(args.figures, found, walks, figures, (codes, held), args.seed)
+        draw(args.figures, found, walks.styles, walks.names, figures, (codes, held), args.seed)
     return figures
 
 

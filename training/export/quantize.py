@@ -22,9 +22,10 @@ from runtime.atomic import write_atomic
 from runtime.errors import FileError, run_command
 from runtime.motion.controller import Controller
 from runtime.motion.features import FPS, OUTPUT
-from runtime.motion.model import MotionModel, Style, load_model
+from runtime.motion.model import MotionModel, load_model
 from runtime.motion.model_files import INT8_GRAPH, PRECISIONS, read_metadata
 from runtime.motion.paths import PlanarPose, control_script
+from runtime.motion.style_mix import Style
 from runtime.prompts.prompter import Prompter
 from runtime.terrain.library import load_terrain
 

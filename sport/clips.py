@@ -1,0 +1,128 @@
+"""Clips from the options of `sport generate`: the motion made, cut to length and written."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from runtime.errors import UsageError
+from sport.commands.arguments import blend_weights
+
+if TYPE_CHECKING:
+    from runtime.formats.prepare import ExportOptions
+    from runtime.motion.stick_script import StickScript
+
+MAX_VARIANTS = 1000
+Tools = Callable[[argparse.Namespace], tuple[Any, Any]]  # the loaded model and its prompter
+
+
+def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None:
+    """Write the clip or its variants; `tools` gives a loaded model and its prompter for these options. SportError."""
+    from runtime.formats.bvh_clip import check_bvh_length
+    from runtime.formats.table import format_of
+    from runtime.generate import generate_clip
+    from runtime.motion.features import FPS
+    from runtime.terrain.library import load_terrain
+    from sport.commands.export import check_outputs, export_options, note, write_take
+
+    export = export_options(options)
+    outputs = _outputs(options)
+    prompt = _prompt(options)
+    controls, seconds = _controls(options)
+    if any(out.suffix.lower() == ".bvh" for out in outputs):
+        check_bvh_length(seconds, export.fps)
+    check_outputs(outputs, export, options)
+    terrain = load_terrain(options.terrain)
+    if terrain.note:
+        note(terrain.note)
+    rendered = seconds
+    if export.fps > FPS and not any(format_of(out).film for out in outputs):
+        rendered += 1.0 / FPS  # the last frames at a higher rate lie between two of ours
+    size = _size_of(export)
+    model, prompter = (options.model, None) if tools is None else tools(options)
+    for k, out in enumerate(outputs):
+        clip = generate_clip(
+            prompt,
+            options.terrain,
+            options.path or "forward",
+            options.gait or "walk",
+            rendered,
+            options.seed + k,
+            controls=controls,
+            speed=1.0 if options.speed is None else options.speed,
+            transition_seconds=options.transition,
+            strength=options.strength,
+            response=options.response,
+            model=model,
+            name=out.stem,
+            expander=options.expander,
+            text_encoder=options.text_encoder,
+            report=note,
+            prompter=prompter,
+            size=size,
+            pins="; ".join(options.pin),
+        )
+        if not format_of(out).film:
+            clip = clip.resampled(export.fps)
+            clip = clip.trim(0, min(max(round(seconds * export.fps), 1), len(clip)) - 1)
+        write_take(clip, out, export, options, terrain)
+
+
+def _size_of(export: ExportOptions) -> float:
+    """How large the character of an export is, that the motion be made for it; 1 for the mannequin. FileError."""
+    from runtime.character.character import load_character
+    from runtime.character.joint_map import read_joint_map
+
+    if export.character is None or export.fit_to_motion:
+        return 1.0
+    joint_map = None if export.joint_map is None else read_joint_map(export.joint_map)
+    return load_character(export.character, joint_map).size
+
+
+def _outputs(options: argparse.Namespace) -> list[Path]:
+    """The file, or one for each variant; UsageError."""
+    from sport.commands.export import numbered
+
+    if options.seed < 0:
+        raise UsageError(f" {options.seed}: expected 0 or more.", "Choose another seed.", "seed")
+    if not 1 <= options.variants <= MAX_VARIANTS:
+        raise UsageError(f" {options.variants}: expected 1 to {MAX_VARIANTS}.", "Try 3.", "variants")
+    if options.variants > 1 and options.ground_out is not None:
+        raise UsageError(
+            " with --variants: all stand on the same ground.", "Leave one of the two out.", "ground_out"
+        )
+    if options.variants == 1:
+        return [options.out]
+    return [numbered(options.out, number) for number in range(1, options.variants + 1)]
+
+
+def _controls(options: argparse.Namespace) -> tuple[StickScript | None, float]:
+    """The stick as text, where it is given, and the seconds of the clip; UsageError."""
+    from runtime.motion.stick_script import parse_stick
+
+    if options.controls is None:
+        return None, 10.0 if options.seconds is None else options.seconds
+    for name in ("path", "gait", "speed"):
+        if getattr(options, name) is not None:
+            raise UsageError(": the script of --controls has it.", "Leave one of the two out.", name)
+    script = parse_stick(options.controls)
+    return script, script.seconds if options.seconds is None else options.seconds
+
+
+def _prompt(options: argparse.Namespace) -> Any:
+    """What `generate_clip` takes: a prompt, prompts with times, six descriptions, or a blend."""
+    from runtime.generate import load_parts, parse_prompts
+    from runtime.prompts.blend import BlendedPrompt
+    from runtime.prompts.expander import DEFAULT_PROMPT, check_prompt
+
+    prompt: Any = DEFAULT_PROMPT if options.prompt is None else options.prompt
+    weights = blend_weights(options)
+    if options.prompts is not None:
+        prompt = parse_prompts(options.prompts)
+        if options.blend is not None:
+            raise UsageError("--blend: blends one prompt, not several with times.", "Use --prompt.")
+    elif options.parts is not None:
+        prompt = load_parts(options.parts)
+    return prompt if options.blend is None else BlendedPrompt(prompt, check_prompt(options.blend), weights)

@@ -204,8 +204,12 @@ def _without_denial(clause: str) -> str:
     return grammar()["denial_at_end"].sub("", clause)
 
 
+_EVERY_STEP = re.compile(r"^(?:(?:he|she|they|it|and) )*(?:with|at|on) (?:every|each|all) steps?$")
+
+
 def _tidy(rest: str) -> str:
     rest = re.sub(r"\s+", " ", rest).strip(" ,;.:!?-")
+    rest = _EVERY_STEP.sub("", rest)
     rest = re.sub(
         r"(?:(?:^|\s+)(?:and|with|while|but|whose|who|is|has|in|on|the|a|his|her|their))+$", "", rest
     )

@@ -30,7 +30,7 @@ _ABBREVIATED = re.compile(rf"\b(?P<side>[lr])\.? (?=(?:upper ?arm|shoulder|hip|{
 _HANDED = re.compile(r"\b(?:(?P<side>left|right)[- ]?hand(?:ed|er)|(?P<southpaw>southpaw|lefty))\b")
 # "a hand ..., the left one"; "the hand of the same side"; "a peg leg on the right": the side comes after its limb
 _SIDE_BEHIND = re.compile(
-    rf"\b(?P<words>(?:(?:one|a|an|the|his|her|their|its) )+(?:(?!left|right)\w+ )?)(?P<limb>(?:{_ARM}|{_LEG}))\b"
+    rf"\b(?P<words>(?:(?:one|a|an|the|his|her|their|its) )+(?:(?!left|right)\w+ )?)(?P<limb>(?:{_ARM}|{_LEG}|shoulder|hip))\b"
     r"(?P<between>(?:[^,;.:!?]*,)?) "
     r"(?:(?:the|his|her|their) (?P<one>left|right) one"
     r"|(?:of|on) (?:the|his|her|their) (?P<relation>same|other|opposite) side"
@@ -44,7 +44,12 @@ _LIMB = re.compile(
     rf"(?P<adjective>(?!(?:{_ARM}|{_LEG})s?\b)(?!on\b|in\b|at\b|to\b|of\b|and\b|is\b|hip|should|side)\w+ )?"
     rf"\b(?P<limb>(?:{_ARM}|{_LEG}))(?P<plural>s)?\b"
 )
-_BARE = r"\bthe (?:other(?: one)?|(?P<one>left|right) one)(?= (?:\w+ing|\w+ed|%s)\b)"  # "the other hanging"
+_BARE = (  # "the other hanging"; "right hand up, left down"; "her left hangs"
+    r"\bthe (?:other(?: one)?|(?P<one>left|right) one)(?= (?:\w+ing|\w+ed|%(verbs)s)\b)"
+    r"|(?:^|(?<=[,;.:] )|(?<=(?<!left )(?<!right )\band )|(?<=\bwhile )|(?<=\bbut ))"
+    r"(?P<whose>(?:the|his|her|their) )?(?P<bare>left|right)(?= (?:\w+ing|\w+ed|%(verbs)s)\b)"
+)
+_OF_LEGS = re.compile(r" (?:limp|drag|stomp|stamp|kick|step|shuffl)")
 _RELATIVE = ("one", "other", "opposite", "same")  # words that name a side by another
 _EACH_OTHER = re.compile(r" (?:before|in front of|after|behind|over|across) the other\b")  # both, in turn
 _IN_LINE = re.compile(r"\bone (?:foot|leg)(?=(?: \w+){0,3} (?:in front of|before) the other\b)")
@@ -75,6 +80,7 @@ class _Spoken:
 
     noun: str = "arm"
     side: str = "right"
+    named: bool = False  # whether a limb was spoken of at all
 
     @property
     def is_arm(self) -> bool:
@@ -121,7 +127,7 @@ def _put_side_before(match: re.Match[str]) -> str:
 def _relation(match: re.Match[str], clauses: str, hand: str) -> str:
     """The clauses that a relation stands for, with its side, the other side, and what else the pattern names."""
     values = {name: value or "" for name, value in match.groupdict().items()}
-    side = values.get("side") or hand
+    side = values.get("side") or values.get("side_2") or hand
     if not side and "{side}" in clauses:
         return match.group(0)
     said = clauses.format(**(values | {"side": side, "other": OPPOSITE.get(side, "")}))
@@ -130,7 +136,7 @@ def _relation(match: re.Match[str], clauses: str, hand: str) -> str:
 
 def _with_sides(text: str, hand: str) -> str:
     """The limbs of a prompt with their sides, read from left to right."""
-    bare = re.compile(_BARE % grammar()["following_words"].pattern)
+    bare = re.compile(_BARE % {"verbs": grammar()["following_words"].pattern})
     spoken, said, at = _Spoken(side=hand or "right"), "", 0
     single: dict[bool, str] = {}  # side of the limb called "one", by whether it is an arm
     subject_end = 0  # of the clause whose subject was found
@@ -140,7 +146,12 @@ def _with_sides(text: str, hand: str) -> str:
         said += text[at : match.start()]
         at = match.end()
         if match.re is bare:
-            spoken.side = match["one"] or OPPOSITE[spoken.side]
+            if match["bare"] and not _means_a_limb(match, spoken):
+                said += match.group(0)
+                continue
+            if match["bare"] and not spoken.named and _OF_LEGS.match(text, at):
+                spoken.noun = "leg"
+            spoken.side = match["one"] or match["bare"] or OPPOSITE[spoken.side]
             said += f"{spoken.side} {spoken.noun}"
             continue
         noun, owners = match["limb"], match["owners"].split()
@@ -153,10 +164,16 @@ def _with_sides(text: str, hand: str) -> str:
         said += _with_side(match, side)
         # "right hand holding the left elbow": the elbow is no subject of its own
         if side and not (match["place"] and match.start() < subject_end):
-            spoken = _Spoken(noun, side)
+            spoken = _Spoken(noun, side, named=True)
             end = re.compile(r"[,;.:!?]| and | while ").search(text, match.end())
             subject_end = end.start() if end else len(text)
     return said + text[at:]
+
+
+def _means_a_limb(match: re.Match[str], spoken: _Spoken) -> bool:
+    """Whether a side without a noun is a limb: "her left hangs", and "left down" after "right hand up"."""
+    owned = match["whose"] in ("his ", "her ", "their ")
+    return owned or (spoken.named and spoken.side != match["bare"])
 
 
 def _with_side(match: re.Match[str], side: str) -> str:
@@ -228,9 +245,11 @@ def named_side(words: Sequence[Word]) -> str:
 def entry_side(entry: LibraryEntry) -> str:
     """The side on which an entry does what makes it so, "" where both sides do the like.
 
-    Its name says it ("limping on the left leg"), else the limb that is not idle.
+    Its name says it ("limping on the left leg"), else the one leg that it defines, else the limb that is not idle.
     """
     spoken = {side for side in OPPOSITE if re.search(rf"\b{side}\b", entry.prompt)}
+    if not spoken and not {"left_leg", "right_leg"} <= set(entry.defines):
+        spoken = {side for side in OPPOSITE if f"{side}_leg" in entry.defines}
     if spoken:
         return spoken.pop() if len(spoken) == 1 else ""
     said = entry.descriptions

@@ -37,9 +37,10 @@ FILLER = frozenset(
         "keeps keep stays staying can could would will there here dressed wearing wears wear carrying holding"
     )
 )
-SLIGHT = word_set("slightly somewhat mildly little bit faintly half almost")
+SLIGHT = word_set("slightly somewhat mildly little bit faintly half almost vaguely barely hardly kinda")
 STRONG = word_set(
-    "very extremely totally completely really utterly incredibly so too terribly deeply absolutely super"
+    "very extremely totally completely really utterly incredibly so too terribly deeply absolutely super mostly mainly "
+    "awfully insanely overly"
 )
 DEGREES = SLIGHT | STRONG | word_set("rather quite fairly pretty")
 # what a body part is called, and the parts that it means: "arms like a robot", "penguin legs"

@@ -86,6 +86,8 @@ def parse_clauses(prompt: str) -> ParsedPrompt:
     for i in range(0, len(pieces), 2):
         found, remainder = _parse_clause(pieces[i].strip())
         denies = bool(rules["denies"].search(pieces[i]))
+        if i and rules["except"].search(pieces[i - 1]):
+            _take_back(parts, found)
         for part, description in found.items():
             if part not in parts or (part in denied and not denies):
                 parts[part] = description
@@ -97,6 +99,14 @@ def parse_clauses(prompt: str) -> ParsedPrompt:
                 rest.append(pieces[i - 1])
             rest.append(remainder)
     return ParsedPrompt(parts, _tidy("".join(rest)), hand)
+
+
+def _take_back(parts: dict[str, str], found: dict[str, str]) -> None:
+    """Forget what was said of two limbs together where an exception follows: "both arms swing but the right one barely"."""
+    for limb in _LIMBS:
+        pair = [f"{side}_{limb}" for side in OPPOSITE]
+        if sum(part in found for part in pair) == 1 and all(part in parts for part in pair):
+            parts.pop(next(part for part in pair if part in found))
 
 
 def _parse_clause(clause: str) -> tuple[dict[str, str], str]:

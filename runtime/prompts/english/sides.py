@@ -45,9 +45,12 @@ _LIMB = re.compile(
     rf"\b(?P<limb>(?:{_ARM}|{_LEG}))(?P<plural>s)?\b"
 )
 _BARE = (  # "the other hanging"; "right hand up, left down"; "her left hangs"
-    r"\bthe (?:other(?: one)?|(?P<one>left|right) one)(?= (?:\w+ing|\w+ed|%(verbs)s)\b)"
-    r"|(?:^|(?<=[,;.:] )|(?<=(?<!left )(?<!right )\band )|(?<=\bwhile )|(?<=\bbut ))"
+    r"\bthe (?:(?:other|opposite)(?: one)?|(?P<one>left|right) one)(?= (?:\w+ing|\w+ed|%(verbs)s)\b)"
+    r"|(?:^|(?<=[,;.:] )|(?<=(?<!left )(?<!right )\band )|(?<=\bwhile )|(?<=\bbut )|(?<=\bbecause )|(?<=\bsince ))"
     r"(?P<whose>(?:the|his|her|their) )?(?P<bare>left|right)(?= (?:\w+ing|\w+ed|%(verbs)s)\b)"
+)
+_THAT = (
+    r"\b(?P<that>(?:that|the same) (?=(?:side|shoulder|hip|knee|ear|pocket)\b))"  # of the limb spoken of last
 )
 _OF_LEGS = re.compile(r" (?:limp|drag|stomp|stamp|kick|step|shuffl)")
 _RELATIVE = ("one", "other", "opposite", "same")  # words that name a side by another
@@ -99,7 +102,7 @@ def name_sides(prompt: str) -> tuple[str, str]:
     text = _ABBREVIATED.sub(lambda found: "left " if found["side"] == "l" else "right ", text)
     text = re.sub(rf"\b(left|right) (?:arm|leg)'s (?=(?:{_ARM}|{_LEG})s?\b)", r"\1 ", text)
     text = re.sub(rf"\beach ((?:{_ARM}|{_LEG}))\b", r"both \1s", text).replace("foots", "feet")
-    text = _IN_LINE.sub("both feet", text)
+    text = _IN_LINE.sub("both feet", re.sub(r"\bits (?:partner|counterpart|twin)\b", "the other", text))
     text = _ELLIPSIS.sub(r"\g<first> \g<noun>", text)
     text = _SIDE_BEHIND.sub(_put_side_before, text)
     loaded = ""
@@ -136,7 +139,7 @@ def _relation(match: re.Match[str], clauses: str, hand: str) -> str:
 
 def _with_sides(text: str, hand: str) -> str:
     """The limbs of a prompt with their sides, read from left to right."""
-    bare = re.compile(_BARE % {"verbs": grammar()["following_words"].pattern})
+    bare = re.compile(f"{_BARE}|{_THAT}" % {"verbs": grammar()["following_words"].pattern})
     spoken, said, at = _Spoken(side=hand or "right"), "", 0
     single: dict[bool, str] = {}  # side of the limb called "one", by whether it is an arm
     subject_end = 0  # of the clause whose subject was found
@@ -146,6 +149,9 @@ def _with_sides(text: str, hand: str) -> str:
         said += text[at : match.start()]
         at = match.end()
         if match.re is bare:
+            if match["that"]:
+                said += f"the {spoken.side} " if spoken.named else match.group(0)
+                continue
             if match["bare"] and not _means_a_limb(match, spoken):
                 said += match.group(0)
                 continue

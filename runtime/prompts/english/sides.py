@@ -52,6 +52,12 @@ _BARE = (  # "the other hanging"; "right hand up, left down"; "her left hangs"
 _THAT = (
     r"\b(?P<that>(?:that|the same) (?=(?:side|shoulder|hip|knee|ear|pocket)\b))"  # of the limb spoken of last
 )
+# "gesturing with the left"
+_WITH_SIDE = re.compile(
+    r"\b(?:(?P<kick>kick|stomp|stamp|hop|step|limp)|gestur|gesticulat|wav|point|hold|carr|push|pull|punch|shield|reach|grab|"
+    r"touch|support|cover|rub|greet|salut|clutch|grop)\w* (?:[^,;.:!?]* )?"
+    r"with (?:the|his|her|their) (?:left|right|other)(?= *(?:[,;.:!?]|$| and\b| while\b))"
+)
 _OF_LEGS = re.compile(r" (?:limp|drag|stomp|stamp|kick|step|shuffl)")
 _RELATIVE = ("one", "other", "opposite", "same")  # words that name a side by another
 _EACH_OTHER = re.compile(r" (?:before|in front of|after|behind|over|across) the other\b")  # both, in turn
@@ -104,6 +110,7 @@ def name_sides(prompt: str) -> tuple[str, str]:
     text = re.sub(rf"\beach ((?:{_ARM}|{_LEG}))\b", r"both \1s", text).replace("foots", "feet")
     text = _IN_LINE.sub("both feet", re.sub(r"\bits (?:partner|counterpart|twin)\b", "the other", text))
     text = _ELLIPSIS.sub(r"\g<first> \g<noun>", text)
+    text = _WITH_SIDE.sub(lambda found: f"{found[0]} {'foot' if found['kick'] else 'hand'}", text)
     text = _SIDE_BEHIND.sub(_put_side_before, text)
     loaded = ""
     for pattern, clauses in grammar().first_relations:

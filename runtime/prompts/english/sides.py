@@ -45,7 +45,7 @@ _LIMB = re.compile(
     rf"\b(?P<limb>(?:{_ARM}|{_LEG}))(?P<plural>s)?\b"
 )
 _BARE = (  # "the other hanging"; "right hand up, left down"; "her left hangs"
-    r"\bthe (?:(?:other|opposite)(?: one)?|(?P<one>left|right) one)(?= (?:\w+ing|\w+ed|%(verbs)s)\b)"
+    r"\b(?:the (?:other|opposite)(?: one)?|(?:the )?(?P<one>left|right) one)(?= (?:\w+ing|\w+ed|%(verbs)s)\b)"
     r"|(?:^|(?<=[,;.:] )|(?<=(?<!left )(?<!right )\band )|(?<=\bwhile )|(?<=\bbut )|(?<=\bbecause )|(?<=\bsince ))"
     r"(?P<whose>(?:the|his|her|their) )?(?P<bare>left|right)(?= (?:\w+ing|\w+ed|%(verbs)s)\b)"
 )
@@ -56,7 +56,7 @@ _THAT = (
 _WITH_SIDE = re.compile(
     r"\b(?:(?P<kick>kick|stomp|stamp|hop|step|limp)|gestur|gesticulat|wav|point|hold|carr|push|pull|punch|shield|reach|grab|"
     r"touch|support|cover|rub|greet|salut|clutch|grop)\w* (?:[^,;.:!?]* )?"
-    r"with (?:the|his|her|their) (?:left|right|other)(?= *(?:[,;.:!?]|$| and\b| while\b))"
+    r"with (?:(?:the|his|her|their) )?(?:left|right|other)(?= *(?:[,;.:!?]|$| and\b| while\b))"
 )
 _OF_LEGS = re.compile(r" (?:limp|drag|stomp|stamp|kick|step|shuffl)")
 _RELATIVE = ("one", "other", "opposite", "same")  # words that name a side by another

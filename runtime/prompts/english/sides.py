@@ -19,6 +19,7 @@ from functools import partial
 from runtime.prompts.english.clause_rules import grammar
 from runtime.prompts.english.library_data import LibraryEntry
 from runtime.prompts.english.words import PART_WORDS, Word, word_set
+from runtime.prompts.parts import PartDescriptions
 from runtime.skeleton import PART_NAMES
 
 OPPOSITE = {"left": "right", "right": "left"}
@@ -74,7 +75,9 @@ _ELLIPSIS = re.compile(
     rf"(?P<first>\b(?:on|at|over) (?:the |his |her |their )?(?:left|right) (?P<noun>{_SAME_SIDE}|{_OTHER_SIDE})\b.*?"
     r"\b(?:on|at|over) (?:the |his |her |their )?(?:left|right))(?= *(?:[,;.:!?]|$))"
 )
-_SIDED_NOUNS = word_set("arm hand elbow shoulder wrist leg foot feet knee hip ankle side thigh heel toe")
+_SIDED_NOUNS = word_set(
+    "arm hand elbow shoulder wrist leg foot feet knee hip ankle side thigh heel toe collarbone"
+)
 _IDLE_ARM = re.compile(
     r"\bbehind the back\b|\bhanging\b(?!.*\bpulled\b)|\bswinging (?:naturally|gently|little|lightly|evenly)"
 )
@@ -157,7 +160,8 @@ def _with_sides(text: str, hand: str) -> str:
         at = match.end()
         if match.re is bare:
             if match["that"]:
-                said += f"the {spoken.side} " if spoken.named else match.group(0)
+                named = [spoken.side] if spoken.named else re.findall(r"\b(?:left|right)\b", said)
+                said += f"the {named[-1]} " if named else match.group(0)
                 continue
             if match["bare"] and not _means_a_limb(match, spoken):
                 said += match.group(0)
@@ -180,6 +184,8 @@ def _with_sides(text: str, hand: str) -> str:
             spoken = _Spoken(noun, side, named=True)
             end = re.compile(r"[,;.:!?]| and | while ").search(text, match.end())
             subject_end = end.start() if end else len(text)
+        elif not match["place"] and not spoken.named:  # "both legs ..., the left one ..."
+            spoken.noun = "foot" if noun == "feet" else noun
     return said + text[at:]
 
 
@@ -279,7 +285,11 @@ def on_side(entry: LibraryEntry, side: str) -> LibraryEntry:
     own = entry_side(entry)
     if not side or not own or own == side:
         return entry
-    return replace(entry, descriptions=entry.descriptions.mirrored(), defines=_mirrored(entry.defines))
+    mirrored = {
+        part: text.replace("left angle", "right angle")
+        for part, text in entry.descriptions.mirrored().to_mapping().items()
+    }
+    return replace(entry, descriptions=PartDescriptions(**mirrored), defines=_mirrored(entry.defines))
 
 
 def _mirrored(parts: tuple[str, ...]) -> tuple[str, ...]:

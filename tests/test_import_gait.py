@@ -158,5 +158,20 @@ def test_gait_measures_what_a_walker_was_made_with(bend: float) -> None:
     np.testing.assert_allclose(found["bob_cm"], 4.0, atol=0.3)
 
 
+def test_strides_that_are_alike_vary_by_nothing_and_a_hand_that_wanders_by_its_deviation() -> None:
+    same = gait.measure(walker(0.1))
+    assert same is not None
+    assert max(same["hands_vary_cm"], same["tops_vary_cm"], same["steps_vary_cm"]) < 0.2
+    joints = walker(0.1)
+    t = np.arange(600) / 60
+    for hand in ("lw", "rw"):
+        joints.points[hand][:, 1] += 0.05 * np.sin(2 * np.pi * t / 3.3)
+    found = gait.measure(joints)
+    assert found is not None
+    np.testing.assert_allclose(found["hands_vary_cm"], 5.0 / np.sqrt(2), rtol=0.15)
+    np.testing.assert_allclose(found["tops_vary_cm"], 5.0 / np.sqrt(2), rtol=0.3)
+    assert found["steps_vary_cm"] < 0.2
+
+
 def test_gait_says_nothing_of_somebody_who_stands() -> None:
     assert gait.measure(walker(0.1, speed=0.0)) is None

@@ -6,6 +6,7 @@ Lengths are scaled to a leg of 0.82 m (hip, knee, ankle), angles are degrees; ea
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,10 @@ from runtime.formats.bvh import BvhMotion, read_bvh
 LEG_M = 0.82
 MIN_SPEED, MAX_SPEED = 0.55, 2.2  # m/s: slower is standing, faster is running
 LOW, HIGH = 3.0, 97.0  # percentiles of a range
+LEAST_STRIDES, STRIDE_SAMPLES = 5, 50
+STRIDE_S = (0.7, 2.2)  # a stride is two steps
+STRIKES_APART, LEAST_STRIDE_M = 0.2, 0.1  # seconds; metres of the foot ahead of the hips
+STRAIGHT = 0.6  # radians a second
 _UP = np.array([0.0, 1.0, 0.0])
 
 
@@ -101,7 +106,7 @@ def measure(joints: GaitJoints, mask: NDArray[np.bool_] | None = None) -> dict[s
     if "lt" in p:
         result |= _feet(p, m)
     result["restless"] = _fast_share(p, m, fps)
-    return result
+    return result | _variation(p, heading, side, m, fps)
 
 
 def _pace(p: dict[str, Array], heading: Array, m: NDArray[np.bool_], fps: float) -> dict[str, float]:
@@ -177,6 +182,49 @@ def _fast_share(p: dict[str, Array], m: NDArray[np.bool_], fps: float) -> float:
         whole = energy[(rate > 0.3) & (rate < 14)].sum()
         shares.append(100.0 * energy[(rate > 6) & (rate < 14)].sum() / max(whole, 1e-12))
     return float(np.mean(shares))
+
+
+def _variation(
+    p: dict[str, Array], heading: Array, side: Array, m: NDArray[np.bool_], fps: float
+) -> dict[str, float]:
+    """How strides that go straight differ from each other, centimetres: both hands on their way, the highest place of a
+    hand, the left step's length. Nothing of fewer than `LEAST_STRIDES`."""
+    strides = _straight_strides(p, heading, m, fps)
+    if len(strides) < LEAST_STRIDES:
+        return {}
+    hands, tops = [], []
+    for key in ("lw", "rw"):
+        away = p[key] - p["hips"]
+        seen = np.stack([_dot(away, side), away[:, 1], _dot(away, heading)], -1)
+        moments = np.stack([np.linspace(first, last, STRIDE_SAMPLES) for first, last in strides])
+        paths = np.stack([np.interp(moments, np.arange(len(seen)), seen[:, i]) for i in range(3)], -1)
+        hands.append(100.0 * float(np.sqrt(paths.var(0, ddof=1).sum(-1).mean())))
+        tops.append(100.0 * float(paths[..., 1].max(1).std(ddof=1)))
+    lengths = _dot(p["la"] - p["ra"], heading)[[first for first, _ in strides]]
+    return {
+        "hands_vary_cm": float(np.mean(hands)),
+        "tops_vary_cm": float(np.mean(tops)),
+        "steps_vary_cm": 100.0 * float(lengths.std(ddof=1)),
+    }
+
+
+def _straight_strides(
+    p: dict[str, Array], heading: Array, m: NDArray[np.bool_], fps: float
+) -> list[tuple[int, int]]:
+    """First and last frame of every stride, from the left foot farthest ahead to the next time, that walks straight on."""
+    from scipy.ndimage import maximum_filter1d
+
+    ahead, near = _dot(p["la"] - p["hips"], heading), int(STRIKES_APART * fps)
+    farthest = maximum_filter1d(ahead, 2 * near + 1)
+    strikes = np.flatnonzero((ahead == farthest) & (ahead > LEAST_STRIDE_M))
+    turn = np.abs(np.gradient(np.unwrap(np.arctan2(heading[:, 0], heading[:, 2])))) * fps
+    return [
+        (int(first), int(last))
+        for first, last in pairwise(strikes)
+        if STRIDE_S[0] < (last - first) / fps < STRIDE_S[1]
+        and m[first:last].all()
+        and turn[first:last].max() < STRAIGHT
+    ]
 
 
 def _second(values: Array, fps: float) -> Array:

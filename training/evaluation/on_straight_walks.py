@@ -77,6 +77,9 @@ ROWS = (
     WalkMeasure("knee_max", "knee at its most bent", 0.75, 1.3),
     WalkMeasure("clearance_cm", "height of the ankle's lift", 0.75, 1.3),
     WalkMeasure("elbow", "elbow, degrees", -10.0, 10.0, True),
+    WalkMeasure("hands_vary_cm", "from stride to stride: way of the hands", 0.6, 1.2, median=(0.6, 1.2)),
+    WalkMeasure("tops_vary_cm", "top of the hands", 0.6, 1.2, median=(0.6, 1.2)),
+    WalkMeasure("steps_vary_cm", "length of the steps", 0.6, 1.2, median=(0.6, 1.2)),
 )
 
 
@@ -101,7 +104,8 @@ def raw_walks(data: Path) -> dict[str, Measures]:
 def median_of(measured: Iterable[Measures]) -> Measures:
     """Median of every measure."""
     items = list(measured)
-    return {k: float(np.median([m[k] for m in items if k in m])) for k in items[0]}
+    keys = dict.fromkeys(key for m in items for key in m)
+    return {k: float(np.median([m[k] for m in items if k in m])) for k in keys}
 
 
 def our_walks(subject: Subject, styles: Iterable[str], speed: float = 1.0) -> dict[str, Measures]:
@@ -150,7 +154,9 @@ def cell(row: WalkMeasure, raw: dict[str, Measures], ours: dict[str, Measures]) 
 
 def compared(row: WalkMeasure, raw: dict[str, Measures], ours: dict[str, Measures]) -> Array:
     """Difference or ratio of every style that both have."""
-    pairs = [(ours[s][row.key], raw[s][row.key]) for s in raw if s in ours and row.key in raw[s]]
+    pairs = [
+        (ours[s][row.key], raw[s][row.key]) for s in raw if row.key in ours.get(s, {}) and row.key in raw[s]
+    ]
     return np.array([a - b if row.difference else a / b for a, b in pairs])
 
 

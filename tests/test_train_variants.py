@@ -172,7 +172,7 @@ def test_several_processes_train_what_can_be_shared(
         parallel, "run_together", lambda count, work, args, stage: stages.append((count, stage))
     )
     train(short, full, "compact", "--processes", "2")
-    assert stages == [(1, "phase"), (2, "content"), (1, "words"), (2, "stage2"), (2, "stage3"), (1, "export")]
+    assert stages == [(1, "phase"), (1, "content"), (1, "words"), (2, "stage2"), (2, "stage3"), (1, "export")]
 
 
 def test_stage_2_alone_is_exported(short: Path, full: Path, monkeypatch: pytest.MonkeyPatch) -> None:

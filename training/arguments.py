@@ -18,12 +18,12 @@ WORD_STEPS = 2000
 class StageSteps:
     """Optimiser steps (0: skip by loading what exists) and time limits in minutes of each stage."""
 
-    phase: int = 2000
-    content: int = 3000
+    phase: int = 1000
+    content: int = 2500
     words: int = WORD_STEPS
-    stage2: int = 20000
-    stage3: int = 6000
-    batch: int = 256  # of stages 2 and 3, in each process
+    stage2: int = 11000
+    stage3: int = 1500
+    batch: int = 1024  # samples of a step of stages 2 and 3, over all processes
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -62,7 +62,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--processes",
         type=int,
         default=1,
-        help="that train stages content, 2 and 3 together, such as one a core",
+        help="that train stages 2 and 3 together, such as one a core",
     )
     parser.add_argument("--max-minutes", type=float, help="time limit of each stage")
     return parser

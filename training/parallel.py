@@ -1,8 +1,8 @@
 """Training in several processes, one for each GPU or for each core: `sport train --processes`, or torchrun on machines of several GPUs.
 
-    torchrun --nproc-per-node 4 -m sport train stage2 --preset paper-rotations --clips DIR --out RUN
+    torchrun --nproc-per-node 4 -m sport train stage2 --preset paper-rotations --clips DIR --out RUN --batch 2048
 
-Every process draws batches of its own; their gradients are averaged, so that all keep the same weights. The first one
+Every process draws its share of a batch; their gradients are averaged, so that all keep the same weights. The first one
 writes the checkpoints and the log.
 """
 
@@ -21,7 +21,7 @@ from torch import Tensor, nn
 from runtime.errors import UsageError
 
 Arguments = ParamSpec("Arguments")
-STAGES = ("content", "stage2", "stage3")  # the others are quick, or write files that all would write
+STAGES = ("stage2", "stage3")  # the others are quick, or write files that all would write
 
 
 def rank() -> int:

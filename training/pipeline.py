@@ -236,6 +236,11 @@ class Run:
         module.load_state_dict(load_checkpoint(self.args.out / f"{stage}_final.pt")["module"])
         return module.to(self.session.device)
 
+    @property
+    def batch(self) -> int:
+        """Samples of a step of stages 2 and 3 in each process."""
+        return max(1, self.args.batch // parallel.workers())
+
     # --- stages -------------------------------------------------------------------------------------------------------
 
     def train(self, stage: str) -> None:
@@ -287,12 +292,12 @@ class Run:
 
     def train_stage2(self) -> None:
         """Stage 2, resumed where it was left."""
-        options = self.args.stage2, self.args.batch, self.args.max_minutes
+        options = self.args.stage2, self.batch, self.args.max_minutes
         stage_motion.run_stage2(self.session, self.config, self.data, *options)
 
     def train_stage3(self) -> None:
         """Stage 3, resumed where it was left."""
-        options = self.args.stage3, self.args.batch, self.args.max_minutes
+        options = self.args.stage3, self.batch, self.args.max_minutes
         generator = stage_motion.run_stage3(
             self.session, self.config, self.data, self.generator("stage2"), *options
         )

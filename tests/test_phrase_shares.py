@@ -49,6 +49,25 @@ def test_a_sentence_of_the_right_limb_is_looked_up_as_one_of_the_left() -> None:
     assert TABLE.of("right hand on the hip, held still", "left_arm") is None
 
 
+def test_a_limb_that_differs_from_the_other_has_a_share_of_its_own() -> None:
+    found = phrase_shares.Found()
+    for part, share in (("left_arm", 0.0), ("right_arm", 0.9)):
+        side = part.split("_")[0]
+        found.add_edit(part, f"{side} hand behind the back", share)
+        found.add_edit(part, f"{side} arm raised", 0.8)
+    tables = found.table()
+    assert tables["sentences"] == {
+        "arm": {"left arm raised": 0.8, "left hand behind the back": 0.45},
+        "left_arm": {"left hand behind the back": 0.0},
+        "right_arm": {"left hand behind the back": 0.9},
+    }
+    assert tables["clauses"] == tables["sentences"]
+    table = PhraseShares({(g, w): v for g, own in tables["sentences"].items() for w, v in own.items()})
+    assert table.of("left hand behind the back", "left_arm") == 0.0
+    assert table.of("right hand behind the back", "right_arm") == 0.9
+    assert table.of("right arm raised", "right_arm") == 0.8
+
+
 def test_what_was_not_measured_has_the_mean_of_its_clauses_or_nothing() -> None:
     assert TABLE.of("left arm raised, elbow bent, fingers spread", "left_arm") == pytest.approx(0.6)
     assert TABLE.of("left arm juggling", "left_arm") is None
@@ -83,7 +102,7 @@ def test_the_shipped_table_can_be_asked() -> None:
     assert shares.phrase_share("no such words at all", "head") is None
     assert shares.phrase_share("head down", "head", model="no such model") is None
     for table in load_shares(Path(shares.asset_path(shares.FILE))).values():
-        assert {group for group, _ in table.sentences} <= {"arm", "leg", "torso", "head"}
+        assert {group for group, _ in table.sentences} <= {"arm", "leg", *PART_NAMES}
 
 
 def test_the_library_prefers_the_sentence_that_is_shown() -> None:

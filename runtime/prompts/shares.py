@@ -1,7 +1,8 @@
 """How much of what a sentence says a model shows: measured once on walks, shipped as `shares.json`.
 
 The file has, for every model by name and for arm, leg, torso and head, shares (0 to 1) of whole sentences and of single
-clauses; limbs are described as the left ones. `python -m training.evaluation.text.phrase_shares` writes it.
+clauses; limbs are described as the left ones. Where a limb shows less or more than that of the other side, `left_arm` and
+the like have its own. `python -m training.evaluation.text.phrase_shares` writes it.
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ FILE = "prompts/shares.json"
 
 @dataclass(frozen=True)
 class PhraseShares:
-    """Shares of one model: `sentences` and `clauses` map (group, words) to 0 to 1; group is arm, leg, torso or head."""
+    """Shares of one model: `sentences` and `clauses` map (group, words) to 0 to 1; group is arm, leg, torso or head, or a
+    limb by its name.
+    """
 
     sentences: Mapping[tuple[str, str], float] = field(default_factory=dict)
     clauses: Mapping[tuple[str, str], float] = field(default_factory=dict)
@@ -34,12 +37,11 @@ class PhraseShares:
         A sentence that is not in the table has the mean of its clauses, if any is.
         """
         group, words = as_left_limb(sentence, part)
-        whole = self.sentences.get((group, words))
+        whole = _share_in(self.sentences, part, group, words)
         if whole is not None:
             return whole
-        known = [
-            self.clauses[key] for key in ((group, c.strip()) for c in words.split(",")) if key in self.clauses
-        ]
+        shares = (_share_in(self.clauses, part, group, clause.strip()) for clause in words.split(","))
+        known = [share for share in shares if share is not None]
         return sum(known) / len(known) if known else None
 
     def weakly_shown(self, descriptions: PartDescriptions) -> dict[str, float]:
@@ -56,6 +58,11 @@ class PhraseShares:
             f"{part.replace('_', ' ')} “{getattr(descriptions, part)}” ({weak[part]:.0%})" for part in weak
         )
         return f"Hardly shown by this model: {'; '.join(listed)}."
+
+
+def _share_in(table: Mapping[tuple[str, str], float], part: str, group: str, words: str) -> float | None:
+    """That of the part itself, else that of both sides."""
+    return table.get((part, words), table.get((group, words)))
 
 
 def phrase_share(sentence: str, part: str, model: str = DEFAULT_MODEL) -> float | None:

@@ -51,15 +51,18 @@ log = logging.getLogger("sport.evaluate")
 SECONDS = 3.0  # walked and measured for each phrase
 _HAND = ("hand_front", "hand_out", "hand_level")
 _LEVEL_M = 0.45  # metres of one unit of hand_level
+APART = 0.15  # between one limb's share and that of both: its own is kept from there
 UNEVEN = ("neutral_rough",)  # plain, on ground that is not
 
 
 @dataclass
 class Found:
-    """Shares by (group, words), of sentences and of their clauses, each with all walks that said them."""
+    """Shares by (group, words), of sentences and of their clauses, each with all walks that said them; by (part, words)
+    those of limbs apart."""
 
     sentences: dict[tuple[str, str], list[float]] = field(default_factory=lambda: defaultdict(list))
     clauses: dict[tuple[str, str], list[float]] = field(default_factory=lambda: defaultdict(list))
+    limbs: dict[tuple[str, str], list[float]] = field(default_factory=lambda: defaultdict(list))
 
     def add(self, part: str, sentence: str, neutral: BodyMeasures, walked: BodyMeasures) -> None:
         """What a walk shows of a sentence by the claims of its clauses."""
@@ -76,8 +79,11 @@ class Found:
 
     def add_edit(self, part: str, phrase: str, share: float) -> None:
         """What a walk shows of a phrase of the catalogue."""
-        self.sentences[as_left_limb(phrase, part)].append(share)
-        self.clauses[as_left_limb(phrase, part)].append(share)
+        group, words = as_left_limb(phrase, part)
+        self.sentences[group, words].append(share)
+        self.clauses[group, words].append(share)
+        if group != part:
+            self.limbs[part, words].append(share)
 
     def add_plain(self, styles: Mapping[str, LibraryStyle]) -> None:
         """The sentences of the plain walks ask for nothing that everybody does not do: all of it is shown."""
@@ -89,7 +95,16 @@ class Found:
 
     def table(self) -> dict[str, dict[str, dict[str, float]]]:
         """Medians over the walks, as the file has them."""
-        return {"sentences": _medians(self.sentences), "clauses": _medians(self.clauses)}
+        return {name: _medians(own | self._apart(own)) for name, own in vars(self).items() if name != "limbs"}
+
+    def _apart(self, both: Mapping[tuple[str, str], list[float]]) -> dict[tuple[str, str], list[float]]:
+        """The limbs that show something by another share than the two of them do."""
+        found = {}
+        for (part, words), shares in self.limbs.items():
+            all_walks = both[as_left_limb(part, part)[0], words]
+            if abs(np.median(shares) - np.median(all_walks)) > APART:
+                found[part, words] = shares
+        return found
 
 
 def measure_shares(
@@ -147,10 +162,8 @@ def hand_place(summary: Summary, part: str) -> np.ndarray:
 
 
 def _phrases(neutral: PartDescriptions) -> Iterable[tuple[PartDescriptions, str]]:
-    """Every phrase of the catalogue on a neutral walk, with its edit; the sides in turn, as limbs are described as the left ones."""
+    """Every phrase of the catalogue on a neutral walk, with its edit."""
     for name, edit in EDITS.items():
-        if edit.slot in ("right_arm", "right_leg"):
-            continue
         for k in range(max(len(texts) for texts in edit.phrases.values())):
             words = neutral
             for part, texts in edit.phrases.items():
@@ -159,13 +172,12 @@ def _phrases(neutral: PartDescriptions) -> Iterable[tuple[PartDescriptions, str]
 
 
 def _described(motion: EditedMotion) -> dict[str, tuple[Summary, Summary]]:
-    """Of every edit of the left and the middle: the neutral walk before and after it."""
+    """Of every edit: the neutral walk before and after it."""
     before = summarise(motion.hips, motion.local, motion.contacts)
     found = {}
     for name, edit in EDITS.items():
-        if edit.slot not in ("right_arm", "right_leg"):
-            changed = apply(motion, edit, np.random.default_rng(0))
-            found[name] = before, summarise(changed.hips, changed.local, changed.contacts)
+        changed = apply(motion, edit, np.random.default_rng(0))
+        found[name] = before, summarise(changed.hips, changed.local, changed.contacts)
     return found
 
 

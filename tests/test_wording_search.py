@@ -59,6 +59,21 @@ def test_a_weak_sentence_gets_the_words_whose_walk_does_it_and_nothing_else():
     assert table == {"torso": {"torso leaning forward": "torso tilted forward"}}
 
 
+def test_each_arm_is_told_what_says_the_same_or_less_and_is_done_by_it():
+    whole, less = "left hand held behind the back, elbow bent", "left hand held behind the back"
+    arm = dataclasses.replace(PLAIN.right_arm, hand_front=0.1, elbow_bend=10.0)
+    plain = dataclasses.replace(PLAIN, left_arm=arm, right_arm=arm)
+    there = dataclasses.replace(arm, hand_front=-0.15, elbow_bend=60.0)
+    walks = {NEUTRAL: plain}
+    for part in ("left_arm", "right_arm"):
+        walks[part, whole] = plain
+        walks[part, less] = dataclasses.replace(plain, **({part: there} if part == "right_arm" else {}))
+    assert better_wordings(walks, frozenset(), alike) == {"right_arm": {whole: less}}
+    assert better_wordings(walks, frozenset({("arm", whole)}), alike) == {}
+    said = wording._said(wording.Prompter(load_model()).expand("walk").descriptions, "right_arm", less)
+    assert said.right_arm == "right hand held behind the back"
+
+
 def test_captured_sentences_keep_their_words():
     assert better_wordings(WALKS, frozenset({("torso", "torso leaning forward")}), alike) == {}
 

@@ -1,7 +1,7 @@
 """The wording that a model follows: of a sentence that it hardly shows, one of the same meaning that it shows.
 
-The file has, for every model by name and for torso, head and leg, sentences with what is told to the model in their
-place; limbs are described as the left ones. `python -m training.evaluation.text.wording` measures and writes it.
+The file has, for every model by name and for torso, head, leg and either arm, sentences with what is told to the model in
+their place; limbs are described as the left ones. `python -m training.evaluation.text.wording` measures and writes it.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ FILE = "prompts/wording.json"
 
 @dataclass(frozen=True)
 class Wording:
-    """Of one model: (group, words) and the words in their place; group is arm, leg, torso or head."""
+    """Of one model: (group, words) and the words in their place; group is leg, torso, head, or an arm by its name."""
 
     table: Mapping[tuple[str, str], str] = field(default_factory=dict)
 
     def of(self, sentence: str, part: str) -> str:
         """The sentence that the model is told of `part`."""
         group, words = as_left_limb(sentence, part)
-        told = self.table.get((group, words))
+        told = self.table.get((part, words), self.table.get((group, words)))
         if told is None:
             return sentence
         return mirror_text(told) if part.startswith("right") else told

@@ -2,9 +2,10 @@
 
     python -m training.evaluation.text.wording --store walks.json [--model FOLDER] [--out FILE]
 
-A sentence of torso, head or leg is walked with everything else as in neutral, and what it claims (`training.text.claims`)
-is compared with what the body does. Where the model shows less than `WEAK` of it, the sentence gets the wording, out of all that
-were walked and claim the same measures, whose walk keeps the claims and changes as little else as possible. Descriptions of captured styles stay as they are: the model
+A sentence is walked with everything else as in neutral, and what it claims (`training.text.claims`) is compared with what the
+body does; each arm is walked on its own, for some of its edits are held out on one side. Where the model shows less than `WEAK` of it,
+the sentence gets the wording, out of all that were walked and claim some of the same measures and no others, whose walk keeps
+the claims and changes as little else as possible. Descriptions of captured styles stay as they are: the model
 learnt them by heart.
 """
 
@@ -15,7 +16,7 @@ import json
 import logging
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, fields
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ from runtime.motion.crowd import MOST, Crowd
 from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel, load_model
 from runtime.pose import Pose
+from runtime.prompts.parts import PartDescriptions, mirror_text
 from runtime.prompts.prompter import Prompter
 from runtime.prompts.sentence_tables import as_left_limb
 from runtime.prompts.shares import shares_of
@@ -48,8 +50,15 @@ WEAK = 0.5  # share of a sentence's claims under which it gets another wording
 GAIN = 0.3  # by which the other wording has to be better
 CHANGE = 0.12  # what a unit of change that was not claimed costs, in shares
 ALIKE = 0.8  # what likeness of words is worth
-PARTS = {"torso": "torso", "head": "head", "leg": "left_leg"}  # by the group of the table
-Key = tuple[str, str]  # group and words
+# what is walked, by the group of the table
+PARTS = {
+    "torso": "torso",
+    "head": "head",
+    "leg": "left_leg",
+    "left_arm": "left_arm",
+    "right_arm": "right_arm",
+}
+Key = tuple[str, str]  # group and words, of a limb as of the left one
 NEUTRAL: Key = ("", "")
 Measures = dict[str, float]
 _KINDS = (ArmMeasures, ArmMeasures, LegMeasures, LegMeasures, TorsoMeasures, HeadMeasures)  # of the parts
@@ -85,11 +94,16 @@ def walk_all(
     missing = [key for key in (NEUTRAL, *keys) if key not in found]
     for first in range(0, len(missing), MOST):
         chunk = missing[first : first + MOST]
-        said = [replace(plain, **({PARTS[group]: words} if group else {})) for group, words in chunk]
+        said = [_said(plain, *key) if key != NEUTRAL else plain for key in chunk]
         found |= dict(zip(chunk, walk(model, [prompter(each) for each in said]), strict=True))
         write_atomic(store, json.dumps({"|".join(key): asdict(body) for key, body in found.items()}))
         log.info("walked %d of %d", first + len(chunk), len(missing))
     return found
+
+
+def _said(plain: PartDescriptions, group: str, words: str) -> PartDescriptions:
+    part = PARTS[group]
+    return plain.replace(part, mirror_text(words) if part.startswith("right") else words)
 
 
 def _read(store: Path) -> dict[Key, BodyMeasures]:
@@ -126,14 +140,14 @@ def better_wordings(
         shares = [sentence_share(part, words, neutral, walks[group, words]) for _, words in pool]
         weak = [share is not None and share < WEAK for share in shares]
         vectors = likeness([words for _, words in pool]) if any(weak) else np.zeros((len(pool), 1))
-        meaning = [_meaning(part, words) for _, words in pool]
+        said = [_meaning(part, words) for _, words in pool]
         for number, key in enumerate(pool):
-            if not weak[number] or key in captured:
+            if not weak[number] or (as_left_limb("", part)[0], key[1]) in captured:
                 continue
             alike = vectors @ vectors[number]
             scores = [
                 -np.inf
-                if weak[other] or meaning[other] != meaning[number]
+                if weak[other] or not _means(said[other], said[number])
                 else _score(part, key[1], neutral, walks[pool[other]], shares[number] or 0.0, near)
                 for other, near in enumerate(alike.tolist())
             ]
@@ -143,9 +157,17 @@ def better_wordings(
     return table
 
 
-def _meaning(part: str, words: str) -> object:
-    """What two sentences must share to say the same: the measures that they make claims of, and the sides they name."""
+Meaning = tuple[frozenset[tuple[str, str]], frozenset[str]]
+
+
+def _meaning(part: str, words: str) -> Meaning:
+    """The measures that a sentence makes claims of, and the sides that it names."""
     return claims(part, words), frozenset(re.findall(r"\b(?:left|right)\b", words.partition(" ")[2]))
+
+
+def _means(one: Meaning, other: Meaning) -> bool:
+    """Whether `one` may be said for `other`: it claims something of that, nothing else, and of the same sides."""
+    return bool(one[0]) and one[0] <= other[0] and one[1] == other[1]
 
 
 def _score(
@@ -169,13 +191,22 @@ def main(argv: Sequence[str] | None = None) -> None:
     model = load_model(args.model)
     prompter = Prompter(model, wording=Wording())
     shares = shares_of(model.name)
-    keys = sorted(key for key in {*shares.sentences, *shares.clauses} if key[0] in PARTS)
+    keys = sorted(
+        {key for group, words in {*shares.sentences, *shares.clauses} for key in _walked(group, words)}
+    )
     walks = walk_all(model, prompter, keys, args.store)
     table = better_wordings(walks, _captured(), lambda words: prompter.text_encoder.encode(list(words)))
     write_atomic(
         args.out, json.dumps({model.name: table}, indent=0, ensure_ascii=False, sort_keys=True) + "\n"
     )
     print(f"{args.out}: {sum(map(len, table.values()))} of {len(keys)} sentences have another wording")
+
+
+def _walked(group: str, words: str) -> list[Key]:
+    """The keys under which a sentence of the shares is walked: of an arm one for each side."""
+    if group == "arm":
+        return [("left_arm", words), ("right_arm", words)]
+    return [(group, words)]
 
 
 def _captured() -> frozenset[Key]:

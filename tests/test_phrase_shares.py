@@ -123,6 +123,12 @@ def test_the_library_prefers_the_sentence_that_is_shown() -> None:
     assert made.sources["head"] != chosen
     assert all(made.sources[p] == plain.sources[p] for p in PART_NAMES if p != "head")
 
+    def of_one_leg(entry: int, part: str) -> float:
+        return 0.0 if (entry, part) in ((chosen, "left_leg"), (1 - chosen, "right_leg")) else 1.0
+
+    legs = compose_neighbours(ranked, entries, embeddings, of_one_leg).sources
+    assert legs["left_leg"] == legs["right_leg"], "nobody walks on the legs of two"
+
 
 # --- claims -----------------------------------------------------------------------------------------------------------
 

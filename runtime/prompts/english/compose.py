@@ -120,15 +120,21 @@ def compose_neighbours(
     embeddings: LibraryEmbeddings,
     worth: Worth = worth_alike,
 ) -> Composition:
-    """For each part the words that the neighbours (entry, similarity) agree on most, weighted by similarity and worth."""
+    """For each part the words that the neighbours (entry, similarity) agree on most, weighted by similarity and worth.
+
+    Both arms, and both legs, are those of one neighbour: they move against each other.
+    """
     indices = [i for i, _ in ranked]
     weights = softmax(np.array([s for _, s in ranked], np.float32) / TEMPERATURE)
     vectors = embeddings.parts[indices]  # (k, 6, D)
-    sources = {}
+    scores = {}
     for p, part in enumerate(PART_NAMES):
         agreement = weights * (vectors[:, p] @ (vectors[:, p].T @ weights))
-        shown = np.array([worth(i, part) for i in indices])
-        sources[part] = indices[int(np.argmax(agreement * shown))]
+        scores[part] = agreement * np.array([worth(i, part) for i in indices])
+    sources = {}
+    for parts in _GROUPS.values():
+        best = int(np.argmax(sum(scores[part] for part in parts)))
+        sources.update(dict.fromkeys(parts, indices[best]))
     return Composition(_words(sources, entries), sources)
 
 

@@ -149,7 +149,7 @@ def cell(row: WalkMeasure, raw: dict[str, Measures], ours: dict[str, Measures]) 
     inside = int(((values >= row.low) & (values <= row.high)).sum())
     middle = float(np.median(values))
     shown = f"{middle:+.1f}" if row.difference else f"{middle:.2f}"
-    return f"{shown}; {inside} of {len(raw)}"
+    return f"{shown}; {inside} of {len(values)}"
 
 
 def compared(row: WalkMeasure, raw: dict[str, Measures], ours: dict[str, Measures]) -> Array:

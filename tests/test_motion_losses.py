@@ -21,7 +21,7 @@ from training.networks.generator import Generator  # noqa: E402
 from training.presets import preset  # noqa: E402
 from training.rollouts import MOVEMENTS, RolloutLanes  # noqa: E402
 from training.session import Session  # noqa: E402
-from training.stages.motion import MotionData, _decay, estimate_variance  # noqa: E402
+from training.stages.motion import MotionData, _decay, estimate_variance, from_other_poses  # noqa: E402
 from training.styles import StyleTable  # noqa: E402
 
 
@@ -226,3 +226,21 @@ def test_what_is_fed_back_stays_within_the_capture_and_what_is_asked_for_does_no
     for name, field in INPUT.items():
         bounded = name in ("joint_velocities", "phase")
         assert torch.allclose(far[field], most[field]) == bounded, name
+
+
+def test_a_share_of_captured_samples_comes_from_the_pose_of_another():
+    x = torch.arange(1000.0)[:, None].repeat(1, INPUT_SIZE)
+    before = x.clone()
+    found = from_other_poses(x, 0.4)
+    assert torch.equal(x, before)
+    changed = found != x
+    pose = torch.zeros(INPUT_SIZE, dtype=torch.bool)
+    for name in ("joint_positions", "joint_velocities"):
+        pose[INPUT[name]] = True
+    rows = changed.any(1)
+    assert 0.3 < rows.float().mean() < 0.5
+    assert torch.equal(changed[rows], pose.expand(int(rows.sum()), -1))
+    assert (
+        found[:, pose].amax(1) == found[:, pose].amin(1)
+    ).all()  # positions and velocities of the same one
+    assert torch.equal(from_other_poses(x, 0.0), x)

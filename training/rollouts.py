@@ -23,7 +23,7 @@ PRESENT = 60
 _POSE = ("joint_positions", "joint_velocities")
 # Share of lanes that begin in the pose of another clip. Capture holds no change of style: without these lanes the
 # network would stay in the pose it finds itself in, whatever the prompt says.
-FOREIGN_POSE = 0.35
+FOREIGN_POSE = 0.5
 ENERGY_FRAMES = 45  # most of a gait cycle: over so many a lane is compared with its own clip
 MOVEMENTS = 93 + TURNS  # coordinates of the joints, then turns of trunk, head and feet
 PLANNED_FRAMES = 60  # that a part of another clip goes on at least

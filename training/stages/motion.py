@@ -122,6 +122,9 @@ BEND_WEIGHT = 0.3  # of the knees' flexion: in lanes of its distribution too
 NOISE = 0.12  # of captured frames' inputs: more makes the network trust its own pose less, and swings shrink
 LANES = 0.5  # share of a batch that goes on from the network's own output
 LANE_FRAMES = 90.0  # mean length of such a rollout
+FOREIGN = (
+    0.4  # share of captured samples that come from the pose of another: words lead the way, not the last pose
+)
 # Parts of other clips are put on a sample so often, over stage 1: whole captured bodies are learnt slower than they.
 COMPOSED = 0.65
 
@@ -140,6 +143,7 @@ def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes, noise: floa
     fresh = rows[: len(rows) - len(lanes.rows)]
     patch, plan = data.patch(fresh), data.frames.plan(fresh, often=COMPOSED)
     x, y = data.pairs(fresh, patch, plan)
+    x = from_other_poses(x, FOREIGN)
     in_lanes = data.normal.normalised(steered(lanes.inputs()))
     clips = [plan.words(data.frames.clip[fresh]), lanes.plan.words(data.frames.clip[lanes.rows])]
     return MixedBatch(
@@ -147,6 +151,19 @@ def mixed_batch(data: MotionData, rows: Tensor, lanes: RolloutLanes, noise: floa
         x=torch.cat([_corrupt(x, noise), _corrupt(in_lanes, 0.2 * noise)]),
         target=torch.cat([y, data.output(lanes.rows, lanes.patch, lanes.plan)]),
     )
+
+
+def from_other_poses(x: Tensor, share: float) -> Tensor:
+    """x `(B, 472)`, of which a `share` has the previous pose of another row.
+
+    Without them a network learns to keep the pose that it sees, and takes up a style late or never.
+    """
+    changed = (torch.rand(len(x), device=x.device) < share).nonzero()[:, 0]
+    others = torch.randperm(len(x), device=x.device)[: len(changed)]
+    result = x.clone()
+    for name in ("joint_positions", "joint_velocities"):
+        result[changed, INPUT[name]] = x[others, INPUT[name]]
+    return result
 
 
 def _full_precision(device: torch.device) -> torch.autocast:

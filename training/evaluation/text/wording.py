@@ -4,8 +4,8 @@
 
 A sentence is walked with everything else as in neutral, and what it claims (`training.text.claims`) is compared with what the
 body does; each arm is walked on its own, for some of its edits are held out on one side. Where the model shows less than `WEAK` of it,
-the sentence gets the wording, out of all that were walked and claim some of the same measures and no others, whose walk keeps
-the claims and changes as little else as possible. Descriptions of captured styles stay as they are: the model
+the sentence gets the wording, out of all that were walked and claim the same measures, whose walk keeps the claims and changes
+as little else as possible; a sentence of an arm gets its own beginning. Descriptions of captured styles stay as they are: the model
 learnt them by heart.
 """
 
@@ -58,6 +58,7 @@ PARTS = {
     "left_arm": "left_arm",
     "right_arm": "right_arm",
 }
+ARMS = ("left_arm", "right_arm")
 Key = tuple[str, str]  # group and words, of a limb as of the left one
 NEUTRAL: Key = ("", "")
 Measures = dict[str, float]
@@ -147,7 +148,7 @@ def better_wordings(
             alike = vectors @ vectors[number]
             scores = [
                 -np.inf
-                if weak[other] or not _means(said[other], said[number])
+                if weak[other] or not _stands_for(pool[other], said[other], key, said[number])
                 else _score(part, key[1], neutral, walks[pool[other]], shares[number] or 0.0, near)
                 for other, near in enumerate(alike.tolist())
             ]
@@ -165,9 +166,12 @@ def _meaning(part: str, words: str) -> Meaning:
     return claims(part, words), frozenset(re.findall(r"\b(?:left|right)\b", words.partition(" ")[2]))
 
 
-def _means(one: Meaning, other: Meaning) -> bool:
-    """Whether `one` may be said for `other`: it claims something of that, nothing else, and of the same sides."""
-    return bool(one[0]) and one[0] <= other[0] and one[1] == other[1]
+def _stands_for(key: Key, meaning: Meaning, other: Key, wanted: Meaning) -> bool:
+    """Whether one sentence may be said for another: it claims the same; of an arm, of which claims say little, it is the
+    beginning of the other."""
+    if key[0] in ARMS:
+        return bool(meaning[0]) and meaning[0] <= wanted[0] and other[1].startswith(f"{key[1]},")
+    return meaning == wanted
 
 
 def _score(

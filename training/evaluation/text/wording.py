@@ -158,6 +158,7 @@ def better_wordings(
     return table
 
 
+_PLACE = re.compile(r" (?:behind|of|on|at) the \w+$")
 Meaning = tuple[frozenset[tuple[str, str]], frozenset[str]]
 
 
@@ -167,10 +168,12 @@ def _meaning(part: str, words: str) -> Meaning:
 
 
 def _stands_for(key: Key, meaning: Meaning, other: Key, wanted: Meaning) -> bool:
-    """Whether one sentence may be said for another: it claims the same; of an arm, of which claims say little, it is the
-    beginning of the other."""
+    """Whether one sentence may be said for another: it claims the same; of an arm, of which claims say little, it is also
+    the beginning of the other, or ends with the same place ("behind the back")."""
     if key[0] in ARMS:
-        return bool(meaning[0]) and meaning[0] <= wanted[0] and other[1].startswith(f"{key[1]},")
+        begins = bool(meaning[0]) and meaning[0] <= wanted[0] and other[1].startswith(f"{key[1]},")
+        place = _PLACE.search(key[1])
+        return begins or (meaning == wanted and place is not None and other[1].endswith(place[0]))
     return meaning == wanted
 
 

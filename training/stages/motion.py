@@ -122,9 +122,8 @@ BEND_WEIGHT = 0.3  # of the knees' flexion: in lanes of its distribution too
 NOISE = 0.12  # of captured frames' inputs: more makes the network trust its own pose less, and swings shrink
 LANES = 0.5  # share of a batch that goes on from the network's own output
 LANE_FRAMES = 90.0  # mean length of such a rollout
-FOREIGN = (
-    0.4  # share of captured samples that come from the pose of another: words lead the way, not the last pose
-)
+# Share of captured samples that come from the pose of another: words lead the way, not the last pose.
+FOREIGN = 0.4
 # Parts of other clips are put on a sample so often, over stage 1: whole captured bodies are learnt slower than they.
 COMPOSED = 0.65
 

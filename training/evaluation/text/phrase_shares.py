@@ -95,7 +95,8 @@ class Found:
 
     def table(self) -> dict[str, dict[str, dict[str, float]]]:
         """Medians over the walks, as the file has them."""
-        return {name: _medians(own | self._apart(own)) for name, own in vars(self).items() if name != "limbs"}
+        both = {"sentences": self.sentences, "clauses": self.clauses}
+        return {name: _medians(own | self._apart(own)) for name, own in both.items()}
 
     def _apart(self, both: Mapping[tuple[str, str], list[float]]) -> dict[tuple[str, str], list[float]]:
         """The limbs that show something by another share than the two of them do."""

@@ -5,7 +5,7 @@
 A sentence is walked with everything else as in neutral, and what it claims (`training.text.claims`) is compared with what the
 body does; each arm is walked on its own, for some of its edits are held out on one side. Where the model shows less than `WEAK` of it,
 the sentence gets the wording, out of all that were walked and claim the same measures, whose walk keeps the claims and changes
-as little else as possible; a sentence of an arm gets its own beginning. Descriptions of captured styles stay as they are: the model
+as little else as possible; a sentence of an arm gets its own beginning, or one that ends with the same place. Descriptions of captured styles stay as they are: the model
 learnt them by heart.
 """
 

@@ -56,6 +56,7 @@ _NAMED = (
     "eye",
     "gaze",
     "palm",
+    "forearm",
 )  # whose actions are not those of the whole part
 
 
@@ -120,11 +121,14 @@ def _parse_clause(clause: str) -> tuple[dict[str, str], str]:
             return stated, ""
     verb = rules["verb_clause"].search(clause)
     if verb:
-        action = f"{verb['degree'] or ''}{verb['verb']} {verb['rest']}"
+        before = rules["verb_at_end"].search(clause[: verb.start()])  # "dragging a stiff left leg"
+        action = (
+            f"{before['verb'] if before else ''} {verb['degree'] or ''}{verb['verb']} {verb['rest']}".strip()
+        )
         stated = _noun_parts(verb, action, verbatim=False)
         if stated:
             parts.update(stated)
-            clause = _without_denial(clause[: verb.start()].strip())
+            clause = _without_denial(clause[: before.start() if before else verb.start()].strip())
     for pattern, target, looked_up in rules.phrases:
         match = pattern.search(clause)
         if match:

@@ -29,7 +29,7 @@ from runtime.prompts.english.library_data import (
 )
 from runtime.prompts.english.other_languages import OtherLanguages
 from runtime.prompts.english.phrases import FIGURES, Element, PhraseIndex, Reading, read_phrases
-from runtime.prompts.english.sides import named_side, on_side
+from runtime.prompts.english.sides import lame_leg, lame_on, named_side, on_side
 from runtime.prompts.english.spelling import Spelling
 from runtime.prompts.english.words import PERSONS, PLACES, Word, plain_denials, words_of
 from runtime.prompts.expander import Expansion, check_prompt
@@ -156,7 +156,7 @@ class LibraryExpander:
         library = self._library
         note = f"{note} {_unread_limbs(words, reading, elements)}".strip()
         made = compose_elements(
-            elements, self._entries_on(side), library.embeddings, library.neutral, self._worth
+            elements, self._entries_on(side, parsed.parts), library.embeddings, library.neutral, self._worth
         )
         if len(set(made.sources.values())) > 1:
             # no similarity of single words: beside that of the whole prompt it is another figure for the same entry
@@ -197,7 +197,7 @@ class LibraryExpander:
         best, near = ranked[0][1], self._near(ranked)
         if best < FAR:
             return self._neutral(near, stated, f"{_far(text, best)} {note}".strip())
-        entries = self._entries_on(side)
+        entries = self._entries_on(side, stated)
         if best < GUESS or self._only_a_part_in_common(text, ranked[0]):
             reason = f"“{_short(text)}” is only {best:.0%} like the nearest prompt, “{near[0][0]}”: neutral."
             return self._neutral(near, stated, f"{reason} {note}".strip())
@@ -239,10 +239,13 @@ class LibraryExpander:
             word.says and word.stem not in PLACES and word.stem.removesuffix("ing") in own for word in words
         )
 
-    def _entries_on(self, side: str) -> tuple[LibraryEntry, ...]:
-        """The library's entries for a prompt that names one side of the body; "" for one that does not."""
+    def _entries_on(self, side: str, stated: dict[str, str]) -> tuple[LibraryEntry, ...]:
+        """The library's entries for a prompt that names one side of the body, "" for none, or states that one leg is lame."""
         entries = self._library.entries
-        return tuple(on_side(entry, side) for entry in entries) if side else entries
+        if side:
+            return tuple(on_side(entry, side) for entry in entries)
+        lame = lame_leg(stated)
+        return tuple(lame_on(entry, lame) for entry in entries) if lame else entries
 
     def _stretches(self, words: list[Word], left: tuple[int, ...], named: list[Element]) -> list[Element]:
         """Entries that stretches beside a prompt's phrases are like: "lethargic" in "a lethargic robot"."""

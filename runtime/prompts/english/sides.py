@@ -12,7 +12,7 @@ Words of such relations that stand for one action (weight, injuries, loads) are 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -29,6 +29,11 @@ _OF_ARM = re.compile(_ARM)
 # "L arm up, r. hand in the pocket"
 _ABBREVIATED = re.compile(rf"\b(?P<side>[lr])\.? (?=(?:upper ?arm|shoulder|hip|{_ARM}|{_LEG})s?\b)")
 _HANDED = re.compile(r"\b(?:(?P<side>left|right)[- ]?hand(?:ed|er)|(?P<southpaw>southpaw|lefty))\b")
+# "sword arm dangling": the right one of somebody right-handed
+_BY_USE = re.compile(
+    r"(?<!left )(?<!right )\b(?:(?P<leading>sword|gun|throwing|dominant|weapon|bowling|pitching|writing)|shield|non-?dominant|weak)"
+    r"[- ](?P<limb>arm|hand)\b"
+)
 # "a hand ..., the left one"; "the hand of the same side"; "a peg leg on the right": the side comes after its limb
 _SIDE_BEHIND = re.compile(
     rf"\b(?P<words>(?:(?:one|a|an|the|his|her|their|its) )+(?:(?!left|right)\w+ )?)(?P<limb>(?:{_ARM}|{_LEG}|shoulder|hip))\b"
@@ -111,6 +116,12 @@ def name_sides(prompt: str) -> tuple[str, str]:
     text = _ABBREVIATED.sub(lambda found: "left " if found["side"] == "l" else "right ", text)
     text = re.sub(rf"\b(left|right) (?:arm|leg)'s (?=(?:{_ARM}|{_LEG})s?\b)", r"\1 ", text)
     text = re.sub(rf"\beach ((?:{_ARM}|{_LEG}))\b", r"both \1s", text).replace("foots", "feet")
+    text = _BY_USE.sub(
+        lambda found: (
+            f"{(hand or 'right') if found['leading'] else OPPOSITE[hand or 'right']} {found['limb']}"
+        ),
+        text,
+    )
     text = _IN_LINE.sub("both feet", re.sub(r"\bits (?:partner|counterpart|twin)\b", "the other", text))
     text = _ELLIPSIS.sub(r"\g<first> \g<noun>", text)
     text = _WITH_SIDE.sub(lambda found: f"{found[0]} {'foot' if found['kick'] else 'hand'}", text)
@@ -271,13 +282,20 @@ def entry_side(entry: LibraryEntry) -> str:
         spoken = {side for side in OPPOSITE if f"{side}_leg" in entry.defines}
     if spoken:
         return spoken.pop() if len(spoken) == 1 else ""
-    said = entry.descriptions
-    legs = [side for side in OPPOSITE if _BUSY_LEG.search(getattr(said, f"{side}_leg"))]
-    arms = [side for side in OPPOSITE if not _IDLE_ARM.search(getattr(said, f"{side}_arm"))]
-    for sides in (legs, arms):
-        if len(sides) == 1:
-            return sides[0]
-    return ""
+    said = entry.descriptions.to_mapping()
+    arms = [side for side in OPPOSITE if not _IDLE_ARM.search(said[f"{side}_arm"])]
+    return lame_leg(said) or (arms[0] if len(arms) == 1 else "")
+
+
+def lame_leg(said: Mapping[str, str]) -> str:
+    """The side of the one leg that limps, drags, hops or is stiff by the descriptions of some parts, "" for none and for both."""
+    lame = [side for side in OPPOSITE if _BUSY_LEG.search(said.get(f"{side}_leg", ""))]
+    return lame[0] if len(lame) == 1 else ""
+
+
+def lame_on(entry: LibraryEntry, side: str) -> LibraryEntry:
+    """The entry, mirrored if it is lame on the other side: a pirate who drags the left leg has no wooden right one."""
+    return on_side(entry, side) if lame_leg(entry.descriptions.to_mapping()) else entry
 
 
 def on_side(entry: LibraryEntry, side: str) -> LibraryEntry:

@@ -57,6 +57,7 @@ _NAMED = (
     "gaze",
     "palm",
     "forearm",
+    "chest",
 )  # whose actions are not those of the whole part
 
 

@@ -84,7 +84,7 @@ class FakeController:
     def state(self) -> CharacterState:
         """What a snapshot keeps: the place, and the steps done so far."""
         style = StyleBlend.constant(
-            _WALKER.neutral, self.strength, lambda mix: _WALKER.fold_style(mix.codes[0], 1.0)
+            _WALKER.neutral, self.strength, lambda mix, like=None: _WALKER.fold_style(mix.codes[0], 1.0)
         )
         state = standing(_WALKER, self.terrain, style, self.seed, self.x, self.z, self.yaw)
         state.frame = np.array([self.steps])

@@ -24,6 +24,7 @@ from training.data import catalog
 from training.export.half_storage import store_model_in_half
 from training.export.model import Trained, export_model
 from training.export.quantize import quantize_model
+from training.export.sides import fit_sides, phase_signs
 from training.frames import FrameTable, load_frames
 from training.history import History
 from training.layering.build import LAYERS, build_layers
@@ -331,7 +332,11 @@ class Run:
             sequence_scales=_sequence_scales(self.content_path, table) if self.content is not None else {},
             decoder=self.args.decoder,
         )
-        _write_model(trained, self.args, self.args.out / ("model-mixture" if mixture else "model"))
+        folder = self.args.out / ("model-mixture" if mixture else "model")
+        _write_model(trained, self.args, folder)
+        # a code has a mirror image where every sentence is read as of the left side
+        if self.content is not None and config.one_sided_words and _is_played(config, self.args):
+            fit_sides(folder, phase_signs(table, self.phase), self.args.text_encoder)
 
 
 PHASE_BATCH = 128
@@ -363,10 +368,14 @@ def _paces_and_rhythm(table: FrameTable, phase: np.ndarray, data: stage_motion.M
     return np.concatenate([style_speeds(table, data.style), rest_rhythm(table, phase, data.style)], axis=1)
 
 
+def _is_played(config: ModelConfig, args: argparse.Namespace) -> bool:
+    """Whether somebody plays with the model: the runtime, which measures it, loads no other output, and nobody an ablation."""
+    return config.output_size == OUTPUT_SIZE and not args.ablation
+
+
 def _write_model(trained: Trained, args: argparse.Namespace, folder: Path) -> None:
     export_model(trained, folder)
-    # the runtime, which measures it, loads no other output; an ablation is not played with
-    if trained.config.output_size == OUTPUT_SIZE and not args.ablation:
+    if _is_played(trained.config, args):
         if exact_8_bit_products():
             quantize_model(folder, text_encoder=args.text_encoder)
         else:

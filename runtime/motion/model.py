@@ -13,6 +13,7 @@ from runtime.arrays import Float32Array
 from runtime.assets import model_folder
 from runtime.errors import ModelError
 from runtime.motion.features import C
+from runtime.motion.mirror import Mirror
 from runtime.motion.model_files import (
     FOLDED,
     INT8_GRAPH,
@@ -24,6 +25,7 @@ from runtime.motion.model_files import (
     run_graph,
 )
 from runtime.motion.style_mix import Style
+from runtime.skeleton import PART_NAMES
 
 ARM_PARTS = 2  # of the six come first
 THREADS = 4  # whose last lists of styles are kept stacked
@@ -55,6 +57,7 @@ class MotionModel:
         )
         self.style_shape = (6, int(config.get("style_size", 384)) // 6)
         self._neutral_code, self._strength = _strength(folder, metadata, self.style_shape)
+        self.mirror = _mirror(folder, metadata, self.neutral)
         step = "step" if self.precision == "fp32" else INT8_GRAPH
         prompt, self._style, self._step = (
             open_graph(folder / f"{name}.onnx", read_graph(folder, name, metadata), threads)
@@ -119,10 +122,32 @@ class MotionModel:
     ) -> tuple[Float32Array, Float32Array]:
         """y `(B, 473)` and alpha `(B, experts)` of inputs `(B, 472)` and noise `(B, *noise_shape)`.
 
-        `style` is one for all characters, or one for each; the same list again is not stacked anew.
+        `style` is one for all characters, or one for each; the same list again is not stacked anew. Mirrored styles get the
+        mirror image of x, and y is mirrored back; limbs that a style has of the other way round cost a second call.
         """
-        feed = {"x": x, "noise": noise, **self._folded(style, len(x))}
-        y, alpha = run_graph(self._step, self._step_path, None, feed)
+        y, alpha = self._one_way(x, noise, style)
+        styles = [style] * len(x) if isinstance(style, Style) else style
+        twice = [i for i, one in enumerate(styles) if one.beside is not None]
+        if self.mirror is not None and twice:
+            besides = [styles[i].beside for i in twice]
+            other = style.beside if isinstance(style, Style) else [b for b in besides if b is not None]
+            assert other is not None
+            beside, _ = self._one_way(x[twice], noise[twice], other)
+            shares = np.array([styles[i].limbs for i in twice], np.float32)
+            y[twice] = self.mirror.with_limbs(y[twice], beside, shares)
+        return y, alpha
+
+    def _one_way(
+        self, x: Float32Array, noise: Float32Array, style: Style | Sequence[Style]
+    ) -> tuple[Float32Array, Float32Array]:
+        """y and alpha by the styles alone, without those beside them."""
+        folded = self._folded(style, len(x))
+        turned = np.array([s.mirrored for s in ([style] * len(x) if isinstance(style, Style) else style)])
+        if self.mirror is not None and turned.any():
+            x = np.where(turned[:, None], self.mirror.of_input(x), x)
+        y, alpha = run_graph(self._step, self._step_path, None, {"x": x, "noise": noise, **folded})
+        if self.mirror is not None and turned.any():
+            y = np.where(turned[:, None], self.mirror.of_output(y), y)
         return y, alpha
 
     def _folded(self, style: Style | Sequence[Style], count: int) -> dict[str, Float32Array]:
@@ -164,6 +189,29 @@ def _strength(
             "Export the model again.",
         )
     return neutral, default
+
+
+def _mirror(folder: Path, metadata: dict[str, Any], neutral: Float32Array) -> Mirror | None:
+    """What a model's metadata tell of its mirror image; None for a model that does not."""
+    section = metadata.get("mirror")
+    if section is None:
+        return None
+    try:
+        phase = np.array(section["phase"], np.float32)
+        parts = np.array([PART_NAMES.index(code["part"]) for code in section["codes"]], np.int64)
+        codes = np.array([code["code"] for code in section["codes"]], np.float32)
+        leads = np.array([code["lead"] for code in section["codes"]], np.float32)
+        fits = phase.shape == (C,) and bool((np.abs(phase) == 1.0).all())
+        fits = fits and codes.shape == (len(parts), neutral.shape[1]) and leads.shape == (len(parts),)
+        fits = fits and bool(np.isfinite(codes).all()) and bool((np.abs(leads) <= 1.0).all())
+    except (TypeError, KeyError, ValueError, OverflowError):
+        fits = False
+    if not fits:
+        raise ModelError(
+            f"{folder / 'metadata.json'}: field 'mirror' has no signs of {C} phases, or codes that are not of a part.",
+            "Export the model again.",
+        )
+    return Mirror(phase, parts, codes, leads, neutral)
 
 
 def load_model(folder: Path | str | None = None, threads: int = 1, precision: str = "auto") -> MotionModel:

@@ -11,7 +11,7 @@ import io
 import json
 import math
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 from zipfile import BadZipFile, ZipFile
 
@@ -22,6 +22,7 @@ from runtime.crossing.jump import Jump
 from runtime.errors import FileError, ModelError
 from runtime.motion.calm import Calm
 from runtime.motion.controller import Controller
+from runtime.motion.mirror import LIMBS
 from runtime.motion.state import CharacterState
 from runtime.motion.style_blend import StyleCodes
 from runtime.motion.style_mix import Style, StyleMix
@@ -176,7 +177,14 @@ def _folded(tree: Any, arrays: list[np.ndarray]) -> Style:
         raise ValueError("weights that no style has")
     z, front_bias, content_weight, content_bias, rest = folded
     walk, jog = (_number(tree[name], FASTEST) for name in ("walk_speed", "jog_speed"))
-    return Style(z, front_bias, content_weight, content_bias, walk, jog, rest)
+    made = Style(z, front_bias, content_weight, content_bias, walk, jog, rest)
+    if tree.get("beside") is None:  # so are all of older states, which know no mirror
+        return replace(made, mirrored=tree.get("mirrored") is True)
+    beside = _folded(tree["beside"] | {"beside": None}, arrays)
+    limbs = tuple(_number(share, LARGEST_SHARE) for share in tree["limbs"])
+    if len(limbs) != LIMBS:
+        raise ValueError("limbs that no body has")
+    return replace(made, mirrored=tree["mirrored"] is True, beside=beside, limbs=limbs)
 
 
 def _mix(tree: Any, arrays: list[np.ndarray]) -> StyleMix:

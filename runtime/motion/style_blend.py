@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
 from runtime.arrays import Float32Array
+from runtime.motion.mirror import Ways
 from runtime.motion.style_mix import Style, StyleMix, mixed
 
-Fold = Callable[[Float32Array | StyleMix], Style]
+
+class Fold(Protocol):
+    """Folds a code or a mix the ways round that it is walked best, or those asked for."""
+
+    def __call__(self, style: Float32Array | StyleMix, like: Ways | None = None) -> Style: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +44,21 @@ class StyleBlend:
 
     @staticmethod
     def of(codes: StyleCodes, fold: Fold) -> StyleBlend:
-        """Folded by a model at the codes' strength; ModelError where a code does not fit the model."""
-        start = codes.start if isinstance(codes.start, Style) else fold(codes.start)
-        ends = start, fold(codes.goal)
+        """Folded by a model at the codes' strength; ModelError where a code does not fit the model.
+
+        A blend to a style that is walked in the mirror is in it from the beginning, and the reverse.
+        """
+        goal, start = fold(codes.goal), codes.start
+        if codes.progress < 1.0 and not isinstance(start, Style):
+            start = fold(start)
+        if not isinstance(start, Style):
+            return StyleBlend(codes, (goal, goal), goal)
+        ways = Ways(goal.mirrored, goal.beside is not None or start.beside is not None)
+        if ways != start.ways:
+            start = fold(start.z if isinstance(codes.start, Style) else codes.start, ways)
+        if ways != goal.ways:
+            goal = fold(codes.goal, ways)
+        ends = start, goal
         return StyleBlend(codes, ends, _between(ends, codes))
 
     @staticmethod

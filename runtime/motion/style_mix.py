@@ -7,12 +7,13 @@ What the experts' weights are folded into is linear in the gating's result, so t
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from runtime.arrays import Float32Array
 from runtime.motion.features import C
+from runtime.motion.mirror import LIMBS, Mirror, Ways, mirrored_code
 
 Shares = tuple[float, ...]  # of the second of two styles, at even parts of the change from the first
 
@@ -32,6 +33,16 @@ class Style:
     jog_speed: float
     # amplitude and turns a second (C, 2) of the phases at rest, by what the arms are to do; zeros of a model that does not tell
     rest: Float32Array = field(default_factory=lambda: np.zeros((C, 2), np.float32))
+    mirrored: bool = False  # folded from the mirror image of z: the network walks it in the mirror
+    beside: Style | None = (
+        None  # the same code folded the other way round, where some limbs move as it moves them
+    )
+    limbs: tuple[float, ...] = (0.0,) * LIMBS  # how far each of the four does
+
+    @property
+    def ways(self) -> Ways:
+        """The ways round that it is folded."""
+        return Ways(self.mirrored, self.beside is not None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +69,7 @@ def mixes(weights: Sequence[float]) -> bool:
 
 
 def mixed(styles: Sequence[Style], shares: Sequence[float]) -> Style:
-    """The weighted mean of folded styles; one style alone is handed back as it is."""
+    """The weighted mean of folded styles, all of them folded the same ways; one style alone is handed back as it is."""
     if len(styles) == 1:
         return styles[0]
 
@@ -73,26 +84,48 @@ def mixed(styles: Sequence[Style], shares: Sequence[float]) -> Style:
         for name in ("walk_speed", "jog_speed")
     )
     z, front_bias, weight, bias = (mean(n) for n in ("z", "front_bias", "content_weight", "content_bias"))
-    return Style(z, front_bias, weight, bias, walk, jog, mean("rest"))
+    made = Style(z, front_bias, weight, bias, walk, jog, mean("rest"), styles[0].mirrored)
+    besides = [style.beside for style in styles if style.beside is not None]
+    if len(besides) < len(styles):
+        return made
+    limbs = np.array(shares) @ np.array([style.limbs for style in styles])
+    return replace(made, beside=mixed(besides, shares), limbs=tuple(limbs.tolist()))
 
 
 class StyleFolder:
-    """Folds codes and mixes at one strength, each code once."""
+    """Folds codes and mixes at one strength, each code once; those that the `mirror` of a model prefers as their mirror image."""
 
-    def __init__(self, fold: Callable[[Float32Array, float], Style], strength: float) -> None:
+    def __init__(
+        self, fold: Callable[[Float32Array, float], Style], strength: float, mirror: Mirror | None = None
+    ) -> None:
         self._fold = fold
+        self._mirror = mirror
         self.strength = strength
-        self._known: dict[bytes, Style] = {}
+        self._known: dict[tuple[bytes, bool], Style] = {}
 
-    def fold(self, style: Float32Array | StyleMix) -> Style:
-        """The folded style; ModelError where a code does not fit the model."""
-        if not isinstance(style, StyleMix):
-            return self._folded(style)
-        return mixed([self._folded(z) for z in style.codes], style.shares)
+    def fold(self, style: Float32Array | StyleMix, like: Ways | None = None) -> Style:
+        """The style folded the ways round that it is walked best, or at least those asked for.
 
-    def _folded(self, z: Float32Array) -> Style:
-        key = np.ascontiguousarray(z, np.float32).tobytes()
-        found = self._known.pop(key, None) or self._fold(z, self.strength)
+        ModelError where a code does not fit the model.
+        """
+        mix = style if isinstance(style, StyleMix) else StyleMix((1.0,), (style,))
+        if self._mirror is None:
+            return mixed([self._folded(z, False) for z in mix.codes], mix.shares)
+        leads = np.array(mix.shares, np.float32) @ np.stack([self._mirror.leads(z) for z in mix.codes])
+        ways = self._mirror.ways(leads) if like is None else like
+        limbs = self._mirror.other_limbs(leads, ways.mirrored)
+        made = mixed([self._folded(z, ways.mirrored) for z in mix.codes], mix.shares)
+        if not ways.both:
+            return made
+        beside = mixed([self._folded(z, not ways.mirrored) for z in mix.codes], mix.shares)
+        return replace(made, beside=beside, limbs=limbs)
+
+    def _folded(self, z: Float32Array, mirrored: bool) -> Style:
+        key = np.ascontiguousarray(z, np.float32).tobytes(), mirrored
+        found = self._known.pop(key, None)
+        if found is None:
+            found = self._fold(mirrored_code(z) if mirrored else z, self.strength)
+            found = replace(found, z=z, mirrored=True) if mirrored else found
         self._known[key] = found  # the latest last
         if len(self._known) > CACHED:
             del self._known[next(iter(self._known))]

@@ -123,7 +123,7 @@ def measure_shares(
     walks = [Walk.of(prompter(d), 0) for d in (neutral, *(d for d, _ in asked))]
     plain, *made = walker.make(walks)
     motion = neutral_motion(model, prompter(neutral))
-    found, described = Found(), _described(motion)
+    found, described = Found(), described_edits(motion)
     for (descriptions, edit), walked in zip(asked, made, strict=True):
         if not edit:
             for part in PART_NAMES:
@@ -172,7 +172,7 @@ def _phrases(neutral: PartDescriptions) -> Iterable[tuple[PartDescriptions, str]
             yield words, name
 
 
-def _described(motion: EditedMotion) -> dict[str, tuple[Summary, Summary]]:
+def described_edits(motion: EditedMotion) -> dict[str, tuple[Summary, Summary]]:
     """Of every edit: the neutral walk before and after it."""
     before = summarise(motion.hips, motion.local, motion.contacts)
     found = {}

@@ -1,0 +1,160 @@
+"""The mirror image of what the network reads and writes, and which codes it walks better in the mirror.
+
+Training has every capture with its mirror image, so that a body walks one way round as well as the other. Of some things that
+one limb does it saw one side alone, and shows the other side badly or not at all. A code with such a side is walked
+mirrored: the network gets the mirror image of the state and of Z^t, and its answer is mirrored back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.arrays import Float32Array
+from runtime.motion.features import INPUT, OUTPUT, C
+from runtime.skeleton import MIRROR_JOINTS, PART_JOINTS, PART_NAMES
+
+BETTER = 0.05  # share by which the mirror image of a code must be shown better than the code
+# the same of one limb, for which the network runs twice
+LIMB_BETTER = 0.4
+LIMBS = 4  # of the six parts come first: arms and legs
+
+_POINT, _PLANE = np.array([-1, 1, 1], np.float32), np.array([-1, 1], np.float32)  # x changes its sign
+# of the first two columns of a rotation, what ties x to another axis
+_ROTATION = np.array([1, -1, -1, -1, 1, 1], np.float32)
+_ROOT = np.array([-1, 1, -1], np.float32)  # velocity x and z, yaw rate
+_CONTACTS = [2, 3, 0, 1]
+
+
+def _twin(part: str) -> str:
+    side, _, limb = part.partition("_")
+    return f"{'right' if side == 'left' else 'left'}_{limb}" if limb else part
+
+
+_TWINS = [PART_NAMES.index(_twin(part)) for part in PART_NAMES]
+_MIDLINE = [i for i, part in enumerate(PART_NAMES) if _twin(part) == part]
+
+
+def mirrored_code(z: Float32Array) -> Float32Array:
+    """Z^t `(6, 64)` of the mirrored words: the limbs' codes exchanged, the second half of torso and head negative.
+
+    Holds for a text network that reads every sentence as of the left side (`training.networks.content`).
+    """
+    result = z[_TWINS]
+    result[_MIDLINE, z.shape[1] // 2 :] *= -1.0
+    return result
+
+
+def _columns(limb: int) -> NDArray[np.int64]:
+    """Of y, what a limb does."""
+    joints = np.array(PART_JOINTS[PART_NAMES[limb]])
+    found = [
+        OUTPUT[name].start + (joints[:, None] * size + np.arange(size)).ravel()
+        for name, size in (("joint_positions", 3), ("joint_velocities", 3), ("joint_rotations", 6))
+    ]
+    if limb >= 2:  # a leg
+        found.append(OUTPUT["contacts"].start + 2 * (limb - 2) + np.arange(2))
+    return np.concatenate(found)
+
+
+_LIMB_COLUMNS = [_columns(limb) for limb in range(LIMBS)]
+
+
+@dataclass(frozen=True)
+class Ways:
+    """Which way round the network walks, and whether it walks both ways and some limbs are those of the other."""
+
+    mirrored: bool
+    both: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Mirror:
+    """What the mirror image of a model's frames is, and codes with the share by which it shows them better than their mirror image.
+
+    `phase` `(C,)` has -1 for the channels whose vectors change their sign. `codes` `(n, 64)` belong to the parts
+    `PART_NAMES[parts[i]]`, `measured` `(n,)` are their leads; the mirror image of each has the opposite one. `neutral` `(6, 64)` has none.
+    """
+
+    phase: Float32Array
+    parts: NDArray[np.int64]
+    codes: Float32Array
+    measured: Float32Array
+    neutral: Float32Array
+
+    def of_input(self, x: Float32Array) -> Float32Array:
+        """The mirror image of inputs `(B, 472)`."""
+        result = x.copy()
+        for name in ("trajectory_positions", "trajectory_directions"):
+            _turn(result, INPUT[name], lambda a: a.reshape(len(a), -1, 2) * _PLANE)
+        _turn(result, INPUT["heights"], lambda a: a.reshape(len(a), -1, 3)[..., ::-1])
+        for name in ("joint_positions", "joint_velocities"):
+            _turn(result, INPUT[name], _mirrored_joints)
+        _turn(result, INPUT["phase"], self._mirrored_phase)
+        return result
+
+    def of_output(self, y: Float32Array) -> Float32Array:
+        """The mirror image of outputs `(B, 473)`."""
+        result = y.copy()
+        for name in ("trajectory_positions", "trajectory_directions"):
+            _turn(result, OUTPUT[name], lambda a: a.reshape(len(a), -1, 2) * _PLANE)
+        for name in ("joint_positions", "joint_velocities"):
+            _turn(result, OUTPUT[name], _mirrored_joints)
+        _turn(result, OUTPUT["root"], lambda a: a * _ROOT)
+        _turn(result, OUTPUT["contacts"], lambda a: a[:, _CONTACTS])
+        _turn(result, OUTPUT["phase"], self._mirrored_phase)
+        _turn(
+            result,
+            OUTPUT["joint_rotations"],
+            lambda a: a.reshape(len(a), -1, 6)[:, MIRROR_JOINTS] * _ROTATION,
+        )
+        return result
+
+    def leads(self, z: Float32Array) -> Float32Array:
+        """By how much of a share each part of Z^t `(6, 64)` is shown better than in the mirror, `(6,)`.
+
+        It is the lead of the nearest code that was measured, none where neutral is nearer.
+        """
+        found = np.zeros(len(z), np.float32)
+        for sign, code, neutral in (
+            (1.0, z, self.neutral),
+            (-1.0, mirrored_code(z), mirrored_code(self.neutral)),
+        ):
+            for part in set(self.parts.tolist()):
+                own = self.parts == part
+                far = np.linalg.norm(self.codes[own] - code[part], axis=1)
+                nearest = int(np.argmin(far))
+                if far[nearest] < np.linalg.norm(neutral[part] - code[part]):
+                    found[part if sign > 0 else _TWINS[part]] += sign * self.measured[own][nearest]
+        return found
+
+    def ways(self, leads: Float32Array) -> Ways:
+        """The ways round in which parts with such leads `(6,)` are walked best."""
+        mirrored = bool(leads.sum() < -BETTER)
+        return Ways(mirrored, any(self.other_limbs(leads, mirrored)))
+
+    def other_limbs(self, leads: Float32Array, mirrored: bool) -> tuple[float, ...]:
+        """Of the four limbs 1 for those that are shown much better the other way round, else 0."""
+        better = (-leads if not mirrored else leads)[:LIMBS] >= LIMB_BETTER
+        return tuple(better.astype(float).tolist())
+
+    def with_limbs(self, y: Float32Array, beside: Float32Array, shares: Float32Array) -> Float32Array:
+        """Outputs `(B, 473)` with `shares` `(B, 4)` of the limbs' movement in the others of the same frame."""
+        result = y.copy()
+        for limb, columns in enumerate(_LIMB_COLUMNS):
+            result[:, columns] += shares[:, limb : limb + 1] * (beside[:, columns] - y[:, columns])
+        return result
+
+    def _mirrored_phase(self, phase: Float32Array) -> Float32Array:
+        return np.asarray(phase.reshape(len(phase), -1, C, 2) * self.phase[:, None])
+
+
+def _turn(rows: Float32Array, columns: slice, by: Any) -> None:
+    rows[:, columns] = by(rows[:, columns]).reshape(len(rows), -1)
+
+
+def _mirrored_joints(values: Float32Array) -> Float32Array:
+    return np.asarray(values.reshape(len(values), -1, 3)[:, MIRROR_JOINTS] * _POINT)

@@ -1,18 +1,13 @@
 """The network in the mirror: mirror images of what it reads and writes, and what is walked that way."""
 
-import json
-import shutil
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from runtime.assets import model_folder
 from runtime.controls import Controls
-from runtime.errors import ModelError
 from runtime.motion.controller import Controller
 from runtime.motion.features import INPUT_SIZE, OUTPUT_SIZE, C, InputParts, build_input, split_output
 from runtime.motion.mirror import Mirror, Ways, mirrored_code
@@ -39,15 +34,7 @@ def prompter(model: MotionModel) -> Prompter:
     return Prompter(model)
 
 
-def mirror(codes: dict[int, tuple[np.ndarray, float]] | None = None) -> Mirror:
-    codes = codes or {}
-    return Mirror(
-        PHASE,
-        np.array(list(codes), np.int64),
-        np.array([code for code, _ in codes.values()], np.float32).reshape(-1, 64),
-        np.array([lead for _, lead in codes.values()], np.float32),
-        np.zeros((6, 64), np.float32),
-    )
+MIRROR = Mirror(PHASE)
 
 
 @given(seed=st.integers(0, 2**31))
@@ -56,7 +43,7 @@ def test_twice_mirrored_is_what_it_was(seed: int) -> None:
     random = np.random.default_rng(seed)
     x, y = (random.standard_normal((3, size)).astype(np.float32) for size in (INPUT_SIZE, OUTPUT_SIZE))
     z = random.standard_normal((6, 64)).astype(np.float32)
-    both = mirror()
+    both = MIRROR
     assert np.array_equal(both.of_input(both.of_input(x)), x)
     assert np.array_equal(both.of_output(both.of_output(y)), y)
     assert np.array_equal(mirrored_code(mirrored_code(z)), z)
@@ -87,7 +74,7 @@ def test_the_mirrored_input_is_the_input_of_the_mirrored_world(seed: int) -> Non
         )
 
     np.testing.assert_allclose(
-        mirror().of_input(build_input(parts(1.0))), build_input(parts(-1.0)), rtol=0, atol=2e-6
+        MIRROR.of_input(build_input(parts(1.0))), build_input(parts(-1.0)), rtol=0, atol=2e-6
     )
 
 
@@ -101,35 +88,9 @@ def test_the_code_of_mirrored_words_is_the_mirrored_code(model: MotionModel, pro
     assert np.abs(code - mirrored_code(code)).max() > 3.0  # so that the bar can fail
 
 
-def test_a_part_has_the_lead_of_the_nearest_code_and_its_mirror_image_the_opposite() -> None:
-    near, far = np.full(64, 1.0, np.float32), np.full(64, -3.0, np.float32)
-    both = mirror({0: (near, -0.6)})
-    for code, lead in ((near, -0.6), (0.6 * near, -0.6), (0.4 * near, 0.0), (far, 0.0)):
-        z = np.zeros((6, 64), np.float32)
-        z[0] = code
-        assert both.leads(z).tolist() == pytest.approx([lead, 0, 0, 0, 0, 0]), code[0]
-        assert both.leads(mirrored_code(z)).tolist() == pytest.approx([0, -lead, 0, 0, 0, 0]), code[0]
-
-
-def test_which_ways_round_a_code_is_walked() -> None:
-    both = mirror()
-    for leads, mirrored, twice in (
-        ((0, 0, 0, 0, 0, 0), False, ()),
-        ((-0.6, 0, 0, 0, 0, 0), True, ()),
-        ((0.6, 0, 0, 0, 0, 0), False, ()),
-        ((-0.6, 0.6, 0, 0, 0, 0), False, (0,)),  # both arms do what was seen on the right
-        ((0.6, -0.6, 0, 0, -0.3, 0), True, (0,)),
-        ((0.2, -0.3, 0, 0, 0, 0), True, ()),  # a second call costs more than it brings
-        ((0, 0, 0.9, -0.8, 0, 0), False, (3,)),
-    ):
-        values = np.array(leads, np.float32)
-        assert both.ways(values) == Ways(mirrored, bool(twice)), leads
-        assert both.other_limbs(values, mirrored) == tuple(float(k in twice) for k in range(4)), leads
-
-
 def test_limbs_are_borrowed_whole() -> None:
     y, other = np.zeros((1, OUTPUT_SIZE), np.float32), np.ones((1, OUTPUT_SIZE), np.float32)
-    made = split_output(mirror().with_limbs(y, other, np.array([[1.0, 0.0, 0.25, 0.0]], np.float32)))
+    made = split_output(MIRROR.with_limbs(y, other, np.array([[1.0, 0.0, 0.25, 0.0]], np.float32)))
     expected = np.zeros(J)
     expected[list(PART_JOINTS["left_arm"])] = 1.0
     expected[list(PART_JOINTS["left_leg"])] = 0.25
@@ -147,14 +108,13 @@ def test_a_mirrored_style_sees_the_mirror_image(model: MotionModel) -> None:
     x = random.standard_normal((2, INPUT_SIZE)).astype(np.float32)
     noise = random.standard_normal((2, *model.noise_shape)).astype(np.float32)
     z = random.standard_normal((6, 64)).astype(np.float32)
-    folder, seen = StyleFolder(model.fold_style, 1.0, model.mirror), model.mirror
-    assert seen is not None
+    folder = StyleFolder(model.fold_style, 1.0, model.calibration)
     plain, mirrored = folder.fold(mirrored_code(z), Ways(False, False)), folder.fold(z, Ways(True, False))
     assert mirrored.mirrored
     assert np.array_equal(mirrored.z, z)
-    expected, _ = model.step(seen.of_input(x), noise, plain)
+    expected, _ = model.step(MIRROR.of_input(x), noise, plain)
     got, _ = model.step(x, noise, mirrored)
-    np.testing.assert_allclose(got, seen.of_output(expected), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(got, MIRROR.of_output(expected), rtol=0, atol=1e-6)
 
 
 def test_a_style_of_both_ways_has_limbs_of_the_other(model: MotionModel) -> None:
@@ -162,7 +122,7 @@ def test_a_style_of_both_ways_has_limbs_of_the_other(model: MotionModel) -> None
     x = random.standard_normal((1, INPUT_SIZE)).astype(np.float32)
     noise = random.standard_normal((1, *model.noise_shape)).astype(np.float32)
     z = random.standard_normal((6, 64)).astype(np.float32)
-    folder = StyleFolder(model.fold_style, 1.0, model.mirror)
+    folder = StyleFolder(model.fold_style, 1.0, model.calibration)
     ways = [folder.fold(z, Ways(mirrored, False)) for mirrored in (False, True)]
     plain, other = (model.step(x, noise, style)[0] for style in ways)
     both = replace(ways[0], beside=ways[1], limbs=(0.0, 1.0, 0.0, 0.0))
@@ -247,31 +207,9 @@ def test_going_into_the_mirror_and_out_of_it_is_smooth(model: MotionModel, promp
     assert near.max() < 1.5 * np.percentile(jumps, 99)
 
 
-@pytest.mark.parametrize(
-    "section",
-    [
-        {"phase": [1, 1, 1, 1], "codes": []},
-        {"phase": [1, 1, 0.5, 1, 1], "codes": []},
-        {"phase": [1] * C, "codes": [{"part": "tail", "lead": 0.0, "code": [0.0] * 64}]},
-        {"phase": [1] * C, "codes": [{"part": "head", "lead": 0.0, "code": [0.0] * 63}]},
-        {"phase": [1] * C, "codes": [{"part": "head", "lead": 7.0, "code": [0.0] * 64}]},
-        {"phase": [1] * C, "codes": 3},
-        [],
-    ],
-)
-def test_a_damaged_section_is_named(section: object, tmp_path: Path) -> None:
-    folder = tmp_path / "model"
-    shutil.copytree(model_folder(), folder)
-    metadata = json.loads((folder / "metadata.json").read_text("utf-8"))
-    metadata["mirror"] = section
-    (folder / "metadata.json").write_text(json.dumps(metadata), "utf-8")
-    with pytest.raises(ModelError, match="field 'mirror'"):
-        load_model(folder)
-
-
 def test_a_mirrored_frame_is_a_mirrored_pose(model: MotionModel) -> None:
     start = np.array(model.metadata["start"]["output"], np.float32)[None]
-    there = split_output(mirror().of_output(start))
+    there = split_output(MIRROR.of_output(start))
     here = split_output(start)
     np.testing.assert_array_equal(there.joint_positions, here.joint_positions[:, MIRROR_JOINTS] * ACROSS)
     np.testing.assert_array_equal(there.contacts, here.contacts[:, [2, 3, 0, 1]])

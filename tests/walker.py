@@ -82,7 +82,7 @@ class WalkerModel:
         self.style_shape = (6, 64)
         self.neutral = np.zeros(self.style_shape, np.float32)
         self.prompt_path = None
-        self.mirror = None
+        self.calibration = None
         self.folder = Path("walker")
         self.frame = 0
         hips, local, self._contacts = walk(CYCLE_FRAMES)

@@ -21,10 +21,10 @@ from training.arguments import STAGES, build_parser
 from training.batches import FrameTensors, Normalisation
 from training.composition.composer import Composer
 from training.data import catalog
+from training.export.calibrate import calibrate, phase_signs
 from training.export.half_storage import store_model_in_half
 from training.export.model import Trained, export_model
 from training.export.quantize import quantize_model
-from training.export.sides import fit_sides, phase_signs
 from training.frames import FrameTable, load_frames
 from training.history import History
 from training.layering.build import LAYERS, build_layers
@@ -334,9 +334,9 @@ class Run:
         )
         folder = self.args.out / ("model-mixture" if mixture else "model")
         _write_model(trained, self.args, folder)
-        # a code has a mirror image where every sentence is read as of the left side
+        # codes have mirror images where every sentence is read as of the left side
         if self.content is not None and config.one_sided_words and _is_played(config, self.args):
-            fit_sides(folder, phase_signs(table, self.phase), self.args.text_encoder)
+            calibrate(folder, phase_signs(table, self.phase), self.args.text_encoder)
 
 
 PHASE_BATCH = 128

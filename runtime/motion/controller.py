@@ -61,7 +61,7 @@ class Controller:
         self.response = response  # 0: starts, stops and turns as in capture, 1: as in a game
         self.seed = seed
         self.message = ""  # the network's fault in this frame, for the status line
-        self._folder = StyleFolder(model.fold_style, strength, model.mirror)
+        self._folder = StyleFolder(model.fold_style, strength, model.calibration)
         self._stand(StyleBlend.constant(model.neutral, strength, self._folder.fold), 0.0, 0.0, 0.0)
 
     def reset(self, x: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Pose:
@@ -80,7 +80,7 @@ class Controller:
 
     def put(self, state: CharacterState, codes: StyleCodes) -> None:
         """Go on from a state, whose style is folded from `codes`; ModelError where a code does not fit the model."""
-        folder = StyleFolder(self.model.fold_style, codes.strength, self.model.mirror)
+        folder = StyleFolder(self.model.fold_style, codes.strength, self.model.calibration)
         style = StyleBlend.of(codes, folder.fold)
         self._folder, self.seed = folder, int(state.seed[0])
         self._set(state, None)
@@ -115,7 +115,7 @@ class Controller:
         _check(strength=value)
         if value == self.strength:  # set in every frame: a blend under way goes on as it is
             return
-        self._folder = StyleFolder(self.model.fold_style, value, self.model.mirror)
+        self._folder = StyleFolder(self.model.fold_style, value, self.model.calibration)
         self._restyle(self._state.styles[0].at_strength(value, self._folder.fold))
 
     def settle(self, gait: Gait = Gait.WALK, seconds: float = SETTLE_SECONDS) -> Pose:

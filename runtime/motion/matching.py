@@ -252,7 +252,7 @@ class MatchingModel:
         codes = self.database.codes[self.database.code_style == self._neutral]
         return codes[0] if len(codes) else self.database.codes[0]
 
-    mirror = None  # a database has no mirror image
+    calibration = None  # a database shows what it has, on the side that it has
 
     def fold_style(self, z: Array, strength: float = 1.0) -> Style:
         """The captured style whose descriptions lie nearest to Z^t `(6, 64)`; a label has no strength."""

@@ -1,7 +1,7 @@
-"""The mirror image of what the network reads and writes, and which codes it walks better in the mirror.
+"""The mirror image of what the network reads and writes.
 
 Training has every capture with its mirror image, so that a body walks one way round as well as the other. Of some things that
-one limb does it saw one side alone, and shows the other side badly or not at all. A code with such a side is walked
+one limb does it saw one side alone, and shows the other side badly or not at all (`runtime.motion.calibration`). A code with such a side is walked
 mirrored: the network gets the mirror image of the state and of Z^t, and its answer is mirrored back.
 """
 
@@ -17,9 +17,6 @@ from runtime.arrays import Float32Array
 from runtime.motion.features import INPUT, OUTPUT, C
 from runtime.skeleton import MIRROR_JOINTS, PART_JOINTS, PART_NAMES
 
-BETTER = 0.05  # share by which the mirror image of a code must be shown better than the code
-# the same of one limb, for which the network runs twice
-LIMB_BETTER = 0.4
 LIMBS = 4  # of the six parts come first: arms and legs
 
 _POINT, _PLANE = np.array([-1, 1, 1], np.float32), np.array([-1, 1], np.float32)  # x changes its sign
@@ -34,7 +31,7 @@ def _twin(part: str) -> str:
     return f"{'right' if side == 'left' else 'left'}_{limb}" if limb else part
 
 
-_TWINS = [PART_NAMES.index(_twin(part)) for part in PART_NAMES]
+TWINS = [PART_NAMES.index(_twin(part)) for part in PART_NAMES]
 _MIDLINE = [i for i, part in enumerate(PART_NAMES) if _twin(part) == part]
 
 
@@ -43,7 +40,7 @@ def mirrored_code(z: Float32Array) -> Float32Array:
 
     Holds for a text network that reads every sentence as of the left side (`training.networks.content`).
     """
-    result = z[_TWINS]
+    result = z[TWINS]
     result[_MIDLINE, z.shape[1] // 2 :] *= -1.0
     return result
 
@@ -73,17 +70,9 @@ class Ways:
 
 @dataclass(frozen=True, eq=False)
 class Mirror:
-    """What the mirror image of a model's frames is, and codes with the share by which it shows them better than their mirror image.
-
-    `phase` `(C,)` has -1 for the channels whose vectors change their sign. `codes` `(n, 64)` belong to the parts
-    `PART_NAMES[parts[i]]`, `measured` `(n,)` are their leads; the mirror image of each has the opposite one. `neutral` `(6, 64)` has none.
-    """
+    """The mirror image of a model's frames; `phase` `(C,)` has -1 for the channels whose vectors change their sign in it."""
 
     phase: Float32Array
-    parts: NDArray[np.int64]
-    codes: Float32Array
-    measured: Float32Array
-    neutral: Float32Array
 
     def of_input(self, x: Float32Array) -> Float32Array:
         """The mirror image of inputs `(B, 472)`."""
@@ -112,34 +101,6 @@ class Mirror:
             lambda a: a.reshape(len(a), -1, 6)[:, MIRROR_JOINTS] * _ROTATION,
         )
         return result
-
-    def leads(self, z: Float32Array) -> Float32Array:
-        """By how much of a share each part of Z^t `(6, 64)` is shown better than in the mirror, `(6,)`.
-
-        It is the lead of the nearest code that was measured, none where neutral is nearer.
-        """
-        found = np.zeros(len(z), np.float32)
-        for sign, code, neutral in (
-            (1.0, z, self.neutral),
-            (-1.0, mirrored_code(z), mirrored_code(self.neutral)),
-        ):
-            for part in set(self.parts.tolist()):
-                own = self.parts == part
-                far = np.linalg.norm(self.codes[own] - code[part], axis=1)
-                nearest = int(np.argmin(far))
-                if far[nearest] < np.linalg.norm(neutral[part] - code[part]):
-                    found[part if sign > 0 else _TWINS[part]] += sign * self.measured[own][nearest]
-        return found
-
-    def ways(self, leads: Float32Array) -> Ways:
-        """The ways round in which parts with such leads `(6,)` are walked best."""
-        mirrored = bool(leads.sum() < -BETTER)
-        return Ways(mirrored, any(self.other_limbs(leads, mirrored)))
-
-    def other_limbs(self, leads: Float32Array, mirrored: bool) -> tuple[float, ...]:
-        """Of the four limbs 1 for those that are shown much better the other way round, else 0."""
-        better = (-leads if not mirrored else leads)[:LIMBS] >= LIMB_BETTER
-        return tuple(better.astype(float).tolist())
 
     def with_limbs(self, y: Float32Array, beside: Float32Array, shares: Float32Array) -> Float32Array:
         """Outputs `(B, 473)` with `shares` `(B, 4)` of the limbs' movement in the others of the same frame."""

@@ -12,6 +12,7 @@ import numpy as np
 from runtime.arrays import Float32Array
 from runtime.assets import model_folder
 from runtime.errors import ModelError
+from runtime.motion.calibration import Calibration
 from runtime.motion.features import C
 from runtime.motion.mirror import Mirror
 from runtime.motion.model_files import (
@@ -57,7 +58,7 @@ class MotionModel:
         )
         self.style_shape = (6, int(config.get("style_size", 384)) // 6)
         self._neutral_code, self._strength = _strength(folder, metadata, self.style_shape)
-        self.mirror = _mirror(folder, metadata, self.neutral)
+        self._mirror, self.calibration = _calibration(folder, metadata, self.neutral)
         step = "step" if self.precision == "fp32" else INT8_GRAPH
         prompt, self._style, self._step = (
             open_graph(folder / f"{name}.onnx", read_graph(folder, name, metadata), threads)
@@ -91,7 +92,7 @@ class MotionModel:
         """Fold Z^t `(6, 64)` into the modulator's weights: once per prompt, and per frame while prompts blend.
 
         The code is drawn out from that of neutral walking, n: n + s (z - n), s being `strength` times what the model's
-        metadata found best.
+        metadata found best, and for the parts that it was calibrated for their own gains.
         """
         z = np.ascontiguousarray(z, np.float32)
         if z.shape != self.style_shape or not np.all(np.isfinite(z)):
@@ -100,9 +101,9 @@ class MotionModel:
                 "Encode the prompt again.",
             )
         strength *= self._strength
-        drawn = z
+        drawn = z if self.calibration is None else self.calibration.drawn_out(z)
         if self._neutral_code is not None and strength != 1.0:
-            drawn = self._neutral_code + np.float32(strength) * (z - self._neutral_code)
+            drawn = self._neutral_code + np.float32(strength) * (drawn - self._neutral_code)
         path = self.folder / "style.onnx"
         bias, weight, content_bias, speeds = run_graph(self._style, path, None, {"z": drawn})
         if not np.isfinite(speeds).all():
@@ -128,13 +129,13 @@ class MotionModel:
         y, alpha = self._one_way(x, noise, style)
         styles = [style] * len(x) if isinstance(style, Style) else style
         twice = [i for i, one in enumerate(styles) if one.beside is not None]
-        if self.mirror is not None and twice:
+        if self._mirror is not None and twice:
             besides = [styles[i].beside for i in twice]
             other = style.beside if isinstance(style, Style) else [b for b in besides if b is not None]
             assert other is not None
             beside, _ = self._one_way(x[twice], noise[twice], other)
             shares = np.array([styles[i].limbs for i in twice], np.float32)
-            y[twice] = self.mirror.with_limbs(y[twice], beside, shares)
+            y[twice] = self._mirror.with_limbs(y[twice], beside, shares)
         return y, alpha
 
     def _one_way(
@@ -143,11 +144,11 @@ class MotionModel:
         """y and alpha by the styles alone, without those beside them."""
         folded = self._folded(style, len(x))
         turned = np.array([s.mirrored for s in ([style] * len(x) if isinstance(style, Style) else style)])
-        if self.mirror is not None and turned.any():
-            x = np.where(turned[:, None], self.mirror.of_input(x), x)
+        if self._mirror is not None and turned.any():
+            x = np.where(turned[:, None], self._mirror.of_input(x), x)
         y, alpha = run_graph(self._step, self._step_path, None, {"x": x, "noise": noise, **folded})
-        if self.mirror is not None and turned.any():
-            y = np.where(turned[:, None], self.mirror.of_output(y), y)
+        if self._mirror is not None and turned.any():
+            y = np.where(turned[:, None], self._mirror.of_output(y), y)
         return y, alpha
 
     def _folded(self, style: Style | Sequence[Style], count: int) -> dict[str, Float32Array]:
@@ -191,27 +192,32 @@ def _strength(
     return neutral, default
 
 
-def _mirror(folder: Path, metadata: dict[str, Any], neutral: Float32Array) -> Mirror | None:
-    """What a model's metadata tell of its mirror image; None for a model that does not."""
-    section = metadata.get("mirror")
+def _calibration(
+    folder: Path, metadata: dict[str, Any], neutral: Float32Array
+) -> tuple[Mirror | None, Calibration | None]:
+    """What a model's metadata tell of its mirror image and its measured codes; None for a model that does not."""
+    section = metadata.get("calibration")
     if section is None:
-        return None
+        return None, None
     try:
         phase = np.array(section["phase"], np.float32)
         parts = np.array([PART_NAMES.index(code["part"]) for code in section["codes"]], np.int64)
-        codes = np.array([code["code"] for code in section["codes"]], np.float32)
-        leads = np.array([code["lead"] for code in section["codes"]], np.float32)
+        codes, leads, gains = (
+            np.array([code[name] for code in section["codes"]], np.float32)
+            for name in ("code", "lead", "gain")
+        )
         fits = phase.shape == (C,) and bool((np.abs(phase) == 1.0).all())
-        fits = fits and codes.shape == (len(parts), neutral.shape[1]) and leads.shape == (len(parts),)
-        fits = fits and bool(np.isfinite(codes).all()) and bool((np.abs(leads) <= 1.0).all())
+        fits = fits and codes.shape == (len(parts), neutral.shape[1]) and bool(np.isfinite(codes).all())
+        fits = fits and leads.shape == gains.shape == parts.shape
+        fits = fits and bool((np.abs(leads) <= 1.0).all() and (np.abs(gains - 1.0) <= 1.0).all())
     except (TypeError, KeyError, ValueError, OverflowError):
         fits = False
     if not fits:
         raise ModelError(
-            f"{folder / 'metadata.json'}: field 'mirror' has no signs of {C} phases, or codes that are not of a part.",
+            f"{folder / 'metadata.json'}: field 'calibration' has no signs of {C} phases, or codes that are not of a part.",
             "Export the model again.",
         )
-    return Mirror(phase, parts, codes, leads, neutral)
+    return Mirror(phase), Calibration(parts, codes, leads, gains, neutral)
 
 
 def load_model(folder: Path | str | None = None, threads: int = 1, precision: str = "auto") -> MotionModel:

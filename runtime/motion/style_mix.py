@@ -12,8 +12,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from runtime.arrays import Float32Array
+from runtime.motion.calibration import Calibration
 from runtime.motion.features import C
-from runtime.motion.mirror import LIMBS, Mirror, Ways, mirrored_code
+from runtime.motion.mirror import LIMBS, Ways, mirrored_code
 
 Shares = tuple[float, ...]  # of the second of two styles, at even parts of the change from the first
 
@@ -93,13 +94,16 @@ def mixed(styles: Sequence[Style], shares: Sequence[float]) -> Style:
 
 
 class StyleFolder:
-    """Folds codes and mixes at one strength, each code once; those that the `mirror` of a model prefers as their mirror image."""
+    """Folds codes and mixes at one strength, each code once; the ways round are those that a model's `calibration` says."""
 
     def __init__(
-        self, fold: Callable[[Float32Array, float], Style], strength: float, mirror: Mirror | None = None
+        self,
+        fold: Callable[[Float32Array, float], Style],
+        strength: float,
+        calibration: Calibration | None = None,
     ) -> None:
         self._fold = fold
-        self._mirror = mirror
+        self._calibration = calibration
         self.strength = strength
         self._known: dict[tuple[bytes, bool], Style] = {}
 
@@ -109,11 +113,12 @@ class StyleFolder:
         ModelError where a code does not fit the model.
         """
         mix = style if isinstance(style, StyleMix) else StyleMix((1.0,), (style,))
-        if self._mirror is None:
+        measured = self._calibration
+        if measured is None:
             return mixed([self._folded(z, False) for z in mix.codes], mix.shares)
-        leads = np.array(mix.shares, np.float32) @ np.stack([self._mirror.leads(z) for z in mix.codes])
-        ways = self._mirror.ways(leads) if like is None else like
-        limbs = self._mirror.other_limbs(leads, ways.mirrored)
+        leads = np.array(mix.shares, np.float32) @ np.stack([measured.side_leads(z) for z in mix.codes])
+        ways = measured.ways(leads) if like is None else like
+        limbs = measured.other_limbs(leads, ways.mirrored)
         made = mixed([self._folded(z, ways.mirrored) for z in mix.codes], mix.shares)
         if not ways.both:
             return made

@@ -1,0 +1,82 @@
+"""What a model was measured to show of some codes: how far they must be drawn out, and on which side it shows them better."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.arrays import Float32Array
+from runtime.motion.mirror import LIMBS, TWINS, Ways, mirrored_code
+
+BETTER = 0.05  # share by which the mirror image of a code must be shown better than the code
+# the same of one limb, for which the network runs twice
+LIMB_BETTER = 0.4
+REACH = 0.5  # of a code's distance from neutral: what is farther from it says something else
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Measured codes of the left sides; the mirror image of each has the opposite lead and the same gain.
+
+    `codes` `(n, 64)` belong to the parts `PART_NAMES[parts[i]]`. A model shows them by a share of `leads` `(n,)` better than
+    their mirror image, and wholly when they are drawn out from `neutral` `(6, 64)` by `gains` `(n,)`.
+    """
+
+    parts: NDArray[np.int64]
+    codes: Float32Array
+    leads: Float32Array
+    gains: Float32Array
+    neutral: Float32Array
+
+    def side_leads(self, z: Float32Array) -> Float32Array:
+        """By how much of a share each part of Z^t `(6, 64)` is shown better than in the mirror, `(6,)`: as a measured code near it."""
+        found = np.zeros(len(z), np.float32)
+        for near in self._nearest(z):
+            if near.off < REACH:
+                found[near.part] += near.sign * self.leads[near.code]
+        return found
+
+    def ways(self, leads: Float32Array) -> Ways:
+        """The ways round in which parts with such leads `(6,)` are walked best."""
+        mirrored = bool(leads.sum() < -BETTER)
+        return Ways(mirrored, any(self.other_limbs(leads, mirrored)))
+
+    def other_limbs(self, leads: Float32Array, mirrored: bool) -> tuple[float, ...]:
+        """Of the four limbs 1 for those that are shown much better the other way round, else 0."""
+        better = (leads if mirrored else -leads)[:LIMBS] >= LIMB_BETTER
+        return tuple(better.astype(float).tolist())
+
+    def drawn_out(self, z: Float32Array) -> Float32Array:
+        """Z^t `(6, 64)` with the parts near a measured code drawn out from neutral by its gain, less so the farther they are."""
+        gains = np.ones((len(z), 1), np.float32)
+        for near in self._nearest(z):
+            like = max(0.0, 1.0 - near.off / REACH)
+            gains[near.part] = max(gains[near.part], 1.0 + like * (self.gains[near.code] - 1.0))
+        return np.asarray(self.neutral + gains * (z - self.neutral), np.float32)
+
+    def _nearest(self, z: Float32Array) -> Iterator[_Near]:
+        """The code nearest to each part, and to each part of the mirror image."""
+        for sign, seen in ((1, z), (-1, mirrored_code(z))):
+            for part in sorted(set(self.parts.tolist())):
+                (own,) = np.nonzero(self.parts == part)
+                far = np.linalg.norm(self.codes[own] - seen[part], axis=1)
+                k = int(np.argmin(far))
+                length = float(np.linalg.norm(self.codes[own[k]] - self.neutral[part]))
+                off = float(far[k]) / max(length, 1e-6)
+                yield _Near(part if sign > 0 else TWINS[part], sign, int(own[k]), off)
+
+
+@dataclass(frozen=True)
+class _Near:
+    """A part of a Z^t and the measured code nearest to it (`sign` -1: to its mirror image).
+
+    `off` is their distance as a share of the code's distance from neutral.
+    """
+
+    part: int
+    sign: int
+    code: int
+    off: float

@@ -59,7 +59,7 @@ def test_sides_and_gains_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
         "left_arm.on_hip": 0.62,
         "right_arm.on_hip": 0.22,
         "left_arm.behind_back": 1.0,
-        "torso.sway": 0.1,
+        "torso.sway": 0.2,
     }
     asked: list[tuple[str, float]] = []
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from runtime.arrays import Float32Array
 from runtime.motion.mirror import LIMBS, TWINS, Ways, mirrored_code
 
-BETTER = 0.05  # share by which the mirror image of a code must be shown better than the code
+BETTER = 0.3  # share by which the mirror image of a code must be shown better than the code
 # the same of one limb, for which the network runs twice
 LIMB_BETTER = 0.4
 REACH = 0.5  # of a code's distance from neutral: what is farther from it says something else

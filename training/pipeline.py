@@ -336,7 +336,11 @@ class Run:
         _write_model(trained, self.args, folder)
         # codes have mirror images where every sentence is read as of the left side
         if self.content is not None and config.one_sided_words and _is_played(config, self.args):
-            calibrate(folder, phase_signs(table, self.phase), self.args.text_encoder)
+            signs = phase_signs(table, self.phase)
+            if signs is None:
+                log.warning("%s: not calibrated, no clip has its mirror image", folder)
+            else:
+                calibrate(folder, signs, self.args.text_encoder)
 
 
 PHASE_BATCH = 128

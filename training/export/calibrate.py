@@ -47,15 +47,15 @@ PAIRS = 400  # clips with their mirror images that the signs of the phases are r
 DRAWS = 50  # frames of each
 
 
-def phase_signs(table: FrameTable, phase: np.ndarray) -> list[int]:
+def phase_signs(table: FrameTable, phase: np.ndarray) -> list[int] | None:
     """Of every channel -1 where its vectors change their sign in the mirror image, else 1; `phase` is `(N, 5, 2)`.
 
-    FileError where no clip has its mirror image.
+    None where no clip has its mirror image: such a network has no side to walk on but the one it saw.
     """
     number = {name: i for i, name in enumerate(table.names)}
     pairs = [(i, number[f"{n}_m"]) for n, i in number.items() if f"{n}_m" in number]
     if not pairs:
-        raise FileError("No clip has its mirror image.", "Import the clips with `sport train import`.")
+        return None
     random, total = np.random.default_rng(0), np.zeros(C)
     for k in random.permutation(len(pairs))[:PAIRS]:
         clip, image = pairs[k]
@@ -181,6 +181,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
     table = load_frames(args.clips or args.run / "clips", args.run / "frames")
     signs = phase_signs(table, np.load(args.run / "phase.npy", mmap_mode="r"))
+    if signs is None:
+        raise FileError(
+            f"{args.run}: no clip has its mirror image.", "Import the clips with `sport train import`."
+        )
     calibrate(args.model, signs, None, args.workers)
 
 

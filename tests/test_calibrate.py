@@ -53,12 +53,17 @@ class Gains:
 
 
 def test_sides_and_gains_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    names = [f"{side}_{name}" for name in PAIRS for side in ("left", "right")] + ["torso.sway", "legs.long"]
+    names = [f"{side}_{name}" for name in PAIRS for side in ("left", "right")] + [
+        "torso.sway",
+        "legs.long",
+        "head.nodding",
+    ]
     shown = {
         "left_arm.on_hip": 0.62,
         "right_arm.on_hip": 0.22,
         "left_arm.behind_back": 1.0,
-        "torso.sway": 0.2,
+        "torso.sway": 0.44,
+        "head.nodding": 0.3,
     }
     asked: list[tuple[str, float]] = []
 
@@ -76,10 +81,11 @@ def test_sides_and_gains_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     # training never saw the left one: whatever a walk shows, the right one is the better
     assert rows["left_arm", number["left_arm.behind_back"]] == (-calibrate.UNTRAINED, 1.0)
     assert rows["left_leg", number["left_leg.dragging"]] == (calibrate.UNTRAINED, 1.0)
-    assert rows["torso", number["torso.sway"]] == (0.0, 2.0)  # the most there is
+    assert rows["torso", number["torso.sway"]] == (0.0, 2.0)
+    assert rows["head", number["head.nodding"]] == (0.0, 1.0)  # not shown wholly by any gain
     assert rows["left_leg", number["legs.long"]] == (0.0, 1.0)  # once for both legs
-    assert len(found) == len(rows) == 5
-    assert {name for name, gain in asked if gain > 1} == {"left_arm.on_hip", "torso.sway"}
+    assert len(found) == len(rows) == 6
+    assert {name for name, gain in asked if gain > 1} == {"left_arm.on_hip", "torso.sway", "head.nodding"}
 
 
 def test_what_is_held_out_is_not_looked_at() -> None:

@@ -29,7 +29,7 @@ from runtime.motion.style_mix import Style
 from runtime.skeleton import PART_NAMES
 
 ARM_PARTS = 2  # of the six come first
-THREADS = 4  # whose last lists of styles are kept stacked
+LISTS = 8  # of styles that are kept stacked: two calls of four threads
 MIN_STRENGTH, MAX_STRENGTH = 0.0, 2.0
 
 
@@ -69,8 +69,8 @@ class MotionModel:
             folder, prompt, self._style, self._step, self.noise_shape, self.style_shape, step
         )
         self._stacked: dict[
-            int, tuple[tuple[Style, ...], dict[str, Float32Array]]
-        ] = {}  # by the thread that asks
+            tuple[int, bool], tuple[tuple[Style, ...], dict[str, Float32Array]]
+        ] = {}  # by the thread that asks, and which of its calls
         self.provider = self._step.get_providers()[0].removesuffix("ExecutionProvider")
 
     @property
@@ -128,21 +128,20 @@ class MotionModel:
         """
         y, alpha = self._one_way(x, noise, style)
         styles = [style] * len(x) if isinstance(style, Style) else style
-        twice = [i for i, one in enumerate(styles) if one.beside is not None]
+        twice = {i: one.beside for i, one in enumerate(styles) if one.beside is not None}
         if self._mirror is not None and twice:
-            besides = [styles[i].beside for i in twice]
-            other = style.beside if isinstance(style, Style) else [b for b in besides if b is not None]
-            assert other is not None
-            beside, _ = self._one_way(x[twice], noise[twice], other)
-            shares = np.array([styles[i].limbs for i in twice], np.float32)
-            y[twice] = self._mirror.with_limbs(y[twice], beside, shares)
+            rows, besides = list(twice), list(twice.values())
+            other = besides[0] if isinstance(style, Style) else besides
+            beside, _ = self._one_way(x[rows], noise[rows], other, second=True)
+            shares = np.array([styles[i].limbs for i in rows], np.float32)
+            y[rows] = self._mirror.with_limbs(y[rows], beside, shares)
         return y, alpha
 
     def _one_way(
-        self, x: Float32Array, noise: Float32Array, style: Style | Sequence[Style]
+        self, x: Float32Array, noise: Float32Array, style: Style | Sequence[Style], second: bool = False
     ) -> tuple[Float32Array, Float32Array]:
-        """y and alpha by the styles alone, without those beside them."""
-        folded = self._folded(style, len(x))
+        """y and alpha by the styles alone, without those beside them; `second` is the call with these."""
+        folded = self._folded(style, len(x), second)
         turned = np.array([s.mirrored for s in ([style] * len(x) if isinstance(style, Style) else style)])
         if self._mirror is not None and turned.any():
             x = np.where(turned[:, None], self._mirror.of_input(x), x)
@@ -151,7 +150,7 @@ class MotionModel:
             y = np.where(turned[:, None], self._mirror.of_output(y), y)
         return y, alpha
 
-    def _folded(self, style: Style | Sequence[Style], count: int) -> dict[str, Float32Array]:
+    def _folded(self, style: Style | Sequence[Style], count: int, second: bool) -> dict[str, Float32Array]:
         if isinstance(style, Style):
             tensors = {name: getattr(style, name) for name in FOLDED}
             return {name: tensor[None] for name, tensor in tensors.items()} if self._styles_apart else tensors
@@ -161,12 +160,12 @@ class MotionModel:
             raise ModelError(
                 f"{self.folder}: {problem}.", "Give a style for each, with a newly exported model."
             )
-        thread = threading.get_ident()
-        known, tensors = self._stacked.get(thread, ((), {}))
+        asking = threading.get_ident(), second
+        known, tensors = self._stacked.get(asking, ((), {}))
         if len(known) != count or any(a is not b for a, b in zip(known, style, strict=True)):
             tensors = {name: np.stack([getattr(one, name) for one in style]) for name in FOLDED}
-            others = self._stacked if len(self._stacked) < THREADS else {}
-            self._stacked = {**others, thread: (tuple(style), tensors)}
+            others = self._stacked if len(self._stacked) < LISTS else {}
+            self._stacked = {**others, asking: (tuple(style), tensors)}
         return tensors
 
 

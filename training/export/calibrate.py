@@ -105,9 +105,8 @@ def calibrated(model: MotionModel, prompter: Prompter, walker: Walker) -> list[d
     farther = shares((each.better, gain) for each in weak for gain in GAINS)
     for k, each in enumerate(weak):
         own = [each.share, *farther[k * len(GAINS) : (k + 1) * len(GAINS)]]
-        enough = [n for n, share in enumerate(own) if share >= SHOWN]
-        best = enough[0] if enough else int(np.argmax(own))
-        each.gain = (1.0, *GAINS)[best] if own[best] - own[0] >= WORTH else 1.0
+        enough = [n for n, share in enumerate(own) if share >= max(SHOWN, own[0] + WORTH)]
+        each.gain = (1.0, *GAINS)[enough[0]] if enough else 1.0  # what it does not show so distorts the rest
         log.info("%s: %s", each.better, " ".join(f"{share:.2f}" for share in own))
     return [row for each in found for row in _rows(each, prompter, plain)]
 

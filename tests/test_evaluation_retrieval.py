@@ -12,7 +12,7 @@ from runtime.errors import FileError, ModelError
 from training.evaluation.text import (
     retrieval,
 )
-from training.evaluation.text.retrieval import Clips, Codes, first_ranks, held_out_clips, recall
+from training.evaluation.text.retrieval import Clips, Codes, encode_clips, first_ranks, held_out_clips, recall
 
 
 def test_codes_compare_as_equation_2_does() -> None:
@@ -78,6 +78,17 @@ def test_only_held_out_captured_clips_are_asked_for(clips: Path, tmp_path: Path)
     assert [p.stem for p in held_out_clips(clips, mirrored=True)] == ["cmu_05_m"]
     with pytest.raises(FileError, match="no held-out clips"):
         held_out_clips(tmp_path, mirrored=False)
+
+
+def test_clips_of_styles_that_nobody_described_are_left_out(clips: Path) -> None:  # noqa: F811
+    class Encoder:
+        def encode(self, joints: np.ndarray, _root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            return (np.zeros((len(joints), 6, 64), np.float32),) * 2
+
+    paths = [clips / "cmu_01.npz", clips / "cmu_03.npz", clips / "cmu_04.npz"]
+    found = encode_clips(Encoder(), paths, {"neutral", "old"})  # type: ignore[arg-type]
+    assert found.names == ["cmu_01"]  # cmu_03 is too short, cmu_04 is angry
+    assert len(encode_clips(Encoder(), paths, {"neutral", "angry"}).names) == 2  # type: ignore[arg-type]
 
 
 def test_a_model_without_the_text_distribution_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass
 from math import comb
 from pathlib import Path
@@ -106,13 +106,13 @@ def held_out_clips(folder: Path, mirrored: bool) -> list[Path]:
     return found
 
 
-def encode_clips(encoder: ExportedMotionEncoder, paths: Sequence[Path]) -> Clips:
-    """Codes of clips; those shorter than a window (1.3 s) are left out."""
+def encode_clips(encoder: ExportedMotionEncoder, paths: Sequence[Path], described: Collection[str]) -> Clips:
+    """Codes of clips; those shorter than a window (1.3 s) and those of styles that nobody described are left out."""
     names, styles, codes = [], [], []
     for path in paths:
         motion = load_motion(path)
         starts = window_starts(len(motion), HOP)
-        if len(starts):
+        if len(starts) and motion.style in described:
             names.append(path.stem)
             styles.append(motion.style)
             codes.append(_windows(encoder, motion, starts).mean())
@@ -189,7 +189,7 @@ def evaluate_retrieval(
     for mirrored in (False, True):
         asked = {s: [d.mirrored() for d in ds] if mirrored else ds for s, ds in texts.items()}
         codes = {style: side.codes(descriptions) for style, descriptions in asked.items()}
-        found = encode_clips(encoder, held_out_clips(clips, mirrored))
+        found = encode_clips(encoder, held_out_clips(clips, mirrored), texts)
         result["mirrored" if mirrored else "original"] = _score(found, codes)
     return result
 

@@ -36,7 +36,7 @@ def code(part: int, values: np.ndarray) -> np.ndarray:
 NEAR = np.full(64, 1.0, np.float32)
 
 
-@pytest.mark.parametrize(("times", "lead"), [(1.0, -0.6), (0.6, -0.6), (0.4, 0.0), (-3.0, 0.0)])
+@pytest.mark.parametrize(("times", "lead"), [(1.0, -0.6), (0.6, -0.6), (0.35, 0.0), (-3.0, 0.0)])
 def test_a_part_has_the_lead_of_the_nearest_code_and_its_mirror_image_the_opposite(
     times: float, lead: float
 ) -> None:

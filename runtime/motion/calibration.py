@@ -14,7 +14,9 @@ from runtime.motion.mirror import LIMBS, TWINS, Ways, mirrored_code
 BETTER = 0.3  # share by which the mirror image of a code must be shown better than the code
 # the same of one limb, for which the network runs twice
 LIMB_BETTER = 0.4
-REACH = 0.5  # of a code's distance from neutral: what is farther from it says something else
+# of a code's distance from neutral: what is farther from it says something else
+REACH = 0.5  # and has nothing of its gain
+SAME_SIDE = 0.6  # nor its lead
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +37,7 @@ class Calibration:
         """By how much of a share each part of Z^t `(6, 64)` is shown better than in the mirror, `(6,)`: as a measured code near it."""
         found = np.zeros(len(z), np.float32)
         for near in self._nearest(z):
-            if near.off < REACH:
+            if near.off < SAME_SIDE:
                 found[near.part] += near.sign * self.leads[near.code]
         return found
 

@@ -37,6 +37,14 @@ def prompter(model: MotionModel) -> Prompter:
 MIRROR = Mirror(PHASE)
 
 
+def drawn(model: MotionModel, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Random inputs and noise of some frames, and a code."""
+    random = np.random.default_rng(count)
+    shapes = (count, INPUT_SIZE), (count, *model.noise_shape), (6, 64)
+    x, noise, z = (random.standard_normal(shape).astype(np.float32) for shape in shapes)
+    return x, noise, z
+
+
 @given(seed=st.integers(0, 2**31))
 @settings(max_examples=20)
 def test_twice_mirrored_is_what_it_was(seed: int) -> None:
@@ -104,10 +112,7 @@ def test_limbs_are_borrowed_whole() -> None:
 
 
 def test_a_mirrored_style_sees_the_mirror_image(model: MotionModel) -> None:
-    random = np.random.default_rng(0)
-    x = random.standard_normal((2, INPUT_SIZE)).astype(np.float32)
-    noise = random.standard_normal((2, *model.noise_shape)).astype(np.float32)
-    z = random.standard_normal((6, 64)).astype(np.float32)
+    x, noise, z = drawn(model, 2)
     folder = StyleFolder(model.fold_style, 1.0, model.calibration)
     plain, mirrored = folder.fold(mirrored_code(z), Ways(False, False)), folder.fold(z, Ways(True, False))
     assert mirrored.mirrored
@@ -118,10 +123,7 @@ def test_a_mirrored_style_sees_the_mirror_image(model: MotionModel) -> None:
 
 
 def test_a_style_of_both_ways_has_limbs_of_the_other(model: MotionModel) -> None:
-    random = np.random.default_rng(1)
-    x = random.standard_normal((1, INPUT_SIZE)).astype(np.float32)
-    noise = random.standard_normal((1, *model.noise_shape)).astype(np.float32)
-    z = random.standard_normal((6, 64)).astype(np.float32)
+    x, noise, z = drawn(model, 1)
     folder = StyleFolder(model.fold_style, 1.0, model.calibration)
     ways = [folder.fold(z, Ways(mirrored, False)) for mirrored in (False, True)]
     plain, other = (model.step(x, noise, style)[0] for style in ways)
@@ -133,6 +135,23 @@ def test_a_style_of_both_ways_has_limbs_of_the_other(model: MotionModel) -> None
             got.joint_rotations[:, arm], split_output(other).joint_rotations[:, arm], rtol=1e-5
         )
         np.testing.assert_array_equal(got.root, split_output(plain).root)
+
+
+def test_no_second_call_where_no_limb_is_borrowed(
+    model: MotionModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    x, noise, z = drawn(model, 1)
+    folder, calls = StyleFolder(model.fold_style, 1.0, model.calibration), []
+    both = folder.fold(z, Ways(False, True))
+    step = model._one_way
+    monkeypatch.setattr(model, "_one_way", lambda *args, **options: calls.append(1) or step(*args, **options))
+    for limbs, expected in (
+        ((0.0,) * 4, 1),
+        ((0.0, 0.0, 0.2, 0.0), 2),
+    ):  # after a blend from two hands to one
+        calls.clear()
+        model.step(x, noise, replace(both, limbs=limbs))
+        assert len(calls) == expected
 
 
 def test_blends_are_the_same_ways_round_at_both_ends(model: MotionModel, prompter: Prompter) -> None:

@@ -128,7 +128,7 @@ class MotionModel:
         """
         y, alpha = self._one_way(x, noise, style)
         styles = [style] * len(x) if isinstance(style, Style) else style
-        twice = {i: one.beside for i, one in enumerate(styles) if one.beside is not None}
+        twice = {i: one.beside for i, one in enumerate(styles) if one.beside is not None and any(one.limbs)}
         if self._mirror is not None and twice:
             rows, besides = list(twice), list(twice.values())
             other = besides[0] if isinstance(style, Style) else besides

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from runtime.prompts.english.clauses import parse_clauses
+from runtime.prompts.english.words import continuous
 from runtime.skeleton import PART_NAMES
 from training.layering.catalog import EDITS
 
@@ -263,3 +264,65 @@ def test_the_longest_prompt_parses_quickly() -> None:
     for word in ("left ", "looking ", "arms and ", "the his her ", "raised the left ", "hands and feet up "):
         parse_clauses((word * 1000)[:1000])
     assert time.process_time() - started < 2.0
+
+
+@pytest.mark.parametrize(
+    ("prompt", "plain"),
+    [
+        ("hips swaying with each stride", "hips swaying"),
+        ("head bobbing on every step", "head bobbing"),
+        ("leaning forward into each step", "leaning forward"),
+        ("arms swinging in time with the steps", "arms swinging"),
+        ("shoulders rolling with the rhythm of the walk", "shoulders rolling"),
+        ("stomping with every single step", "stomping"),
+    ],
+)
+def test_when_something_is_done_is_no_way_of_stepping(prompt: str, plain: str) -> None:
+    assert parse_clauses(prompt) == parse_clauses(plain)
+
+
+@pytest.mark.parametrize(
+    "prompt", ["pausing at every step", "walks up the steps", "short steps", "on the steps"]
+)
+def test_steps_that_are_spoken_of_stay(prompt: str) -> None:
+    parsed = parse_clauses(prompt)
+    assert parsed.rest.endswith(("step", "steps")) or parsed.parts
+
+
+@pytest.mark.parametrize(
+    ("prompt", "way"),
+    [
+        ("he trudges home", "he trudging"),
+        ("a thief creeps along the wall", "a thief creeping along the wall"),
+        ("she hurries", "she hurrying"),
+        ("waddle like a duck", "waddling like a duck"),
+        ("he crouches", "he crouching"),
+        ("someone in a hurry", "someone in a hurry"),
+        ("the charge of a knight", "the charge of a knight"),
+        ("a slow creep", "a slow creeping"),
+    ],
+)
+def test_verbs_are_read_as_the_library_has_them(prompt: str, way: str) -> None:
+    assert parse_clauses(prompt) == parse_clauses(way)
+    assert continuous(prompt.replace(" home", "")) == way
+
+
+@pytest.mark.parametrize(
+    ("prompt", "parts"),
+    [
+        ("his left hand never leaves his pocket", {"left_arm": "in the pocket"}),
+        ("shifting the weight from one foot to the other", {"torso": "rocking from side to side"}),
+        ("weight moving heavily from leg to leg", {"torso": "rocking from side to side"}),
+        ("picks his feet up high", {"left_leg": "lifted high", "right_leg": "lifted high"}),
+        ("swinging a bucket in her left hand, humming", {"left_arm": "swinging widely"}),
+        ("scanning the ground for a lost coin", {"head": "looking at the ground"}),
+        ("weight back on the heels", {"torso": "leaning back"}),
+        ("sagging knees", {"left_leg": "knee slightly bent", "right_leg": "knee slightly bent"}),
+        ("a drunk weaves from side to side", {"torso": "rocking from side to side"}),
+        ("wringing her hands", {"left_arm": "in front", "right_arm": "in front"}),
+    ],
+)
+def test_idioms_are_clauses(prompt: str, parts: dict[str, str]) -> None:
+    found = parse_clauses(prompt).parts
+    assert found.keys() == parts.keys()
+    assert all(words in found[part] for part, words in parts.items()), found

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from runtime.prompts.english.clause_rules import Rules, grammar
 from runtime.prompts.english.sides import OPPOSITE, hand_at, name_sides
+from runtime.prompts.english.words import continuous
 from runtime.prompts.parts import MAX_CHARACTERS
 from runtime.skeleton import PART_NAMES
 
@@ -78,6 +79,8 @@ def parse_clauses(prompt: str) -> ParsedPrompt:
     rules = grammar()
     text = rules["both_sides"].sub("both", prompt.lower())
     text = text.replace("left and right", "side to side").replace("’", "'")
+    text = continuous(text)
+    text = rules["timing"].sub(lambda match: match.group(0) if match["halts"] else "", text)
     text = rules["two_nouns"].sub(r"\g<first> \g<rest>, \g<second> \g<rest>", text)
     text = rules["trunk"].sub("torso", text)
     text, hand = name_sides(text)

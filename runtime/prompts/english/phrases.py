@@ -19,6 +19,7 @@ from runtime.prompts.english.words import (
     STRONG,
     Word,
     distinct_words,
+    finite_forms,
     key,
     stem,
     without_somebody,
@@ -82,7 +83,8 @@ class PhraseIndex:
         for number, entry in enumerate(library.entries):  # what is named in so many words comes first
             self._whole.setdefault(key(without_somebody(words_of(entry.prompt))), number)
         described = [text for entry in library.entries for text in entry.descriptions.as_tuple()]
-        self.known = distinct_words([*prompts, *described, *library.nothing])  # English words for sure
+        # English words for sure
+        self.known = distinct_words([*prompts, *described, *library.nothing]) | finite_forms().keys()
 
     def only_alone(self, words: list[Word]) -> bool:
         """Whether the words are one that names an entry only as a whole prompt."""

@@ -63,6 +63,12 @@ _SPELLINGS = {
     "mommy": "mum",
     "pajamas": "pyjamas",
 }
+# verbs that the library has in their -ing form alone, and that are no common nouns
+_VERBS = (
+    "amble ascend blush bounce brood bumble charge cheer cower creep crouch descend despair flee flutter fume grieve hurry "
+    "implore lumber lurch mince mourn nod plod prowl saunter scheme shuffle slither slouch sneak stagger stalk starve stroll "
+    "stumble swagger tiptoe totter trot trudge twirl twitch waddle wade waver weave wobble yawn yearn"
+)
 _WORD = re.compile(r"[^\W_]+(?:'[^\W_]+)?")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _PART_DOES_NOT = re.compile(
@@ -108,6 +114,32 @@ def plain(text: str) -> str:
 def plain_denials(text: str) -> str:
     """ "The arms do not swing" as "the arms never swing", in which the order of words is that of "arms swing"."""
     return _PART_DOES_NOT.sub(r"\1 never", text.replace("’", "'"))
+
+
+def continuous(text: str) -> str:
+    """A lower-case prompt with verbs as the library has them: "trudging home" for "he trudges home"."""
+    return _FINITE.sub(lambda found: finite_forms()[found[0]], text)
+
+
+@cache
+def finite_forms() -> dict[str, str]:
+    """ "trudge" and "trudges" to "trudging", of the verbs that the library has in that form."""
+    forms: dict[str, str] = {}
+    for verb in _VERBS.split():
+        bare = verb[:-1] if verb.endswith("e") and not verb.endswith(("ee", "oe")) else verb
+        if verb in ("nod", "plod", "trot"):
+            bare += verb[-1]
+        third = (
+            f"{verb[:-1]}ies" if verb.endswith("y") else verb + ("es" if verb.endswith(("ch", "sh")) else "s")
+        )
+        forms |= {verb: f"{bare}ing", third: f"{bare}ing"}
+    return forms
+
+
+# not "a charge", "in his hurry": these are nouns
+_FINITE = re.compile(
+    rf"(?<!\ba )(?<!\ban )(?<!\bthe )(?<!\bhis )(?<!\bher )(?<!\bno )\b(?:{'|'.join(finite_forms())})\b"
+)
 
 
 @cache

@@ -9,20 +9,24 @@ import pytest
 
 from runtime.assets import model_folder
 from runtime.errors import ModelError
-from runtime.motion.calibration import REACH, Calibration
+from runtime.motion.calibration import FADE, Calibration
 from runtime.motion.features import C
 from runtime.motion.mirror import Ways, mirrored_code
 from runtime.motion.model import load_model
 
+SPREAD = 0.3  # of the sentences of every code here
 
-def calibration(*rows: tuple[int, np.ndarray, float, float]) -> Calibration:
-    """Of codes with part, lead and gain; neutral is zero."""
+
+def calibration(*rows: tuple[int, np.ndarray, float, float | tuple[float, float]]) -> Calibration:
+    """Of codes with part, lead and gain (or two: alone, beside others); neutral is zero."""
     parts, codes, leads, gains = ([row[k] for row in rows] for k in range(4))
+    gains = [gain if isinstance(gain, tuple) else (gain, gain) for gain in gains]
     return Calibration(
         np.array(parts, np.int64),
         np.array(codes, np.float32).reshape(-1, 64),
         np.array(leads, np.float32),
-        np.array(gains, np.float32),
+        np.array(gains, np.float32).reshape(-1, 2),
+        np.full(len(parts), SPREAD, np.float32),
         np.zeros((6, 64), np.float32),
     )
 
@@ -65,10 +69,32 @@ def test_codes_near_a_measured_one_are_drawn_out_by_its_gain() -> None:
     np.testing.assert_allclose(drawn, 1.8 * code(0, NEAR) + 1.4 * code(5, NEAR) + code(2, NEAR), atol=1e-6)
     right = measured.drawn_out(mirrored_code(z))
     np.testing.assert_allclose(right, mirrored_code(drawn), atol=1e-6)
-    half = (1.0 - REACH / 2) * NEAR  # half of the way to where a gain ends
+    own = (1.0 - SPREAD) * NEAR  # as far as its sentences lie
+    np.testing.assert_allclose(measured.drawn_out(code(0, own))[0], 1.8 * own, atol=1e-5)
+    half = (1.0 - SPREAD - FADE / 2) * NEAR  # half of the way to where a gain ends
     np.testing.assert_allclose(measured.drawn_out(code(0, half))[0], 1.4 * half, atol=1e-5)
-    far = (1.0 - 1.1 * REACH) * NEAR
+    far = (1.0 - SPREAD - 1.1 * FADE) * NEAR
     np.testing.assert_array_equal(measured.drawn_out(code(0, far))[0], far)
+
+
+@pytest.mark.parametrize(
+    ("others", "gain"),
+    [
+        ((), 1.2),
+        ((5,), 1.4),  # one of two
+        ((0, 1), 1.4),  # both arms are one
+        ((3,), 1.2),  # of a leg the other leg is none
+        ((4, 5), 1.6),
+        ((0, 1, 4, 5), 1.6),
+    ],
+)
+def test_beside_others_a_part_has_the_gain_beside_others(others: tuple[int, ...], gain: float) -> None:
+    rows = [(part, NEAR, 0.0, 1.0) for part in (0, 4, 5)]
+    measured = calibration(*rows, (2, NEAR, 0.0, (1.2, 1.6)))
+    z = code(2, NEAR) + sum((code(other, NEAR) for other in others), np.zeros((6, 64), np.float32))
+    np.testing.assert_allclose(measured.drawn_out(z)[2], gain * NEAR, atol=1e-5)
+    faint = code(2, NEAR) + 0.25 * (z - code(2, NEAR))  # others that hardly differ from neutral
+    np.testing.assert_allclose(measured.drawn_out(faint)[2], 1.2 * NEAR, atol=1e-5)
 
 
 def test_neutral_stays_neutral() -> None:
@@ -94,16 +120,28 @@ def test_which_ways_round_a_code_is_walked() -> None:
         assert both.other_limbs(values, mirrored) == tuple(float(k in twice) for k in range(4)), leads
 
 
+CODE = {"part": "head", "lead": 0.0, "gain": 1.0, "gain_beside": 1.0, "spread": 0.2, "code": [0.0] * 64}
+
+
 @pytest.mark.parametrize(
     "section",
     [
         {"phase": [1, 1, 1, 1], "codes": []},
         {"phase": [1, 1, 0.5, 1, 1], "codes": []},
-        {"phase": [1] * C, "codes": [{"part": "tail", "lead": 0.0, "gain": 1.0, "code": [0.0] * 64}]},
-        {"phase": [1] * C, "codes": [{"part": "head", "lead": 0.0, "gain": 1.0, "code": [0.0] * 63}]},
-        {"phase": [1] * C, "codes": [{"part": "head", "lead": 7.0, "gain": 1.0, "code": [0.0] * 64}]},
-        {"phase": [1] * C, "codes": [{"part": "head", "lead": 0.0, "gain": 9.0, "code": [0.0] * 64}]},
-        {"phase": [1] * C, "codes": [{"part": "head", "lead": 0.0, "code": [0.0] * 64}]},
+        *(
+            {"phase": [1] * C, "codes": [CODE | changed]}
+            for changed in (
+                {"part": "tail"},
+                {"code": [0.0] * 63},
+                {"lead": 7.0},
+                {"gain": 9.0},
+                {"gain": 0.5},
+                {"gain_beside": 9.0},
+                {"spread": 1.5},
+                {"spread": None},
+            )
+        ),
+        {"phase": [1] * C, "codes": [{"part": "head", "lead": 0.0, "gain": 1.0, "code": [0.0] * 64}]},
         {"phase": [1] * C, "codes": 3},
         [],
     ],

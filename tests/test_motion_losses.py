@@ -16,7 +16,7 @@ from training import losses  # noqa: E402
 from training.batches import Normalisation  # noqa: E402
 from training.frames import LAYERED, FrameTable  # noqa: E402
 from training.kinematics import KNEES, knee_flexion, shown_joints, turns  # noqa: E402
-from training.natural_pace import captured_paces, straight_speeds  # noqa: E402
+from training.natural_pace import captured_paces, straight_speeds, style_speeds  # noqa: E402
 from training.networks.generator import Generator  # noqa: E402
 from training.presets import preset  # noqa: E402
 from training.rollouts import MOVEMENTS, RolloutLanes  # noqa: E402
@@ -79,6 +79,23 @@ def test_a_style_is_as_fast_as_its_straight_forward_walk():
     np.testing.assert_allclose(found[[0, 2, 3, 4]], [1.375, 0.75, 2.0, 0.625], rtol=1e-3)
     assert np.isnan(found[1])
     assert captured_paces(clips_of, Gait.WALK) == {"angry": pytest.approx(1.375), "sad": pytest.approx(0.625)}
+
+
+def test_the_pace_of_legs_stays_beside_the_arms_torso_and_head_of_others():
+    styles = ["angry", "sad", "neutral", "tired"]
+    clips_of = table([(name, "walk forward", 0.75 + 0.25 * k, 0.0) for k, name in enumerate(styles)])
+    codes = torch.eye(4, 64)  # one direction a style, the same in every part
+    index = torch.arange(4)[:, None, None].expand(4, 8, 6).clone()
+    speeds = style_speeds(clips_of, StyleTable([codes] * 6, index), np.zeros(4, bool), ridge=0.01)
+    own = np.tile(codes.numpy()[:, None], (1, 6, 1))
+    others = own[::-1].copy()
+    others[:, 2:4] = own[:, 2:4]
+    np.testing.assert_allclose(
+        own.reshape(4, -1) @ speeds[:-1, 0] + speeds[-1, 0], [0.75, 1.0, 1.25, 1.5], atol=0.02
+    )
+    np.testing.assert_allclose(
+        others.reshape(4, -1) @ speeds[:-1, 0] + speeds[-1, 0], [0.75, 1.0, 1.25, 1.5], atol=0.05
+    )
 
 
 def test_the_variance_of_a_denoiser_that_knows_nothing_is_kept_within_its_bounds(frames, tmp_path):  # noqa: F811

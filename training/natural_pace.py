@@ -11,6 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from runtime.controls import Gait
 from runtime.motion.features import FPS, INPUT, OUTPUT, PHASE_OFFSETS, L
+from runtime.skeleton import PART_NAMES
 from training.frames import LAYERED, PLAIN, FrameTable, smooth
 from training.styles import StyleTable
 
@@ -18,7 +19,11 @@ STRAIGHT = np.deg2rad(20.0)  # of the velocity from the facing direction
 STEADY_TURN = 0.35  # rad/s of the root, smoothed over a second
 MIN_FRAMES = 90  # of a clip that go straight ahead, or it says nothing of its style's pace
 DRAWS = 240  # of words for each captured style, so that styles count alike
-LAYERED_SHARE = 0.02  # of the fit, against all captured styles: edits of steps have a pace of their own
+# Shares of the fit, against all captured styles: of edits of steps, which have a pace of their own, and of the other edits.
+PACED_SHARE, LAYERED_SHARE = 0.15, 0.05
+# Chance of a part to be another's in the half of the fit that is composed; a leg is none of them: the pace is its own.
+OTHERS = {"left_arm": 0.5, "right_arm": 0.5, "torso": 0.4, "head": 0.5}
+PLAIN_OTHERS = 0.3  # of these are neutral
 FALLBACKS = {Gait.WALK: 1.3, Gait.JOG: 2.6}  # m/s
 PLAIN_WEIGHT = (
     4.0  # of the neutral walk, with which the program begins and whose words stand in many sentences
@@ -29,19 +34,36 @@ FORWARD_CONTENTS = {Gait.WALK: ("walk forward",), Gait.JOG: ("run forward", "jog
 FORWARD_SPEEDS = {Gait.WALK: (0.55, 2.2), Gait.JOG: (1.2, 8.0)}
 
 
-def style_speeds(table: FrameTable, style: StyleTable, ridge: float = 0.5) -> np.ndarray:
+def style_speeds(table: FrameTable, style: StyleTable, paced: np.ndarray, ridge: float = 0.15) -> np.ndarray:
     """Ridge regression `(n + 1, 2)` from the n numbers of Z^t to the speeds in m/s at which a style walks and jogs straight ahead.
 
-    Side steps, turns, starts and stops are slower: fitted on them too, a full stick would be.
+    Side steps, turns, starts and stops are slower: fitted on them too, a full stick would be. Half of the fit has arms,
+    torso and head of others, as training composes them: what an arm does leaves the pace alone. `paced` `(clips,)` bool
+    marks edits of steps.
     """
     torch.manual_seed(0)
-    columns = []
+    columns, neutral, random = [], neutral_style(table, style), np.random.default_rng(0)
     for label, fallback in FALLBACKS.items():
-        clips, targets, weights = _paces(table, label)
+        clips, targets, weights = _paces(table, label, paced)
         index = torch.as_tensor(clips, device=style.index.device)
-        inputs = style.draw(index).cpu().numpy()  # (0, n) of a gait that no clip has
-        columns.append(ridge_regression(inputs, targets, weights, ridge, fallback))
+        own = style.draw(index).cpu().numpy()  # (0, n) of a gait that no clip has
+        inputs = np.concatenate([own, _composed(own, neutral, random)])
+        columns.append(ridge_regression(inputs, np.tile(targets, 2), np.tile(weights, 2), ridge, fallback))
     return np.stack(columns, 1).astype(np.float32)
+
+
+def _composed(inputs: np.ndarray, neutral: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    """Z^t `(N, n)` with some parts but the legs from other rows, or from `neutral` `(6, n / 6)`."""
+    count = len(inputs)
+    parts = inputs.reshape(count, len(PART_NAMES), inputs.shape[1] // len(PART_NAMES))
+    result = parts.copy()
+    for name, chance in OTHERS.items():
+        part = PART_NAMES.index(name)
+        others = parts[random.permutation(count), part]
+        others[random.random(count) < PLAIN_OTHERS] = neutral[part]
+        taken = random.random(count) < chance
+        result[taken, part] = others[taken]
+    return result.reshape(inputs.shape)
 
 
 def straight_speeds(table: FrameTable, label: Gait) -> np.ndarray:
@@ -100,7 +122,7 @@ def captured_paces(table: FrameTable, label: Gait) -> dict[str, float]:
     return paces
 
 
-def _paces(table: FrameTable, label: Gait) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _paces(table: FrameTable, label: Gait, paced: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Clips whose words are fitted `(n,)`, the pace of each in m/s and its weight."""
     paces = captured_paces(table, label)
     random = np.random.default_rng(0)
@@ -118,8 +140,9 @@ def _paces(table: FrameTable, label: Gait) -> tuple[np.ndarray, np.ndarray, np.n
     targets.append(own_pace[made])
     weights = np.ones(captured + len(made))
     weights[:captured][styles[np.concatenate(clips)[:captured]] == PLAIN] = PLAIN_WEIGHT
-    if captured and len(made):
-        weights[captured:] = LAYERED_SHARE / (1.0 - LAYERED_SHARE) * captured / len(made)
+    for share, own in ((PACED_SHARE, paced[made]), (LAYERED_SHARE, ~paced[made])):
+        if captured and own.any():
+            weights[captured:][own] = share * captured / own.sum()
     return np.concatenate(clips).astype(np.int64), np.concatenate(targets), weights
 
 

@@ -321,7 +321,7 @@ class Run:
             normal=data.normal,
             style_centre=self.style_scale[0],
             style_deviation=self.style_scale[1],
-            speeds=torch.as_tensor(_paces_and_rhythm(table, self.phase, data)),
+            speeds=torch.as_tensor(_paces_and_rhythm(table, self.phase, data, self.texts)),
             steps=reverse_steps(schedule, schedule.subsequence(config.inference_steps), sigma),
             sigma_bar_squared=sigma,
             start=start_state(table, self.phase),
@@ -367,9 +367,13 @@ def _check_data(config: ModelConfig, clips: Path, table: FrameTable) -> None:
     log.info("%d clips, %d frames, %d styles", len(table.styles), len(table), len(set(table.styles)))
 
 
-def _paces_and_rhythm(table: FrameTable, phase: np.ndarray, data: stage_motion.MotionData) -> np.ndarray:
+def _paces_and_rhythm(
+    table: FrameTable, phase: np.ndarray, data: stage_motion.MotionData, texts: StyleTexts
+) -> np.ndarray:
     """`(385, 2 + 2 C)` from Z^t: walking and jogging speed, then amplitude and rate of each phase channel at rest."""
-    return np.concatenate([style_speeds(table, data.style), rest_rhythm(table, phase, data.style)], axis=1)
+    return np.concatenate(
+        [style_speeds(table, data.style, texts.of_pace()), rest_rhythm(table, phase, data.style)], axis=1
+    )
 
 
 def _is_played(config: ModelConfig, args: argparse.Namespace) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from runtime.prompts.text_encoder import TextEncoderLike
 from runtime.skeleton import PART_NAMES
 from training.data.style_library import style_library
 from training.frames import FrameTable
-from training.layering.catalog import EDITS
+from training.layering.catalog import EDITS, PartEdit
 
 LAYERS, CAPTIONS = (
     "layers.json",
@@ -47,8 +48,15 @@ class StyleTexts:
 
     def of_rhythm(self) -> np.ndarray:
         """`(clips,)` bool: where a part does an edit of rhythm and weight, which shows in steps only."""
+        return self._does(lambda edit: edit.of_steps)
+
+    def of_pace(self) -> np.ndarray:
+        """`(clips,)` bool: where an edit changes how long or how quick the steps are."""
+        return self._does(lambda edit: edit.kind in ("steps", "hesitation"))
+
+    def _does(self, what: Callable[[PartEdit], bool]) -> np.ndarray:
         edits = [EDITS.get(".".join(name.split(".")[:2])) for name in self.names]
-        return np.array([edit is not None and edit.of_steps for edit in edits])[self.keys].any(1)
+        return np.array([edit is not None and what(edit) for edit in edits])[self.keys].any(1)
 
     def pick(self, clips: Tensor, generator: torch.Generator | None = None) -> Tensor:
         """Sentence indices `(B, 6)` for clips `(B,)`: one paraphrase, or now and then another one for each part."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,13 @@ from runtime.motion.mirror import LIMBS, TWINS, Ways, mirrored_code
 BETTER = 0.3  # share by which the mirror image of a code must be shown better than the code
 # the same of one limb, for which the network runs twice
 LIMB_BETTER = 0.4
+MAX_GAIN = 2.0
 # of a code's distance from neutral: what is farther from it says something else
-REACH = 0.5  # and has nothing of its gain
-SAME_SIDE = 0.6  # nor its lead
+SAME_SIDE = 0.6  # and has nothing of its lead
+FADE = 0.2  # beyond its own sentences, within which its gain fades
+# of the usual distance of a part's measured codes from neutral: nearer than the first it is plain, from the second on unusual
+PLAIN, UNUSUAL = 0.3, 0.8
+OTHERS = 2.0  # other parts of the body (both arms, both legs, torso, head) that are unusual: a gain is that beside others
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,13 +29,15 @@ class Calibration:
     """Measured codes of the left sides; the mirror image of each has the opposite lead and the same gain.
 
     `codes` `(n, 64)` belong to the parts `PART_NAMES[parts[i]]`. A model shows them by a share of `leads` `(n,)` better than
-    their mirror image, and wholly when they are drawn out from `neutral` `(6, 64)` by `gains` `(n,)`.
+    their mirror image, and wholly when they are drawn out from `neutral` `(6, 64)` by `gains` `(n, 2)`: alone, and beside
+    other unusual parts. `spreads` `(n,)` say how far from a code its own sentences lie, as shares of its distance from neutral.
     """
 
     parts: NDArray[np.int64]
     codes: Float32Array
     leads: Float32Array
     gains: Float32Array
+    spreads: Float32Array
     neutral: Float32Array
 
     def side_leads(self, z: Float32Array) -> Float32Array:
@@ -52,12 +59,32 @@ class Calibration:
         return tuple(better.astype(float).tolist())
 
     def drawn_out(self, z: Float32Array) -> Float32Array:
-        """Z^t `(6, 64)` with the parts near a measured code drawn out from neutral by its gain, less so the farther they are."""
-        gains = np.ones((len(z), 1), np.float32)
+        """Z^t `(6, 64)` with the parts near a measured code drawn out from neutral by its gain, less so the farther they are.
+
+        What training saw alone is shown less beside others: the gain is that beside others, as far as these are unusual.
+        """
+        gains, others = np.ones((len(z), 1), np.float32), self._others(z)
         for near in self._nearest(z):
-            like = max(0.0, 1.0 - near.off / REACH)
-            gains[near.part] = max(gains[near.part], 1.0 + like * (self.gains[near.code] - 1.0))
+            like = float(np.clip(1.0 - (near.off - self.spreads[near.code]) / FADE, 0.0, 1.0))
+            alone, beside = self.gains[near.code]
+            gain = alone + others[near.part] * (beside - alone)
+            gains[near.part] = max(gains[near.part], 1.0 + like * (gain - 1.0))
         return np.asarray(self.neutral + gains * (z - self.neutral), np.float32)
+
+    def _others(self, z: Float32Array) -> Float32Array:
+        """Of each part, how unusual the rest of the body is `(6,)`, 0 to 1; of a limb its twin does not count."""
+        far = np.linalg.norm(z - self.neutral, axis=1) / self._usual
+        unusual = np.clip((far - PLAIN) / (UNUSUAL - PLAIN), 0.0, 1.0)
+        groups = 0.5 * (unusual + unusual[TWINS])  # the same for both of a pair
+        total = groups.sum() - groups[:LIMBS].sum() / 2
+        return np.asarray(np.minimum(1.0, (total - groups) / OTHERS), np.float32)
+
+    @cached_property
+    def _usual(self) -> Float32Array:
+        """Median distance of the measured codes of each part from neutral `(6,)`; infinite where there are none."""
+        own = [np.isin(self.parts, (part, TWINS[part])) for part in range(len(self.neutral))]
+        far = np.linalg.norm(self.codes - self.neutral[self.parts], axis=1)
+        return np.array([np.median(far[rows]) if rows.any() else np.inf for rows in own], np.float32)
 
     def _nearest(self, z: Float32Array) -> Iterator[_Near]:
         """The code nearest to each part, and to each part of the mirror image."""

@@ -12,7 +12,7 @@ import numpy as np
 from runtime.arrays import Float32Array
 from runtime.assets import model_folder
 from runtime.errors import ModelError
-from runtime.motion.calibration import Calibration
+from runtime.motion.calibration import MAX_GAIN, Calibration
 from runtime.motion.features import C
 from runtime.motion.mirror import Mirror
 from runtime.motion.model_files import (
@@ -201,14 +201,16 @@ def _calibration(
     try:
         phase = np.array(section["phase"], np.float32)
         parts = np.array([PART_NAMES.index(code["part"]) for code in section["codes"]], np.int64)
-        codes, leads, gains = (
+        codes, leads, alone, beside, spreads = (
             np.array([code[name] for code in section["codes"]], np.float32)
-            for name in ("code", "lead", "gain")
+            for name in ("code", "lead", "gain", "gain_beside", "spread")
         )
+        gains = np.stack([alone, beside], axis=-1)
         fits = phase.shape == (C,) and bool((np.abs(phase) == 1.0).all())
         fits = fits and codes.shape == (len(parts), neutral.shape[1]) and bool(np.isfinite(codes).all())
-        fits = fits and leads.shape == gains.shape == parts.shape
-        fits = fits and bool((np.abs(leads) <= 1.0).all() and (np.abs(gains - 1.0) <= 1.0).all())
+        fits = fits and leads.shape == spreads.shape == parts.shape
+        fits = fits and bool((np.abs(leads) <= 1.0).all() and (np.abs(spreads - 0.5) <= 0.5).all())
+        fits = fits and bool((gains >= 1.0).all() and (gains <= MAX_GAIN).all())
     except (TypeError, KeyError, ValueError, OverflowError):
         fits = False
     if not fits:
@@ -216,7 +218,7 @@ def _calibration(
             f"{folder / 'metadata.json'}: field 'calibration' has no signs of {C} phases, or codes that are not of a part.",
             "Export the model again.",
         )
-    return Mirror(phase), Calibration(parts, codes, leads, gains, neutral)
+    return Mirror(phase), Calibration(parts, codes, leads, gains, spreads, neutral)
 
 
 def load_model(folder: Path | str | None = None, threads: int = 1, precision: str = "auto") -> MotionModel:

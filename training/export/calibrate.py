@@ -3,9 +3,10 @@
     python -m training.export.calibrate --run RUN --model FOLDER
 
 The first sentence of every edit is walked once, on each side where it has two, and compared with what the edit does to the
-model's own neutral walk; what is shown in part is walked again, drawn out farther. Edits that are held out are not
-looked at: a side that training never saw is taken to be the weaker one, and has the gain of the other. `RUN` holds the
-frames and phases of the training, for the signs of the phases.
+model's own neutral walk; what is shown in part is walked again, drawn out farther. The same is done beside other edits
+on the other parts, where many are shown less. Edits that are held out are not looked at: a side that training never saw
+is taken to be the weaker one, and has the gain of the other. Sentences that rules make of a prompt beyond these are
+measured by what they claim. `RUN` holds the frames and phases of the training, for the signs of the phases.
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ from __future__ import annotations
 import argparse
 import json
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,15 +28,18 @@ from runtime.errors import FileError, run_command
 from runtime.motion.features import C
 from runtime.motion.model import MotionModel, load_model
 from runtime.motion.model_files import read_metadata
-from runtime.prompts.parts import PartDescriptions
+from runtime.prompts.english.clause_rules import grammar
+from runtime.prompts.parts import PartDescriptions, mirror_text
 from runtime.prompts.prompter import Prompter
-from runtime.prompts.wording import Wording
+from runtime.prompts.wording import Wording, wording_of
 from runtime.skeleton import PART_NAMES
 from training.evaluation.text.command import PLAIN_PROMPT
 from training.evaluation.text.phrase_shares import SECONDS, described_edits, edit_share, neutral_motion
 from training.evaluation.text.walks import Walk, Walker
 from training.frames import FrameTable, load_frames
 from training.layering.catalog import EDITS, HELD_OUT
+from training.layering.measured_edits import Summary
+from training.text.claims import claims, sentence_share
 
 log = logging.getLogger("sport.train")
 
@@ -43,6 +48,12 @@ UNTRAINED = 0.4  # by which a side that training never saw is taken to be shown 
 SHOWN = 0.85  # share with which an edit is shown wholly
 GAINS = (1.25, 1.5, 1.75, 2.0)
 WORTH = 0.15  # of a share that a gain must bring
+# on all parts but an edit's own, while it is measured beside others
+COMPANIONS = (
+    ("left_arm.on_hip", "right_arm.on_hip", "torso.chest_out", "head.turned_left_little", "legs.short"),
+    ("left_arm.folded", "right_arm.folded", "torso.slump", "head.down", "legs.crouch_little"),
+)
+LEGS = {"left_leg", "right_leg"}
 PAIRS = 400  # clips with their mirror images that the signs of the phases are read from
 DRAWS = 50  # frames of each
 
@@ -65,50 +76,138 @@ def phase_signs(table: FrameTable, phase: np.ndarray) -> list[int] | None:
     return [1 if value >= 0 else -1 for value in total]
 
 
-@dataclass
-class _Measured:
-    """An edit that training saw, by its left side: the lead of that side, and the gain that shows the better side wholly."""
+@dataclass(frozen=True)
+class _Asked:
+    """Words of some parts, in some sentences each, and what share of them a walk shows beside the walk without them."""
 
     name: str
-    lead: float
-    better: str  # the side that is shown better
-    share: float  # of it
-    gain: float = 1.0
+    words: Mapping[str, Sequence[str]]
+    share: Callable[[Summary, Summary], float]
+
+    def said(self, among: PartDescriptions, number: int = 0) -> PartDescriptions:
+        """Other words with these, in one of their sentences."""
+        for part, texts in self.words.items():
+            among = among.replace(part, texts[number % len(texts)])
+        return among
 
 
-def calibrated(model: MotionModel, prompter: Prompter, walker: Walker) -> list[dict[str, Any]]:
-    """The codes of the edits that training saw, with leads and gains, as a model's metadata have them."""
+@dataclass(frozen=True)
+class _Walks:
+    """Walks by words that are drawn out, and what they show."""
+
+    prompter: Prompter
+    walker: Walker
+    plain: PartDescriptions
+    neutral: Float32Array
+
+    def shares(self, asked: Sequence[_Asked], gain: float = 1.0) -> list[float]:
+        """Of each on a neutral walk."""
+        codes = [self._code(each, gain, self.plain) for each in asked]
+        walked, *made = self.walker.make([Walk.of(z, 0) for z in (self.neutral, *codes)])
+        return [each.share(walked, one) for each, one in zip(asked, made, strict=True)]
+
+    def alone(self, asked: _Asked, gain: float) -> float:
+        """Of one on a neutral walk."""
+        return self.shares([asked], gain)[0]
+
+    def beside(self, asked: _Asked, gain: float) -> float:
+        """Of one, the mean beside the two groups of others."""
+        found = []
+        for companions in COMPANIONS:
+            words = _beside(self.plain, asked.words, companions)
+            codes = self.prompter(words), self._code(asked, gain, words)
+            found.append(asked.share(*self.walker.make([Walk.of(z, 0) for z in codes])))
+        return float(np.mean(found))
+
+    def gains(self, asked: _Asked, alone: float, held: bool) -> tuple[float, float]:
+        """With which it is shown wholly alone, where it is shown by a share `alone` without, and beside others.
+
+        The code of a hand that is `held` is its place: farther out is another, whatever is beside.
+        """
+        gain = self._gain(asked, self.alone, 1.0, alone)
+        return gain, gain if held else self._gain(asked, self.beside, gain, self.beside(asked, gain))
+
+    def _gain(
+        self, asked: _Asked, share: Callable[[_Asked, float], float], gain: float, shown: float
+    ) -> float:
+        """The least with which words are shown wholly; `gain`, with which they are `shown`, where none is or brings much.
+
+        What farther out is not shown wholly distorts the rest.
+        """
+        if shown >= SHOWN:
+            return gain
+        for farther in (g for g in GAINS if g > gain):
+            if share(asked, farther) >= max(SHOWN, shown + WORTH):
+                log.info("%s: %.2f, drawn out by %.2f", asked.name, shown, farther)
+                return farther
+        return gain
+
+    def _code(self, asked: _Asked, gain: float, among: PartDescriptions) -> Float32Array:
+        code = self.prompter(asked.said(among))
+        own = [PART_NAMES.index(part) for part in asked.words]
+        code[own] = self.neutral[own] + np.float32(gain) * (code[own] - self.neutral[own])
+        return code
+
+
+def calibrated(model: MotionModel, prompter: Prompter, walker: Walker, told: Wording) -> list[dict[str, Any]]:
+    """The codes of what a model was asked for with leads and gains, as its metadata have them; `told` is its wording."""
     plain = prompter.expand(PLAIN_PROMPT).descriptions
     neutral = prompter(plain)
+    walks = _Walks(prompter, walker, plain, neutral)
     examples = described_edits(neutral_motion(model, neutral))
-    (walked,) = walker.make([Walk.of(neutral, 0)])
-
-    def shares(asked: Iterable[tuple[str, float]]) -> list[float]:
-        """Of edits, each drawn out by a gain."""
-        asked = list(asked)
-        codes = [neutral + np.float32(gain) * (prompter(_said(plain, n, 0)) - neutral) for n, gain in asked]
-        made = walker.make([Walk.of(z, 0) for z in codes])
-        return [edit_share(n, examples[n], walked, each) for (n, _), each in zip(asked, made, strict=True)]
-
     pairs = _trained()
-    first = dict(
-        zip(
-            names := sorted({n for pair in pairs for n in pair}), shares((n, 1.0) for n in names), strict=True
-        )
-    )
-    found = []
+    edits = {
+        name: _Asked(name, EDITS[name].phrases, partial(edit_share, name, examples[name]))
+        for name in sorted({n for pair in pairs for n in pair})
+    }
+    first = dict(zip(edits, walks.shares(list(edits.values())), strict=True))
+    rows: list[dict[str, Any]] = []
     for left, right in pairs:
         lead = _lead(left, right, first[left] - first[right])
         better = left if lead >= 0 else right
-        found.append(_Measured(left, lead, better, first[better]))
-    weak = [each for each in found if each.share < SHOWN]
-    farther = shares((each.better, gain) for each in weak for gain in GAINS)
-    for k, each in enumerate(weak):
-        own = [each.share, *farther[k * len(GAINS) : (k + 1) * len(GAINS)]]
-        enough = [n for n, share in enumerate(own) if share >= max(SHOWN, own[0] + WORTH)]
-        each.gain = (1.0, *GAINS)[enough[0]] if enough else 1.0  # what it does not show so distorts the rest
-        log.info("%s: %s", each.better, " ".join(f"{share:.2f}" for share in own))
-    return [row for each in found for row in _rows(each, prompter, plain)]
+        gains = walks.gains(edits[better], first[better], EDITS[left].kind == "hand")
+        # of a pair that has one side only the catalogue has the words of the other
+        rows += _rows(
+            _Asked(left, EDITS[left].phrases, edits[better].share), EDITS[left].slot, lead, gains, walks
+        )
+    for asked in _rule_sentences(told):
+        gains = walks.gains(asked, walks.alone(asked, 1.0), held=False)
+        rows += _rows(asked, "legs", 0.0, gains, walks)
+    return rows
+
+
+def _rule_sentences(told: Wording) -> Iterable[_Asked]:
+    """What rules make of legs, torso and head beyond the catalogue, in the words that a model is told."""
+    edited = {text for edit in EDITS.values() for texts in edit.phrases.values() for text in texts}
+    for part, group in (("left_leg", "leg"), ("torso", "torso"), ("head", "head")):
+        rules = grammar().groups[group]
+        said = [sentences for _, sentences in (*rules.actions, *rules.denied)]
+        texts = {text for one in said for text in ((one,) if isinstance(one, str) else one) if text}
+        for text in sorted({told.of(text.replace("{s}", "left"), part) for text in texts} - edited):
+            if claims(part, text):
+                words = {part: (text,)}
+                if group == "leg":
+                    words["right_leg"] = (mirror_text(text),)
+                yield _Asked(text, words, partial(_sentence_share, part, text))
+
+
+def _sentence_share(part: str, text: str, plain: Summary, walked: Summary) -> float:
+    """1 where a sentence claims nothing that the other walk does not do."""
+    share = sentence_share(part, text, plain.body, walked.body)
+    return 1.0 if share is None else share
+
+
+def _beside(plain: PartDescriptions, parts: Iterable[str], companions: Iterable[str]) -> PartDescriptions:
+    """Words of other edits on the parts that `parts` leave free; who takes a leg has both."""
+    taken = set(parts)
+    if taken & LEGS:
+        taken |= LEGS
+    for other in companions:
+        phrases = EDITS[other].phrases
+        if not taken & set(phrases):
+            for part, texts in phrases.items():
+                plain = plain.replace(part, texts[0])
+    return plain
 
 
 def _trained() -> list[tuple[str, str]]:
@@ -125,33 +224,26 @@ def _lead(left: str, right: str, measured: float) -> float:
     return round(measured, 2) if abs(measured) >= ALIKE else 0.0
 
 
-def _rows(measured: _Measured, prompter: Prompter, plain: PartDescriptions) -> Iterable[dict[str, Any]]:
-    """A row for each part that an edit describes, a right limb that says the same as the left one left out."""
-    code = _mean_code(prompter, plain, measured.name)
-    parts = EDITS[measured.name].phrases
-    for part in parts:
-        if (
-            part.startswith("right")
-            and part.replace("right", "left") in parts
-            and EDITS[measured.name].slot == "legs"
-        ):
+def _rows(
+    asked: _Asked, slot: str, lead: float, gains: tuple[float, float], walks: _Walks
+) -> Iterable[dict[str, Any]]:
+    """A row for each part of the words, but not for the right leg where both do the same; `lead` is of the `slot`."""
+    count = max(map(len, asked.words.values()))
+    codes = np.array([walks.prompter(asked.said(walks.plain, k)) for k in range(count)], np.float32)
+    for part in asked.words:
+        if part == "right_leg" and slot == "legs":
             continue
-        lead = measured.lead if part == EDITS[measured.name].slot else 0.0
-        numbers = [round(float(v), 3) for v in code[PART_NAMES.index(part)]]
-        yield {"part": part.replace("right", "left"), "lead": lead, "gain": measured.gain, "code": numbers}
-
-
-def _said(plain: PartDescriptions, name: str, number: int) -> PartDescriptions:
-    """A neutral walk with an edit, in one of its sentences."""
-    for part, texts in EDITS[name].phrases.items():
-        plain = plain.replace(part, texts[number % len(texts)])
-    return plain
-
-
-def _mean_code(prompter: Prompter, plain: PartDescriptions, name: str) -> Float32Array:
-    """Z^t `(6, 64)` of a neutral walk with an edit, the mean over its sentences."""
-    count = max(map(len, EDITS[name].phrases.values()))
-    return np.asarray(np.mean([prompter(_said(plain, name, k)) for k in range(count)], axis=0), np.float32)
+        own, rest = codes[:, PART_NAMES.index(part)], walks.neutral[PART_NAMES.index(part)]
+        mean = own.mean(0)
+        length = max(float(np.linalg.norm(mean - rest)), 1e-6)
+        yield {
+            "part": part.replace("right", "left"),
+            "lead": lead if part == slot else 0.0,
+            "gain": gains[0],
+            "gain_beside": gains[1],
+            "spread": round(min(1.0, float(np.linalg.norm(own - mean, axis=1).max()) / length), 2),
+            "code": [round(float(v), 3) for v in mean],
+        }
 
 
 def calibrate(folder: Path, signs: Sequence[int], text_encoder: Path | None = None, workers: int = 1) -> None:
@@ -161,7 +253,7 @@ def calibrate(folder: Path, signs: Sequence[int], text_encoder: Path | None = No
         _write(folder, metadata)
     model = load_model(folder)
     prompter = Prompter(model, text_encoder=text_encoder, wording=Wording())
-    codes = calibrated(model, prompter, Walker(folder, workers, SECONDS))
+    codes = calibrated(model, prompter, Walker(folder, workers, SECONDS), wording_of(model.name))
     _write(folder, metadata | {"calibration": {"phase": list(signs), "codes": codes}})
 
 

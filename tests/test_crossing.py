@@ -153,3 +153,12 @@ def test_another_ground_ends_a_crossing(model: MotionModel) -> None:
     assert controller.crossing == "climb"
     controller.set_terrain(Terrain.flat())
     assert controller.crossing == ""
+
+
+def test_the_hips_do_not_drop_where_a_leap_begins_or_ends(model: MotionModel) -> None:
+    """The ground that the network sees comes and goes smoothly, and the body is placed over it."""
+    controller = Controller(model, ground(Obstacle(3.0, 3.1, 0.3, 4.0), Obstacle(6.0, 6.1, 0.4, 4.0)))
+    positions, kinds = walked(controller, 8.0, 12.0)
+    assert kinds == ["bar"]  # twice running
+    hips = positions[:, 0, 1].astype(np.float64)
+    assert np.abs(np.diff(hips, 2)).max() * 3600.0 < 130.0  # m/s^2: 3.6 cm from one frame to the next

@@ -105,6 +105,8 @@ def test_a_state_from_before_momentum_is_read(walked: Controller) -> None:
         tree["state"]["wished_speed"],
         tree["state"]["smooth_request"],
         tree["state"]["trajectory"]["wish"],
+        tree["state"]["crossings"][0]["sight"],
+        tree["state"]["crossings"][0]["sight_velocity"],
     )
     buffer = io.BytesIO()
     np.savez(buffer, head=np.frombuffer(json.dumps(tree).encode(), np.uint8), **arrays)  # type: ignore[arg-type]
@@ -112,6 +114,7 @@ def test_a_state_from_before_momentum_is_read(walked: Controller) -> None:
     assert np.array_equal(state.trajectory.wish, walked.state.trajectory.velocity)
     assert np.array_equal(state.wished_speed, walked.state.requested_speed)
     assert state.calm.local[0, 5] == pytest.approx(walked.state.poses.local[0, 5])
+    assert state.crossings[0].sight == (0.0 if state.crossings[0].kind else 1.0)
 
 
 def another_shape(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:

@@ -22,6 +22,7 @@ from runtime.crossing.keyed_pose import CrossingPose, smooth
 from runtime.crossing.leap import Leap, LeapStart, takeoff_m
 from runtime.crossing.steps import PlannedSteps
 from runtime.feet.ik import LEG_FEET, solve_legs
+from runtime.feet.leg_scalar import damp
 from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
 from runtime.pose import DT, Pose
 from runtime.skeleton import SPORT_SKELETON
@@ -53,6 +54,8 @@ TOO_LATE_M = 0.08  # a foot whose ankle stands nearer to the edge leaps no more
 BEFORE_M = 0.06  # the edge of an obstacle that the network is not to see
 DEEPEST_M = 0.05  # that a sole is lifted out of the ground,
 LEAST_LIFT_M = 1e-6  # and least: a planned foot stands on it but for rounding
+SIGHT_HALF_LIFE = 0.1  # seconds in which ground comes halfway into sight
+UNSEEN = 1e-4  # of it, and 1/s
 FADE_S = 0.3  # in which the first pose's difference from the crossing's goes
 WALKING, FOLLOWED = 0.4, 0.7  # m/s from which the root's own direction counts, by so much
 SLOWEST = 0.2  # m/s of a walk that leaps
@@ -127,6 +130,8 @@ class Crossing:
         default_factory=lambda: np.zeros((31, 3)), metadata={"whole": (31, 3)}
     )  # rotation vectors
     last_z: float = 0.0
+    sight: float = 1.0  # share of the ground's heights that the network sees: none of them in a crossing
+    sight_velocity: float = 0.0  # its change, 1/s
     steps: PlannedSteps = field(default_factory=PlannedSteps)
 
     @property
@@ -209,31 +214,41 @@ class Crossing:
     def seen(self, points: Array, heights: Array, present: int, ahead: Ahead | None) -> Array:
         """Heights `(12, 3)` that the network sees at `points` `(12, 3, 2)`: as if what is crossed were level ground.
 
-        It has learnt slopes and stairs; before a bar or a gap it would crouch or climb as before those.
+        It has learnt slopes and stairs; before a bar or a gap it would crouch or climb as before those. The body is
+        placed over the mean of what it sees, so that this comes and goes on a spring.
         """
+        level = heights[present, 1]
         if self.kind:
             done = smooth(self.time / self.motion.seconds)
-            beyond = self.numbers[0] if self.climbing else self.numbers[2]
-            return np.full_like(heights, self.origin[1] + done * beyond)
-        if ahead is None or not (is_leap(ahead.obstacle) or is_climb(ahead.obstacle)):
-            return heights
-        along = (points - points[present, 1]) @ ahead.way
-        return np.where(along > ahead.obstacle.near - BEFORE_M, heights[present, 1], heights)
+            level = self.origin[1] + done * (self.numbers[0] if self.climbing else self.numbers[2])
+            way = np.array([np.sin(self.yaw), np.cos(self.yaw)])
+            along = (points - self.origin[[0, 2]]) @ way
+            heights = np.where(along > -BEFORE_M, level, heights)
+        elif ahead is not None and (is_leap(ahead.obstacle) or is_climb(ahead.obstacle)):
+            along = (points - points[present, 1]) @ ahead.way
+            heights = np.where(along > ahead.obstacle.near - BEFORE_M, ahead.obstacle.ground, heights)
+        goal = 0.0 if self.kind else 1.0
+        if self.sight == goal:
+            return heights if goal else np.full_like(heights, level)
+        share, velocity = damp(self.sight, self.sight_velocity, goal, SIGHT_HALF_LIFE, DT)
+        arrived = abs(share - goal) < UNSEEN and abs(velocity) < UNSEEN
+        self.sight, self.sight_velocity = (goal, 0.0) if arrived else (share, velocity)
+        return level + self.sight * (heights - level)
 
     def watch(
         self, pose: Pose, held: Sequence[object], speed: float, walk_speed: float, ahead: Ahead | None
     ) -> None:
         """Begin what the obstacle ahead asks for. `held` tells which feet stand."""
-        steps, ground = self.steps, float(pose.root_position[1])
+        steps = self.steps
         came = steps.watch(pose, held, ahead.way if ahead is not None else None, self.pace)
         if ahead is None or not is_leap(ahead.obstacle):
             self.pace = 1.0
             if ahead is not None and is_climb(ahead.obstacle) and ahead.blocked is None:
-                self._climb(ahead, pose, ground, speed, walk_speed)
+                self._climb(ahead, pose, speed, walk_speed)
         elif steps.stance is not None and steps.speed > SLOWEST:
             left = ahead.obstacle.near - steps.ankle(pose, ahead.way)
             if left > TOO_LATE_M and self._last_step(ahead.obstacle, pose, ahead.way, left, came):
-                self._begin_leap(ahead, pose, ground)
+                self._begin_leap(ahead, pose)
 
     def _last_step(self, obstacle: ObstacleAhead, pose: Pose, way: Array, left: float, came: bool) -> bool:
         """Whether the foot that stands `left` m before the edge is the last one there; sets the pace to the next ones."""
@@ -246,7 +261,7 @@ class Crossing:
         edge = obstacle.near - 0.6 * takeoff_m(obstacle.kind, obstacle.top, 0.0)
         return steps.next_ankle(self.pace) > edge
 
-    def _climb(self, ahead: Ahead, pose: Pose, ground: float, speed: float, walk_speed: float) -> None:
+    def _climb(self, ahead: Ahead, pose: Pose, speed: float, walk_speed: float) -> None:
         """Climb where the character stands before a wall or drop, at the tempo of its style."""
         obstacle = ahead.obstacle
         if obstacle.near > CLIMB_FROM_M or speed > CLIMB_SPEED:
@@ -256,16 +271,16 @@ class Crossing:
         depth = min(obstacle.far - obstacle.near, 10.0)
         tempo = min(max((walk_speed / NEUTRAL_SPEED) ** 0.5, TEMPO[0]), TEMPO[1])
         kind = "climb" if obstacle.top > 0.0 else "descend"
-        self._start(kind, (obstacle.top, -near, depth, tempo), pose, yaw, near, ground)
+        self._start(kind, (obstacle.top, -near, depth, tempo), pose, yaw, near, obstacle.ground)
 
-    def _begin_leap(self, ahead: Ahead, pose: Pose, ground: float) -> None:
+    def _begin_leap(self, ahead: Ahead, pose: Pose) -> None:
         obstacle, way, steps = ahead.obstacle, ahead.way, self.steps
         yaw = float(np.arctan2(way[0], way[1]))
         turn = rotations.from_yaw(-yaw)
-        origin = _origin(pose, way, obstacle.near, ground)
+        origin = _origin(pose, way, obstacle.near, obstacle.ground)
         ankles = rotations.rotate(turn, pose.positions[LEG_FEET].astype(np.float64) - origin)
         feet = rotations.multiply(turn, pose.world_rotations[LEG_FEET].astype(np.float64))
-        hips = float(pose.hips_position[1]) - ground
+        hips = float(pose.hips_position[1]) - obstacle.ground
         length = (
             0.0 if obstacle.kind in (ObstacleKind.UP, ObstacleKind.DOWN) else obstacle.far - obstacle.near
         )
@@ -275,7 +290,7 @@ class Crossing:
         points = (*ankles.ravel().tolist(), *feet.ravel().tolist())
         numbers = (length, top, obstacle.beyond, -obstacle.near, *gait, hips, *points)
         self.pace = 1.0
-        self._start(obstacle.kind.value, numbers, pose, yaw, obstacle.near, ground)
+        self._start(obstacle.kind.value, numbers, pose, yaw, obstacle.near, obstacle.ground)
 
     def _start(
         self, kind: str, numbers: tuple[float, ...], pose: Pose, yaw: float, near: float, ground: float
@@ -324,7 +339,7 @@ class Crossing:
         if self.time < self.motion.seconds - 0.5 * DT:
             return False
         motion, steps = self.motion, self.steps
-        vars(self).update(vars(Crossing()))
+        vars(self).update(vars(Crossing(sight=self.sight, sight_velocity=self.sight_velocity)))
         if isinstance(motion, Leap):
             self.steps = steps
             steps.after_leap(motion.stride.stance)

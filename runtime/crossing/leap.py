@@ -8,9 +8,10 @@ All is in the frame of the crossing: x to the left, y over the ground before the
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from runtime import rotations
@@ -35,6 +36,7 @@ ROLL_M = 0.1  # the lead foot rolls over its toe when the hips are so far before
 TOE_OFF, LANDING = 0.75, -0.2  # pitch of a foot, radians, toes down
 FLATTEN_S = 0.09  # in which the sole comes down after the heel
 LONGEST_FLIGHT_S = 0.35
+LATEST_LANDING, LONGER = 0.68, 1.6  # of the stride; it takes so many times as long at most
 FLIGHT_S = 0.22  # over a gap at least
 LOW_M = 0.2  # to deeper ground the hips fall
 STEEPEST = 0.15  # of a swing in which a foot goes all the way up or down
@@ -76,9 +78,6 @@ class Leap:
     ) -> None:
         """`length` from the near edge to the far one (0 of a step), `top` of a bar, `beyond` of the ground behind."""
         self.kind, self.length, self.top, self.beyond, self.stride = kind, length, top, beyond, stride
-        self.seconds = stride.seconds - stride.elapsed
-        self._count = max(round(self.seconds * FPS), 2)
-        self._t = stride.elapsed + np.arange(self._count + 1) / self._count * self.seconds
         lead = 1 - stride.stance
         first, last = stride.ankles[stride.stance], stride.ankles[lead]
         step = max(0.5 * stride.speed * stride.seconds, 0.3)
@@ -91,8 +90,8 @@ class Leap:
         self._lead_z = max(length + behind, first[2] + step, first[2] + flown)
         self._stance_z = self._lead_z + step
         self.end_z = self._stance_z - max(first[2] - stride.start_z + stride.elapsed * stride.speed, 0.05)
-        self._root = self._root_path()
-        off, land = self._times(float(first[2]))
+        off, land = self._timed(float(first[2]))
+        stride = self.stride
         rolls = float(np.interp(self._lead_z + ROLL_M, self._root, self._t, right=np.inf))
         goals = ((last[0], beyond, self._lead_z), (first[0], beyond, self._stance_z))
         plans = [
@@ -106,6 +105,23 @@ class Leap:
         self._plans = plans if lead == 0 else plans[::-1]
         self._rise = self._hips_rise(off, land)
 
+    def _timed(self, stance_z: float) -> tuple[float, float]:
+        """Sets the time of every row, and the root's place in it; when the stance foot leaves and the lead foot comes down.
+
+        A stride that is too short for the hips to come near enough to where the lead foot lands takes longer.
+        """
+        asked = self.stride.seconds
+        for _ in range(4):
+            self.seconds = self.stride.seconds - self.stride.elapsed
+            self._count = max(round(self.seconds * FPS), 2)
+            self._t = self.stride.elapsed + np.arange(self._count + 1) / self._count * self.seconds
+            self._root = self._root_path()
+            whole = float(np.interp(self._lead_z - AHEAD_M, self._root, self._t)) / LATEST_LANDING
+            if whole <= self.stride.seconds + 0.5 / FPS or self.stride.seconds >= LONGER * asked:
+                break
+            self.stride = replace(self.stride, seconds=min(whole, LONGER * asked))
+        return self._times(stance_z)
+
     def _root_path(self) -> Array:
         """Places of the root: the stride's speed at both ends, what is missing in between."""
         s, way = (self._t - self._t[0]) / self.seconds, self.end_z - self.stride.start_z
@@ -118,7 +134,7 @@ class Leap:
         off = float(np.interp(stance_z + BEHIND_M, self._root, self._t))
         land = float(np.interp(self._lead_z - AHEAD_M, self._root, self._t))
         whole, begin = self.stride.seconds, self.stride.elapsed
-        land = min(max(land, 0.42 * whole, begin + 0.15 * whole), 0.68 * whole)
+        land = min(max(land, 0.42 * whole, begin + 0.15 * whole), LATEST_LANDING * whole)
         off = min(max(off, 0.3 * whole, begin + 0.05), 0.62 * whole)
         if self.kind is ObstacleKind.GAP:
             off = max(min(off, land - FLIGHT_S), begin + 0.05)
@@ -158,11 +174,13 @@ class Leap:
             dz = plan.ankle[:, 2] - self._root
             reach = plan.ankle[:, 1] + np.sqrt(np.maximum((REACH * LEG) ** 2 - dz**2, 0.01)) + HIP_DROP
             limit = np.where(plan.stands, np.minimum(limit, reach - self.stride.hips), limit)
-        lower = np.maximum(rise - limit, 0.0)
+        lower = np.minimum(np.maximum(rise - limit, 0.0), DEEPEST_M)
+        # the most of seven frames around, then their smooth mean: hardly less anywhere, and without a step where a foot comes down
+        most = sliding_window_view(np.pad(lower, 3, mode="edge"), 7).max(-1)
         kernel = np.hanning(15)
-        spread = np.convolve(np.pad(lower, 7, mode="edge"), kernel / kernel.sum(), mode="valid")
+        spread = np.convolve(np.pad(most, 7, mode="edge"), kernel / kernel.sum(), mode="valid")
         fade = _smooth(np.minimum(t - t[0], end - t) / 0.15)
-        return rise - np.minimum(np.maximum(spread, lower), DEEPEST_M) * fade
+        return rise - spread * fade
 
     def root_z(self, t: float) -> float:
         """The root's place along the way at `t` seconds."""

@@ -239,8 +239,7 @@ def _input(state: CharacterState, looks: Sequence[Look], terrain: Terrain) -> Ar
     points = features.height_points(positions, directions)
     heights = within_steps(terrain.height(points[..., 0], points[..., 1]), present)
     for i, (crossing, look) in enumerate(zip(state.crossings, looks, strict=True)):
-        if crossing.kind or look.ahead is not None:
-            heights[i] = crossing.seen(points[i], heights[i], present, look.ahead)
+        heights[i] = crossing.seen(points[i], heights[i], present, look.ahead)
     ground = features.ground_height(heights)
     parts = InputParts(
         root_position=path.here,

@@ -28,7 +28,7 @@ from runtime.motion.style_blend import StyleCodes
 from runtime.motion.style_mix import Style, StyleMix
 from runtime.records import REMEDY, copied, read_record, write_record
 
-VERSION = 6
+VERSION = 7
 MAX_BYTES = 16 * 1024 * 1024  # a folded style has 2 MB
 MOST_CODES, LARGEST_SHARE, LARGEST_CODE = 64, 64.0, 1e4
 LONGEST_BLEND_S, LARGEST_STRENGTH, FASTEST = 1e6, 16.0, 100.0
@@ -87,9 +87,11 @@ class Snapshot:
                 _plan_as_velocity(tree["state"])
             if version in (3, 4):
                 _no_jump(tree["state"])
-            if version in (3, 4, 5, VERSION):
+            if version in (3, 4, 5, 6):
+                _in_sight(tree["state"])
+            if version in (3, 4, 5, 6, VERSION):
                 arrays = [named[f"a{k}"] for k in range(len(named))]
-                if version != VERSION:
+                if version in (3, 4, 5):
                     _awake(tree["state"], arrays)
                 codes = _codes(tree["style"], arrays)
                 state = read_record(CharacterState, tree["state"], arrays, name)
@@ -142,6 +144,12 @@ def _awake(state: Any, arrays: list[np.ndarray]) -> None:
     poses = state["poses"]
     local, yaw = arrays[poses["local"]].astype(np.float64), arrays[poses["yaw"]]
     state["calm"] = write_record(Calm.awake(local, yaw), arrays)
+
+
+def _in_sight(state: Any) -> None:
+    """Until version 6 the ground was out of sight during a crossing, and in sight at once after it."""
+    for crossing in state["crossings"]:
+        crossing |= {"sight": 0.0 if crossing["kind"] else 1.0, "sight_velocity": 0.0}
 
 
 def take_snapshot(controller: Controller) -> Snapshot:

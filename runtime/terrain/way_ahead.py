@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -40,6 +40,7 @@ class ObstacleAhead:
     top: float  # of a bar; of a wall or drop the step itself (negative is down); 0 of a gap
     beyond: float  # height of the ground behind it
     skew: float  # radians that the way turns left to meet the edge at a right angle
+    ground: float = 0.0  # height just before it, metres
 
 
 def obstacle_ahead(
@@ -73,7 +74,7 @@ def obstacle_ahead(
     left, right = (near if e is None else e for e in edges)
     skew = float(np.arctan2(right - left, SIDES_M[1] - SIDES_M[2]))
     slant = 0.5 * abs(left - right)
-    return ObstacleAhead(found.kind, near - slant, found.far + slant, found.top, found.beyond, skew)
+    return replace(found, near=near - slant, far=found.far + slant, skew=skew)
 
 
 def _edge(row: Array, along: Array, first: int, run: int) -> float:
@@ -95,14 +96,15 @@ def _classified(row: Array, along: Array, first: int, run: int, near: float) -> 
     if step > 0.0 and far - near <= THICKEST_BAR_M:
         beyond = _level_after(row, far) - base
         if abs(beyond) <= LEVEL_M:
-            return ObstacleAhead(ObstacleKind.BAR, near, far, step, beyond, 0.0)
+            return ObstacleAhead(ObstacleKind.BAR, near, far, step, beyond, 0.0, base)
     if step < 0.0 and far - near <= WIDEST_GAP_M:
         if base - float(row[here : round(far / SPACING_M) + 1].min()) < STEP_M:
             return None  # stairs down and up again
-        return ObstacleAhead(ObstacleKind.GAP, near, far, 0.0, _level_after(row, far) - base, 0.0)
+        return ObstacleAhead(ObstacleKind.GAP, near, far, 0.0, _level_after(row, far) - base, 0.0, base)
     if abs(step) < STEP_M:
         return None
-    return ObstacleAhead(ObstacleKind.UP if step > 0.0 else ObstacleKind.DOWN, near, far, step, step, 0.0)
+    kind = ObstacleKind.UP if step > 0.0 else ObstacleKind.DOWN
+    return ObstacleAhead(kind, near, far, step, step, 0.0, base)
 
 
 def _level_after(row: Array, far: float) -> float:

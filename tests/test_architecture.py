@@ -141,8 +141,14 @@ def test_arrows_point_one_way(package: str) -> None:
 
 
 def test_only_the_evaluation_and_its_readers_use_the_evaluation() -> None:
-    """Data, layered clips, networks and stages measure by rooms below; the export reads tables for the model card."""
-    users = ("training/evaluation", "training/baselines", "training/study", "training/export")
+    """Data, layered clips, networks and stages measure by rooms below; courses too; the export reads tables for the model card."""
+    users = (
+        "training/evaluation",
+        "training/baselines",
+        "training/study",
+        "training/export",
+        "training/courses",
+    )
     for path in sources("training"):
         if not path.relative_to(PROJECT_ROOT).as_posix().startswith(users):
             assert not any(name.startswith("training.evaluation") for name in modules(path)), path

@@ -175,6 +175,7 @@ def test_a_walker_gets_over_a_low_wall_and_its_row_is_whole(results):
     assert (row["style"], row["gait"], row["passed"]) == ("neutral", "walk", 1)
     assert row["keyed_s"] > 2.0  # it climbs up and jumps down
     assert 0.5 < row["keyed_share"] <= 1.0
+    assert row["own"] == 0
     assert row["after"]["hands_s"][0] > 0.3
     text = markdown(json.loads(json.dumps(found)))
     assert "### Walls of 0.6, 1.0 and 1.4 m" in text

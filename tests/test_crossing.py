@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import json
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from runtime.controls import Controls, Gait
 from runtime.crossing.crossing import Crossing
+from runtime.errors import ModelError
 from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
 from runtime.motion.controller import Controller
 from runtime.motion.crowd import Crowd
@@ -153,6 +158,21 @@ def test_another_ground_ends_a_crossing(model: MotionModel) -> None:
     assert controller.crossing == "climb"
     controller.set_terrain(Terrain.flat())
     assert controller.crossing == ""
+
+
+def test_what_the_network_crosses_itself_is_not_keyed(model: MotionModel, tmp_path: Path) -> None:
+    """A model says up to which size it crosses obstacles of a kind; what is higher is keyed."""
+    folder = shutil.copytree(model.folder, tmp_path / "model")
+    metadata = json.loads((folder / "metadata.json").read_text("utf-8"))
+    for size, expected in ((0.25, []), (0.15, ["bar"])):
+        (folder / "metadata.json").write_text(json.dumps(metadata | {"crosses": {"bar": size}}))
+        controller = Controller(load_model(folder), ground(Obstacle(3.0, 3.1, 0.2, 4.0)))
+        positions, kinds = walked(controller, 4.5, 8.0)
+        assert kinds == expected
+        assert positions[-1, 0, 2] > 4.3
+    (folder / "metadata.json").write_text(json.dumps(metadata | {"crosses": {"moat": 0.3}}))
+    with pytest.raises(ModelError, match="crosses"):
+        load_model(folder)
 
 
 def test_the_hips_do_not_drop_where_a_leap_begins_or_ends(model: MotionModel) -> None:

@@ -14,7 +14,7 @@ from training import session as training_session  # noqa: E402
 from training.presets import preset  # noqa: E402
 from training.sampling import sampling_weights  # noqa: E402
 from training.session import Session, load_checkpoint  # noqa: E402
-from training.stages import content, motion, phase  # noqa: E402
+from training.stages import content, ground, motion, phase  # noqa: E402
 from training.styles import StyleTable  # noqa: E402
 
 STEPS = 5
@@ -52,6 +52,11 @@ def run(stage: str, out: Path, frames, table, texts) -> bytes:  # noqa: F811
         content.run(session, CONFIG, table, frames, weights, with_words(texts), STEPS, 4)
     elif stage == "stage2":
         motion.run_stage2(session, CONFIG, data(frames, table), STEPS, 16)
+    elif stage == "ground":
+        torch.manual_seed(4)
+        neutral = np.zeros((6, CONFIG.style_size // 6), np.float32)
+        known, courses = data(frames, table), data(frames, table)
+        ground.run_ground(session, known, courses, motion.Generator(CONFIG), neutral, STEPS, 16)
     else:
         torch.manual_seed(4)
         generator = motion.Generator(CONFIG)
@@ -61,7 +66,7 @@ def run(stage: str, out: Path, frames, table, texts) -> bytes:  # noqa: F811
     return b"".join(saved["average"][name].numpy().tobytes() for name in sorted(saved["average"]))
 
 
-@pytest.mark.parametrize("stage", ["phase", "content", "stage2", "stage3"])
+@pytest.mark.parametrize("stage", ["phase", "content", "stage2", "stage3", "ground"])
 def test_a_killed_stage_goes_on_to_the_same_bytes(stage, frames, table, texts, tmp_path, monkeypatch):  # noqa: F811
     monkeypatch.setattr(motion, "measure_codes", lambda *_, **__: None)
     monkeypatch.setattr(phase, "encode_table", lambda *_: None)

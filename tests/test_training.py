@@ -141,9 +141,26 @@ def test_the_whole_pipeline_from_clips_to_a_character_that_can_be_driven(
     clips = shutil.copytree(clips, tmp_path / "clips")
     out = tmp_path / "run"
     common = arguments(clips, out)
-    steps = {"phase": 2, "content": 2, "words": 2, "stage2": 3, "stage3": 3}
+    steps = {"phase": 2, "content": 2, "words": 2, "stage2": 3, "stage3": 3, "ground": 2}
+    crossed, measured = [], []
+
+    def cross(model: Path, folder: Path, *_: object) -> dict[str, int]:
+        """In place of walks over courses, which this network cannot do: two clips."""
+        crossed.append(load_model(model).name)
+        folder.mkdir(parents=True)
+        for name in "ac":
+            shutil.copy(clips / f"{name}.npz", folder)
+        return {"stairs kept": 2}
+
+    monkeypatch.setattr("training.courses.clips.make_all", cross)
+    monkeypatch.setattr("training.pipeline.measure_crossings", measured.append)
     counts = [f"--{stage}-steps={count}" for stage, count in steps.items()]
-    assert main(["all", *common, *counts, "--layers", "0"]) == 0
+    assert main(["all", *common, *counts, "--layers", "0", "--course-minutes", "1"]) == 0
+    assert len(crossed) == 1
+    assert measured == [out / "model"]
+    before, after = (torch.load(out / f"{stage}_final.pt")["module"] for stage in ("stage3", "ground"))
+    changed = {name.split(".")[0] for name in before if not torch.equal(before[name], after[name])}
+    assert changed == {"encoder", "modulator", "mixture_decoder"}
     model = load_model(out / "model")
     if exact_8_bit_products():
         assert load_model(out / "model", precision="int8").metadata["quantised"]["relative_error"] > 0.0

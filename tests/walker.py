@@ -98,6 +98,10 @@ class WalkerModel:
             "name": self.name,
         }
 
+    def crosses(self, obstacle):
+        """Never."""
+        return False
+
     def fold_style(self, z, strength=1.0):
         z = np.asarray(z, np.float32)
         return Style(z, z[:1], z[:1], z[:1], WALK_SPEED, 2.5)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from training.presets import ABLATIONS, PRESETS
 
-STAGES = ("import", "layer", "phase", "content", "words", "stage2", "stage3", "export")
+STAGES = ("import", "layer", "phase", "content", "words", "stage2", "stage3", "ground", "export")
 DECODERS = ("diffusion", "mixture")
 COUNT = 4600  # edited clips
 WORD_STEPS = 2000
@@ -23,6 +23,7 @@ class StageSteps:
     words: int = WORD_STEPS
     stage2: int = 11000
     stage3: int = 1500
+    ground: int = 3000
     batch: int = 1024  # samples of a step of stages 2 and 3, over all processes
 
 
@@ -63,6 +64,12 @@ def build_parser() -> argparse.ArgumentParser:
         type=int,
         default=1,
         help="that train stages 2 and 3 together, such as one a core",
+    )
+    parser.add_argument(
+        "--course-minutes",
+        type=float,
+        default=0.0,
+        help="of the model's own crossings, which the stage ground learns from (default: none, and no such stage)",
     )
     parser.add_argument("--max-minutes", type=float, help="time limit of each stage")
     return parser

@@ -21,7 +21,7 @@ from torch import Tensor, nn
 from runtime.errors import UsageError
 
 Arguments = ParamSpec("Arguments")
-STAGES = ("stage2", "stage3")  # the others are quick, or write files that all would write
+STAGES = ("stage2", "stage3", "ground")  # the others are quick, or write files that all would write
 
 
 def rank() -> int:

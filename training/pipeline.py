@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import logging
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -12,6 +13,7 @@ import numpy as np
 import torch
 
 from runtime.assets import asset_path
+from runtime.atomic import write_atomic
 from runtime.errors import FileError, UsageError
 from runtime.motion.features import OUTPUT_SIZE
 from runtime.motion.processor import exact_8_bit_products
@@ -20,8 +22,10 @@ from training import parallel
 from training.arguments import STAGES, build_parser
 from training.batches import FrameTensors, Normalisation
 from training.composition.composer import Composer
+from training.courses import clips as course_clips
 from training.data import catalog
 from training.export.calibrate import calibrate, phase_signs
+from training.export.crossings import measure_crossings
 from training.export.half_storage import store_model_in_half
 from training.export.model import Trained, export_model
 from training.export.quantize import quantize_model
@@ -38,6 +42,9 @@ from training.sampling import moments, sampling_weights
 from training.session import Session, load_checkpoint, save_checkpoint
 from training.stages import (
     content as stage_content,
+)
+from training.stages import (
+    ground as stage_ground,
 )
 from training.stages import (
     motion as stage_motion,
@@ -231,6 +238,11 @@ class Run:
         z = stage_content.style_table(self.content, self.texts, *self.style_scale)
         return stage_motion.MotionData(self.frames, normal, z, self.weights)
 
+    @property
+    def neutral(self) -> np.ndarray:
+        """Z^t `(6, n / 6)` of neutral walking."""
+        return neutral_style(self.table, self.data.style)
+
     def generator(self, stage: str) -> Generator:
         """The motion generator as a stage left it."""
         module = Generator(self.config)
@@ -304,17 +316,70 @@ class Run:
         )
         save_checkpoint(self.args.out / "stage3_final.pt", {"module": generator.state_dict()})
 
+    def train_ground(self) -> None:
+        """Courses crossed by the run's own model, and the generator trained on them; nothing without minutes of them."""
+        if not self.args.course_minutes or not _is_played(self.config, self.args):
+            return
+        courses = self.course_data()
+        options = self.neutral, self.args.ground, self.batch, self.args.max_minutes
+        generator = stage_ground.run_ground(
+            self.session, self.data, courses, self.generator("stage3"), *options
+        )
+        save_checkpoint(self.args.out / "ground_final.pt", {"module": generator.state_dict()})
+
+    def course_data(self) -> stage_motion.MotionData:
+        """What the stage ground trains on beside captured clips; the courses are crossed once."""
+        folder = self.args.out / "courses"
+        clips = folder / "clips"
+        if parallel.rank() == 0 and not (folder / "report.json").exists():
+            model = self.args.out / "model-before-ground"
+            export_model(self.trained("stage3", "diffusion"), model)
+            minutes, seed, count = self.args.course_minutes, self.args.seed, self.args.processes
+            seen = course_clips.make_all(model, clips, minutes, seed, count)
+            write_atomic(folder / "report.json", json.dumps(seen, indent=1) + "\n")
+        parallel.wait()
+        table = load_frames(clips, folder / "frames")
+        words = self.config.direction_words, self.config.one_sided_words
+        texts = load_style_texts(
+            table, self.args.styles or asset_path("prompts/styles.json"), self.encoder, None, *words
+        )
+        phase = stage_ground.course_phases(self.session, self.config, table, self.table, self.phase, folder)
+        z = stage_content.style_table(self.content, texts, *self.style_scale)
+        weights = np.ones(len(table))
+        weights[table.start[:-1]] = 0.0
+        frames = FrameTensors.of(table, phase, self.session.device)
+        return stage_motion.MotionData(frames, self.data.normal, z, weights / weights.sum())
+
     def export(self) -> None:
         """Graphs, metadata and card of the run."""
         mixture = self.args.decoder == "mixture"
-        generator = self.generator("stage2" if mixture else "stage3")
+        folder = self.args.out / ("model-mixture" if mixture else "model")
+        stage = "stage2" if mixture else "ground" if self.on_ground else "stage3"
+        _write_model(self.trained(stage, self.args.decoder), self.args, folder)
+        # codes have mirror images where every sentence is read as of the left side
+        if self.content is not None and self.config.one_sided_words and _is_played(self.config, self.args):
+            signs = phase_signs(self.table, self.phase)
+            if signs is None:
+                log.warning("%s: not calibrated, no clip has its mirror image", folder)
+            else:
+                calibrate(folder, signs, self.args.text_encoder)
+            measure_crossings(folder)
+
+    @property
+    def on_ground(self) -> bool:
+        """Whether the run has trained on courses."""
+        return (self.args.out / "ground_final.pt").exists()
+
+    def trained(self, stage: str, decoder: str) -> Trained:
+        """What is exported of the run as a stage left it."""
+        generator = self.generator(stage)
         config, data, table = self.config, self.data, self.table
         sigma = np.zeros(config.inference_steps)
-        if not mixture:
+        if decoder == "diffusion":
             sigma = stage_motion.estimate_variance(self.session, config, data, generator)
         schedule = Schedule.linear(config.diffusion_steps)
         history = History.of_run(self.args.out)
-        trained = Trained(
+        return Trained(
             config=config,
             content=self.content,
             generator=generator,
@@ -328,19 +393,10 @@ class Run:
             credits=catalog.credits_of(set(table.sources)),
             notes=_notes(self.args, table, history),
             curves=history.losses,
-            neutral=neutral_style(table, data.style),
+            neutral=self.neutral,
             sequence_scales=_sequence_scales(self.content_path, table) if self.content is not None else {},
-            decoder=self.args.decoder,
+            decoder=decoder,
         )
-        folder = self.args.out / ("model-mixture" if mixture else "model")
-        _write_model(trained, self.args, folder)
-        # codes have mirror images where every sentence is read as of the left side
-        if self.content is not None and config.one_sided_words and _is_played(config, self.args):
-            signs = phase_signs(table, self.phase)
-            if signs is None:
-                log.warning("%s: not calibrated, no clip has its mirror image", folder)
-            else:
-                calibrate(folder, signs, self.args.text_encoder)
 
 
 PHASE_BATCH = 128

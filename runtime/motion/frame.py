@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Array, Flags
 from runtime.controls import STAND_SPEED, Controls, Gait
-from runtime.crossing.crossing import LOOK_M, STOP_SECONDS, Look
+from runtime.crossing.crossing import CLEAR, LOOK_M, STOP_SECONDS, Look
 from runtime.motion import calm, features, momentum
 from runtime.motion.coming_to_rest import calmed_pose, rest_share
 from runtime.motion.features import DT, OUTPUT_SIZE, InputParts, OutputParts, split_output
@@ -89,7 +89,7 @@ def step(
     state.styles = tuple(style.advanced(DT) for style in state.styles)
     styles = [blend.style for blend in state.styles]
 
-    looks = _look(state, controls, terrain)
+    looks = _look(model, state, controls, terrain)
     request = _request(state, controls, looks, styles)
     # before an obstacle, and while one is crossed, a body does at once what it has to
     at_once = [
@@ -142,8 +142,10 @@ def _stick(controls: Controls) -> tuple[float, float, float]:
     return (x / amount, z / amount, 1.0) if amount > 1.0 else (x, z, amount)
 
 
-def _look(state: CharacterState, controls: Sequence[Controls], terrain: Terrain) -> list[Look]:
-    """What lies on the ways of the sticks; every crossing remembers whether it stops."""
+def _look(
+    model: MotionModel, state: CharacterState, controls: Sequence[Controls], terrain: Terrain
+) -> list[Look]:
+    """What lies on the ways of the sticks and is not the network's own; every crossing remembers whether it stops."""
     nothing = terrain.steepest * RUN_M < EDGE_M  # no slope of this ground is an edge
     sticks = np.array([_stick(each)[:2] for each in controls])
     size = np.sqrt((sticks * sticks).sum(-1, keepdims=True))
@@ -158,7 +160,9 @@ def _look(state: CharacterState, controls: Sequence[Controls], terrain: Terrain)
         velocity = sticks[i] * full_speed(style, state.jumps[i].asked(stick.gait))
         # a glance beside a beam would see a drop
         ground = None if clear[i] or state.feet[i].on_beam else terrain
-        looks.append(crossing.look(ground, here[i], velocity, float(state.measured_speed[i])))
+        look = crossing.look(ground, here[i], velocity, float(state.measured_speed[i]))
+        own = look.ahead is not None and model.crosses(look.ahead.obstacle)
+        looks.append(CLEAR if own else look)
     return looks
 
 

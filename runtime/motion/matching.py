@@ -27,6 +27,7 @@ from runtime.motion import features
 from runtime.motion.features import FPS, INPUT, OutputParts, build_output
 from runtime.motion.style_mix import Style
 from runtime.skeleton import SPORT_SKELETON, J
+from runtime.terrain.way_ahead import ObstacleAhead
 
 Indices = NDArray[np.integer]
 
@@ -253,6 +254,10 @@ class MatchingModel:
         return codes[0] if len(codes) else self.database.codes[0]
 
     calibration = None  # a database shows what it has, on the side that it has
+
+    def crosses(self, obstacle: ObstacleAhead) -> bool:
+        """Never: no capture shows a leap in every style."""
+        return False
 
     def fold_style(self, z: Array, strength: float = 1.0) -> Style:
         """The captured style whose descriptions lie nearest to Z^t `(6, 64)`; a label has no strength."""

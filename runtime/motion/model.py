@@ -21,12 +21,14 @@ from runtime.motion.model_files import (
     check_graphs,
     choose_precision,
     open_graph,
+    read_crossings,
     read_graph,
     read_metadata,
     run_graph,
 )
 from runtime.motion.style_mix import Style
 from runtime.skeleton import PART_NAMES
+from runtime.terrain.way_ahead import ObstacleAhead
 
 ARM_PARTS = 2  # of the six come first
 LISTS = 8  # of styles that are kept stacked: two calls of four threads
@@ -71,12 +73,17 @@ class MotionModel:
         self._stacked: dict[
             tuple[int, bool], tuple[tuple[Style, ...], dict[str, Float32Array]]
         ] = {}  # by the thread that asks, and which of its calls
+        self._crosses = read_crossings(folder, metadata)
         self.provider = self._step.get_providers()[0].removesuffix("ExecutionProvider")
 
     @property
     def batches(self) -> bool:
         """Whether characters with styles of their own share a call without a bearing on each other."""
         return self._styles_apart and self.precision == "fp32"
+
+    def crosses(self, obstacle: ObstacleAhead) -> bool:
+        """Whether the network crosses an obstacle by itself: it was seen to cross those of its kind up to this size."""
+        return obstacle.size <= self._crosses.get(obstacle.kind.value, 0.0)
 
     @property
     def prompt_path(self) -> Path:

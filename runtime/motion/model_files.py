@@ -14,6 +14,7 @@ from runtime.motion.features import INPUT, INPUT_SIZE, LAYOUT_VERSION, OUTPUT_SI
 from runtime.motion.processor import exact_8_bit_products
 from runtime.safe_read import is_text, parse_json, read_bounded, reason
 from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.way_ahead import ObstacleKind
 
 if TYPE_CHECKING:
     import onnxruntime
@@ -44,6 +45,16 @@ def read_metadata(folder: Path) -> dict[str, Any]:
         raise ModelError(f"{path}: not valid JSON.", REMEDY) from error
     _check_metadata(path, metadata)
     return metadata
+
+
+def read_crossings(folder: Path, metadata: dict[str, Any]) -> dict[str, float]:
+    """Metres up to which the network crosses obstacles by itself, by their kind; none where a model does not say."""
+    crosses = metadata.get("crosses", {})
+    kinds = {kind.value for kind in ObstacleKind}
+    if not isinstance(crosses, dict) or not crosses.keys() <= kinds:
+        raise ModelError(f"{folder / 'metadata.json'}: field 'crosses' names other obstacles.", REMEDY)
+    _check_numbers(folder / "metadata.json", "crosses", list(crosses.values()), len(crosses))
+    return {kind: float(size) for kind, size in crosses.items()}
 
 
 def _check_metadata(path: Path, metadata: Any) -> None:

@@ -42,6 +42,11 @@ class ObstacleAhead:
     skew: float  # radians that the way turns left to meet the edge at a right angle
     ground: float = 0.0  # height just before it, metres
 
+    @property
+    def size(self) -> float:
+        """Metres: the length of a gap, the height of all else."""
+        return self.far - self.near if self.kind is ObstacleKind.GAP else abs(self.top)
+
 
 def obstacle_ahead(
     terrain: Terrain, x: float, z: float, direction: Array, reach_m: float

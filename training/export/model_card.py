@@ -75,7 +75,7 @@ def _limits(metadata: dict[str, Any]) -> list[str]:
         "- Terrain is known from "
         + ("distilled rollouts of PFNN and from " if rollouts else "")
         + "flat capture laid over hills and stairs; there is only about a minute of captured stairs and uneven ground."
-        " Leaps over obstacles and climbing are keyed by the program, not by the model.",
+        " Obstacles that its metadata do not name (`crosses`) are keyed by the program.",
         "- Jumping was seen in the neutral style only.",
     ]
 

@@ -165,12 +165,12 @@ def from_other_poses(x: Tensor, share: float) -> Tensor:
     return result
 
 
-def _full_precision(device: torch.device) -> torch.autocast:
+def full_precision(device: torch.device) -> torch.autocast:
     """For what follows the networks: a pose of three digits trembles when it is fed back, and kinematics add up."""
     return torch.autocast(device.type, enabled=False)
 
 
-def _motion_losses(data: MotionData, lanes: RolloutLanes, mixed: MixedBatch, y: Tensor) -> Losses:
+def motion_losses(data: MotionData, lanes: RolloutLanes, mixed: MixedBatch, y: Tensor) -> Losses:
     """Those of stage 2, of normalised y `(B, n)`; the lanes move on by it."""
     result = stage2_loss(data, mixed.target, y) | shown_losses(data.normal, lanes, mixed.target, y)
     with torch.no_grad():
@@ -181,7 +181,7 @@ def _motion_losses(data: MotionData, lanes: RolloutLanes, mixed: MixedBatch, y: 
     return result
 
 
-def _total(result: Losses) -> Tensor:
+def total_of(result: Losses) -> Tensor:
     """Eq. 11 and 12 with what is added to them here."""
     total = terms.stage2(result["rec"], result["contact"], CONTACT_WEIGHT)
     return (
@@ -196,7 +196,7 @@ def _total(result: Losses) -> Tensor:
     )
 
 
-def _lanes(session: Session, data: MotionData, batch: int, salt: int) -> RolloutLanes:
+def lanes_of(session: Session, data: MotionData, batch: int, salt: int) -> RolloutLanes:
     """Rollouts beside a batch, begun at random frames."""
     fresh = RandomRows(data.weights, batch, 2, data.frames.last, session.batch_generator(salt))
     return RolloutLanes(data.frames, int(LANES * batch), LANE_FRAMES, fresh, COMPOSED)
@@ -216,26 +216,26 @@ def run_stage2(
     fine_tuned = (session.out / START).exists()
     if fine_tuned:  # weights of an earlier model, unpacked by training.packed_run
         module.load_state_dict(load_checkpoint(session.out / START)["module"])
-        _without_dropout(module)
+        without_dropout(module)
     parameters = [p for n, p in module.named_parameters() if not n.startswith("denoiser")]
     optimizer = torch.optim.AdamW(parameters, lr=1e-3, weight_decay=1e-4, fused=True)
-    state = TrainingState(module, optimizer, MovingAverage(module, _decay(steps)))
+    state = TrainingState(module, optimizer, MovingAverage(module, decay_of(steps)))
     rows = RandomRows(data.weights, batch, 1, data.frames.last, session.batch_generator(4))
-    lanes = _lanes(session, data, batch, 8)
+    lanes = lanes_of(session, data, batch, 8)
 
     def losses(item: object, step: int) -> dict[str, Tensor]:
         assert isinstance(item, Tensor)
         if step >= DROPOUT_SHARE * steps:
-            _without_dropout(module)
+            without_dropout(module)
         mixed = mixed_batch(data, item, lanes, NOISE)
         e, alpha = module.embed(mixed.x, mixed.z)
-        with _full_precision(e.device):
+        with full_precision(e.device):
             y = module.mixture_decoder(e.float(), alpha.float())
-            result = _motion_losses(data, lanes, mixed, y)
-            return result | {"total": _total(result)}
+            result = motion_losses(data, lanes, mixed, y)
+            return result | {"total": total_of(result)}
 
     cycles = 3 if steps >= SHORT_STEPS else 1
-    rate = _warm_restarts(steps, _peak(batch) * (0.5 if fine_tuned else 1.0), cycles)
+    rate = warm_restarts(steps, peak_of(batch) * (0.5 if fine_tuned else 1.0), cycles)
     kept: dict[str, Resumable] = {"rows": rows, "lanes": lanes}
     train(session, "stage2", state, rows, losses, steps, rate, batch, max_minutes, kept)
     module.load_state_dict(state.average.values)
@@ -245,7 +245,7 @@ def run_stage2(
     return module
 
 
-def _without_dropout(module: torch.nn.Module) -> None:
+def without_dropout(module: torch.nn.Module) -> None:
     """Weights that have learnt to do without their neighbours go on with them: swings are no longer averaged smaller,
     and rollouts tremble only as far as they will in use."""
     for part in module.modules():
@@ -257,17 +257,17 @@ SHORT_STEPS = 6000  # of a stage: fewer leave no time for restarts
 DROPOUT_SHARE = 1 / 7  # of stage 2: the first of its three cycles
 
 
-def _decay(steps: int) -> float:
+def decay_of(steps: int) -> float:
     """Of the moving average of the weights: a fifth of the stage, at most 2000 steps."""
     return min(0.9995, 1.0 - 5.0 / max(steps, 10))
 
 
-def _peak(batch: int) -> float:
+def peak_of(batch: int) -> float:
     """Highest learning rate: 1e-3 for a batch of 256 over all processes, by the square root for others."""
     return 1e-3 * math.sqrt(batch * parallel.workers() / 256)
 
 
-def _warm_restarts(steps: int, peak: float, cycles: int = 3) -> Callable[[int], float]:
+def warm_restarts(steps: int, peak: float, cycles: int = 3) -> Callable[[int], float]:
     """Cosine annealing whose cycles double in length (factor 2.0), the last one ending at `steps`."""
     shortest = steps / (2**cycles - 1)
 
@@ -329,7 +329,7 @@ def _denoiser_state(session: Session, config: ModelConfig, module: Generator, st
     module.requires_grad_(False)
     module.denoiser.requires_grad_(True)
     optimizer = torch.optim.AdamW(module.denoiser.parameters(), lr=1e-3, weight_decay=1e-4, fused=True)
-    return TrainingState(module, optimizer, MovingAverage(module, _decay(steps)))
+    return TrainingState(module, optimizer, MovingAverage(module, decay_of(steps)))
 
 
 def run_stage3(
@@ -348,7 +348,7 @@ def run_stage3(
     schedule = Schedule.linear(config.diffusion_steps)
     tau = torch.as_tensor(schedule.subsequence(config.inference_steps), device=session.device)
     rows = RandomRows(data.weights, batch, 1, data.frames.last, session.batch_generator(6))
-    lanes = _lanes(session, data, batch, 9)
+    lanes = lanes_of(session, data, batch, 9)
 
     def losses(item: object, step: int) -> Losses:
         assert isinstance(item, Tensor)
@@ -356,22 +356,31 @@ def run_stage3(
         with torch.no_grad():
             mixed = mixed_batch(data, item, lanes, NOISE)
             e, alpha = module.embed(mixed.x, mixed.z)
-            with _full_precision(e.device):
+            with full_precision(e.device):
                 codes = module.target_codes(e.float(), alpha.float(), mixed.target)
             n, noisy = _noised(schedule, tau, codes.float())
         predicted = module.denoiser(noisy, e, n).float()
-        with _full_precision(e.device):
+        with full_precision(e.device):
             y = blend_codes(module.clean_codes(predicted, e.float()), alpha.float())
-            motion = _motion_losses(data, lanes, mixed, y)
+            motion = motion_losses(data, lanes, mixed, y)
             total = terms.codes(codes.float(), predicted)
             result = {"codes": total}
             if step > 0.25 * steps:
-                result, total = result | motion, 0.1 * total + _total(motion)
+                result, total = result | motion, 0.1 * total + total_of(motion)
             return result | {"total": total}
 
     kept: dict[str, Resumable] = {"rows": rows, "lanes": lanes}
     train(
-        session, "stage3", state, rows, losses, steps, _cosine(steps, _peak(batch)), batch, max_minutes, kept
+        session,
+        "stage3",
+        state,
+        rows,
+        losses,
+        steps,
+        _cosine(steps, peak_of(batch)),
+        batch,
+        max_minutes,
+        kept,
     )
     module.load_state_dict(state.average.values)
     return module.eval()

@@ -19,6 +19,10 @@ Mask = NDArray[np.bool_]
 MARGIN_M = 0.5  # before and behind an obstacle that counts as crossing it
 TOLERANCE_M = 0.005  # that is not yet inside
 DEEP_M = 0.03
+# Of a way that passes every check: the deepest sole, joint and limb, and the acceleration of a joint; captured jogs
+# come to 470.
+DEEPEST_SOLE_M, DEEPEST_JOINT_M, DEEPEST_LIMB_M = 0.02, 0.015, 0.035
+MOST_ACCELERATION = 600.0  # m/s^2
 # A figure that glides in one pose, or stands where it should walk: its feet hardly move relative to the root. In a walk
 # they do so with about the speed of the root.
 FROZEN_SHARE = 0.25  # of the requested speed, mean over a second
@@ -51,6 +55,24 @@ def depths(positions: Array, terrain: Terrain, crossing: Mask) -> dict[str, floa
         result[f"{name}_p99"] = 100.0 * float(np.percentile(values, 99))
         result[f"{name}_deep"] = float((values > DEEP_M).mean())
     return result
+
+
+def first_problem(positions: Array, ground: Terrain, most_acceleration: float = MOST_ACCELERATION) -> str:
+    """The first check that a way of world joints `(T, 31, 3)` does not pass; empty where it passes all.
+
+    Soles, joints and limbs under the surface, by the shortest way out, and the acceleration of any joint, m/s^2.
+    """
+    positions = positions.astype(np.float64)
+    soles = positions[:, feet.SOLE_POINTS].copy()
+    soles[..., 1] -= feet.SOLE_HEIGHTS
+    if depth_inside(soles, ground).max() > DEEPEST_SOLE_M:
+        return "soles"
+    if depth_inside(positions, ground).max() > DEEPEST_JOINT_M:
+        return "joints"
+    if max(float(depth.max()) for depth in limb_depths(positions, ground).values()) > DEEPEST_LIMB_M:
+        return "limbs"
+    acceleration = np.linalg.norm(np.diff(positions, 2, axis=0), axis=-1) * FPS * FPS
+    return "thrown" if acceleration.max() > most_acceleration else ""
 
 
 def clearances(positions: Array, obstacles: Sequence[Obstacle]) -> list[float]:

@@ -52,6 +52,11 @@ class Recorder:
         self._unlocked.append(self._controller.unlocked)
         return pose
 
+    @property
+    def frames(self) -> int:
+        """How many were recorded."""
+        return len(self._poses)
+
     def motion(self, name: str, style: str, gait: NDArray[np.integer], skip: int) -> Motion:
         """What was recorded after the first `skip` frames; `gait` `(frames - skip,)` are the labels asked for."""
         poses = self._poses[skip:]

@@ -104,7 +104,10 @@ def score_run(run: ObstacleRun) -> dict[str, Any]:
     """Figures of one run as plain data; depths in cm, before and after foot lock."""
     course, motion, ground = run.course, run.motion, run.motion.terrain
     assert motion.unlocked is not None
-    within = np.any([crossing.crossing_frames(run.root, o) for o in course.obstacles], axis=0)
+    inside = [crossing.crossing_frames(run.root, o) for o in course.obstacles]
+    within = np.any(inside, axis=0)
+    sound = [bool(w.any()) and not crossing.first_problem(motion.positions[w], ground) for w in inside]
+    own = [s and not run.keyed[w].any() for s, w in zip(sound, inside, strict=True)]
     passed = [crossing.seconds_over(run.root, o) for o in course.obstacles]
     over = [p for p in passed if p is not None]
     times = [p[0] for p in over]
@@ -113,6 +116,8 @@ def score_run(run: ObstacleRun) -> dict[str, Any]:
         "after": crossing.depths(motion.positions, ground, within),
         "obstacles": len(passed),
         "passed": len(over),
+        "sound": sum(s and p is not None for s, p in zip(sound, passed, strict=True)),
+        "own": sum(o and p is not None for o, p in zip(own, passed, strict=True)),
         "seconds_each": float(np.mean(times)) if times else None,
         "slowest_m_s": min((p[1] for p in over), default=None),
         "asked_m_s": float(run.requested_speed.max()),

@@ -50,6 +50,8 @@ def _overview(results: dict[str, Any]) -> list[str]:
                 number(mean_of(found, "skating"), 2),
                 str(sum(r["frozen_s"] for r in found)),
                 percent(mean_of(found, "keyed_share")),
+                _share(found, "sound"),
+                _share(found, "own"),
                 percent(known) + ("" if isnan(known / level) else f" ({known / level:.2f})"),
             ]
         )
@@ -63,12 +65,18 @@ def _overview(results: dict[str, Any]) -> list[str]:
         "soles slide, cm a frame",
         "frozen s",
         "keyed",
+        "crossings that pass every check",
+        "by the network alone",
     ]
     return table([*head, f"recognised (of level ground's {percent(level)})"], rows)
 
 
 def _both(rows: Sequence[Row], key: str, show: Any = number) -> str:
     return " > ".join(show(mean_of([r[side] for r in rows], key)) for side in ("before", "after"))
+
+
+def _share(rows: Sequence[Row], key: str) -> str:
+    return percent(sum(r[key] for r in rows) / sum(r["obstacles"] for r in rows))
 
 
 def _course(name: str, rows: Sequence[Row]) -> list[str]:

@@ -1,0 +1,326 @@
+"""Clips of a model's own characters on random courses, crossed by keys: what a network learns to cross them from.
+
+    python -m training.courses.clips --model RUN/model --out CLIPS/courses [--minutes 60] [--seed 0]
+
+No capture shows a style on stairs, a beam or over a hurdle. As PARC (Xu et al. 2025) grows its terrain data, the
+controller leads characters of many styles over made ground: the network walks as on level ground, foot lock and keys put
+its legs where the ground asks for them. A stretch is kept where it passes every check, with the ground as it is.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from copy import copy
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+
+from runtime import rotations
+from runtime.arrays import Array, Float32Array
+from runtime.controls import Controls, Gait
+from runtime.errors import FileError, run_command
+from runtime.motion.controller import Controller
+from runtime.motion.features import FPS, INPUT
+from runtime.motion.model import MotionModel
+from runtime.motion.paths import LOOK_AHEAD_M
+from runtime.motion.style_mix import Style
+from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
+from training.data.clip_files import TrainingClip
+from training.data.height_patches import Patches
+from training.evaluation.metrics.crossing import first_problem
+from training.evaluation.motion.driving import Recorder
+from training.evaluation.motion.subject import Subject, style_texts
+
+log = logging.getLogger("sport.train")
+
+SOURCE = "courses"
+KINDS = ("obstacles", "stairs", "beam", "slopes")
+SHARES = (0.4, 0.3, 0.15, 0.15)  # of the courses
+LENGTH_M, HALF_WIDTH_M, CELL_M, START_M = 30.0, 2.0, 0.05, 2.5
+SIDE_M = 0.5  # of the way to the left and right of the middle
+MINUTES_EACH = 0.4  # of one character on one course, at most
+MOST_WALKS = 25  # for a minute that passes: a model that walks needs three
+PIECE_S = 5.0  # that is kept or left out as a whole
+MOST_ACCELERATION = 260.0  # m/s^2 of a joint: captured jogs have up to 250
+THROWN, SMOOTH_FRAMES, SMOOTH_SIGMA = 150.0, 5, 2.0  # m/s^2 that are rounded off, over so many frames
+
+
+class LevelSight(MotionModel):
+    """A model whose network sees level ground, whatever is there."""
+
+    @staticmethod
+    def of(model: MotionModel) -> LevelSight:
+        """Another view of the same networks."""
+        made = copy(model)
+        made.__class__ = LevelSight
+        assert isinstance(made, LevelSight)
+        return made
+
+    def step(
+        self, x: Float32Array, noise: Float32Array, style: Style | Sequence[Style]
+    ) -> tuple[Float32Array, Float32Array]:
+        """y and alpha as of level ground."""
+        level = x.copy()
+        level[:, INPUT["heights"]] = 0.0
+        return super().step(level, noise, style)
+
+
+@dataclass(frozen=True)
+class Course:
+    """Made ground along +Z from a level start, and what lies on it."""
+
+    kind: str
+    terrain: Terrain
+    straight: bool  # nobody leaves the middle
+
+
+def random_course(kind: str, generator: np.random.Generator) -> Course:
+    """A course of one of `KINDS`."""
+    nx, nz = round(2 * HALF_WIDTH_M / CELL_M) + 1, round((LENGTH_M + 6.0) / CELL_M) + 1
+    x = (np.arange(nx) * CELL_M - HALF_WIDTH_M)[:, None]
+    z = (np.arange(nz) * CELL_M - 3.0)[None, :]
+    heights = np.zeros((nx, nz))
+    {"obstacles": _obstacles, "stairs": _stairs, "beam": _beam, "slopes": _slopes}[kind](
+        heights, x, z, generator
+    )
+    terrain = Terrain(kind, heights.astype(np.float32), CELL_M, (-HALF_WIDTH_M, -3.0))
+    return Course(kind, terrain, kind == "beam")
+
+
+def _obstacles(heights: Array, x: Array, z: Array, generator: np.random.Generator) -> None:
+    """Bars, gaps and platforms, two to four metres apart."""
+    del x
+    place, level, between = START_M + generator.uniform(0.5, 2.0), 0.0, (1.8, 3.6)
+    while place < LENGTH_M - 4.0:
+        kind = (
+            generator.choice(("bar", "gap", "up", "down"))
+            if level > 0.1
+            else generator.choice(("bar", "up", "bar"))
+        )
+        ahead, row = z[0] >= place, heights[0]
+        if kind == "bar":
+            thick, top = generator.uniform(0.1, 0.3), generator.uniform(0.15, 0.65)
+            row[ahead & (z[0] <= place + thick)] = level + top
+            place += thick
+        elif kind == "gap":
+            length = generator.uniform(0.35, 1.1)
+            row[ahead & (z[0] <= place + length)] = 0.0
+            place += length
+        else:
+            rise = generator.uniform(0.2, 0.5) * (1.0 if kind == "up" else -1.0)
+            level = float(np.clip(level + rise, 0.0, 1.1))
+            row[ahead] = level
+        place += generator.uniform(*between)
+    heights[:] = heights[:1]
+
+
+def _stairs(heights: Array, x: Array, z: Array, generator: np.random.Generator) -> None:
+    """Flights of stairs up and down, and single steps, with landings between."""
+    del x
+    place, level = START_M + generator.uniform(0.0, 2.0), 0.0
+    while place < LENGTH_M - 4.0:
+        rise, run = generator.uniform(0.11, 0.2), generator.uniform(0.27, 0.42)
+        up = level <= 0.0 or (generator.random() < 0.5 and level < 1.2)
+        for _ in range(int(generator.integers(1, 9))):
+            if not up and level <= 0.0:
+                break
+            level = level + rise if up else max(level - rise, 0.0)
+            heights[:, z[0] >= place] = level
+            place += run
+        place += generator.uniform(0.6, 2.5)
+
+
+def _beam(heights: Array, x: Array, z: Array, generator: np.random.Generator) -> None:
+    """Beams behind and before ramps."""
+    place = START_M + generator.uniform(0.0, 1.5)
+    while place < LENGTH_M - 8.0:
+        length, top = generator.uniform(5.0, 12.0), generator.uniform(0.2, 0.5)
+        half, ramp = generator.uniform(0.08, 0.14), 3.0 * top
+        share = np.clip(np.minimum(z - place, place + length - z) / ramp, 0.0, 1.0)
+        np.maximum(heights, np.where(np.abs(x) <= half, top * share, 0.0), out=heights)
+        place += length + generator.uniform(1.0, 3.0)
+
+
+def _slopes(heights: Array, x: Array, z: Array, generator: np.random.Generator) -> None:
+    """Hills and rough ground, level at the start."""
+    steepest = np.tan(np.deg2rad(generator.uniform(6.0, 20.0)))
+    field = np.zeros_like(heights)
+    for wavelength, share in ((generator.uniform(4.0, 9.0), 1.0), (0.9, generator.uniform(0.0, 0.06))):
+        for _ in range(6):
+            way, phase = generator.uniform(0.0, np.pi), generator.uniform(0.0, 2.0 * np.pi)
+            turn = 2.0 * np.pi / wavelength * generator.uniform(0.7, 1.4)
+            field += share * np.sin(turn * (x * np.sin(way) + z * np.cos(way)) + phase)
+    slope = np.abs(np.diff(field, axis=1)).max() / CELL_M
+    start = np.clip((z - START_M) / 2.0, 0.0, 1.0)
+    heights += (field - field[:, :1]) * steepest / slope * start
+
+
+@dataclass(frozen=True)
+class Walked:
+    """One character on one course."""
+
+    course: Course
+    style: str
+    gait: Gait
+    hips: Array
+    local: Array
+    contacts: Array
+    positions: Array
+
+
+def walk(model: MotionModel, course: Course, style: str, code: Array, gait: Gait, seed: int) -> Walked:
+    """Led along a course by the stick alone, until its end or the time is up."""
+    generator = np.random.default_rng(seed)
+    seen = model if course.kind == "slopes" else LevelSight.of(model)
+    controller = Controller(seen, course.terrain, seed)
+    controller.set_style(code, 0.0)
+    controller.reset()
+    controller.settle()
+    recorder = Recorder(controller)
+    side = 0.0 if course.straight else generator.uniform(-SIDE_M, SIDE_M)
+    amount, wave = generator.uniform(0.75, 1.0), generator.uniform(5.0, 12.0)
+    for _ in range(round(60.0 * MINUTES_EACH * FPS)):
+        root = controller.pose.root_position.astype(np.float64)
+        wanted = side * np.sin(2.0 * np.pi * root[2] / wave)
+        ahead = np.array([wanted - root[0], LOOK_AHEAD_M])
+        ahead *= amount / np.linalg.norm(ahead)
+        recorder.step(Controls((float(ahead[0]), float(ahead[1])), gait=gait))
+        if root[2] > LENGTH_M:
+            break
+    count = recorder.frames
+    motion = recorder.motion(f"{style} {course.kind}", style, np.full(count, int(gait)), 0)
+    hips, local = smoothed(motion.hips, motion.local, motion.positions)
+    positions, _ = SPORT_SKELETON.forward_kinematics(hips, local)
+    return Walked(course, style, gait, hips, local, motion.contacts, positions)
+
+
+def smoothed(hips: Array, local: Array, positions: Array) -> tuple[Array, Array]:
+    """Hips `(T, 3)` and rotations `(T, 31, 4)`, rounded off over some frames where a joint is thrown about.
+
+    A leg that a key or a lock takes over, or that comes to its full length, may change its speed within a frame.
+    """
+    from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
+    thrown = np.zeros(len(hips))
+    thrown[1:-1] = np.linalg.norm(np.diff(positions.astype(np.float64), 2, axis=0), axis=-1).max(1)
+    near = maximum_filter1d((thrown * FPS * FPS > THROWN).astype(np.float64), 2 * SMOOTH_FRAMES + 1)
+    weight = gaussian_filter1d(near, SMOOTH_FRAMES / 2.0)
+    even = rotations.continuous(local.astype(np.float64))
+    round_off = gaussian_filter1d(even, SMOOTH_SIGMA, axis=0)
+    mixed = rotations.normalize(even + weight[:, None, None] * (round_off - even))
+    low = gaussian_filter1d(hips.astype(np.float64), SMOOTH_SIGMA, axis=0)
+    return hips + weight[:, None] * (low - hips), mixed
+
+
+def passes(walked: Walked, piece: slice) -> str:
+    """The first check that a stretch does not pass; empty where it passes all."""
+    positions = walked.positions[piece]
+    problem = first_problem(positions, walked.course.terrain, MOST_ACCELERATION)
+    if problem:
+        return problem
+    if np.linalg.norm(positions[-1, 0] - positions[0, 0]) < 0.2 * PIECE_S:
+        return "stands"
+    return ""
+
+
+def kept(walked: Walked, name: str, seen: Counter[str]) -> Iterator[TrainingClip]:
+    """The stretches of a walk that pass, neighbours joined, each with its ground; `seen` counts the checks."""
+    length = round(PIECE_S * FPS)
+    run: list[int] = []
+    starts = range(round(FPS), len(walked.hips) - length + 1, length)
+    for first in [*starts, -1]:
+        problem = "end" if first < 0 else passes(walked, slice(max(first - 1, 0), first + length + 1))
+        if first >= 0:
+            seen[f"{walked.course.kind} {problem or 'kept'}"] += 1
+        if not problem and len(run) < 3:
+            run.append(first)
+            continue
+        if run:
+            yield _clip(walked, slice(run[0], run[-1] + length), f"{name}_{run[0]}")
+        run = [] if problem else [first]
+
+
+def _clip(walked: Walked, piece: slice, name: str) -> TrainingClip:
+    count = piece.stop - piece.start
+    gait = np.zeros((count, len(Gait)), np.float32)
+    gait[:, walked.gait] = 1.0
+    hips, terrain = walked.hips[piece], walked.course.terrain
+    first = max(0, int((hips[:, 2].min() - 3.5 - terrain.origin[1]) / CELL_M))
+    last = int((hips[:, 2].max() + 4.5 - terrain.origin[1]) / CELL_M)
+    patches = Patches(
+        terrain.heights[None, :, first:last],
+        (terrain.origin[0], terrain.origin[1] + first * CELL_M),
+        CELL_M,
+    )
+    content = f"{walked.gait.label} over {walked.course.kind}"
+    contacts = (walked.contacts[piece] > 0.5).astype(np.uint8)
+    return TrainingClip(
+        name, hips, walked.local[piece], contacts, gait, walked.style, content, SOURCE, "train", "exact", patches
+    )  # fmt: skip
+
+
+def make(folder: Path, out: Path, minutes: float, seed: int, part: int = 0, parts: int = 1) -> Counter[str]:
+    """Write clips of `minutes` that passed, mirrored ones beside; returns how many stretches passed or failed what.
+
+    FileError for a model of whose ways hardly one passes.
+    """
+    generator = np.random.default_rng([seed, part])
+    texts = style_texts()
+    subject = Subject(folder, texts)
+    styles = sorted(texts)
+    seen: Counter[str] = Counter()
+    frames, number, walks = 0, part, 0
+    while frames < 3600.0 * minutes / parts:
+        if walks > MOST_WALKS * minutes / parts + 10:
+            raise FileError(
+                f"{folder}: of {walks} walks over courses only {frames / FPS:.0f} s pass every check.",
+                "Train the model longer first, or leave --course-minutes out.",
+            )
+        walks += 1
+        style, kind = str(generator.choice(styles)), str(generator.choice(KINDS, p=SHARES))
+        gait = Gait.JOG if generator.random() < 0.35 else Gait.WALK
+        code = subject.style(style, int(generator.integers(8)))
+        walked = walk(
+            subject.model, random_course(kind, generator), style, code, gait, int(generator.integers(1 << 30))
+        )
+        for clip in kept(walked, f"course_{seed}_{number}_{style}", seen):
+            clip.save(out)
+            clip.mirror().save(out)
+            frames += len(clip.hips)
+        number += parts
+    return seen
+
+
+def make_all(folder: Path, out: Path, minutes: float, seed: int, processes: int) -> Counter[str]:
+    """Write the clips from several processes; see `make`."""
+    out.mkdir(parents=True, exist_ok=True)
+    jobs = [(folder, out, minutes, seed, part, processes) for part in range(processes)]
+    if processes == 1:
+        return make(*jobs[0])
+    with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
+        return sum(pool.map(make, *zip(*jobs, strict=True)), Counter())
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--model", type=Path, required=True, help="folder of an exported model")
+    parser.add_argument("--out", type=Path, required=True, help="folder for the clips")
+    parser.add_argument("--minutes", type=float, default=60.0, help="to keep, without the mirrored ones")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--processes", type=int, default=1)
+    args = parser.parse_args(argv)
+    seen = make_all(args.model, args.out, args.minutes, args.seed, args.processes)
+    for kind, count in sorted(seen.items()):
+        print(f"{kind}: {count}")
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_command("course clips", main))

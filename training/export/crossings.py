@@ -1,0 +1,123 @@
+"""Which obstacles a model's network crosses by itself: `python -m training.export.crossings --model FOLDER`.
+
+Bars, gaps and steps are walked and jogged at, without keys, in several styles. A size counts as crossed where most ways
+over it pass every check; what is larger, or of another kind, is keyed. The sizes go into the model's metadata.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+from collections.abc import Sequence
+from copy import copy
+from pathlib import Path
+
+import numpy as np
+
+from runtime.arrays import Array
+from runtime.atomic import write_atomic
+from runtime.controls import Controls, Gait
+from runtime.errors import run_command
+from runtime.motion.controller import Controller
+from runtime.motion.features import FPS
+from runtime.motion.model import MotionModel
+from runtime.motion.model_files import read_metadata
+from runtime.terrain.courses import CELL_M
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.way_ahead import ObstacleAhead, ObstacleKind
+from training.evaluation.metrics.crossing import first_problem
+from training.evaluation.motion.driving import Recorder
+from training.evaluation.motion.subject import Subject, style_texts
+
+log = logging.getLogger("sport.train")
+
+STYLES = ("neutral", "old", "exhausted", "angry", "drunk", "happy")
+SIZES = {  # metres
+    ObstacleKind.UP: (0.3, 0.4, 0.5),
+    ObstacleKind.DOWN: (0.3, 0.4, 0.5),
+    ObstacleKind.GAP: (0.4, 0.6, 0.8, 1.0),
+    ObstacleKind.BAR: (0.15, 0.2, 0.25, 0.3, 0.4),
+}
+PASSED = 0.7  # share of the ways over a size that counts as crossed
+PLACE_M, BEHIND_M, BEFORE_M = (
+    4.0,
+    2.0,
+    1.2,
+)  # of the near edge; what is walked behind it, and looked at before it
+BAR_M, FLOOR_M = 0.1, 0.6  # thickness of a bar; how deep a gap is
+LONGEST_S = 20.0
+
+
+class _WithoutKeys(MotionModel):
+    """A model that crosses whatever lies ahead."""
+
+    def crosses(self, obstacle: ObstacleAhead) -> bool:
+        """Always."""
+        return True
+
+
+def measure_crossings(folder: Path) -> dict[str, float]:
+    """Measure a model folder, and write the largest size of each kind that is crossed into its metadata."""
+    subject = Subject(folder, style_texts(STYLES))
+    model = copy(subject.model)
+    model.__class__ = _WithoutKeys
+    codes = [subject.style(style, 0) for style in STYLES]
+    crossed: dict[str, float] = {}
+    for kind, sizes in SIZES.items():
+        for size in sizes:
+            ground = obstacle_ground(kind, size)
+            ways = [way_over(model, ground, code, gait) for code in codes for gait in (Gait.WALK, Gait.JOG)]
+            share = float(np.mean([not problem for problem in ways]))
+            log.info("%s of %.2f m: %.0f %% of %d ways", kind.value, size, 100.0 * share, len(ways))
+            if share < PASSED:
+                break
+            crossed[kind.value] = size
+    metadata = read_metadata(folder) | {"crosses": crossed}
+    write_atomic(folder / "metadata.json", json.dumps(metadata, indent=1) + "\n")
+    return crossed
+
+
+def obstacle_ground(kind: ObstacleKind, size: float) -> Terrain:
+    """One obstacle across the way, its near edge at `PLACE_M`."""
+    z = np.arange(round((PLACE_M + BEHIND_M + 7.0) / CELL_M)) * CELL_M - 3.0
+    behind = z > PLACE_M - 1e-6
+    row: Array = {
+        ObstacleKind.UP: np.where(behind, size, 0.0),
+        ObstacleKind.DOWN: np.where(behind, 0.0, size),
+        ObstacleKind.GAP: np.where(behind & (z < PLACE_M + size - 1e-6), 0.0, FLOOR_M),
+        ObstacleKind.BAR: np.where(behind & (z < PLACE_M + BAR_M + 1e-6), size, 0.0),
+    }[kind]
+    return Terrain(kind.value, np.repeat(row[None], 81, axis=0).astype(np.float32), CELL_M, (-2.0, -3.0))
+
+
+def way_over(model: MotionModel, ground: Terrain, code: Array, gait: Gait) -> str:
+    """Led straight over it at full stick: the first check that is not passed, empty where all are."""
+    controller = Controller(model, ground)
+    controller.set_style(code, 0.0)
+    controller.reset()
+    controller.settle()
+    recorder = Recorder(controller)
+    far = PLACE_M + BEHIND_M
+    for _ in range(round(LONGEST_S * FPS)):
+        pose = recorder.step(Controls((0.0, 1.0), gait=gait))
+        if pose.root_position[2] > far:
+            break
+    else:
+        return "stuck"
+    positions = recorder.motion("", "", np.zeros(recorder.frames, int), 0).positions
+    return first_problem(positions[positions[:, 0, 2] > PLACE_M - BEFORE_M], ground)
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Command line."""
+    logging.basicConfig(level=logging.INFO, format="%(message)s")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--model", type=Path, required=True, help="folder of an exported model")
+    args = parser.parse_args(argv)
+    for kind, size in measure_crossings(args.model).items():
+        print(f"{kind}: {size} m")
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_command("crossings", main))

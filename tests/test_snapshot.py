@@ -175,3 +175,11 @@ def test_a_blend_that_began_within_another_goes_on_alike(walked: Controller, mod
     other = Controller(model, make_terrain("hills"))
     Snapshot.from_bytes(data).restore(other)
     assert same(play(other, 120, 150), once)
+
+
+def test_a_share_of_the_ground_that_no_eye_sees_is_refused(walked: Controller) -> None:
+    def out_of_sight(state: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+        state["crossings"][0]["sight"] = 3.0
+
+    with pytest.raises(FileError, match="not the state"):
+        Snapshot.from_bytes(written(take_snapshot(walked), out_of_sight))

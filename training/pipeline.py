@@ -105,6 +105,8 @@ def _train(args: argparse.Namespace, wanted: set[str]) -> None:
             continue
         if args.processes > 1 and stage in parallel.STAGES:
             _ = run.phase  # written once, before all of them read it
+            if stage == "ground" and run.learns_courses:
+                _ = run.course_data()
             parallel.run_together(args.processes, _train_stage, args, stage)
         else:
             run.train(stage)
@@ -161,9 +163,12 @@ class Run:
     @cached_property
     def texts(self) -> StyleTexts:
         """The clips' descriptions."""
+        return self._texts_of(self.table, self.clips)
+
+    def _texts_of(self, table: FrameTable, clips: Path | None) -> StyleTexts:
         words = self.config.direction_words, self.config.one_sided_words
         styles = self.args.styles or asset_path("prompts/styles.json")
-        return load_style_texts(self.table, styles, self.encoder, self.clips, *words)
+        return load_style_texts(table, styles, self.encoder, clips, *words)
 
     @cached_property
     def weights(self) -> np.ndarray:
@@ -316,39 +321,43 @@ class Run:
         )
         save_checkpoint(self.args.out / "stage3_final.pt", {"module": generator.state_dict()})
 
+    @property
+    def learns_courses(self) -> bool:
+        """Whether the stage ground is asked for, of a model that somebody plays with."""
+        return bool(self.args.course_minutes) and _is_played(self.config, self.args)
+
     def train_ground(self) -> None:
         """Courses crossed by the run's own model, and the generator trained on them; nothing without minutes of them."""
-        if not self.args.course_minutes or not _is_played(self.config, self.args):
+        if not self.learns_courses:
             return
-        courses = self.course_data()
         options = self.neutral, self.args.ground, self.batch, self.args.max_minutes
         generator = stage_ground.run_ground(
-            self.session, self.data, courses, self.generator("stage3"), *options
+            self.session, self.data, self.course_data(), self.generator("stage3"), *options
         )
         save_checkpoint(self.args.out / "ground_final.pt", {"module": generator.state_dict()})
 
     def course_data(self) -> stage_motion.MotionData:
-        """What the stage ground trains on beside captured clips; the courses are crossed once."""
+        """What the stage ground trains on beside captured clips; of several processes the first makes it, once."""
+        normal = self.data.normal  # read by all, who wait for each other, before the first goes on alone
+        if parallel.rank():
+            parallel.wait()
         folder = self.args.out / "courses"
         clips = folder / "clips"
-        if parallel.rank() == 0 and not (folder / "report.json").exists():
+        if not (folder / "report.json").exists():  # written last
             model = self.args.out / "model-before-ground"
             export_model(self.trained("stage3", "diffusion"), model)
             minutes, seed, count = self.args.course_minutes, self.args.seed, self.args.processes
             seen = course_clips.make_all(model, clips, minutes, seed, count)
             write_atomic(folder / "report.json", json.dumps(seen, indent=1) + "\n")
-        parallel.wait()
         table = load_frames(clips, folder / "frames")
-        words = self.config.direction_words, self.config.one_sided_words
-        texts = load_style_texts(
-            table, self.args.styles or asset_path("prompts/styles.json"), self.encoder, None, *words
-        )
         phase = stage_ground.course_phases(self.session, self.config, table, self.table, self.phase, folder)
-        z = stage_content.style_table(self.content, texts, *self.style_scale)
+        if not parallel.rank():
+            parallel.wait()
+        z = stage_content.style_table(self.content, self._texts_of(table, None), *self.style_scale)
         weights = np.ones(len(table))
         weights[table.start[:-1]] = 0.0
         frames = FrameTensors.of(table, phase, self.session.device)
-        return stage_motion.MotionData(frames, self.data.normal, z, weights / weights.sum())
+        return stage_motion.MotionData(frames, normal, z, weights / weights.sum())
 
     def export(self) -> None:
         """Graphs, metadata and card of the run."""

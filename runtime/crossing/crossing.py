@@ -56,6 +56,7 @@ DEEPEST_M = 0.05  # that a sole is lifted out of the ground,
 LEAST_LIFT_M = 1e-6  # and least: a planned foot stands on it but for rounding
 SIGHT_HALF_LIFE = 0.1  # seconds in which ground comes halfway into sight
 UNSEEN = 1e-4  # of it, and 1/s
+MOST_SIGHT, FASTEST_SIGHT = 1.5, 20.0  # that the spring comes to, where it is turned round on its way
 FADE_S = 0.3  # in which the first pose's difference from the crossing's goes
 WALKING, FOLLOWED = 0.4, 0.7  # m/s from which the root's own direction counts, by so much
 SLOWEST = 0.2  # m/s of a walk that leaps
@@ -349,6 +350,8 @@ class Crossing:
 def is_possible(crossing: Crossing) -> bool:
     """Whether the numbers of a crossing that was read from a file describe one of its kind."""
     numbers = crossing.numbers
+    if not (abs(crossing.sight) <= MOST_SIGHT and abs(crossing.sight_velocity) <= FASTEST_SIGHT):
+        return False
     if any(abs(number) > 100.0 for number in numbers) or not PACE[0] <= crossing.pace <= PACE[1]:
         return False
     if not crossing.kind:

@@ -7,7 +7,6 @@ clips of `training.courses.clips` it is trained as in stage 2, with the heights 
 
 from __future__ import annotations
 
-import logging
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,13 +33,10 @@ from training.stages import motion as stage_motion
 from training.stages.motion import MotionData
 from training.stages.phase import ENCODED, encode_all
 
-log = logging.getLogger("sport.train")
-
 SHARE = 0.35  # of the samples are on courses
 EMBEDDING_WEIGHT = 1.0
-DRAWN_OUT = (
-    0.5  # of the held samples' parts have codes up to twice as far from neutral, as calibration draws them
-)
+# Share of the held samples' parts whose codes are up to twice as far from neutral, as calibration draws them.
+DRAWN_OUT = 0.5
 PEAK = 0.5  # of stage 2's learning rate
 KNOWN_FRAMES = 6000  # of the capture, whose phases tell their scale
 
@@ -110,19 +106,16 @@ def run_ground(
 
     def losses(item: object, step: int) -> Losses:
         assert isinstance(item, Tensor)
-        kept, known, both = _held(data, teacher, module, item, lanes, plain)
+        held, embedding = _held(data, teacher, module, item, lanes, plain)
         mixed = stage_motion.mixed_batch(courses, next(ahead), ahead_lanes, stage_motion.NOISE)
-        new = _losses(courses, module, mixed, ahead_lanes)
-        total = (1.0 - SHARE) * (both + EMBEDDING_WEIGHT * known) + SHARE * new["total"]
-        named = {f"held_{name}": value for name, value in kept.items()}
-        return named | {"held_embedding": known} | new | {"total": total}
+        new, _ = stage_motion.mixture_losses(courses, module, mixed, ahead_lanes)
+        total = (1.0 - SHARE) * (held["total"] + EMBEDDING_WEIGHT * embedding) + SHARE * new["total"]
+        return {"held_rec": held["rec"], "held_embedding": embedding} | new | {"total": total}
 
     def rate(step: int) -> float:
         return PEAK * stage_motion.warm_restarts(steps, stage_motion.peak_of(batch), 1)(step)
 
-    sources: dict[str, Resumable] = {
-        "rows": rows, "lanes": lanes, "ahead": ahead, "ahead_lanes": ahead_lanes
-    }  # fmt: skip
+    sources: dict[str, Resumable] = {"rows": rows, "lanes": lanes, "ahead": ahead, "ahead_lanes": ahead_lanes}
     train(session, "ground", state, rows, losses, steps, rate, batch, max_minutes, sources)
     module.load_state_dict(state.average.values)
     return module.eval()
@@ -135,19 +128,16 @@ def _held(
     rows: Tensor,
     lanes: stage_motion.RolloutLanes,
     neutral: Tensor,
-) -> tuple[Losses, Tensor, Tensor]:
-    """Losses against the teacher's y on the same inputs, the embeddings' distance, and the former's total."""
+) -> tuple[Losses, Tensor]:
+    """Losses against the teacher's y on the same inputs, and the embeddings' distance."""
     mixed = stage_motion.mixed_batch(data, rows, lanes, stage_motion.NOISE)
     mixed.z = _drawn_out(mixed.z, neutral)
     with torch.no_grad():
         known, alpha = teacher.embed(mixed.x, mixed.z)
         with stage_motion.full_precision(known.device):
             mixed.target = teacher.mixture_decoder(known.float(), alpha.float())
-    e, alpha = module.embed(mixed.x, mixed.z)
-    with stage_motion.full_precision(e.device):
-        y = module.mixture_decoder(e.float(), alpha.float())
-        found = stage_motion.motion_losses(data, lanes, mixed, y)
-        return {"rec": found["rec"]}, mse_loss(e.float(), known.float()), stage_motion.total_of(found)
+    found, e = stage_motion.mixture_losses(data, module, mixed, lanes)
+    return found, mse_loss(e, known.float())
 
 
 def _drawn_out(z: Tensor, neutral: Tensor) -> Tensor:
@@ -156,14 +146,3 @@ def _drawn_out(z: Tensor, neutral: Tensor) -> Tensor:
     size = (len(z), len(neutral), 1)
     farther = torch.rand(size, device=z.device) * (torch.rand(size, device=z.device) < DRAWN_OUT)
     return (parts + farther * (parts - neutral)).flatten(1)
-
-
-def _losses(
-    data: MotionData, module: Generator, mixed: stage_motion.MixedBatch, lanes: stage_motion.RolloutLanes
-) -> Losses:
-    """Those of stage 2, with their total."""
-    e, alpha = module.embed(mixed.x, mixed.z)
-    with stage_motion.full_precision(e.device):
-        y = module.mixture_decoder(e.float(), alpha.float())
-        found = stage_motion.motion_losses(data, lanes, mixed, y)
-        return found | {"total": stage_motion.total_of(found)}

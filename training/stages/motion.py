@@ -196,6 +196,17 @@ def total_of(result: Losses) -> Tensor:
     )
 
 
+def mixture_losses(
+    data: MotionData, module: Generator, mixed: MixedBatch, lanes: RolloutLanes
+) -> tuple[Losses, Tensor]:
+    """Those of a batch by E_d, with their "total", and the embeddings E `(B, n)`; the lanes move on."""
+    e, alpha = module.embed(mixed.x, mixed.z)
+    with full_precision(e.device):
+        y = module.mixture_decoder(e.float(), alpha.float())
+        result = motion_losses(data, lanes, mixed, y)
+        return result | {"total": total_of(result)}, e.float()
+
+
 def lanes_of(session: Session, data: MotionData, batch: int, salt: int) -> RolloutLanes:
     """Rollouts beside a batch, begun at random frames."""
     fresh = RandomRows(data.weights, batch, 2, data.frames.last, session.batch_generator(salt))
@@ -227,12 +238,7 @@ def run_stage2(
         assert isinstance(item, Tensor)
         if step >= DROPOUT_SHARE * steps:
             without_dropout(module)
-        mixed = mixed_batch(data, item, lanes, NOISE)
-        e, alpha = module.embed(mixed.x, mixed.z)
-        with full_precision(e.device):
-            y = module.mixture_decoder(e.float(), alpha.float())
-            result = motion_losses(data, lanes, mixed, y)
-            return result | {"total": total_of(result)}
+        return mixture_losses(data, module, mixed_batch(data, item, lanes, NOISE), lanes)[0]
 
     cycles = 3 if steps >= SHORT_STEPS else 1
     rate = warm_restarts(steps, peak_of(batch) * (0.5 if fine_tuned else 1.0), cycles)

@@ -86,9 +86,10 @@ def _generator(**changes):
     return Generator(replace(preset("tiny"), **changes)).eval()
 
 
-def test_residual_targets_blend_to_the_captured_motion():
+@pytest.mark.parametrize("shares", [False, True])
+def test_residual_targets_blend_to_the_captured_motion(shares):
     """E_d's codes and what is diffused add up to y, whatever the experts' shares."""
-    generator = _generator()
+    generator = _generator(residual_shares=shares)
     size = generator.config.output_size
     generator.code_mean.normal_()
     generator.code_deviation.uniform_(0.5, 2.0)

@@ -1,12 +1,14 @@
 """Layout sizes are the paper's; root-relative features do not change when the world is turned and moved."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime import rotations
 from runtime.motion import features
 from runtime.skeleton import SPORT_SKELETON
+from runtime.terrain.height_map import Terrain
 
 
 def test_sizes_are_the_papers():
@@ -74,3 +76,37 @@ def test_output_round_trip():
 def test_height_points_lie_right_centre_left():
     points = features.height_points(np.zeros((12, 2)), np.tile([0.0, 1.0], (12, 1)))
     assert np.allclose(points[0, :, 0], [-0.25, 0.0, 0.25])  # facing +Z, left is +X
+
+
+def _over_bar(place: float, spacing: float) -> np.ndarray:
+    """Centre heights that samples `spacing` apart see of a bar of 30 cm that is 10 cm thick."""
+    z = np.arange(-4.0, 4.01, 0.05)
+    row = np.where(np.abs(z - place) < 0.051, 0.3, 0.0)
+    terrain = Terrain("bar", np.repeat(row[None], 61, axis=0).astype(np.float32), 0.05, (-1.5, -4.0))
+    positions = np.stack([np.zeros(12), spacing * (np.arange(12) - 6)], -1)
+    points, heights = features.sampled_heights(terrain, positions, np.tile([0.0, 1.0], (12, 1)))
+    assert points.shape == (12, 3, 2)
+    assert np.array_equal(heights[:, 0], heights[:, 2])
+    return heights[:, 1]
+
+
+@given(st.integers(-28, 28), st.floats(0.15, 0.42))
+def test_a_bar_between_two_samples_is_told_by_the_nearer(cell, spacing):
+    place = 0.05 * cell  # on the grid, so that it is 10 cm thick
+    seen = _over_bar(place, spacing)
+    told = np.flatnonzero(seen > 0.0)
+    if abs(place) > 5 * spacing:  # it may lie outside of the window
+        return
+    assert seen.max() == pytest.approx(0.3, abs=features.NARROW_M)
+    assert np.abs(spacing * (told - 6) - place).max() <= 0.5 * spacing + 0.1
+
+
+def test_steps_and_slopes_are_seen_where_the_samples_lie():
+    """Nothing there stands higher than the samples on both sides of it."""
+    z = np.arange(-4.0, 4.01, 0.05)
+    positions = np.stack([np.zeros(12), 0.31 * (np.arange(12) - 6)], -1)
+    ahead = np.tile([0.0, 1.0], (12, 1))
+    for row in (0.3 * z, np.where(z > 0.4, 0.4, 0.0), -0.5 * (z > 0.1), 0.02 * np.sin(30.0 * z)):
+        terrain = Terrain("ground", np.repeat(row[None], 61, axis=0).astype(np.float32), 0.05, (-1.5, -4.0))
+        points, heights = features.sampled_heights(terrain, positions, ahead)
+        assert np.array_equal(heights, terrain.height(points[..., 0], points[..., 1]))

@@ -33,6 +33,7 @@ SHARED: dict[str, tuple[str, ...]] = {
     "6-content-layers": _PHASE,
     "no-direction-words": _PHASE,
     "distilled-diffusion": _PHASE + _CONTENT,
+    "expert-shares": _PHASE + _CONTENT,
     "whole-body-contrast": _PHASE,
     "two-sided-words": _PHASE,
     "no-pose-statistics": _PHASE,

@@ -147,13 +147,13 @@ def clip_frames(path: Path) -> ClipFrames:
 
 def _heights(clip: dict[str, Array], course: _Course) -> tuple[Array, Array]:
     """Of every patch of ground under a clip: heights `(T, K, 36)` relative to the window's mean ground `(T, K)`."""
-    points = features.height_points(course.padded_root[course.window], course.directions[course.window])
+    places, ways = course.padded_root[course.window], course.directions[course.window]
     patches = clip["patch_heights"].astype(np.float32)[:MAX_PATCHES]
     origin, cell = clip["patch_origin"], float(clip["patch_cell"])
     heights, ground = [], []
     for patch in patches:
         terrain = Terrain("patch", patch, cell, (float(origin[0]), float(origin[1])))
-        sampled = terrain.height(points[..., 0], points[..., 1])
+        _, sampled = features.sampled_heights(terrain, places, ways)
         ground.append(features.ground_height(sampled))
         heights.append((sampled - ground[-1][:, None, None]).reshape(len(course.root), -1))
     return np.stack(heights, 1), np.stack(ground, 1)

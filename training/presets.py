@@ -51,6 +51,8 @@ class ModelConfig:
     # Eq. 14 with the captured motion in place of E_d's own codes, and the denoiser's output added to these codes
     # (paper: the codes alone, which the denoiser learns from nothing)
     residual_diffusion: bool = True
+    # what is diffused is split by the experts' shares; False: every expert's code is the whole of it (paper: no)
+    residual_shares: bool = False
     # arms, torso and head of other clips are put on the captured body while training (paper: no)
     composition: bool = True
     # after stage 1 the text network learns phrases in longer sentences, `training.stages.words` (paper: no)
@@ -119,6 +121,7 @@ ABLATIONS: dict[str, dict[str, Any]] = {
     "6-content-layers": {"content_layers": 6},
     "no-direction-words": {"direction_words": False},
     "distilled-diffusion": {"residual_diffusion": False},  # Eq. 14 as it stands in the paper
+    "expert-shares": {"residual_shares": True},  # eight targets of their own in place of one
     "whole-body-contrast": {"part_contrast": False},
     "two-sided-words": {"one_sided_words": False},
     "no-pose-statistics": {"pose_statistics": False},

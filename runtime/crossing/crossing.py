@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from runtime import rotations
-from runtime.arrays import Array
+from runtime.arrays import Array, Flags
 from runtime.controls import STAND_SPEED
 from runtime.crossing.climb import Climb, Descend
 from runtime.crossing.keyed_pose import CrossingPose, smooth
@@ -224,10 +224,11 @@ class Crossing:
             level = self.origin[1] + done * (self.numbers[0] if self.climbing else self.numbers[2])
             way = np.array([np.sin(self.yaw), np.cos(self.yaw)])
             along = (points - self.origin[[0, 2]]) @ way
-            heights = np.where(along > -BEFORE_M, level, heights)
+            heights = np.where(_and_before(along > -BEFORE_M), level, heights)
         elif ahead is not None and (is_leap(ahead.obstacle) or is_climb(ahead.obstacle)):
             along = (points - points[present, 1]) @ ahead.way
-            heights = np.where(along > ahead.obstacle.near - BEFORE_M, ahead.obstacle.ground, heights)
+            hidden = _and_before(along > ahead.obstacle.near - BEFORE_M)
+            heights = np.where(hidden, ahead.obstacle.ground, heights)
         goal = 0.0 if self.kind else 1.0
         if self.sight == goal:
             return heights if goal else np.full_like(heights, level)
@@ -389,6 +390,13 @@ def _has_room(terrain: Terrain, ahead: Ahead, place: Array) -> bool:
     skew, (x, z) = ahead.obstacle.skew, ahead.way
     way = np.array([x * np.cos(skew) + z * np.sin(skew), z * np.cos(skew) - x * np.sin(skew)])
     return can_climb(terrain, place, way, ahead.obstacle.near * float(np.cos(skew)), ahead.obstacle.top)
+
+
+def _and_before(hidden: Flags) -> Flags:
+    """Samples `(12, 3)` that lie on `hidden` ground, and the last one before it: it tells what stands behind it too."""
+    result = hidden.copy()
+    result[:-1] |= hidden[1:]
+    return result
 
 
 def _blocked(obstacle: ObstacleAhead) -> str | None:

@@ -16,6 +16,8 @@ from runtime.arrays import Array
 from runtime.pose import DT as DT
 from runtime.pose import FPS as FPS
 from runtime.skeleton import SPORT_SKELETON, J
+from runtime.terrain.height_map import Terrain
+from runtime.terrain.way_ahead import EDGE_M, RUN_M
 
 LAYOUT_VERSION = 1
 SAMPLE_STEP = 10  # frames between two samples of the ±1 s window
@@ -27,6 +29,8 @@ PHASE_OFFSETS = np.arange(-60, 61, SAMPLE_STEP)
 FUTURE_OFFSETS = TRAJECTORY_OFFSETS[L // 2 :]
 FUTURE_PHASE_OFFSETS = PHASE_OFFSETS[L // 2 :]
 HEIGHT_SPACING = 0.25  # metres between the right, centre and left height samples
+BETWEEN = np.arange(1, 6) / 6.0  # places between two height samples where something narrow is looked for
+NARROW_M = 0.05  # that it stands higher than both of them; less is rough ground
 
 
 def _layout(*fields: tuple[str, int]) -> tuple[dict[str, slice], int]:
@@ -99,10 +103,33 @@ def facing_yaw(positions: Array) -> Array:
 
 
 def height_points(positions: Array, directions: Array) -> Array:
-    """XZ points `(..., 12, 3, 2)` right, centre and left of trajectory samples `(..., 12, 2)`."""
+    """XZ points `(..., n, 3, 2)` right, centre and left of trajectory samples `(..., n, 2)`."""
     left = np.stack([directions[..., 1], -directions[..., 0]], axis=-1)
     side = np.array([-HEIGHT_SPACING, 0.0, HEIGHT_SPACING], np.float32)[:, None]
     return positions[..., None, :] + side * left[..., None, :]
+
+
+def sampled_heights(terrain: Terrain, positions: Array, directions: Array) -> tuple[Array, Array]:
+    """XZ points `(..., 12, 3, 2)` of trajectory samples and their heights `(..., 12, 3)`, right, centre and left.
+
+    Samples lie up to half a metre apart: what stands higher between two of them, as a hurdle does, is told by the nearer.
+    """
+    points = height_points(positions, directions)
+    heights = terrain.height(points[..., 0], points[..., 1])
+    if terrain.steepest * RUN_M < EDGE_M:  # nothing stands out of this ground
+        return points, heights
+    t = BETWEEN[:, None]
+    places = (1.0 - t) * positions[..., :-1, None, :] + t * positions[..., 1:, None, :]
+    nearer = np.where(t > 0.5, directions[..., 1:, None, :], directions[..., :-1, None, :])
+    between = height_points(places, nearer)  # (..., 11, 5, 3, 2)
+    ends = np.maximum(heights[..., :-1, :], heights[..., 1:, :])
+    above = terrain.height(between[..., 0], between[..., 1]) - ends[..., None, :]
+    above = np.where(above > NARROW_M, above, np.float32(0.0))
+    behind = int(np.argmax(BETWEEN > 0.5))
+    most = np.zeros_like(heights)
+    most[..., :-1, :] = above[..., :behind, :].max(-2)
+    most[..., 1:, :] = np.maximum(most[..., 1:, :], above[..., behind:, :].max(-2))
+    return points, heights + most
 
 
 def ground_height(heights: Array) -> Array:

@@ -240,8 +240,8 @@ def _input(state: CharacterState, looks: Sequence[Look], terrain: Terrain) -> Ar
     path, present = state.trajectory, features.L // 2
     positions, yaw = path.xz[:, SAMPLES], path.yaw[:, SAMPLES]
     directions = np.stack([np.sin(yaw), np.cos(yaw)], axis=-1)
-    points = features.height_points(positions, directions)
-    heights = within_steps(terrain.height(points[..., 0], points[..., 1]), present)
+    points, heights = features.sampled_heights(terrain, positions, directions)
+    heights = within_steps(heights, present)
     for i, (crossing, look) in enumerate(zip(state.crossings, looks, strict=True)):
         heights[i] = crossing.seen(points[i], heights[i], present, look.ahead)
     ground = features.ground_height(heights)

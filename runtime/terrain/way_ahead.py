@@ -53,7 +53,8 @@ def obstacle_ahead(
 ) -> ObstacleAhead | None:
     """The first obstacle whose near edge lies within `reach_m` on the way from x, z; None where there is none.
 
-    `direction` `(2,)` is a unit vector in XZ. Steps and gaps under `STEP_M`, slopes, and bars under `EDGE_M` are none.
+    `direction` `(2,)` is a unit vector in XZ. Steps and gaps under `STEP_M`, slopes, and bars under `EDGE_M` are none,
+    and neither is the far side of a bar that is being stepped over.
     """
     along = np.arange(0.0, reach_m + BEHIND_M, SPACING_M)
     across = np.array(SIDES_M)[:, None]  # to the left is (z, -x) of the direction
@@ -70,7 +71,7 @@ def obstacle_ahead(
     if near > reach_m:
         return None
     found = _classified(heights[0], along, first, run, near)
-    if found is None:
+    if found is None or (found.kind is ObstacleKind.DOWN and _on_a_bar(terrain, x, z, direction, found)):
         return None
     edges = [
         _edge_beside(row, along, near, found.top < 0.0 or found.kind is ObstacleKind.GAP)
@@ -80,6 +81,14 @@ def obstacle_ahead(
     skew = float(np.arctan2(right - left, SIDES_M[1] - SIDES_M[2]))
     slant = 0.5 * abs(left - right)
     return replace(found, near=near - slant, far=found.far + slant, skew=skew)
+
+
+def _on_a_bar(terrain: Terrain, x: float, z: float, direction: Array, drop: ObstacleAhead) -> bool:
+    """Whether the ground before a drop is as low again within the thickness of a bar: behind whoever looks."""
+    behind = drop.near - np.arange(0.0, THICKEST_BAR_M + RUN_M, SPACING_M)
+    heights = terrain.height(x + behind * direction[0], z + behind * direction[1])
+    low = drop.ground + drop.top
+    return bool((np.abs(heights - low) <= min(LEVEL_M, 0.5 * abs(drop.top))).any())
 
 
 def _edge(row: Array, along: Array, first: int, run: int) -> float:

@@ -37,7 +37,7 @@ SIZES = {  # metres
     ObstacleKind.UP: (0.3, 0.4, 0.5),
     ObstacleKind.DOWN: (0.3, 0.4, 0.5),
     ObstacleKind.GAP: (0.4, 0.6, 0.8, 1.0),
-    ObstacleKind.BAR: (0.15, 0.2, 0.25, 0.3, 0.4),
+    ObstacleKind.BAR: (0.2, 0.25, 0.3, 0.4, 0.5, 0.6),
 }
 PASSED = 0.7  # share of the ways over a size that counts as crossed
 PLACE_M, BEHIND_M, BEFORE_M = (

@@ -46,12 +46,16 @@ class Generator(nn.Module):
     def target_codes(self, e: Tensor, alpha: Tensor, target: Tensor) -> Tensor:
         """What the diffusion learns, standardised `(B, K, output)`: E_d's codes (Eq. 14), or what they lack.
 
-        The latter is the same for every expert: the shares sum to one, so that E_d's codes and it blend to `target`,
-        the captured y. So the diffusion learns how the capture spreads around E_d's mean.
+        The latter, r, is the same for every expert: the shares sum to one, so that E_d's codes and it blend to `target`,
+        the captured y. So the diffusion learns how the capture spreads around E_d's mean. With `residual_shares` expert k
+        has r alpha_k / Σ alpha^2, which blends to the same.
         """
         codes = self.mixture_decoder.codes(e)
         if self.config.residual_diffusion:
-            codes = (target - blend_codes(codes, alpha))[:, None].expand_as(codes)
+            residual = (target - blend_codes(codes, alpha))[:, None]
+            codes = residual.expand_as(codes)
+            if self.config.residual_shares:
+                codes = residual * (alpha / alpha.square().sum(1, keepdim=True))[..., None]
         return (codes - self.code_mean) / self.code_deviation
 
     def clean_codes(self, predicted: Tensor, e: Tensor) -> Tensor:

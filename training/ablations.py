@@ -43,6 +43,9 @@ SHARED: dict[str, tuple[str, ...]] = {
 }
 
 
+# These differ from the full model in stage 3 alone, and take over its stage 2 of the same seed.
+OTHER_DIFFUSION = ("distilled-diffusion", "expert-shares")
+STAGE2 = "stage2.pt"
 FRAMES = "frames"  # the table of all frames: gigabytes, which every variant of the same clips maps
 
 
@@ -86,6 +89,9 @@ def _train(args: argparse.Namespace, name: str, seed: int) -> None:
         log.info("%s, seed %d: already exported", name, seed)
         return
     prepare(args.run, folder, name, args.clips)
+    trained = args.out / "full" / f"seed{seed}" / STAGE2
+    if name in OTHER_DIFFUSION and trained.exists() and not (folder / STAGE2).exists():
+        shutil.copy(trained, folder / STAGE2)
     steps = [
         f"--{stage}-steps={getattr(args, f'{stage}_steps')}"
         for stage in ("phase", "content", "stage2", "stage3")

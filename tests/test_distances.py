@@ -16,3 +16,13 @@ def test_a_row_for_each_model_with_its_reference():
     assert len(lines) == 4
     assert lines[2] == "| ours (diffusion) | 98.07 (1.2 x, 1.9 x) | 29.40 (0.8 x, 1.1 x) | 75 % |"
     assert len({line.count("|") for line in lines}) == 1
+
+
+def test_seeds_of_a_model_share_a_row():
+    other = {
+        **RESULT,
+        "fmd": {n: {**f, "takes": {"distance": 100.07, "ratio": 1.4}} for n, f in RESULT["fmd"].items()},
+    }
+    lines = table({"full (diffusion)": RESULT, "full seed1 (diffusion)": other}).splitlines()
+    assert len(lines) == 3
+    assert lines[2].startswith("| full (diffusion), 2 seeds | 99.07 ± 1.41 (1.3 x, 1.9 x) |")

@@ -136,7 +136,7 @@ def test_clauses(prompt: str, rest: str, expected: dict[str, str]) -> None:
         ("looking down", "head.down"),
         ("head slightly lowered", "head.down_little"),
         ("head hanging low", "head.down_far"),
-        ("chin up", "head.up"),
+        ("head up", "head.up"),
         ("looking up at the sky", "head.up_far"),
         ("gazing up at the clouds", "head.up_far"),
         ("leaning back a lot", "torso.lean_back_far"),
@@ -157,6 +157,14 @@ def test_clauses_are_said_as_the_networks_were_told(prompt: str, edits: str) -> 
     assert set(parsed.parts) == set(told)
     for part, phrases in told.items():
         assert any(parsed.parts[part].startswith(phrase) for phrase in phrases), parsed.parts[part]
+
+
+def test_a_raised_chin_or_look_is_told_by_words_that_show_beside_others() -> None:
+    """Of "head raised, chin up" little is left beside folded arms or bent knees."""
+    for prompt in ("chin up", "arms crossed, chin raised", "gazing upwards"):
+        assert parse_clauses(prompt).parts["head"] == "head tilted back, chin raised, held still"
+    assert parse_clauses("chin slightly up").parts["head"] == "head slightly raised"
+    assert parse_clauses("looking straight up").parts["head"] == "head thrown back, looking at the sky"
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -37,6 +38,7 @@ from training.evaluation.motion.subject import Subject
 from training.frames import root_motion, smooth
 from training.markdown import table as table_lines
 
+SEED_IN_NAME = re.compile(r" seed\d+")  # of a model, `Subject.name`
 SEED: tuple[str, dict[str, Any]] = ("--seed", {"type": int, "default": 0})
 
 
@@ -71,17 +73,25 @@ def distances(setting: Setting) -> dict[str, Any]:
 
 
 def distances_table(results: dict[str, dict[str, Any]]) -> str:
-    """Overall distance, its ratio to two halves of the capture (whole takes, cut takes), and recognition."""
+    """Overall distance, its ratio to two halves of the capture (whole takes, cut takes), and recognition.
+
+    Seeds of one model share a row: means, and deviations of the distance.
+    """
     sets = sorted({name for r in results.values() for name in r["fmd"]})
-    rows = []
+    groups: dict[str, list[dict[str, Any]]] = {}
     for label, result in results.items():
-        cells = [label]
+        groups.setdefault(SEED_IN_NAME.sub("", label), []).append(result)
+    rows = []
+    for label, seeds in groups.items():
+        cells = [label if len(seeds) == 1 else f"{label}, {len(seeds)} seeds"]
         for name in sets:
-            found = result["fmd"][name]
-            takes = found["takes"]
-            cells.append(f"{takes['distance']:.2f} ({takes['ratio']:.1f} x, {found['ratio']:.1f} x)")
-        score = result["recognition"]["score"]
-        rows.append([*cells, f"{100 * sum(score.values()) / max(1, len(score)):.0f} %"])
+            found = [r["fmd"][name] for r in seeds]
+            takes = [f["takes"]["distance"] for f in found]
+            spread = f" ± {np.std(takes, ddof=1):.2f}" if len(takes) > 1 else ""
+            ratios = np.mean([[f["takes"]["ratio"], f["ratio"]] for f in found], axis=0)
+            cells.append(f"{np.mean(takes):.2f}{spread} ({ratios[0]:.1f} x, {ratios[1]:.1f} x)")
+        scores = [v for r in seeds for v in r["recognition"]["score"].values()]
+        rows.append([*cells, f"{100 * sum(scores) / max(1, len(scores)):.0f} %"])
     head = ["model", *(f"FMD, {n} (halves)" for n in sets), "styles recognised, mean"]
     return "\n".join(table_lines(head, rows)).rstrip("\n")
 

@@ -46,7 +46,7 @@ from training.text.measure import ArmMeasures, BodyMeasures, HeadMeasures, LegMe
 log = logging.getLogger("sport.evaluate")
 
 LEAD_SECONDS, SECONDS = 1.5, 4.0  # walked before measuring, and measured
-WEAK = 0.5  # share of a sentence's claims under which it gets another wording
+WEAK = 0.6  # share of a sentence's claims under which it gets another wording
 GAIN = 0.3  # by which the other wording has to be better
 CHANGE = 0.12  # what a unit of change that was not claimed costs, in shares
 ALIKE = 0.8  # what likeness of words is worth

@@ -26,3 +26,5 @@ def test_seeds_of_a_model_share_a_row():
     lines = table({"full (diffusion)": RESULT, "full seed1 (diffusion)": other}).splitlines()
     assert len(lines) == 3
     assert lines[2].startswith("| full (diffusion), 2 seeds | 99.07 ± 1.41 (1.3 x, 1.9 x) |")
+    alone = table({"full seed1 (diffusion)": RESULT}).splitlines()
+    assert alone[2].startswith("| full seed1 (diffusion) | 98.07 (1.2 x, 1.9 x) |")

@@ -78,12 +78,13 @@ def distances_table(results: dict[str, dict[str, Any]]) -> str:
     Seeds of one model share a row: means, and deviations of the distance.
     """
     sets = sorted({name for r in results.values() for name in r["fmd"]})
-    groups: dict[str, list[dict[str, Any]]] = {}
+    groups: dict[str, dict[str, dict[str, Any]]] = {}
     for label, result in results.items():
-        groups.setdefault(SEED_IN_NAME.sub("", label), []).append(result)
+        groups.setdefault(SEED_IN_NAME.sub("", label), {})[label] = result
     rows = []
-    for label, seeds in groups.items():
-        cells = [label if len(seeds) == 1 else f"{label}, {len(seeds)} seeds"]
+    for name_of_all, by_label in groups.items():
+        seeds = list(by_label.values())
+        cells = [*by_label] if len(seeds) == 1 else [f"{name_of_all}, {len(seeds)} seeds"]
         for name in sets:
             found = [r["fmd"][name] for r in seeds]
             takes = [f["takes"]["distance"] for f in found]

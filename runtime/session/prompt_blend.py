@@ -1,9 +1,8 @@
-"""What the character moves by, as plain data: an answered prompt or a blend of two, and the way back through its changes."""
+"""What a character moves by, as plain data: an answered prompt or a blend of two."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -15,8 +14,6 @@ from runtime.prompts.answer import Answer as Answer
 from runtime.prompts.blend import ALL_A, BlendedPrompt, Weights, Words, mix_of_parts, write_words
 from runtime.skeleton import PART_NAMES
 
-MAX_STEPS = 100  # of undo
-
 
 class Side(IntEnum):
     """The prompt, and the one it is blended with."""
@@ -26,7 +23,7 @@ class Side(IntEnum):
 
 
 @dataclass(frozen=True)
-class StyleEdit:
+class PromptBlend:
     """Prompt A, perhaps prompt B with its share in each part, and the parts whose words are locked."""
 
     answers: tuple[Answer | None, Answer | None] = (None, None)
@@ -50,12 +47,12 @@ class StyleEdit:
         answer = self.answers[side]
         return "" if answer is None else answer.prompt
 
-    def with_answer(self, side: Side, answer: Answer | None) -> StyleEdit:
+    def with_answer(self, side: Side, answer: Answer | None) -> PromptBlend:
         """Another answer on one side."""
         answers = (answer, self.b) if side is Side.A else (self.a, answer)
         return dataclasses.replace(self, answers=answers, shares=LINEAR)
 
-    def locking_edits(self, before: Answer | None) -> StyleEdit:
+    def locking_edits(self, before: Answer | None) -> PromptBlend:
         """Parts of prompt A whose words changed since `before`: locked where they are edited, else released."""
         if self.a is None or before is None:
             return self
@@ -85,7 +82,7 @@ class StyleEdit:
             return "" if self.a is None else self.a.replayable
         return BlendedPrompt(self.a.replayable, self.b.replayable, self.weights)
 
-    def turned_round(self) -> StyleEdit:
+    def turned_round(self) -> PromptBlend:
         """Prompts A and B exchanged: the same style."""
         flipped, shares = tuple(1.0 - weight for weight in self.weights), turned_round(self.shares)
         return dataclasses.replace(self, answers=self.answers[::-1], weights=flipped, shares=shares)
@@ -110,12 +107,12 @@ class StyleEdit:
             return "" if self.a is None else self.a.words.to_json()
         return BlendedPrompt(self.a.words, self.b.words, self.weights).to_json()
 
-    def with_weight(self, part: str, weight: float) -> StyleEdit:
+    def with_weight(self, part: str, weight: float) -> PromptBlend:
         """Another share of prompt B in one part."""
         i = PART_NAMES.index(part)
         return dataclasses.replace(self, weights=(*self.weights[:i], weight, *self.weights[i + 1 :]))
 
-    def with_all_weights(self, weight: float) -> StyleEdit:
+    def with_all_weights(self, weight: float) -> PromptBlend:
         """Another share of prompt B in every part that is not locked."""
         pairs = zip(PART_NAMES, self.weights, strict=True)
         return dataclasses.replace(
@@ -127,56 +124,3 @@ class StyleEdit:
         """Mean share of prompt B over the parts that are not locked (over all when every part is)."""
         free = [w for part, w in zip(PART_NAMES, self.weights, strict=True) if part not in self.locked]
         return float(np.mean(free or self.weights))
-
-
-@dataclass
-class UndoStack:
-    """Committed edits with what each of them did; the present one is between what can be undone and redone."""
-
-    _steps: list[tuple[str, StyleEdit]] = field(default_factory=list)
-    _at: int = -1
-
-    @property
-    def top(self) -> StyleEdit | None:
-        """The committed edit in force."""
-        return self._steps[self._at][1] if self._at >= 0 else None
-
-    @property
-    def undo_label(self) -> str:
-        """What undo would take back; "" when there is nothing."""
-        return self._steps[self._at][0] if self._at > 0 else ""
-
-    @property
-    def redo_label(self) -> str:
-        """What redo would do again; "" when there is nothing."""
-        return self._steps[self._at + 1][0] if self._at + 1 < len(self._steps) else ""
-
-    def push(self, label: str, edit: StyleEdit) -> None:
-        """Commit an edit; what was undone before it is forgotten, and the oldest beyond `MAX_STEPS`."""
-        del self._steps[self._at + 1 :]
-        self._steps.append((label, edit))
-        del self._steps[: -MAX_STEPS - 1]
-        self._at = len(self._steps) - 1
-
-    def revise(self, change: Callable[[StyleEdit], StyleEdit]) -> None:
-        """Put what `change` makes of each edit in its place, as the same step."""
-        self._steps = [(label, change(edit)) for label, edit in self._steps]
-
-    def undo(self) -> StyleEdit | None:
-        """The edit before; None when there is none."""
-        if self._at <= 0:
-            return None
-        self._at -= 1
-        return self.top
-
-    def redo(self) -> StyleEdit | None:
-        """The edit that was undone last; None when there is none."""
-        if self._at + 1 >= len(self._steps):
-            return None
-        self._at += 1
-        return self.top
-
-    def clear(self) -> None:
-        """Forget every step."""
-        self._steps.clear()
-        self._at = -1

@@ -1,0 +1,130 @@
+"""Arrays and bytes of a session's file, each content once, under its hash.
+
+A reference is text: kind, shape and hash. What is read is counted against the file's budget before it is made.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import weakref
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import FileError
+
+KINDS = ("<f4", "<f8", "|i1", "|u1")
+MAX_SIDE = 1 << 29
+REMEDY = "Choose another file, or a copy of this one."
+Made = TypeVar("Made")
+
+
+class Spends(Protocol):
+    """What may still be made of a file: `runtime.session.database.Budget`."""
+
+    def spend(self, count: int) -> None:
+        """Count bytes that are about to be made; ValueError where it is too much."""
+
+
+class Once:
+    """What was made of things that do not change, for as long as these things live."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[str, int], tuple[weakref.ref[Any], Any]] = {}
+
+    def get(self, what: str, thing: Any, make: Callable[[], Made]) -> Made:
+        """What `make` gives for a thing, made once."""
+        key = what, id(thing)
+        known = self._known.get(key)
+        if known is None or known[0]() is not thing:
+            known = weakref.ref(thing, lambda _: self._known.pop(key, None)), make()
+            self._known[key] = known
+        return known[1]
+
+
+@dataclass
+class BlobWriter:
+    """Hands contents to `put(hash, bytes)`."""
+
+    put: Callable[[str, bytes], None]
+    used: set[str] = field(default_factory=set)  # hashes of all that was referred to
+
+    def array(self, values: Any, kind: str = "<f4") -> str:
+        """The reference of an array of one of `KINDS`."""
+        plain = np.ascontiguousarray(values, np.dtype(kind))
+        content = plain.tobytes()
+        key = hashlib.blake2b(content, digest_size=16).hexdigest()
+        self.put(key, content)
+        self.used.add(key)
+        return f"{plain.dtype.str} {'x'.join(map(str, plain.shape))} {key}"
+
+    def data(self, content: bytes) -> str:
+        """The reference of bytes."""
+        return self.array(np.frombuffer(content, np.uint8), "|u1")
+
+    def text(self, content: str) -> str:
+        """The reference of text."""
+        return self.data(content.encode("utf-8", "surrogatepass"))
+
+
+@dataclass
+class BlobReader:
+    """Gives back what a `BlobWriter` took; a content that is named twice is one array, not to be written to."""
+
+    path: Path
+    fetch: Callable[[str], bytes]
+    budget: Spends
+    _made: dict[Any, Any] = field(default_factory=dict)
+
+    def once(self, what: str, key: Any, make: Callable[[], Made]) -> Made:
+        """What `make` gives for a key, made once however often the file names it."""
+        if (what, key) not in self._made:
+            self._made[what, key] = make()
+        return self._made[what, key]
+
+    def array(self, reference: Any, kind: str, shape: Sequence[int | None]) -> NDArray[Any]:
+        """An array; FileError unless it has this kind and shape (None: any length)."""
+        named, sides, key = self._parts(reference)
+        fits = named == kind and len(sides) == len(shape)
+        if not fits or any(b not in (None, a) for a, b in zip(sides, shape, strict=True)):
+            raise FileError(f"{self.path}: an array {named} {sides}, expected {kind} {list(shape)}.", REMEDY)
+
+        def made() -> NDArray[Any]:
+            size = math.prod(sides) * np.dtype(kind).itemsize
+            self.budget.spend(size)
+            content = self.fetch(key)
+            if len(content) != size:
+                raise FileError(f"{self.path}: {len(content)} bytes where {size} were expected.", REMEDY)
+            return np.frombuffer(content, kind).reshape(sides)
+
+        return self.once("array", reference, made)
+
+    def data(self, reference: Any) -> bytes:
+        """Bytes."""
+        return self.array(reference, "|u1", (None,)).tobytes()
+
+    def text(self, reference: Any) -> str:
+        """Text; ValueError where it is none."""
+        return self.data(reference).decode("utf-8", "surrogatepass")
+
+    def size(self, reference: Any) -> int:
+        """Bytes that a reference says its content has."""
+        kind, sides, _ = self._parts(reference)
+        return math.prod(sides) * np.dtype(kind).itemsize
+
+    def _parts(self, reference: Any) -> tuple[str, list[int], str]:
+        parts = reference.split(" ") if isinstance(reference, str) and len(reference) < 200 else []
+        if len(parts) != 3 or parts[0] not in KINDS:
+            raise FileError(f"{self.path}: {str(reference)[:40]!r} names no content.", REMEDY)
+        texts = parts[1].split("x") if parts[1] else []
+        if not all(text.isdecimal() and len(text) < 11 for text in texts):
+            raise FileError(f"{self.path}: {str(reference)[:40]!r} names no content.", REMEDY)
+        sides = [int(text) for text in texts]
+        if math.prod(sides) > MAX_SIDE:
+            raise FileError(f"{self.path}: content of {math.prod(sides)} values.", REMEDY)
+        return parts[0], sides, parts[2]

@@ -1,0 +1,96 @@
+"""What a user can do and take back, as functions from a session to the next one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from runtime.session.motion import Motion
+from runtime.session.session import LIVE, MIN_FRAMES, Session, Take
+
+MAX_NAME = 60
+
+
+def with_new_take(session: Session, take: Take, after: int | None = None) -> Session:
+    """The session with one take more, selected; at the end, or after the take `after`."""
+    number = session.counter + 1
+    at = len(session.takes) if after is None else session.index(after) + 1
+    takes = (*session.takes[:at], replace(take, number=number), *session.takes[at:])
+    return replace(session, takes=takes, counter=number, selected=number)
+
+
+def without_take(session: Session, number: int) -> Session:
+    """The session without a take; the next one is selected, and a reference to it is gone."""
+    at = session.index(number)
+    if at < 0:
+        return session
+    takes = session.takes[:at] + session.takes[at + 1 :]
+    selected = takes[min(at, len(takes) - 1)].number if takes else LIVE
+    compared = session.reference is not None and not session.reference.video
+    gone = compared and session.reference is not None and session.reference.take == number
+    return replace(session, takes=takes, selected=selected, reference=None if gone else session.reference)
+
+
+def renamed(session: Session, number: int, name: str) -> Session:
+    """Another name for a take; an empty one brings the motion's back."""
+    take = session.take(number)
+    name = " ".join(name.split())[:MAX_NAME]
+    if take is None or name == take.title:
+        return session
+    return session.with_take(number, name="" if name == replace(take, name="").title else name)
+
+
+def mirrored_copy(session: Session, number: int) -> Session:
+    """A second take with left and right exchanged, after the first; edits of its poses do not come along."""
+    take = session.take(number)
+    if take is None or take.motion is None:
+        return session
+    made = Take(motion=take.motion, mirrored=not take.mirrored, recorded=True, ground=take.ground)
+    name = "" if not take.name else f"{take.name}, mirrored"[:MAX_NAME]
+    return with_new_take(session, replace(made, name=name), after=None)
+
+
+def trimmed(session: Session, number: int, first: int, last: int) -> Session:
+    """Keep frames `first` to `last` of a take, at least `MIN_FRAMES`; all of them is no trim."""
+    take = session.take(number)
+    if take is None or take.motion is None:
+        return session
+    end = take.frames - 1
+    first = max(min(first, end - MIN_FRAMES + 1), 0)
+    last = min(max(last, first + MIN_FRAMES - 1), end)
+    return session.with_take(number, trim=None if (first, last) == (0, end) else (first, last))
+
+
+def resimulated(session: Session, number: int, motion: Motion) -> Session:
+    """Another motion for a take; of another length, a trim that kept its end keeps the new one."""
+    take = session.take(number)
+    if take is None or take.motion is None:
+        return session
+    trim = take.trim
+    if trim is not None and trim[1] >= take.frames - 1:
+        trim = (trim[0], motion.header.frames - 1)
+    return session.with_take(number, motion=motion, trim=trim)
+
+
+def moved(session: Session, number: int, by: int) -> Session:
+    """A take goes up or down in the list."""
+    at = session.index(number)
+    to = at + by
+    if at < 0 or not 0 <= to < len(session.takes):
+        return session
+    takes = list(session.takes)
+    takes.insert(to, takes.pop(at))
+    return replace(session, takes=tuple(takes))
+
+
+def selected(session: Session, number: int) -> Session:
+    """Another take is the selected one."""
+    known = number == LIVE or session.take(number) is not None
+    return replace(session, selected=number) if known else session
+
+
+def with_takes(session: Session, takes: Sequence[Take]) -> Session:
+    """Several new takes at the end, the last one selected."""
+    for take in takes:
+        session = with_new_take(session, take)
+    return session

@@ -1,0 +1,65 @@
+"""The history of a session: a list of sessions with what led to each. Undo and redo walk it; nothing is lost on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+from runtime.session.session import Session
+
+MAX_STEPS = 200
+
+
+@dataclass(frozen=True)
+class Step:
+    """A session, and the edit that made it in the user's words; `number` counts all steps that there ever were."""
+
+    number: int
+    label: str
+    session: Session
+
+
+@dataclass
+class History:
+    """Steps from the oldest that is kept to the newest; the present one is between what can be undone and redone."""
+
+    steps: list[Step] = field(default_factory=lambda: [Step(0, "", Session())])
+    at: int = 0  # index of the present step
+
+    @property
+    def present(self) -> Step:
+        """The step in force."""
+        return self.steps[self.at]
+
+    @property
+    def undo_label(self) -> str:
+        """What undo would take back; "" when there is nothing."""
+        return self.present.label if self.at > 0 else ""
+
+    @property
+    def redo_label(self) -> str:
+        """What redo would do again; "" when there is nothing."""
+        return self.steps[self.at + 1].label if self.at + 1 < len(self.steps) else ""
+
+    def push(self, label: str, session: Session) -> None:
+        """A new step after the present one; what was undone is forgotten, and the oldest beyond `MAX_STEPS`."""
+        number = self.present.number + 1
+        del self.steps[self.at + 1 :]
+        self.steps.append(Step(number, label, session))
+        del self.steps[: -MAX_STEPS - 1]
+        self.at = len(self.steps) - 1
+
+    def replace(self, session: Session) -> None:
+        """Another session in the place of the present one, as the same step."""
+        self.steps[self.at] = replace(self.present, session=session)
+
+    def revise(self, change: Callable[[Session], Session]) -> None:
+        """Put what `change` makes of every session in its place."""
+        self.steps = [replace(step, session=change(step.session)) for step in self.steps]
+
+    def go(self, by: int) -> bool:
+        """Undo (-1) or redo (1) a step; whether there was one."""
+        if not 0 <= self.at + by < len(self.steps):
+            return False
+        self.at += by
+        return True

@@ -1,0 +1,145 @@
+"""The frames of a take as they were recorded, resimulated or read, with the input that made them.
+
+A motion never changes. It is loaded from its session's file when somebody looks at it, so that a long list of takes holds
+little memory.
+"""
+
+from __future__ import annotations
+
+import threading
+import uuid
+import weakref
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.arrays import Array
+from runtime.errors import FileError
+from runtime.takes.clip import Clip
+from runtime.takes.drive import Drive
+from runtime.takes.metadata import UNKNOWN, UNMOVED, Origin, PromptEvent, describe
+
+
+@dataclass(frozen=True)
+class MotionHeader:
+    """What is known of a motion without its frames; the fields are those of `Clip`."""
+
+    name: str
+    fps: float
+    frames: int
+    terrain: str = "flat"
+    prompts: tuple[PromptEvent, ...] = ()
+    origin: Origin = UNKNOWN
+    gait_seconds: tuple[tuple[str, float], ...] = ()
+    placed: tuple[float, ...] | None = UNMOVED
+    size: float = 1.0
+    has_gaits: bool = False
+    drivable: bool = False  # its input is known: it can be resimulated
+
+    @staticmethod
+    def of(clip: Clip, drive: Drive | None) -> MotionHeader:
+        """The header of a clip."""
+        return MotionHeader(
+            clip.name, clip.fps, len(clip), clip.terrain, clip.prompts, clip.origin, clip.gait_seconds,
+            clip.placed, clip.size, clip.gaits is not None, drive is not None,
+        )  # fmt: skip
+
+    @property
+    def seconds(self) -> float:
+        """Time from the first to the last frame."""
+        return (self.frames - 1) / self.fps
+
+    def describe(self) -> str:
+        """How it was made, in some lines for a person."""
+        return describe(self.terrain, self.prompts, self.origin, dict(self.gait_seconds))
+
+    def clip(self, hips: Array, rotations: Array, contacts: Array, gaits: NDArray[np.int8]) -> Clip:
+        """The clip of this header with its frames."""
+        return Clip(
+            self.name, self.fps, hips, rotations, contacts, self.prompts, self.terrain, self.origin,
+            self.gait_seconds, gaits if self.has_gaits else None, self.placed, self.size,
+        )  # fmt: skip
+
+
+class MotionSource(Protocol):
+    """Where motions are loaded from: a session's file."""
+
+    def load_clip(self, key: str, header: MotionHeader) -> Clip:
+        """The frames of a motion; FileError where the file does not give them back."""
+
+    def load_drive(self, key: str) -> Drive | None:
+        """The input of a motion."""
+
+
+class Motion:
+    """Frames and input under a key that no other motion has. Two motions are equal when their keys are."""
+
+    def __init__(
+        self,
+        key: str,
+        header: MotionHeader,
+        clip: Clip | None = None,
+        drive: Drive | None = None,
+        source: MotionSource | None = None,
+    ) -> None:
+        self.key, self.header = key, header
+        self._clip, self._drive, self._source = clip, drive, source
+        self._known_clip: weakref.ref[Clip] | None = None
+        self._known_drive: weakref.ref[Drive] | None = None
+        self._lock = threading.Lock()
+
+    @staticmethod
+    def of(clip: Clip, drive: Drive | None = None) -> Motion:
+        """A new motion."""
+        return Motion(uuid.uuid4().hex, MotionHeader.of(clip, drive), clip, drive)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Motion) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    def __repr__(self) -> str:
+        return f"Motion({self.header.name!r}, {self.header.frames} frames)"
+
+    @property
+    def clip(self) -> Clip:
+        """Its frames; on any thread, FileError where they cannot be read."""
+        with self._lock:
+            known = self._clip or (None if self._known_clip is None else self._known_clip())
+            if known is None:
+                known = self._loaded_from().load_clip(self.key, self.header)
+                self._known_clip = weakref.ref(known)
+            return known
+
+    @property
+    def drive(self) -> Drive | None:
+        """The input that made it; None where that is not known."""
+        with self._lock:
+            if not self.header.drivable:
+                return None
+            known = self._drive or (None if self._known_drive is None else self._known_drive())
+            if known is None:
+                known = self._loaded_from().load_drive(self.key)
+                self._known_drive = None if known is None else weakref.ref(known)
+            return known
+
+    def stored(self, source: MotionSource) -> None:
+        """A file holds it: from now on it is loaded from there, and need not be in memory."""
+        with self._lock:
+            self._source = source
+            self._known_clip = self._known_clip if self._clip is None else weakref.ref(self._clip)
+            self._known_drive = self._known_drive if self._drive is None else weakref.ref(self._drive)
+            self._clip = self._drive = None
+
+    @property
+    def is_stored(self) -> bool:
+        """Whether a file holds it."""
+        return self._source is not None
+
+    def _loaded_from(self) -> MotionSource:
+        if self._source is None:
+            raise FileError(f"{self.header.name}: its frames are gone.", "Record it again.")
+        return self._source

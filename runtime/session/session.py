@@ -1,0 +1,204 @@
+"""A session: everything that a user made and can take back, as one value that never changes.
+
+The live character is the take whose end is open (`Session.live`): it has a prompt, a path, pins and camera keys as a
+take of the list has.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
+
+from runtime.character.shape import BodyShape
+from runtime.errors import UsageError
+from runtime.motion.point_path import Waypoint
+from runtime.session.motion import Motion
+from runtime.session.prompt_blend import PromptBlend
+from runtime.takes.camera_keys import CameraKey
+from runtime.takes.clip import Clip
+from runtime.takes.own_skeleton import OwnSkeleton
+from runtime.takes.pose_edits import NO_EDITS, PoseEdits
+from runtime.terrain.height_map import Terrain
+
+LIVE = 0  # the number of the live character among the takes
+MIN_FRAMES = 2  # that a trim keeps
+NO_SHAPE, NO_PROMPT = BodyShape(), PromptBlend()
+SHOWN_CLIPS = 6  # takes with pins, plants or mirrored whose frames are kept in memory
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A ground by its name or file; grounds of the same heights are equal."""
+
+    spec: str
+    terrain: Terrain = field(compare=False)
+    key: str  # of its content
+
+    @staticmethod
+    def of(spec: str, terrain: Terrain) -> Ground:
+        """A ground that was loaded."""
+        about = f"{terrain.name} {terrain.cell_m} {terrain.origin} {terrain.unit_m} {terrain.heights.shape}"
+        digest = hashlib.blake2b(terrain.heights.tobytes(), digest_size=16, key=about.encode()[:64])
+        return Ground(spec, terrain, digest.hexdigest())
+
+
+@dataclass(frozen=True)
+class CharacterChoice:
+    """Who moves: the mannequin in a shape, or the character of a file, whose content is kept under `key`."""
+
+    shape: BodyShape = NO_SHAPE
+    path: str = ""  # of the file that was opened; "" for the mannequin
+    key: str = ""  # of the content of its files
+
+
+@dataclass(frozen=True)
+class ModelName:
+    """Which model moved the character; `folder` is "" for the shipped one."""
+
+    folder: str = ""
+    name: str = ""
+    sha256: str = ""
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What a take is compared with: take `take` of the session, or the film `video` where that is named."""
+
+    take: int = LIVE
+    video: str = ""  # a path
+    look: str = ""  # who shows it: a word of the viewer's
+    character: CharacterChoice | None = None  # its own
+    offset_s: float = 0.0  # it is shown so much later
+    aside_m: float = 1.0  # to the right of the take
+    size: float = 0.4  # of a film's picture over the width of the view
+    opacity: float = 0.5  # of a film over the take
+    over: bool = False  # translucent, in the same place
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A character of the compare view: what it moves by."""
+
+    number: int
+    prompt: PromptBlend
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Take:
+    """One take: its motion, and edits over that. Without a motion it is the live character."""
+
+    number: int = LIVE  # given once in a session
+    motion: Motion | None = None
+    name: str = ""  # given by the user; "": the motion's
+    trim: tuple[int, int] | None = None  # first and last frame that are kept
+    poses: PoseEdits = NO_EDITS  # pins and foot plants
+    cameras: tuple[CameraKey, ...] = ()
+    path: tuple[Waypoint, ...] = ()  # drawn; () of a take with a motion: as the motion goes
+    prompt: PromptBlend = NO_PROMPT  # of the live character; a motion has its own in its input
+    mirrored: bool = False
+    color: int = 0  # of its row; 0: none
+    recorded: bool = True  # here, not read from a file
+    ground: Ground | None = None  # that it was made on, where that is known
+    own: OwnSkeleton | None = field(default=None, compare=False)  # of its file, where another skeleton moved
+
+    @property
+    def title(self) -> str:
+        """The name it was given, or the motion's."""
+        name = "Live" if self.motion is None else self.motion.header.name
+        return self.name or (f"{name}, mirrored" if self.mirrored else name)
+
+    @property
+    def made(self) -> Motion:
+        """Its motion; UsageError of the live character, which has none yet."""
+        if self.motion is None:
+            raise UsageError("The live character is not recorded.", "Record a take with R.")
+        return self.motion
+
+    @property
+    def frames(self) -> int:
+        """Frames of its motion."""
+        return self.made.header.frames
+
+    @property
+    def range(self) -> tuple[int, int]:
+        """First and last frame that are kept, within the motion."""
+        last = self.frames - 1
+        if self.trim is None:
+            return 0, last
+        end = min(self.trim[1], last)
+        return max(min(self.trim[0], end - MIN_FRAMES + 1), 0), end
+
+    @property
+    def trimmed(self) -> bool:
+        """Whether the trim leaves something out."""
+        return self.range != (0, self.frames - 1)
+
+    @property
+    def driven(self) -> Clip:
+        """Its frames before pins and plants; FileError where its file does not give them back."""
+        clip = self.made.clip
+        return _mirrored(self.made) if self.mirrored else clip
+
+    @property
+    def clip(self) -> Clip:
+        """All of its frames as they are shown."""
+        return _posed(self.made, self.mirrored, self.poses) if self.poses else self.driven
+
+    @property
+    def exported(self) -> Clip:
+        """What is written to a file: the frames that the trim keeps, under the take's name."""
+        clip = replace(self.clip, name=self.title)
+        return clip.trim(*self.range) if self.trimmed else clip
+
+
+@lru_cache(SHOWN_CLIPS)
+def _mirrored(motion: Motion) -> Clip:
+    from runtime.takes.mirror import mirrored
+
+    return mirrored(motion.clip)
+
+
+@lru_cache(SHOWN_CLIPS)
+def _posed(motion: Motion, mirrored: bool, poses: PoseEdits) -> Clip:
+    return poses.apply(_mirrored(motion) if mirrored else motion.clip)
+
+
+@dataclass(frozen=True)
+class Session:
+    """Takes in their order, the live character, where and as whom it walks, and what is compared."""
+
+    takes: tuple[Take, ...] = ()
+    live: Take = Take()
+    ground: Ground | None = None  # None until one is loaded
+    character: CharacterChoice = CharacterChoice()
+    model: ModelName = ModelName()
+    reference: Reference | None = None
+    variants: tuple[Variant, ...] = ()  # of the compare view
+    counter: int = 0  # the number of the take that came last
+    selected: int = LIVE
+
+    def take(self, number: int) -> Take | None:
+        """A take by its number; the live character has number 0."""
+        if number == LIVE:
+            return self.live
+        return next((take for take in self.takes if take.number == number), None)
+
+    def index(self, number: int) -> int:
+        """The place of a take in the list; -1 where it is not there."""
+        return next((i for i, take in enumerate(self.takes) if take.number == number), -1)
+
+    @property
+    def current(self) -> Take | None:
+        """The selected take; None while none of the list is."""
+        return None if self.selected == LIVE else self.take(self.selected)
+
+    def with_take(self, number: int, **changes: Any) -> Session:
+        """Other values for fields of one take, or of the live character; the same session where there is no such take."""
+        if number == LIVE:
+            return replace(self, live=replace(self.live, **changes))
+        takes = tuple(replace(take, **changes) if take.number == number else take for take in self.takes)
+        return replace(self, takes=takes)

@@ -1,0 +1,410 @@
+"""A session in its file: every step of its history, the frames of its takes, and what is recorded while it is recorded.
+
+What is submitted here returns at once; the database's own thread packs and writes it.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+import uuid
+from collections import OrderedDict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.arrays import Float32Array
+from runtime.errors import FileError
+from runtime.safe_read import parse_json
+from runtime.session.blobs import REMEDY, BlobReader
+from runtime.session.character_files import (
+    check_character_files,
+    read_character_files,
+    write_character_files,
+)
+from runtime.session.database import Budget, Database, Writer
+from runtime.session.document import DocumentReader, DocumentWriter, header_text, read_view
+from runtime.session.frames import BYTES, CLIP_BYTES, packed_frames, pieces, unpacked_frames
+from runtime.session.history import History, Step
+from runtime.session.inputs import InputReader, pack_sticks, unpack_sticks
+from runtime.session.motion import Motion, MotionHeader
+from runtime.session.session import CharacterChoice, Session, Take
+from runtime.skeleton import J
+from runtime.takes.clip import Clip, are_poses
+from runtime.takes.drive import Drive
+from runtime.takes.driven_frames import COLUMNS, DrivenFrames
+from runtime.takes.metadata import gait_seconds
+
+LOADED_CLIPS = 4  # whose frames stay in memory when nothing shows them
+RECORDED_PIECE = 300  # frames that are packed as one while a recording runs
+ROW = 3 + 4 * J + 4 + 1  # numbers of a recorded frame: hips, local rotations, contacts, gait
+INPUT, TAIL = ".input", ".tail"  # of a motion's key: what drove it, and its newest frames
+_HASH = re.compile(rb"\b[0-9a-f]{32}\b")
+
+
+@dataclass
+class SessionFile:
+    """The file of the session that is open."""
+
+    database: Database
+    cache: Path  # folder for the files of characters
+    _writer: DocumentWriter = field(init=False)
+    _written: dict[int, Session] = field(default_factory=dict)  # steps of the file, by their numbers
+    _stored: set[str] = field(default_factory=set)  # motions of the file
+    _characters: set[str] = field(default_factory=set)
+    _clips: OrderedDict[str, Clip] = field(default_factory=OrderedDict)
+    _putting: Writer | None = None  # within a transaction
+    _blobs: set[str] = field(default_factory=set)  # of the file
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def __post_init__(self) -> None:
+        self._writer = DocumentWriter(self._put)
+
+    @staticmethod
+    def create(path: Path, cache: Path) -> SessionFile:
+        """A new file; FileError."""
+        return SessionFile(Database.create(path), cache)
+
+    @staticmethod
+    def open(path: Path, cache: Path) -> tuple[SessionFile, History]:
+        """An existing file and its history, as untrusted; FileError, FileInUse."""
+        database = Database.open(path)
+        try:
+            return _opened(database, cache)
+        except BaseException:
+            database.close()
+            raise
+
+    @staticmethod
+    def read(path: Path, cache: Path) -> tuple[SessionFile, History]:
+        """A file that another window may have open: it can be looked at and copied; FileError."""
+        return _opened(Database.read(path), cache)
+
+    @property
+    def path(self) -> Path:
+        """Where it is."""
+        return self.database.path
+
+    @property
+    def problem(self) -> str:
+        """Why what was done is not on disk; "" when it is."""
+        return self.database.problem
+
+    @property
+    def view(self) -> dict[str, Any]:
+        """How the session was looked at when it was closed: flat values."""
+        return read_view(self.database.meta("view"))
+
+    # --- writing
+
+    def write(self, history: History) -> None:
+        """Bring the file to a history; takes no time on the thread that calls."""
+        steps = [s for s in history.steps if self._written.get(s.number) is not s.session]
+        first, last, present = history.steps[0].number, history.steps[-1].number, history.present
+        self._written = {s.number: s.session for s in history.steps}
+
+        def work(writer: Writer) -> None:
+            self._putting = writer
+            for step in steps:
+                self._put_motions(writer, step.session)
+                writer.put_step(step.number, step.label, self._writer.session(step.session))
+            writer.drop_steps(first=last + 1)
+            writer.drop_steps(before=first)
+            takes = present.session.takes
+            seconds = sum(take.made.header.seconds for take in takes)
+            for name, value in (("at", present.number), ("takes", len(takes)), ("seconds", f"{seconds:.3f}")):
+                writer.set_meta(name, str(value))
+            writer.set_meta("ended", "")
+
+        self.database.submit(work)
+
+    def write_view(self, view: Mapping[str, Any], ended: bool = False, picture: bytes = b"") -> None:
+        """Remember how the session is looked at; `ended` as planned, with a `picture` (PNG) to know it by."""
+        text = json.dumps(dict(view), ensure_ascii=True)
+
+        def work(writer: Writer) -> None:
+            writer.set_meta("view", text)
+            writer.set_meta("ended", "1" if ended else "")
+            if picture:
+                writer.set_meta("picture", picture)
+
+        self.database.submit(work)
+
+    def _put(self, key: str, content: bytes) -> None:
+        if key not in self._blobs and self._putting is not None:
+            self._putting.put_blob(key, content)
+            self._blobs.add(key)
+
+    def _put_motions(self, writer: Writer, session: Session) -> None:
+        for take in session.takes:
+            motion = take.made
+            if motion.key not in self._stored:
+                self._put_motion(writer, motion)
+            if not motion.is_stored:
+                motion.stored(self)
+        choices = [session.character, *([session.reference.character] if session.reference else [])]
+        for choice in choices:
+            if choice is not None and choice.key and choice.key not in self._characters:
+                self._put_character(choice)
+
+    def _put_motion(self, writer: Writer, motion: Motion) -> None:
+        clip, drive = motion.clip, motion.drive
+        check_motion(clip, self.path)
+        rows = None if drive is None else drive.frames.rows[-drive.start :]
+        for part in pieces(len(clip)):
+            content = _piece(clip, part) + (b"" if rows is None else pack_sticks(rows[part]))
+            writer.put_frames(motion.key, part.start, part.stop - part.start, content)
+        if drive is not None:
+            writer.put_motion(motion.key + INPUT, self._input(drive))
+        writer.put_motion(motion.key, header_text(motion.header))
+        self._stored.add(motion.key)
+
+    def _input(self, drive: Drive) -> str:
+        """What drove a take, but for the sticks of its own frames."""
+        inputs = self._writer.inputs()
+        lead = drive.frames.rows[: -drive.start] if drive.start else drive.frames.rows[:0]
+        value = inputs.drive(drive) | {"lead": inputs.blobs.data(pack_sticks(lead)), "lead_frames": len(lead)}
+        return json.dumps(value, ensure_ascii=True)
+
+    def _put_character(self, choice: CharacterChoice) -> None:
+        inputs, folder = self._writer.inputs(), self.cache / choice.key
+        files = read_character_files(next(iter(sorted(folder.glob("main/*"))), Path(choice.path)))
+        names = {name: inputs.blobs.data(content) for name, content in files.items()}
+        self._put(f"character {choice.key}", json.dumps(names).encode("ascii"))
+        self._characters.add(choice.key)
+
+    # --- recording
+
+    def begin_recording(self, header: MotionHeader) -> Recording:
+        """Keep what is recorded from now on, four times a second."""
+        return Recording(self, uuid.uuid4().hex, header)
+
+    # --- reading
+
+    def load_clip(self, key: str, header: MotionHeader) -> Clip:
+        """The frames of a motion; on any thread, FileError."""
+        with self._lock:
+            if key not in self._clips:
+                self._clips[key] = self._read_clip(key, header)
+                while len(self._clips) > LOADED_CLIPS:
+                    self._clips.popitem(last=False)
+            self._clips.move_to_end(key)
+            return self._clips[key]
+
+    def _read_clip(self, key: str, header: MotionHeader) -> Clip:
+        budget, count = self._budget(), header.frames
+        budget.spend(CLIP_BYTES * count)
+        hips, rotations = np.empty((count, 3), np.float32), np.empty((count, J, 4), np.float32)
+        contacts, gaits = np.empty((count, 4), np.float32), np.empty(count, np.int8)
+        at = 0
+        for size, content in self._pieces(key):
+            part = slice(at, at + size)
+            at += size
+            if at > count:
+                break
+            frames = unpacked_frames(content[: BYTES * size], size)
+            hips[part], rotations[part], contacts[part], gaits[part] = frames
+        if at != count:
+            raise FileError(f"{self.path}: {header.name} has {at} frames of {count}.", REMEDY)
+        clip = header.clip(hips, rotations, contacts, gaits)
+        check_motion(clip, self.path)
+        return clip
+
+    def load_drive(self, key: str) -> Drive | None:
+        """The input of a motion; on any thread, FileError."""
+        reader = self._reader()
+
+        def read() -> Drive:
+            value = parse_json(self.database.motion(key + INPUT), 400_000)
+            rows = [unpack_sticks(reader.blobs.data(value["lead"]), value["lead_frames"])]
+            for size, content in self._pieces(key):
+                rows.append(unpack_sticks(content[BYTES * size :], size))
+            table = np.concatenate(rows)
+            reader.blobs.budget.spend(8 * table.size)
+            return InputReader(reader.blobs).drive(value, DrivenFrames(table))
+
+        return reader.checked(read)
+
+    def _pieces(self, key: str) -> Iterator[tuple[int, bytes]]:
+        for count, content in (*self.database.frames(key), *self.database.frames(key + TAIL)):
+            if len(content) not in (BYTES * count, (BYTES + 8 * COLUMNS) * count):
+                raise FileError(f"{self.path}: damaged frames.", REMEDY)
+            yield count, content
+
+    def _budget(self) -> Budget:
+        return Budget.for_file(self.database.budget.of)
+
+    def _reader(self) -> DocumentReader:
+        blobs = BlobReader(self.path, self.database.blob, self._budget())
+        return DocumentReader(blobs, lambda key: self._motion(key, {}))
+
+    def _motion(self, key: str, known: dict[str, Motion]) -> Motion:
+        if key not in known:
+            header, _ = self._reader().header(self.database.motion(key))
+            known[key] = Motion(key, header, source=self)
+        return known[key]
+
+    def character_path(self, choice: CharacterChoice) -> Path | None:
+        """The glTF of a character, from the file's content where it is not in the cache; None for the mannequin. FileError."""
+        if not choice.key:
+            return None
+        reader = self._reader()
+
+        def read() -> Path:
+            names = parse_json(self.database.blob(f"character {choice.key}"))
+            files = {name: reader.blobs.data(reference) for name, reference in names.items()}
+            check_character_files(files)
+            return write_character_files(files, self.cache)
+
+        return reader.checked(read)
+
+    # --- the file
+
+    def save_as(self, path: Path) -> None:
+        """Go on in another file; what is there already is replaced. FileError, FileInUse."""
+        self.database.save_as(path)
+
+    def save_copy(self, path: Path) -> None:
+        """Write a copy; FileError, FileInUse."""
+        self.database.save_copy(path)
+
+    def flush(self, seconds: float | None = None) -> bool:
+        """Wait until all is on disk; whether it is."""
+        return self.database.flush(seconds)
+
+    def close(self, seconds: float | None = None) -> bool:
+        """Write what is left and let go of the file; whether all is on disk."""
+        return self.database.close(seconds)
+
+
+@dataclass
+class Recording:
+    """A motion while it is recorded. A process that is killed loses what was not added yet."""
+
+    file: SessionFile
+    key: str
+    header: MotionHeader
+    _rows: list[Float32Array] = field(default_factory=list)  # of frames that are not packed as one piece yet
+    _sticks: list[NDArray[np.float64]] = field(default_factory=list)
+    _packed: int = 0  # frames
+    _parts: int = 0  # of the tail
+
+    def add(self, rows: Float32Array, sticks: NDArray[np.float64] | None) -> None:
+        """More frames `(T, 132)` as a `ClipRecorder` keeps them, with their sticks and settings `(T, 8)`."""
+        self.header = replace(self.header, frames=self.header.frames + len(rows))
+        header = self.header
+
+        def work(writer: Writer) -> None:
+            self._rows.append(rows)
+            self._sticks += [] if sticks is None else [sticks]
+            self._put(writer, rows, sticks)
+            writer.put_motion(self.key, header_text(header, recording=True))
+
+        self.file.database.submit(work)
+
+    def describe(self, header: MotionHeader, drive: Drive | None) -> None:
+        """What is known by now of prompts and gaits, and of what drove it; sticks are added by `add`."""
+        self.header = replace(header, frames=self.header.frames)
+
+        def work(writer: Writer) -> None:
+            if drive is not None:
+                self.file._putting = writer
+                writer.put_motion(self.key + INPUT, self.file._input(drive))
+
+        self.file.database.submit(work)
+
+    def finish(self, clip: Clip, drive: Drive | None) -> Motion:
+        """The motion that was recorded, whose frames the file has already."""
+        motion = Motion(self.key, MotionHeader.of(clip, drive), clip, drive)
+        self.file._stored.add(self.key)
+
+        def work(writer: Writer) -> None:
+            self.file._putting = writer
+            if drive is not None:
+                writer.put_motion(self.key + INPUT, self.file._input(drive))
+            writer.put_motion(self.key, header_text(motion.header))
+
+        self.file.database.submit(work)
+        return motion
+
+    def _put(self, writer: Writer, rows: Float32Array, sticks: NDArray[np.float64] | None) -> None:
+        table = np.concatenate(self._rows)
+        if len(table) < RECORDED_PIECE:
+            writer.put_frames(self.key + TAIL, self._parts, len(rows), _row_piece(rows, sticks))
+            self._parts += 1
+            return
+        whole = np.concatenate(self._sticks) if self._sticks else None
+        writer.put_frames(self.key, self._packed, len(table), _row_piece(table, whole))
+        writer.drop_frames(self.key + TAIL)
+        self._packed += len(table)
+        self._parts, self._rows, self._sticks = 0, [], []
+
+
+def _opened(database: Database, cache: Path) -> tuple[SessionFile, History]:
+    """The session of a database, with what was being recorded when it was cut off as takes of a step of their own."""
+    file = SessionFile(database, cache)
+    blobs = BlobReader(database.path, database.blob, database.budget)
+    known: dict[str, Motion] = {}
+    reader = DocumentReader(blobs, lambda key: file._motion(key, known))
+    steps = [Step(number, label, reader.session(database.step(number))) for number, label in database.steps()]
+    history = History()
+    if steps:
+        at = database.meta("at")
+        numbers = [step.number for step in steps]
+        present = numbers.index(int(at)) if at.isdecimal() and int(at) in numbers else len(steps) - 1
+        history = History(steps, present)
+    file._written = {step.number: step.session for step in steps}
+    file._stored = {key for key in database.motions() if not key.endswith(INPUT)}
+    for key in sorted(file._stored - set(known)):
+        header, cut_off = reader.header(database.motion(key))
+        if cut_off:
+            _recover(file, history, key, header)
+    return file, history
+
+
+def _recover(file: SessionFile, history: History, key: str, header: MotionHeader) -> None:
+    """Take up a recording that was cut off, as far as its frames are there."""
+    from runtime.session.edits import with_new_take
+
+    frames = sum(count for count, _ in file._pieces(key))
+    if not frames:
+        return
+    header = replace(header, frames=frames)
+    try:
+        drive = file.load_drive(key) if header.drivable else None
+        whole = drive is not None and len(drive) == frames
+    except FileError:
+        whole = False
+    clip = file.load_clip(key, header)
+    seconds = () if clip.gaits is None else tuple(gait_seconds(clip.gaits, clip.fps).items())
+    header = replace(header, gait_seconds=seconds, drivable=whole)
+    motion = Motion(key, header, source=file)
+    session = with_new_take(
+        history.present.session, Take(motion=motion, ground=history.present.session.ground)
+    )
+    history.push(f"recovery of {header.name}", session)
+    file.database.submit(lambda writer: writer.put_motion(key, header_text(header)))
+    file.write(history)
+
+
+def check_motion(clip: Clip, path: Path | str = "a take") -> None:
+    """FileError unless every frame can be shown."""
+    known = clip.gaits is None or bool(((clip.gaits >= -1) & (clip.gaits < 10)).all())
+    if not known or not are_poses(clip.hips_positions, clip.local_rotations, clip.contacts):
+        raise FileError(f"{path}: a take whose frames are no poses.", REMEDY)
+
+
+def _piece(clip: Clip, part: slice) -> bytes:
+    gaits = None if clip.gaits is None else clip.gaits[part]
+    return packed_frames(clip.hips_positions[part], clip.local_rotations[part], clip.contacts[part], gaits)
+
+
+def _row_piece(rows: Float32Array, sticks: NDArray[np.float64] | None) -> bytes:
+    turns = rows[:, 3:-5].reshape(len(rows), J, 4)
+    content = packed_frames(rows[:, :3], turns, rows[:, -5:-1], rows[:, -1])
+    return content + (b"" if sticks is None else pack_sticks(sticks))

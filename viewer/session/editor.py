@@ -1,0 +1,152 @@
+"""Every edit of the session goes through here: it is a step of undo, and in the file at once. Nothing else undoes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from runtime.session.history import History
+from runtime.session.session import Session
+from runtime.session.session_file import SessionFile
+from viewer.messages import Messages
+
+Change = Callable[[Session], Session]
+Follower = Callable[[Session, Session], None]  # gets the session before and the one that holds now
+
+
+@dataclass
+class Editor:
+    """The session in force, as the present step of its history or while a drag changes it.
+
+    Rooms read `session`, change it by `do` or `drag`, and follow what undo, redo and opened files make of it by
+    `followers`.
+    """
+
+    messages: Messages
+    file: SessionFile
+    history: History = field(default_factory=History)
+    followers: list[Follower] = field(default_factory=list)
+    # asked before undo: takes back what is no step yet, such as a prompt without an answer, and says so
+    withdraw: list[Callable[[], bool]] = field(default_factory=list)
+    opened_at: int = 0  # number of the step that the file had when it was opened
+    _draft: Session | None = None
+    _draft_label: str = ""
+
+    @property
+    def session(self) -> Session:
+        """What holds now, with the drag under way."""
+        return self._draft or self.history.present.session
+
+    @property
+    def dragging(self) -> bool:
+        """Whether a drag is under way that is no step yet."""
+        return self._draft is not None
+
+    def do(self, label: str, change: Change) -> bool:
+        """A step of undo with a label in the user's words; whether anything changed."""
+        self.finish_drag()
+        before = self.session
+        after = change(before)
+        if after is before or after == before:
+            return False
+        self.history.push(label, after)
+        self._changed(before)
+        return True
+
+    def drag(self, label: str, change: Change) -> None:
+        """A change while the mouse holds something: shown at once, one step with all that follows under this label."""
+        if self._draft is not None and label != self._draft_label:
+            self.finish_drag()
+        before = self.session
+        after = change(before)
+        if after is not before and after != before:
+            self._draft, self._draft_label = after, label
+            self._tell(before)
+
+    def finish_drag(self) -> None:
+        """The mouse let go: what was dragged is a step of undo."""
+        draft, self._draft = self._draft, None
+        if draft is None or draft == self.history.present.session:
+            return
+        before = self.history.present.session
+        self.history.push(self._draft_label, draft)
+        self.file.write(self.history)
+        self._tell(before)
+
+    def amend(self, change: Change) -> None:
+        """Change the present step itself: a selection, a better answer."""
+        before = self.session
+        if self._draft is not None:
+            self._draft = change(self._draft)
+        self.history.replace(change(self.history.present.session))
+        if self.session is not before:
+            self._changed(before)
+
+    def revise(self, change: Change) -> None:
+        """Change every step, as when a better answer takes the place of the first one."""
+        before = self.session
+        self.history.revise(change)
+        self._draft = None if self._draft is None else change(self._draft)
+        self._changed(before)
+
+    # --- undo
+
+    @property
+    def undo_label(self) -> str:
+        """What undo would take back; "" for nothing."""
+        return self._draft_label if self._draft is not None else self.history.undo_label
+
+    @property
+    def redo_label(self) -> str:
+        """What redo would do again; "" for nothing."""
+        return "" if self._draft is not None else self.history.redo_label
+
+    def undo(self) -> None:
+        """Take the last edit back."""
+        self.finish_drag()
+        if any([take_back() for take_back in self.withdraw]):
+            return
+        label = self.history.undo_label
+        if self._go(-1):
+            self.messages.note(f"Undone: {label}. Ctrl+Y does it again.")
+        else:
+            self.messages.note("There is nothing to undo.")
+
+    def redo(self) -> None:
+        """Do the edit again that was taken back last."""
+        self.finish_drag()
+        label = self.history.redo_label
+        if self._go(1):
+            self.messages.note(f"Done again: {label}. Ctrl+Z undoes it.")
+        else:
+            self.messages.note("There is nothing to do again.")
+
+    def _go(self, by: int) -> bool:
+        before = self.session
+        gone = self.history.go(by)
+        if gone:
+            self._changed(before)
+        return gone
+
+    # --- the session as a whole
+
+    def use(self, file: SessionFile, history: History) -> None:
+        """Another session takes the place of this one, whose file the caller closes."""
+        before = self.session
+        self._draft, self.file, self.history = None, file, history
+        self.opened_at = history.present.number
+        self._tell(before)
+
+    @property
+    def changed(self) -> bool:
+        """Whether the session is another one than when it was opened."""
+        return self._draft is not None or self.history.present.number != self.opened_at
+
+    def _changed(self, before: Session) -> None:
+        self.file.write(self.history)
+        self._tell(before)
+
+    def _tell(self, before: Session) -> None:
+        now = self.session
+        for follow in self.followers:
+            follow(before, now)

@@ -14,6 +14,7 @@ import pytest
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.service import PromptWorker
 from runtime.skeleton import PART_NAMES
+from viewer.jobs import Slot
 
 if TYPE_CHECKING:
     from app_driver import Start
@@ -107,7 +108,7 @@ def asking(start: Start, model: Model) -> Callable[[], App]:
         app.prompting.blocking = app.jobs.blocking = False
         app.state.settings.gpt_base_url, app.state.settings.gpt_model = model.url, "m"
         app.expanders.choose("gpt")
-        run_until(app, lambda: not app.jobs.busy("language model"))
+        run_until(app, lambda: not app.jobs.busy(Slot("language model")))
         return app
 
     return open_app

@@ -12,7 +12,7 @@ from app_driver import Start, run
 from runtime.formats.bvh_clip import load_clip_bvh
 from runtime.takes.journal import find_journals
 from viewer.app import App
-from viewer.jobs import Jobs
+from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.projects.autosave import find_sessions
 
@@ -34,15 +34,17 @@ def test_the_program_ends_within_two_seconds_and_keeps_the_take(
     recorded(app, tmp_path)
     if what == "measurements":
         for _ in range(11):
-            app.jobs.submit("blend", lambda: never.wait(60), lambda _: None)
+            app.jobs.submit(Slot("blend"), lambda: never.wait(60), lambda _: None)
     elif what == "an export":
-        app.jobs.submit("export x", lambda: never.wait(60), lambda _: None, writing="the export of x")
+        app.jobs.submit(
+            Slot("export", "x"), lambda: never.wait(60), lambda _: None, writing="the export of x"
+        )
     elif what == "a project":
-        app.jobs.submit("project", lambda: never.wait(60), lambda _: None, writing="the project x")
+        app.jobs.submit(Slot("project"), lambda: never.wait(60), lambda _: None, writing="the project x")
         app.desk.projects.autosaving = True
     else:
         film = lambda: given_up.wait(60)  # noqa: E731
-        app.jobs.submit("export of a take", film, lambda _: None, writing="the film", cancel=given_up.set)
+        app.jobs.submit(Slot("export"), film, lambda _: None, writing="the film", cancel=given_up.set)
     begun = time.monotonic()
     app.end()
     app.takes.journals.close()
@@ -69,15 +71,53 @@ def test_the_program_ends_within_two_seconds_and_keeps_the_take(
 def test_of_stale_jobs_only_the_newest_is_begun_and_what_is_written_keeps_its_order() -> None:
     jobs, gate, begun, written = Jobs(Messages()), threading.Event(), [], []
     for number in range(2):
-        jobs.submit(f"slow {number}", lambda: gate.wait(20), lambda _: None)
+        jobs.submit(Slot("slow", number), lambda: gate.wait(20), lambda _: None)
     for number in range(10):
-        jobs.submit("blend", lambda n=number: begun.append(n), lambda _: None)  # type: ignore[misc]
-        jobs.submit("save", lambda n=number: written.append(n), lambda _: None, writing="x")  # type: ignore[misc]
+        jobs.submit(Slot("blend"), lambda n=number: begun.append(n), lambda _: None)  # type: ignore[misc]
+        jobs.submit(Slot("save"), lambda n=number: written.append(n), lambda _: None, writing="x")  # type: ignore[misc]
     assert jobs.finish("save")
     gate.set()
     end = time.monotonic() + 20
-    while jobs.busy("blend") and time.monotonic() < end:
+    while jobs.busy(Slot("blend")) and time.monotonic() < end:
         jobs.deliver()
         time.sleep(0.005)
     assert begun == [9]
     assert written == list(range(10))
+
+
+def test_jobs_about_two_things_of_one_name_do_not_meet_and_are_named_in_words() -> None:
+    messages, first, second = Messages(), object(), object()
+    jobs = Jobs(messages)
+
+    def fail() -> None:
+        raise MemoryError
+
+    done: list[object] = []
+    jobs.submit(Slot("ground of a take", first), fail, done.append, reading="alps.png")
+    jobs.submit(Slot("ground of a take", second), lambda: second, done.append)
+    assert jobs.busy(Slot("ground of a take", first))
+    assert not jobs.busy(Slot("ground of a take"))
+    end = time.monotonic() + 20
+    while jobs.busy(Slot("ground of a take", first)) or jobs.busy(Slot("ground of a take", second)):
+        assert time.monotonic() < end
+        jobs.deliver()
+    assert done == [second]
+    assert messages.current is not None
+    assert messages.current.text.startswith("alps.png: not enough memory.")
+    assert not messages.current.settled  # what went well was about the other one
+    jobs.submit(Slot("ground of a take", first), lambda: first, done.append)
+    while jobs.busy(Slot("ground of a take", first)):
+        jobs.deliver()
+    assert messages.current is not None
+    assert messages.current.settled
+
+
+def test_a_result_that_a_newer_job_has_replaced_is_not_handed_over() -> None:
+    jobs, gate, done = Jobs(Messages()), threading.Event(), []
+    jobs.submit(Slot("open", "a"), lambda: gate.wait(20), lambda _: done.append("old"), reading="old.glb")
+    jobs.submit(Slot("open", "a"), lambda: None, lambda _: done.append("new"), reading="new.glb")
+    end = time.monotonic() + 20
+    while jobs.busy(Slot("open", "a")) and time.monotonic() < end:
+        jobs.deliver()
+        gate.set()
+    assert done == ["new"]

@@ -14,7 +14,7 @@ from app_driver import Start, click_on, message, press, run, run_until
 from slow_model import ANSWER, Model, load_model, source
 
 from viewer.app import App
-from viewer.jobs import Jobs
+from viewer.jobs import Jobs, Slot
 from viewer.prompt.style_edit import Side
 from viewer.services import Loaded
 from viewer.settings import load_settings, save_settings
@@ -104,7 +104,7 @@ def test_the_key_is_typed_used_and_written_nowhere(
     open_panel(app)
     type_key(app, KEY)
     assert app.state.prompt.expander.key == KEY
-    run_until(app, lambda: not app.jobs.busy("language model"))
+    run_until(app, lambda: not app.jobs.busy(Slot("language model")))
     app.takes.toggle_recording()
     app.prompting.submit_prompt("a duck")
     run_until(app, lambda: source(app) == ("a duck", "gpt"))
@@ -252,7 +252,7 @@ def test_a_language_model_chosen_while_the_model_loads_is_asked(
     app.state.settings.gpt_base_url, app.state.settings.gpt_model = model.url, "m"
     app.expanders.choose("gpt")
     loaded.set()
-    run_until(app, lambda: app.state.prompt.edit.a is not None and not app.jobs.busy("language model"))
+    run_until(app, lambda: app.state.prompt.edit.a is not None and not app.jobs.busy(Slot("language model")))
     app.prompting.submit_prompt("a duck")
     run_until(app, lambda: not app.state.prompt.asked)
     assert source(app) == ("a duck", "gpt")
@@ -267,6 +267,6 @@ def test_a_choice_that_holds_opens_no_second_expander(
     app.expanders.choose("gpt")  # back to what the model is opened with
     loaded.set()
     run_until(app, lambda: app.state.prompt.available and app.expanders.library is not None)
-    assert not app.jobs.busy("language model")
+    assert not app.jobs.busy(Slot("language model"))
     run_until(app, lambda: not app.state.prompt.asked)
     assert source(app) == ("a proud king", "gpt")

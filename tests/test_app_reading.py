@@ -18,7 +18,7 @@ from viewer import jobs
 from viewer.app import App
 from viewer.gl_bindings import imgui
 from viewer.gui import status
-from viewer.jobs import Jobs
+from viewer.jobs import Jobs, Slot
 from viewer.takes import opening
 
 
@@ -35,7 +35,7 @@ def endless(start: Start, monkeypatch: pytest.MonkeyPatch) -> Iterator[App]:
         return real(spec, *sizes)
 
     app = start(services={"load_terrain": load})
-    run_until(app, lambda: app.state.stage.terrain is not None and not app.stage.jobs.busy("terrain"))
+    run_until(app, lambda: app.state.stage.terrain is not None and not app.stage.jobs.busy(Slot("terrain")))
     yield app
     never.set()
 
@@ -107,7 +107,7 @@ def test_a_character_or_clip_without_end_is_cancelled_and_the_next_one_is_read(
     monkeypatch.setattr(opening, "read_clip", wait)
     monkeypatch.setattr("viewer.stage.stage.has_skin", lambda _: True)
     app = start(services={"load_character": load_character})
-    run_until(app, lambda: not app.jobs.busy("character") and not app.jobs.busy("terrain"))
+    run_until(app, lambda: not app.jobs.busy(Slot("character")) and not app.jobs.busy(Slot("terrain")))
     before, drawn_before, takes = (
         app.stage.renderer.character,
         len(app.stage.renderer.poses),

@@ -29,7 +29,7 @@ from viewer.gui.theme import Fonts, load_fonts
 from viewer.input.bindings import Action, Intent, to_controls
 from viewer.input.devices import Devices, KeyScript
 from viewer.input.gamepad import GamepadSource, GlfwGamepads
-from viewer.jobs import Jobs
+from viewer.jobs import Jobs, Slot
 from viewer.memory import give_back_freed, give_back_large_blocks, resident_mb
 from viewer.options import ViewOptions
 from viewer.prompt import panel as prompt_panel
@@ -289,7 +289,7 @@ class App:
         if options.clip is not None:
             self.takes.opening.open(options.clip, keep_ground=options.terrain is not None)
         if not options.offscreen:
-            self.jobs.submit("sweep", self._sweep, lambda _: None)
+            self.jobs.submit(Slot("sweep"), self._sweep, lambda _: None)
             self.takes.journals.look()
         self.desk.begin(options.project, autosaving=not options.offscreen)
         failure = self.jobs.first_error or self.prompting.first_error
@@ -531,7 +531,7 @@ class App:
         """
         until = time.monotonic() + END_S
         self.jobs.end()
-        lost = not self.jobs.finish("export ", until)  # what is on its way is not saved a second time
+        lost = not self.jobs.finish("export", until)  # what is on its way is not saved a second time
         self.desk.projects.finish(until)
         if self.interrupted or not self.options.offscreen:
             for path in self.takes.rescue(until):

@@ -1,8 +1,8 @@
 """Slow work (loading, encoding, writing) on worker threads; results are delivered on the main thread.
 
 Three kinds of jobs: what is *read* (a file of the user's) and what is *written* have threads of their own, everything
-else shares a few workers. Of what is not written, the newest job of a slot counts: an older one that has not begun is
-dropped, and at the end of the program so is all the rest. What is written is finished, one after the other in its slot.
+else shares a few workers. Of what is not written, the newest job of a slot counts: an older one is dropped, and at the
+end of the program so is all the rest. What is written is finished, one after the other in its slot.
 """
 
 from __future__ import annotations
@@ -28,10 +28,17 @@ class ReadingCancelled(SportError):
     """The user has stopped the reading of a file."""
 
 
-@dataclass
+@dataclass(frozen=True)
+class Slot:
+    """What jobs are about: its kind in words for the user, and the one thing of that kind, where there are several."""
+
+    what: str
+    of: object = None
+
+
+@dataclass(eq=False)
 class _Job:
-    slot: str
-    number: int
+    slot: Slot
     future: Future[Any]
     done: Callable[[Any], None]
     failed: Callable[[Exception], None] | None
@@ -39,11 +46,18 @@ class _Job:
     writing: str = ""  # what is written: the end of the program waits for it
     cancel: Callable[[], None] | None = None  # ends it early
     begun: float = field(default_factory=time.monotonic)
+    dropped: bool = False  # its result comes no more
+
+    @property
+    def words(self) -> str:
+        """What the job is about, as a sentence begins."""
+        what = self.writing or self.slot.what
+        return self.reading or what[:1].upper() + what[1:]
 
 
 @dataclass
 class Jobs:
-    """Named slots, each with its jobs.
+    """Slots, each with its jobs.
 
     With `blocking` every job is done before `submit` returns, so that an offscreen run is deterministic.
     """
@@ -56,11 +70,10 @@ class Jobs:
     _tasks: SimpleQueue[Task] = field(default_factory=SimpleQueue)
     _threads: int = 0
     _jobs: list[_Job] = field(default_factory=list)
-    _latest: dict[str, int] = field(default_factory=dict)
 
     def submit(
         self,
-        slot: str,
+        slot: Slot,
         work: Callable[[], Any],
         done: Callable[[Any], None],
         failed: Callable[[Exception], None] | None = None,
@@ -73,13 +86,11 @@ class Jobs:
         `reading` is the name of a file that is read: `cancel_reading` ends that. `writing` says what is written, in words for
         the user. `cancel` makes a job that runs end early.
         """
-        number = self._latest.get(slot, 0) + 1
-        self._latest[slot] = number
         before = [job.future for job in self._jobs if job.slot == slot and job.writing]
         if not writing:
             self._drop([job for job in self._jobs if job.slot == slot and not job.writing])
         future: Future[Any] = Future()
-        self._jobs.append(_Job(slot, number, future, done, failed, reading, writing, cancel))
+        self._jobs.append(_Job(slot, future, done, failed, reading, writing, cancel))
         if writing:
             _own_thread("sport writing", future, lambda: (wait(before), work())[1])
         elif reading:
@@ -103,25 +114,27 @@ class Jobs:
     def _drop(self, jobs: list[_Job]) -> None:
         """End jobs whose results nobody needs, as far as they let themselves be ended."""
         for job in jobs:
+            job.dropped = True
             if not job.future.cancel() and job.cancel is not None:
                 job.cancel()
 
     def reading(self) -> str:
         """The file that has been read for longest, once that takes a while; "" for none."""
         late = time.monotonic() - PATIENCE_S
-        return next((job.reading for job in self._jobs if job.reading and job.begun < late), "")
+        waiting = (job for job in self._jobs if job.reading and not job.dropped)
+        return next((job.reading for job in waiting if job.begun < late), "")
 
     def cancel_reading(self) -> None:
         """Drop what is being read: its result comes no more."""
-        dropped = [job for job in self._jobs if job.reading]
+        stopped = [job for job in self._jobs if job.reading and not job.dropped]
         self._jobs = [job for job in self._jobs if not job.reading]
-        self._drop(dropped)
-        for job in dropped:
+        self._drop(stopped)
+        for job in stopped:
             self.messages.note(f"Stopped reading {job.reading}.")
-            if job.failed is not None and job.number == self._latest[job.slot]:
+            if job.failed is not None:
                 job.failed(ReadingCancelled(f"{job.reading}: cancelled."))
 
-    def busy(self, slot: str) -> bool:
+    def busy(self, slot: Slot) -> bool:
         """Whether a job of the slot is running or waiting."""
         return any(job.slot == slot for job in self._jobs)
 
@@ -130,7 +143,7 @@ class Jobs:
         finished = [job for job in self._jobs if job.future.done()]
         self._jobs = [job for job in self._jobs if job not in finished]
         for job in finished:
-            if job.writing or job.number == self._latest[job.slot]:
+            if not job.dropped:
                 self._hand_over(job)
 
     def _hand_over(self, job: _Job) -> None:
@@ -145,10 +158,10 @@ class Jobs:
                 known = error
             elif isinstance(error, MemoryError):
                 known = SportError(
-                    f"{job.slot}: not enough memory.", "Close other programs, or use a smaller file."
+                    f"{job.words}: not enough memory.", "Close other programs, or use a smaller file."
                 )
             else:
-                _LOG.exception("job %s failed", job.slot)
+                _LOG.exception("job %s failed", job.words)
                 known = _for_animators(job, error)
             self.messages.error(known, job.slot)
             self.first_error = self.first_error or known
@@ -165,12 +178,12 @@ class Jobs:
                 job.cancel()
         self._jobs = [job for job in self._jobs if job.writing or not job.future.cancelled()]
 
-    def finish(self, prefix: str, until: float | None = None) -> bool:
-        """Wait for what is written in slots that begin with `prefix`, hand it over, and say whether none failed.
+    def finish(self, kind: str, until: float | None = None) -> bool:
+        """Wait for what is written in slots of a kind, hand it over, and say whether none failed.
 
         What is not done at the time `until` (of `time.monotonic`) is given up.
         """
-        waiting = [job for job in self._jobs if job.writing and job.slot.startswith(prefix)]
+        waiting = [job for job in self._jobs if job.writing and job.slot.what == kind]
         names = ", ".join(job.writing for job in waiting if not job.future.done())
         if names:
             self.messages.note(f"Waiting for {names}.")
@@ -181,7 +194,7 @@ class Jobs:
         cleaning = [job.future for job in given_up if job.cancel is not None]
         wait(cleaning, 0.2)  # a job that lets itself be ended cleans up
         for job in given_up:
-            self.messages.warn(f"{job.writing[:1].upper()}{job.writing[1:]} was given up: the program ends.")
+            self.messages.warn(f"{job.words} was given up: the program ends.")
         self._jobs = [job for job in self._jobs if job not in given_up]
         self.abandoned = self.abandoned or any(not job.future.done() for job in given_up)
         errors = [job.future.exception() for job in waiting if job not in given_up]
@@ -212,7 +225,7 @@ def _for_animators(job: _Job, error: Exception) -> SportError:
             "Write it again with the program that made it.",
         )
     return SportError(
-        f"{job.slot.capitalize()}: this failed inside the program ({type(error).__name__}).",
+        f"{job.words}: this failed inside the program ({type(error).__name__}).",
         "Please report this defect with the log.",
     )
 

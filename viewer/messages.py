@@ -36,7 +36,7 @@ class Message:
     text: str
     level: Level
     posted: float
-    topic: str = ""  # what it is about: `settle` ends it
+    topic: object = None  # what it is about: `settle` ends it
     settled: bool = False
 
 
@@ -48,7 +48,7 @@ class Messages:
     logged: bool = True  # False while the caller raises what goes wrong, so that it is not shown twice
     recent: deque[Message] = field(default_factory=lambda: deque(maxlen=50))
 
-    def post(self, text: str, level: Level = Level.NOTE, topic: str = "") -> None:
+    def post(self, text: str, level: Level = Level.NOTE, topic: object = None) -> None:
         """Show and log `text`; the same error again only refreshes the one shown."""
         last = self.recent[-1] if self.recent else None
         message = Message(printable(" ".join(text.split())), level, self.clock(), topic)
@@ -63,17 +63,17 @@ class Messages:
         """Post something good to know."""
         self.post(text, Level.NOTE)
 
-    def warn(self, text: str, topic: str = "") -> None:
+    def warn(self, text: str, topic: object = None) -> None:
         """Post something the user should look at."""
         self.post(text, Level.WARNING, topic)
 
-    def error(self, problem: BaseException | str, topic: str = "") -> None:
+    def error(self, problem: BaseException | str, topic: object = None) -> None:
         """Post an error; an exception is shown as its own sentence."""
         self.post(str(problem) or type(problem).__name__, Level.ERROR, topic)
 
-    def settle(self, topic: str) -> None:
+    def settle(self, topic: object) -> None:
         """What was said about a topic holds no longer: it went well since."""
-        if topic and self.recent and self.recent[-1].topic == topic:
+        if self.recent and self.recent[-1].topic == topic:
             self.recent[-1] = replace(self.recent[-1], settled=True)
 
     @property

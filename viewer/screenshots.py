@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from viewer.jobs import Jobs
+from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.render.offscreen import save_png, screenshot_path
 from viewer.settings import Settings
@@ -34,7 +34,7 @@ class Screenshots:
             path, self._next = self._next, None
             pixels = window.read_pixels()
             self.jobs.submit(
-                "screenshot",
+                Slot("screenshot"),
                 lambda: save_png(pixels, path, new=True),
                 lambda p: self.messages.note(f"Saved {p}"),
                 writing="a screenshot",

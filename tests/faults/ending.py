@@ -117,6 +117,7 @@ def _into(state: str, app: Any, folder: Path) -> Any:
         app.takes.export_all()
         yield
     elif state == "blends measured":
+        from viewer.jobs import Slot
         from viewer.prompt.style_edit import Side
 
         for k in range(10):
@@ -124,7 +125,7 @@ def _into(state: str, app: Any, folder: Path) -> Any:
             while app.prompting.state.asked:
                 yield
             yield
-        while not app.jobs.busy("blend"):
+        while not app.jobs.busy(Slot("blend")):
             yield
     elif state == "a project saved":
         app.desk.projects.save_as(folder / "project.sport")

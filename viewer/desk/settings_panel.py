@@ -16,6 +16,7 @@ from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
 from viewer.input.bindings import BUTTON_NAMES, changed_buttons, pad_buttons
+from viewer.jobs import Slot
 from viewer.settings import Settings, spec_of
 
 FREE, BOUND = "free to publish with credits", "non-commercial"
@@ -138,7 +139,7 @@ def _model(desk: Desk) -> None:
     options: list[tuple[object, str]] = list(choices())
     if now not in dict(options):
         options.append((now, printable(f"{state.model_name or 'none'}: {now}")))
-    imgui.begin_disabled(desk.jobs.busy("model"))
+    imgui.begin_disabled(desk.jobs.busy(Slot("model")))
     imgui.set_next_item_width(imgui.get_content_region_avail().x - side - px(4))
     chosen = overlay.combo("##model", options, now)
     imgui.end_disabled()

@@ -16,7 +16,7 @@ from runtime.safe_read import printable
 from runtime.terrain.height_map import Terrain
 from viewer.exports.state import SIZES, ExportForm, ExportState
 from viewer.gui.dialogs import DialogKind, Dialogs
-from viewer.jobs import Jobs
+from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.stage.stage import Stage
 from viewer.takes.state import ClipItem
@@ -25,7 +25,7 @@ from viewer.takes.takes import Takes, file_stem, free_path
 if TYPE_CHECKING:
     from runtime.takes.clip import Clip
 
-SLOT = "export of a take"
+SLOT = Slot("export", "one take by its window")
 # options by the names of the window
 NAMES = {
     "fps": "Frames a second",

@@ -15,7 +15,7 @@ from runtime.projects.character_files import Files, read_character_files
 from runtime.projects.project import SUFFIX, Project, load_project, save_project
 from runtime.takes.clip import Clip
 from viewer.gui.dialogs import DialogKind, Dialogs
-from viewer.jobs import Jobs
+from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.projects import autosave
 from viewer.projects.autosave import AutosaveFile, LeftBehind
@@ -98,7 +98,7 @@ class Projects:
     def open(self, path: Path) -> None:
         """Open a project; what is on the desk stays until it is read."""
         self.jobs.submit(
-            "open project",
+            Slot("open project"),
             partial(self._load, path),
             lambda project: self._opened(path, project),
             reading=path.name,
@@ -129,7 +129,7 @@ class Projects:
         path = path if path.suffix.lower() == SUFFIX else path.with_name(path.name + SUFFIX)
         project, print_now, items = self.contents.gather(), self.contents.fingerprint(), self._items()
         self.jobs.submit(
-            "project",
+            Slot("project"),
             partial(self._write, project, path),
             lambda _: self._saved(path, print_now, items),
             writing=f"the project {path.name}",
@@ -138,7 +138,7 @@ class Projects:
     def reopen(self, left: LeftBehind) -> None:
         """Open a session that another run left behind."""
         self.jobs.submit(
-            "open project",
+            Slot("open project"),
             partial(self._load, left.path),
             lambda project: self._reopened(left, project),
             reading=f"the session of {left.describe()}",
@@ -162,7 +162,7 @@ class Projects:
         takes = left.takes + len(self.contents.takes.state.cut_off)
         return CutOffSession(
             f"Cut off: {replace(left, takes=takes).describe()}",
-            self.jobs.busy("open project"),
+            self.jobs.busy(Slot("open project")),
             lambda: self.reopen(left),
             lambda: self.discard(left),
         )
@@ -257,7 +257,7 @@ class Projects:
         self._settle(now)
         worth = bool(self.contents.takes.state.items) or self.state.path is not None
         self.state.changed = worth and now != self._clean
-        due = self.clock() - self._begun_s >= autosave.INTERVAL_S and not self.jobs.busy("autosave")
+        due = self.clock() - self._begun_s >= autosave.INTERVAL_S and not self.jobs.busy(Slot("autosave"))
         if self.autosaving and self.state.changed and due and now != self._autosaved:
             self._begun_s = self.clock()
             self._autosave(now)
@@ -276,7 +276,7 @@ class Projects:
                 self._file.written, self._held_clips = True, clips
                 self._safe(items)
 
-        self.jobs.submit("autosave", work, done, writing="the autosave")
+        self.jobs.submit(Slot("autosave"), work, done, writing="the autosave")
 
     def _hold(self) -> None:
         """Lock the session's file; SportError."""
@@ -294,7 +294,7 @@ class Projects:
         if not self._settling:
             return
         self._clean = now if self.state.path is not None else None
-        loading = any(self.jobs.busy(slot) for slot in ("character", "model", "terrain"))
+        loading = any(self.jobs.busy(Slot(kind)) for kind in ("character", "model", "terrain"))
         if not loading and not self.contents.prompting.state.asked:
             self._settling -= 1
 
@@ -384,7 +384,7 @@ class Projects:
             self._write(session, path)
             written.set()
 
-        self.jobs.submit("session", work, lambda _: self._safe(items), writing="the session")
+        self.jobs.submit(Slot("session"), work, lambda _: self._safe(items), writing="the session")
         self.jobs.finish("session", until)
         on_disk = written.is_set()
         if not self._file.written:

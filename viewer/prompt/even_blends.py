@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from runtime.motion.style_mix import LINEAR, Shares, mixes
-from viewer.jobs import Jobs
+from viewer.jobs import Jobs, Slot
 from viewer.prompt.style_edit import StyleEdit
 
 Measure = Callable[[Any, Any], Shares]  # of the codes of two prompts
@@ -40,7 +40,7 @@ class EvenBlends:
             return dataclasses.replace(other, shares=shares) if same else other
 
         self.jobs.submit(
-            "blend",
+            Slot("blend"),
             lambda: measure(a, b),
             lambda shares: measured(lambda other: evened(shares, other)),
             lambda _: None,

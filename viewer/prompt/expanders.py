@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from runtime.errors import SportError
 from runtime.prompts.expander import Expander
 from runtime.prompts.gpt.settings import GptSettings, gpt_configured
-from viewer.jobs import Jobs
+from viewer.jobs import Jobs, Slot
 from viewer.prompt.prompting import Prompting
 from viewer.prompt.state import ExpanderState
 from viewer.services import LibraryLike, Loaded, Services
@@ -61,7 +61,7 @@ class Expanders:
         def work() -> Expander:
             return library if settings is None else self.services.open_expander(library, settings)
 
-        self.jobs.submit("language model", work, self.prompting.use_expander)
+        self.jobs.submit(Slot("language model"), work, self.prompting.use_expander)
 
     def use(self, loaded: Loaded, given: GptSettings | None) -> None:
         """Let a loaded model's workers answer; they were opened to ask `given`, which may no longer be the choice."""
@@ -87,7 +87,7 @@ class Expanders:
             expander.report, expander.report_good = str(error), False
             return
         expander.testing = True
-        self.jobs.submit("test of the language model", lambda: self._check(settings), self._report)
+        self.jobs.submit(Slot("test of the language model"), lambda: self._check(settings), self._report)
 
     def _check(self, settings: GptSettings) -> tuple[str, bool]:
         try:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from runtime.prompts.gpt.settings import GptSettings
-from viewer.jobs import Jobs
+from viewer.jobs import Jobs, Slot
 from viewer.prompt.expanders import Expanders
 from viewer.prompt.prompting import Prompting
 from viewer.prompt.state import PromptState
@@ -28,7 +28,7 @@ class PromptRoom:
 
     def load_library(self, jobs: Jobs, services: Services) -> None:
         """Fetch the prompts to choose from and to suggest."""
-        jobs.submit("library", services.library_prompts, self._take_library)
+        jobs.submit(Slot("library"), services.library_prompts, self._take_library)
 
     def _take_library(self, prompts: tuple[tuple[str, ...], tuple[str, ...]]) -> None:
         self.state.ready, self.state.library = prompts

@@ -6,13 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from runtime.errors import SportError
-from viewer.jobs import Jobs
+from viewer.jobs import Jobs, Slot
 from viewer.prompt.state import FieldState, PromptState
 from viewer.prompt.suggestions import Suggestion, suggest
 from viewer.settings import Settings
 
 MIN_CHARACTERS = 3  # typed before the meaning is looked up
-_SLOT = "suggestions"
+_SLOT = Slot("suggestions")
 
 Nearest = Callable[[str], tuple[tuple[str, float], ...]]
 

@@ -11,7 +11,7 @@ from runtime.character.guess import JointGuess
 from runtime.character.joint_map import joint_map_path, save_joint_map, saved_joint_map
 from runtime.character.joints import NEEDED
 from runtime.skeleton import SPORT_SKELETON
-from viewer.jobs import Jobs
+from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 
 
@@ -71,7 +71,9 @@ class JointMapping:
 
     def begin(self, path: Path) -> None:
         """Open the window with what is found in a character file."""
-        self.jobs.submit(f"joints {path}", lambda: read_joints(path), lambda found: self._show(path, found))
+        self.jobs.submit(
+            Slot("joints", path), lambda: read_joints(path), lambda found: self._show(path, found)
+        )
 
     def _show(self, path: Path, found: FileJoints) -> None:
         known = {joint: name for joint, name in found.saved.items() if not name or name in found.guess.names}
@@ -118,7 +120,7 @@ class JointMapping:
             self.messages.note(where)
             self.load(path)
 
-        self.jobs.submit(f"joints {path}", keep, kept, self.refused, writing=f"the joints of {path.name}")
+        self.jobs.submit(Slot("joints", path), keep, kept, self.refused, writing=f"the joints of {path.name}")
 
     def refused(self, error: Exception) -> None:
         """The character could not be shown by what was chosen, or that not be kept."""

@@ -20,7 +20,7 @@ from runtime.takes.drive import DriveRecorder, GroundChange
 from runtime.terrain.files import SUFFIXES as GROUNDS
 from runtime.terrain.height_map import Terrain
 from viewer.input.bindings import VIEW_ACTIONS, Action
-from viewer.jobs import Jobs
+from viewer.jobs import Jobs, Slot
 from viewer.live.link import LiveLink
 from viewer.live.vmc import VmcLink
 from viewer.messages import Messages
@@ -168,7 +168,7 @@ class Stage:
         self.state.loading = spec
         cell, height = self.settings.height_map_cell_m, self.settings.height_map_height_m
         self.jobs.submit(
-            "terrain",
+            Slot("terrain"),
             lambda: self.services.load_terrain(spec, cell, height),
             lambda terrain: self._take_terrain(spec, terrain),
             lambda _: self._stop_loading(),
@@ -246,12 +246,12 @@ class Stage:
         def load(skinned: bool) -> None:
             (self.load_character if skinned else self._load_ground)(path)
 
-        self.jobs.submit(f"open {path}", lambda: has_skin(path), load, reading=path.name)
+        self.jobs.submit(Slot("open", path), lambda: has_skin(path), load, reading=path.name)
 
     def load_character(self, path: Path | None, joint_map: Path | None = None) -> None:
         """Show another skinned character; None is the shipped one. `joint_map` replaces the one beside it."""
         self.jobs.submit(
-            "character",
+            Slot("character"),
             lambda: self.services.load_character(path, joint_map),
             lambda character: self._take_character(path, character),
             lambda error: self._refuse_character(path, error),
@@ -264,7 +264,7 @@ class Stage:
         if shape == BodyShape():
             self.load_character(None)
         else:
-            self.jobs.submit("shape", partial(shaped_file, shape, self.cache), self._take_shape)
+            self.jobs.submit(Slot("shape"), partial(shaped_file, shape, self.cache), self._take_shape)
 
     def _take_shape(self, path: Path) -> None:
         self._shape_file = path
@@ -309,7 +309,9 @@ class Stage:
 
         terrain, before = self.state.terrain, self.state.model_folder
         self.state.model_folder = directory
-        self.jobs.submit("model", lambda: self.services.load_model(directory, terrain, seed, gpt), take, fail)
+        self.jobs.submit(
+            Slot("model"), lambda: self.services.load_model(directory, terrain, seed, gpt), take, fail
+        )
 
     def use_model(self, loaded: Loaded) -> None:
         """Let another model move the character."""

@@ -17,6 +17,7 @@ from runtime.pose import Pose
 from runtime.prompts.parts import PartDescriptions
 from runtime.takes.metadata import PromptEvent, title
 from runtime.takes.plants import unfitted
+from viewer.jobs import Slot
 from viewer.messages import Messages
 from viewer.prompt.prompting import Prompting
 from viewer.prompt.state import Request
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from runtime.takes.drive import Drivable, Drive, StyleChange
     from runtime.takes.drive_edits import Edit, PromptSpan
 
-SLOT = "driving a take"
+SLOT = Slot("driving a take")
 MAX_LABEL = 32  # characters of a prompt in the name of an edit
 # the driven clip, its drive, a controller of its model and what hears the progress; another clip with its drive
 Work = Callable[["Clip", "Drive", "Drivable", Callable[[float], None]], tuple["Clip", "Drive"]]

@@ -13,7 +13,7 @@ import numpy as np
 from runtime.takes.journal import FoundJournal, Header, TakeJournal, find_journals
 from runtime.takes.metadata import Origin
 from viewer.gui.widgets import clock
-from viewer.jobs import Jobs
+from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.takes.state import ClipItem, TakesState
 
@@ -111,7 +111,7 @@ class Journals:
 
     def recover(self, found: FoundJournal) -> None:
         """Read a take that was cut off and put it into the list; its journal stays until it is exported."""
-        self.jobs.submit(f"recovery {found.path.name}", found.read, lambda clip: self._recovered(found, clip))
+        self.jobs.submit(Slot("recovery", found.path), found.read, lambda clip: self._recovered(found, clip))
 
     def _recovered(self, found: FoundJournal, clip: Clip) -> None:
         if found in self.state.cut_off:  # not discarded meanwhile

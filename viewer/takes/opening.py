@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runtime.errors import FileError
-from viewer.jobs import Jobs
+from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.stage.state import StageState
 from viewer.takes.state import ClipItem
@@ -64,7 +64,7 @@ class Opening:
     def open(self, path: Path, keep_ground: bool = False) -> None:
         """Add a BVH file to the list and play it, on its own ground unless `keep_ground`."""
         self.jobs.submit(
-            f"clip {path}",
+            Slot("clip", path),
             lambda: read_clip(path),
             lambda opened: self._opened(path, opened, keep_ground),
             reading=path.name,
@@ -77,7 +77,7 @@ class Opening:
             self.beside(_item(path, found))
             self.messages.note(f"{path.name}: {len(found.clip)} frames{found.said}.")
 
-        self.jobs.submit(f"clip {path}", lambda: read_clip(path), opened, reading=path.name)
+        self.jobs.submit(Slot("clip", path), lambda: read_clip(path), opened, reading=path.name)
 
     def _opened(self, path: Path, opened: Opened, keep_ground: bool) -> None:
         clip, ground = opened.clip, opened.ground

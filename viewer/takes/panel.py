@@ -12,6 +12,7 @@ from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
+from viewer.jobs import Slot
 from viewer.settings import Settings
 from viewer.takes import recovery_panel
 from viewer.takes.reference_panel import References
@@ -268,7 +269,7 @@ def _export(takes: Takes, export_window: Callable[[], None], short: bool) -> Non
     widgets.tooltip(f"Where to write {Path(clips.export_path).name}: type another path if you like")
     if not short:
         _rate_and_unit(settings)
-    busy = takes.jobs.busy(f"export {clips.current.name}") if clips.current else False
+    busy = takes.jobs.busy(Slot("export", clips.current)) if clips.current else False
     imgui.begin_disabled(busy)
     trimmed = clips.playback is not None and clips.playback.trimmed
     several = len(clips.items) > 1

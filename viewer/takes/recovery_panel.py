@@ -9,6 +9,7 @@ from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
+from viewer.jobs import Slot
 from viewer.takes.journals import Journals, describe
 
 MAX_SHOWN = 1  # the list below needs the room
@@ -35,7 +36,7 @@ def draw(journals: Journals, session: CutOffSession | None) -> None:
     for i, found in enumerate(cut_off[:MAX_SHOWN]):
         imgui.push_id(f"cut off {i}")
         text = f"{found.header.name} was cut off: {describe(found)}"
-        busy = journals.jobs.busy(f"recovery {found.path.name}")
+        busy = journals.jobs.busy(Slot("recovery", found.path))
         pressed = _offer(text, f"{text}\n{found.header.terrain}", "Recover", "Put it into the list", busy)
         if pressed:
             (journals.recover if pressed == "take" else journals.discard)(found)

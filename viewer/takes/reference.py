@@ -17,7 +17,7 @@ from runtime.arrays import Array
 from runtime.pose import Pose
 from runtime.takes.clip import Clip
 from runtime.takes.own_skeleton import OwnSkeleton
-from viewer.jobs import Jobs
+from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.render.overlays import Figure
 from viewer.stage.simulation import make_pose
@@ -27,7 +27,7 @@ from viewer.takes.state import ClipItem, TakesState
 from viewer.takes.video import Video, read_video
 
 ASIDE_M = 1.0
-CHARACTER, VIDEO = "reference character", "reference video"  # jobs
+CHARACTER, VIDEO = Slot("reference character"), Slot("reference video")
 LIMITS = {  # of what a project keeps, with its first value
     "offset_s": (-600.0, 600.0, 0.0),
     "aside_m": (-20.0, 20.0, ASIDE_M),

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 from runtime.errors import FileError
 from runtime.takes.frame_store import FrameStore
-from viewer.jobs import Jobs
+from viewer.jobs import Jobs, Slot
 from viewer.takes.state import ClipItem, TakesState, TakeVersion
 
 if TYPE_CHECKING:
     from runtime.takes.clip import Clip
 
-SLOT = "takes to disk"
+SLOT = Slot("takes to disk")
 LOOKED_AT = 16  # takes in a frame: a project may bring hundreds at once
 LET_GO_FRAMES = 60  # between two times at which what was read is given back
 

@@ -22,7 +22,7 @@ from runtime.takes.metadata import Origin, gait_of, origin_of
 from runtime.takes.pins import Pin
 from runtime.takes.pose_edits import PoseEdits
 from viewer.input.bindings import Action
-from viewer.jobs import Jobs
+from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.prompt.style_edit import StyleEdit
 from viewer.settings import Settings
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from runtime.terrain.height_map import Terrain
 
 MAX_NAME = 60
-EXPORT_ALL = "export all"
+EXPORT_ALL = Slot("export", "all takes")
 MAX_REMOVED = 20  # clips that can be brought back
 
 
@@ -316,7 +316,10 @@ class Takes:
         else:
             load = partial(self.load_ground, spec)
             self.jobs.submit(
-                f"ground of {id(item)}", load, lambda t: self._shown(item, t, said), reading=Path(spec).name
+                Slot("ground of a take", item),
+                load,
+                lambda t: self._shown(item, t, said),
+                reading=Path(spec).name,
             )
 
     def _shown(self, item: ClipItem, ground: Terrain, said: str) -> None:
@@ -405,7 +408,7 @@ class Takes:
         fps, clip, cut = settings.export_fps, item.clip, self._trimmed(item)
         whole = len(cut) == len(clip) and fps >= clip.fps
         self.jobs.submit(
-            f"export {item.name}",
+            Slot("export", item),
             partial(save_bvh, cut, path, fps, settings.export_unit, new=new),
             lambda done: self._exported(item, clip, done, whole),
             writing=f"the export of {item.name}",

@@ -16,6 +16,7 @@ from runtime.controls import Controls
 from runtime.motion.snapshot import take_snapshot
 from runtime.pose import Pose
 from viewer.input.bindings import Action
+from viewer.jobs import Slot
 from viewer.messages import Messages
 from viewer.prompt.prompting import Prompting
 from viewer.prompt.style_edit import Side, StyleEdit
@@ -138,7 +139,7 @@ class Wall:
         """Another prompt for one of them."""
         candidate.text, candidate.asked = text, True
         self.takes.jobs.submit(
-            f"wall {candidate.number}",
+            Slot("compare view", candidate.number),
             lambda: self.prompting.answer(text),
             lambda answer: self._answered(candidate, StyleEdit((answer, None))),
             lambda _: self._unanswered(candidate),

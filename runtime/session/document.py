@@ -14,6 +14,7 @@ from runtime.errors import FileError, SportError
 from runtime.motion.point_path import MAX_POINTS, Waypoint
 from runtime.safe_read import is_text, parse_json, printable, reason
 from runtime.session.blobs import REMEDY, BlobReader, BlobWriter, Once
+from runtime.session.character_files import safe_name
 from runtime.session.inputs import InputReader, InputWriter, read_words_text
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.session import (
@@ -305,7 +306,10 @@ def _read_reference(value: Json) -> Reference:
 def _read_character(value: Json) -> CharacterChoice:
     shape = BodyShape(**{name: _number(share) for name, share in value["shape"].items()})
     shape.check()
-    return CharacterChoice(shape, _text(value["path"]), _text(value["key"]))
+    key = _text(value["key"])
+    if key and not safe_name(key):
+        raise ValueError("files of a character outside their folder")
+    return CharacterChoice(shape, _text(value["path"]), key)
 
 
 # --- values

@@ -172,9 +172,9 @@ class SessionFile:
         return json.dumps(value, ensure_ascii=True)
 
     def _put_character(self, choice: CharacterChoice) -> None:
-        inputs, folder = self._writer.inputs(), self.cache / choice.key
-        files = read_character_files(next(iter(sorted(folder.glob("main/*"))), Path(choice.path)))
-        names = {name: inputs.blobs.data(content) for name, content in files.items()}
+        blobs = self._writer.inputs().blobs
+        files = read_character_files(self.cache / choice.key)
+        names = {name: blobs.data(content) for name, content in files.items()}
         self._put(f"character {choice.key}", json.dumps(names).encode("ascii"))
         self._characters.add(choice.key)
 
@@ -250,9 +250,11 @@ class SessionFile:
         return known[key]
 
     def character_path(self, choice: CharacterChoice) -> Path | None:
-        """The glTF of a character, from the file's content where it is not in the cache; None for the mannequin. FileError."""
+        """The glTF of a character, written to the cache where it is not there; None for the mannequin. FileError."""
         if not choice.key:
             return None
+        if (self.cache / choice.key).is_file():
+            return self.cache / choice.key
         reader = self._reader()
 
         def read() -> Path:
@@ -358,6 +360,9 @@ def _opened(database: Database, cache: Path) -> tuple[SessionFile, History]:
         numbers = [step.number for step in steps]
         present = numbers.index(int(at)) if at.isdecimal() and int(at) in numbers else len(steps) - 1
         history = History(steps, present)
+    for step in steps:
+        chosen = [step.session.character, step.session.reference and step.session.reference.character]
+        file._characters |= {choice.key for choice in chosen if choice}
     file._written = {step.number: step.session for step in steps}
     file._stored = {key for key in database.motions() if not key.endswith(INPUT)}
     for key in sorted(file._stored - set(known)):

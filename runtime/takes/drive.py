@@ -363,6 +363,15 @@ class DriveRecorder:
         last = {type(c): c for c in self._changes if c.frame <= frame and not isinstance(c, Restart)}
         return list(last.values())
 
+    @property
+    def known(self) -> tuple[int, int]:
+        """How many keyframes and changes there are: others than before when something happened but sticks."""
+        return len(self._keyframes), len(self._changes)
+
+    def sticks(self, first_frame: int) -> NDArray[np.float64] | None:
+        """Sticks and settings `(T, 8)` from `first_frame` to the newest; None where they are not known."""
+        return None if first_frame < self._first else self._frames.since(first_frame - self._first).rows
+
     def cut(self, first_frame: int) -> Drive | None:
         """The drive of a clip from `first_frame` to the newest frame; None when its state there is not known."""
         keys = [k for k in self._keyframes if k.frame <= first_frame]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import replace
 from itertools import islice
-from typing import Protocol
 
 import numpy as np
 
@@ -19,16 +18,6 @@ from runtime.takes.metadata import UNKNOWN, Origin, PromptEvent, gait_seconds
 LIVE_SECONDS = (
     0.1  # transition while a slider is dragged: asked again in each frame, it eases towards the hand
 )
-
-
-class Journal(Protocol):
-    """What is notified of every frame and prompt as it is recorded; it must answer at once."""
-
-    def add_row(self, row: Array) -> None:
-        """One frame, as in `ClipRecorder.add_row`."""
-
-    def mark_prompt(self, event: PromptEvent) -> None:
-        """A prompt that holds from the next frame on."""
 
 
 class ClipRecorder:
@@ -47,7 +36,6 @@ class ClipRecorder:
         self._first = 0  # number of the oldest frame kept; frames count from 0 since the program's start
         self._begin: int | None = None  # number of the take's first frame
         self._prompts: deque[tuple[int, PromptEvent]] = deque()
-        self.journal: Journal | None = None  # where frames and prompts are written down as well
 
     @property
     def recording(self) -> bool:
@@ -82,8 +70,6 @@ class ClipRecorder:
     def add_row(self, row: Array) -> None:
         """Remember one frame as `(132,)` float32: hips, local rotations, contacts, gait. It must not be changed later."""
         self._frames.append(row)
-        if self.journal is not None:
-            self.journal.add_row(row)
         keep = self._keep
         if self._begin is not None:
             keep = min(max(keep, self._first + len(self._frames) - self._begin), self._limit)
@@ -101,8 +87,6 @@ class ClipRecorder:
         Of live changes within `LIVE_SECONDS` only the last is kept, at the time of the first.
         """
         event = PromptEvent(0.0, prompt, transition_seconds, words, typed)
-        if self.journal is not None:
-            self.journal.mark_prompt(event)
         frame = self._first + len(self._frames)
         if self._prompts and _is_live(event):
             before, last = self._prompts[-1]
@@ -112,13 +96,19 @@ class ClipRecorder:
         self._prompts.append((frame, event))
 
     @property
-    def prompt_in_force(self) -> PromptEvent | None:
-        """The prompt of the next frame, with what is left of its transition."""
-        if not self._prompts:
-            return None
-        frame, event = self._prompts[-1]
-        past = (self._first + len(self._frames) - frame) / self.fps
-        return replace(event, transition_seconds=max(event.transition_seconds - past, 0.0))
+    def take_first(self) -> int | None:
+        """Number of the first frame of the running take; None without one."""
+        return self._begin
+
+    def rows(self, first: int) -> Array:
+        """Frames `(T, 132)` from the number `first` to the newest."""
+        rows = list(islice(self._frames, first - self._first, None))
+        return np.stack(rows) if rows else np.zeros((0, 132), np.float32)
+
+    def events(self, first: int) -> tuple[PromptEvent, ...]:
+        """The prompts of the frames from the number `first` on, by their times."""
+        events = tuple(replace(event, seconds=(at - first) / self.fps) for at, event in self._prompts)
+        return shift_prompts(events, 0.0, (self.next_frame - first) / self.fps)
 
     def start(self) -> None:
         """Begin a take with the next frame; a running take goes on."""
@@ -141,11 +131,9 @@ class ClipRecorder:
 
     def _clip(self, begin: int, name: str, terrain: str, origin: Origin | None) -> Clip:
         begin = max(begin, self._first)
-        rows = list(islice(self._frames, begin - self._first, None))
-        if not rows:
+        table = self.rows(begin)
+        if not len(table):
             raise UsageError("nothing is recorded yet.", "Let the character move first.")
-        table = np.stack(rows)
-        events = tuple(replace(event, seconds=(frame - begin) / self.fps) for frame, event in self._prompts)
         gaits = table[:, -1].astype(np.int8)
         return Clip(
             name=name,
@@ -153,7 +141,7 @@ class ClipRecorder:
             hips_positions=table[:, :3],
             local_rotations=table[:, 3:-5].reshape(-1, J, 4),
             contacts=table[:, -5:-1],
-            prompts=shift_prompts(events, 0.0, len(rows) / self.fps),
+            prompts=self.events(begin),
             terrain=terrain,
             origin=origin or UNKNOWN,
             gait_seconds=tuple(gait_seconds(gaits, self.fps).items()),

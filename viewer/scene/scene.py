@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from runtime.assets import model_name
 from runtime.character.guess import JointsUnknown
+from runtime.character.joint_map import joint_map_path
 from runtime.character.read import SUFFIXES as GLTF_SUFFIXES
 from runtime.character.shape import BodyShape, shaped_file
 from runtime.controls import Controls
-from runtime.motion.paths import PlanarPose
 from runtime.motion.snapshot import Snapshot
 from runtime.pose import FPS, Pose
 from runtime.prompts.gpt.settings import GptSettings
-from runtime.takes.drive import DriveRecorder, GroundChange
+from runtime.session import live_pins
+from runtime.session.character_files import read_character_files, write_character_files
+from runtime.session.session import CharacterChoice, Ground, ModelName, Session
+from runtime.takes.drive import DriveRecorder
+from runtime.takes.metadata import origin_of
+from runtime.takes.pinned import bent_pose
 from runtime.terrain.files import SUFFIXES as GROUNDS
 from runtime.terrain.height_map import Terrain
 from viewer.input.bindings import VIEW_ACTIONS, Action
@@ -24,25 +30,24 @@ from viewer.jobs import Jobs, Slot
 from viewer.live.link import LiveLink
 from viewer.live.vmc import VmcLink
 from viewer.messages import Messages
-from viewer.services import Loaded, Services
+from viewer.scene.camera_control import CameraControl
+from viewer.scene.joint_mapping import JointMapping
+from viewer.scene.simulation import Simulation, make_pose
+from viewer.scene.views import VIEWS, start_yaw
+from viewer.services import ControllerLike, Loaded, Services
+from viewer.session.editor import Editor
 from viewer.settings import Settings
-from viewer.stage.camera_control import CameraControl
-from viewer.stage.joint_mapping import JointMapping
-from viewer.stage.live_pins import LivePins
-from viewer.stage.path_tool import PathTool
-from viewer.stage.simulation import Simulation
-from viewer.stage.state import StageState
-from viewer.stage.views import VIEWS, start_yaw
 
 SIMULATION, WAY = "simulation", "way"  # topics of messages
+LoadedCharacter = tuple[CharacterChoice, Path | None, Any]  # with the file that was read, and what it holds
 SLOW_FPS, SLOW_SECONDS = 20.0, 5.0  # fewer frames a second for so long, and automatic quality goes down
 
 
 @dataclass
-class Stage:
-    """Actions of the scene panel."""
+class Scene:
+    """Actions of the scene panel, and what the session says of ground and character put into force."""
 
-    state: StageState
+    editor: Editor
     settings: Settings
     messages: Messages
     jobs: Jobs
@@ -51,25 +56,74 @@ class Stage:
     renderer: Any
     drives: DriveRecorder  # hears what changes the controller
     shown: Callable[[], Pose]  # the pose in view: the live one, or that of a take
-    cache: Path  # folder for files of the mannequin in other shapes
+    folder: Path  # the state folder: files of characters and of the mannequin in other shapes
     camera: CameraControl = field(default_factory=CameraControl)
-    pins: LivePins = field(default_factory=LivePins)
-    character_path: Path | None = None
+    terrain: Terrain = field(
+        default_factory=Terrain.flat
+    )  # the live ground, as large as the character sees it
+    simulation: Simulation = field(init=False)
+    terrain_names: tuple[str, ...] = ()
+    file_path: str = ""  # the path field
+    loading: str = ""  # the ground that is being loaded
+    quality: str = ""  # name of the renderer's preset
+    model_name: str = ""  # "" while loading
+    provider: str = ""
+    model_folder: Path | None = None  # asked for last; None: the default
+    character_path: Path | None = None  # the file of the character in use; None: the mannequin as it is
     _character: Any = None
-    _shape_file: Path | None = None  # of the mannequin in another shape
+    _choice: CharacterChoice = field(default_factory=CharacterChoice)  # in use, or being loaded
     _first_view: str = ""
+    _seen: Ground | None = None
     _drawn: Terrain | None = None
     _slow_s: float = 0.0
-    path: PathTool = field(init=False)
     joints: JointMapping = field(init=False)
     live: LiveLink = field(init=False)
     vmc: VmcLink = field(init=False)
 
     def __post_init__(self) -> None:
-        self.path = PathTool(self.messages)
-        self.joints = JointMapping(self.messages, self.jobs, self.load_character)
+        self.simulation = Simulation.standing(self.terrain)
+        self.joints = JointMapping(self.messages, self.jobs, self.open_character)
         self.live = LiveLink(self.messages)
         self.vmc = VmcLink(self.messages)
+        self.editor.followers.append(self.follow)
+
+    @property
+    def controller(self) -> ControllerLike | None:
+        """What moves the character; None until a model is loaded."""
+        return self.simulation.controller
+
+    @property
+    def terrain_spec(self) -> str:
+        """Name or file of the live ground."""
+        ground = self.editor.session.ground
+        return "" if ground is None else ground.spec
+
+    @property
+    def ground(self) -> Ground:
+        """The live ground, as large as the character sees it."""
+        if self._seen is None or self._seen.terrain is not self.terrain:
+            self._seen = Ground.of(self.terrain_spec, self.terrain)
+        return self._seen
+
+    @property
+    def now(self) -> float:
+        """Seconds on the clock of live pins."""
+        return self.drives.next_frame / FPS
+
+    def bend(self, pose: Pose, now: float) -> Pose:
+        """The live pose with the pins that hold at a time; the same object where none does."""
+        pins = live_pins.weights(self.editor.session.live.poses.pins, now)
+        if not pins:
+            return pose
+        hips, local, contacts = bent_pose(pose.hips_position, pose.local_rotations, pose.contacts, pins)
+        return make_pose(hips, local, contacts, float(pose.root_position[1]), pose.root_yaw)
+
+    def follow(self, before: Session, now: Session) -> None:
+        """Put into force what the session says of ground and character."""
+        if now.ground is not None and now.ground != before.ground:
+            self._put_ground(now.ground)
+        if now.character != self._choice and not self.editor.dragging:
+            self._load_choice(now.character)
 
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
@@ -116,15 +170,15 @@ class Stage:
     def advance(self, seconds: float, controls: Controls) -> list[Pose]:
         """Let time pass for the character; the new poses, without what pins do to them."""
         self._keep_size()
-        simulation = self.state.simulation
+        simulation = self.simulation
         if simulation.controller is not None:
             simulation.controller.temperature = self.settings.temperature
             simulation.controller.strength = self.settings.strength
             simulation.controller.response = self.settings.response
         poses = simulation.advance(seconds, controls)
         first = self.drives.next_frame
-        shown = [self.pins.bend(pose, (first + i) / FPS) for i, pose in enumerate(poses)]
-        self.live.publish(shown, size=self.state.terrain.unit_m)
+        shown = [self.bend(pose, (first + i) / FPS) for i, pose in enumerate(poses)]
+        self.live.publish(shown, size=self.terrain.unit_m)
         self.vmc.publish(shown)
         if simulation.problem:
             self.drives.forget()
@@ -137,27 +191,21 @@ class Stage:
                 self.messages.settle(WAY)
         return poses
 
-    def controls(self, own: Controls, dt: float) -> Controls:
-        """The user's controls, or those of the path that is walked."""
-        pose = self.state.simulation.current
-        place = PlanarPose(float(pose.root_position[0]), float(pose.root_position[2]), pose.root_yaw)
-        return self.path.controls(own, place, dt)
-
     def reset_character(self) -> None:
         """Put the character back to the start; it and the camera look at what there is to walk over."""
-        yaw = start_yaw(self.state.terrain)
+        yaw = start_yaw(self.terrain)
         self.put_character(0.0, 0.0, yaw)
-        self.camera.open_at(self.state.simulation.current, yaw)
+        self.camera.open_at(self.simulation.current, yaw)
         if self._first_view:
-            self.camera.view(VIEWS[self._first_view], self.state.simulation.current)
+            self.camera.view(VIEWS[self._first_view], self.simulation.current)
 
     def put_character(self, x: float, z: float, yaw: float) -> None:
         """Let the character stand at a place (metres, radians); the camera stays where it is put."""
-        if self.state.controller is not None:
+        if self.controller is not None:
             self.drives.mark_restart(x, z, yaw)
-            self.state.simulation.reset(x, z, yaw)
+            self.simulation.reset(x, z, yaw)
         else:
-            self.state.simulation = Simulation.standing(self.state.terrain, yaw)
+            self.simulation = Simulation.standing(self.terrain, yaw)
         self.camera.lose_track()
 
     # --- loading
@@ -165,7 +213,7 @@ class Stage:
     def load_terrain(self, spec: str) -> None:
         """Show and walk on a terrain, by name or file; the old one stays until the new one is there."""
         spec = str(Path(spec).expanduser()) if spec.startswith("~") else spec
-        self.state.loading = spec
+        self.loading = spec
         cell, height = self.settings.height_map_cell_m, self.settings.height_map_height_m
         self.jobs.submit(
             Slot("terrain"),
@@ -192,22 +240,26 @@ class Stage:
 
     def _take_terrain(self, spec: str, terrain: Terrain) -> None:
         self._stop_loading()
-        known = bool(self.state.terrain_spec)  # not the first one
-        self.show_ground(spec, terrain)
-        if spec in self.state.terrain_names:
+        ground, known = Ground.of(spec, terrain), self.editor.session.ground is not None
+        set_ground = partial(replace, ground=ground)
+        if known:
+            self.editor.do(f"ground {Path(spec).name}", set_ground)
+        else:
+            self.editor.amend(set_ground)
+        if spec in self.terrain_names:
             self.settings.terrain = spec
         self.reset_character()
         if terrain.note or known:
             self.messages.note(terrain.note or f"Ground: {terrain.name}.")
 
-    def show_ground(self, spec: str, terrain: Terrain) -> None:
+    def _put_ground(self, ground: Ground) -> None:
         """Put a ground under the character where it stands, as large as its body sees it."""
-        terrain = terrain.seen_by(self.size)
+        terrain = ground.terrain.seen_by(self.size)
         self.draw_ground(terrain)
-        self.state.terrain, self.state.terrain_spec = terrain, spec
-        self.drives.mark_ground(spec, terrain)
-        if self.state.controller is not None:
-            self.state.controller.set_terrain(terrain)
+        self.terrain = terrain
+        self.drives.mark_ground(ground.spec, terrain)
+        if self.controller is not None:
+            self.controller.set_terrain(terrain)
 
     @property
     def size(self) -> float:
@@ -217,77 +269,114 @@ class Stage:
 
     def _keep_size(self) -> None:
         """Let the ground follow when the size changes; the character stays in its place of the world."""
-        ground, size = self.state.terrain, self.size
+        ground, size = self.terrain, self.size
         if ground.unit_m == size:
             return
-        by, pose = ground.unit_m / size, self.state.simulation.current
-        self.show_ground(self.state.terrain_spec, ground)
+        by, pose = ground.unit_m / size, self.simulation.current
+        self._put_ground(Ground.of(self.terrain_spec, ground))
         self.put_character(
             float(pose.root_position[0]) * by, float(pose.root_position[2]) * by, pose.root_yaw
         )
 
-    def go_on_from(self, snapshot: Snapshot, pose: Pose, ground: GroundChange | None) -> None:
-        """Let the live character go on from a state of a take, on the take's ground."""
-        controller = self.state.controller
-        if controller is None:
+    def go_on_from(self, snapshot: Snapshot, pose: Pose) -> None:
+        """Let the live character go on from a state of a take; the session has the take's ground already."""
+        if self.controller is None:
             return
-        if ground is not None and ground.terrain is not self.state.terrain:
-            self.show_ground(ground.name, ground.terrain)
-        snapshot.restore(controller)  # type: ignore[arg-type]
-        self.state.simulation.go_on_from(pose)
+        snapshot.restore(self.controller)  # type: ignore[arg-type]
+        self.simulation.go_on_from(pose)
         self.drives.forget()
 
     def _stop_loading(self) -> None:
-        self.state.loading = ""
+        self.loading = ""
 
     def _open_gltf(self, path: Path) -> None:
         """A mesh with a skin is a character, one without is a ground."""
 
         def load(skinned: bool) -> None:
-            (self.load_character if skinned else self._load_ground)(path)
+            (self.open_character if skinned else self._load_ground)(path)
 
         self.jobs.submit(Slot("open", path), lambda: has_skin(path), load, reading=path.name)
 
-    def load_character(self, path: Path | None, joint_map: Path | None = None) -> None:
-        """Show another skinned character; None is the shipped one. `joint_map` replaces the one beside it."""
-        self.jobs.submit(
-            Slot("character"),
-            lambda: self.services.load_character(path, joint_map),
-            lambda character: self._take_character(path, character),
-            lambda error: self._refuse_character(path, error),
-            reading=path.name if path else "",
+    # --- characters
+
+    def open_character(self, path: Path | None, joint_map: Path | None = None, step: bool = True) -> None:
+        """Show the character of a file, or the mannequin for None: a step of undo unless it is the first one.
+
+        `joint_map` replaces the one in the file's folder. The session keeps the file's content.
+        """
+
+        def take(loaded: LoadedCharacter) -> None:
+            choice, _, _ = loaded
+            self._take_character(*loaded)
+            change = partial(replace, character=choice)
+            if step:
+                self.editor.do(f"character {path.name if path else 'mannequin'}", change)
+            else:
+                self.editor.amend(change)
+
+        self._load_character(partial(self.read_character, path, joint_map), take, path)
+
+    def _load_choice(self, choice: CharacterChoice) -> None:
+        """Show the character that the session says, from the session's own files."""
+        self._choice = choice
+
+        self._load_character(
+            partial(self.read_choice, choice), lambda loaded: self._take_character(*loaded), None
         )
 
-    def shape_mannequin(self, shape: BodyShape) -> None:
-        """Show the mannequin in a shape: a file as any own character, which exports and projects take along."""
-        self.state.shape = shape
-        if shape == BodyShape():
-            self.load_character(None)
-        else:
-            self.jobs.submit(Slot("shape"), partial(shaped_file, shape, self.cache), self._take_shape)
+    def read_character(self, path: Path | None, joint_map: Path | None = None) -> LoadedCharacter:
+        """The character of a file, whose content is kept for the session; on any thread, FileError."""
+        character = self.services.load_character(path, joint_map)
+        if path is None:
+            return CharacterChoice(), None, character
+        files = read_character_files(path)
+        if joint_map is not None:
+            files[joint_map_path(Path(next(iter(files)))).name] = joint_map.read_bytes()
+        kept = write_character_files(files, self.characters)
+        choice = CharacterChoice(path=str(path), key=kept.relative_to(self.characters).as_posix())
+        return choice, path, character
 
-    def _take_shape(self, path: Path) -> None:
-        self._shape_file = path
-        self.load_character(path)
+    def read_choice(self, choice: CharacterChoice) -> LoadedCharacter:
+        """A character of the session; on any thread, FileError."""
+        path = self.editor.file.character_path(choice)
+        if choice.shape != BodyShape():
+            path = shaped_file(choice.shape, self.folder / "shapes")
+        return choice, path, self.services.load_character(path, None)
+
+    def _load_character(
+        self, load: Callable[[], Any], take: Callable[[Any], None], path: Path | None
+    ) -> None:
+        self.jobs.submit(
+            Slot("character"), load, take, lambda error: self._refuse_character(path, error),
+            reading=path.name if path else "",
+        )  # fmt: skip
+
+    @property
+    def characters(self) -> Path:
+        """The folder of the files of characters."""
+        return self.folder / "characters"
 
     @property
     def is_mannequin(self) -> bool:
         """Whether the character is the mannequin, in any shape."""
-        return self.character_path is None or self.character_path == self._shape_file
+        return not self.editor.session.character.key
 
     def _refuse_character(self, path: Path | None, error: Exception) -> None:
         """Let the joints be chosen by hand where they could not be guessed."""
+        self._choice = self.editor.session.character
         self.joints.refused(error)
         if path is not None and isinstance(error, JointsUnknown) and self.joints.shown != path:
             self.joints.begin(path)
 
-    def _take_character(self, path: Path | None, character: Any) -> None:
+    def _take_character(self, choice: CharacterChoice, path: Path | None, character: Any) -> None:
         self.renderer.set_character(character)
-        self._character, self.character_path = character, path
-        if path is not None and not self.is_mannequin:
-            self.messages.note(f"Character {path.name} loaded.")
+        self._choice, self._character, self.character_path = choice, character, path
+        if choice.path:
+            self.messages.note(f"Character {Path(choice.path).name} loaded.")
         if self.joints.state.path == path:
             self.joints.close()
+
+    # --- model and quality
 
     def load_model(
         self,
@@ -304,24 +393,28 @@ class Stage:
             done(loaded)
 
         def fail(_: Exception) -> None:
-            self.state.model_folder = before
+            self.model_folder = before
             failed()
 
-        terrain, before = self.state.terrain, self.state.model_folder
-        self.state.model_folder = directory
+        terrain, before = self.terrain, self.model_folder
+        self.model_folder = directory
         self.jobs.submit(
             Slot("model"), lambda: self.services.load_model(directory, terrain, seed, gpt), take, fail
         )
 
     def use_model(self, loaded: Loaded) -> None:
         """Let another model move the character."""
-        loaded.controller.set_terrain(self.state.terrain)  # it may have changed while the model was loading
-        first = self.state.controller is None
-        self.state.simulation.use(loaded.controller)
+        loaded.controller.set_terrain(self.terrain)  # it may have changed while the model was loading
+        first = self.controller is None
+        self.simulation.use(loaded.controller)
         if first:
             self.reset_character()
         self.drives.forget()
-        self.state.model_name, self.state.provider = loaded.name, loaded.provider
+        self.model_name, self.provider = loaded.name, loaded.provider
+        origin, folder = origin_of(loaded.controller, ""), self.model_folder
+        named = "" if folder is None else model_name(folder) or str(folder)
+        model = ModelName(named, origin.model, origin.model_sha256, int(origin.seed or 0))
+        self.editor.amend(partial(replace, model=model))
         if loaded.notice:
             self.messages.note(loaded.notice)
 
@@ -332,7 +425,7 @@ class Stage:
 
     def lower_quality(self, fps: float, dt: float) -> None:
         """Go to the fast preset where nobody chose one and the processor shows too few frames a second for some time."""
-        slow = not self.settings.quality and self.state.quality == "software" and 0.0 < fps < SLOW_FPS
+        slow = not self.settings.quality and self.quality == "software" and 0.0 < fps < SLOW_FPS
         self._slow_s = self._slow_s + dt if slow else 0.0
         if self._slow_s > SLOW_SECONDS:
             self._render_with("fast")
@@ -342,16 +435,17 @@ class Stage:
 
     def _render_with(self, name: str) -> None:
         renderer = self.services.make_renderer(self.ctx, name)
-        renderer.set_terrain(self.state.terrain)
+        renderer.set_terrain(self.terrain)
         if self._character is not None:
             renderer.set_character(self._character)
         self.renderer.release()
         self.renderer = renderer
-        self.state.quality = renderer.quality.name
+        self.quality = renderer.quality.name
 
 
 def has_skin(path: Path) -> bool:
     """Whether a glTF file holds a skin; FileError when it cannot be read."""
-    from runtime.character.read import open_gltf
+    from runtime.character.joint_map import joint_map_path
+from runtime.character.read import open_gltf
 
     return bool(open_gltf(path).gltf.skins)

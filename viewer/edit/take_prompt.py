@@ -1,4 +1,4 @@
-"""The words of the take that plays, in the place of the live prompt: those that hold in the frame shown."""
+"""The prompt of the take that plays, in the place of the live one: that of the frame shown."""
 
 from __future__ import annotations
 
@@ -8,73 +8,71 @@ from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
-from viewer.prompt.field_panel import WRAPPED
-from viewer.takes.editing import TakeEditing
-from viewer.takes.tracks import LabelledSpan, words_of
+from viewer.prompt.prompt_field import WRAPPED
+from viewer.edit.resimulation import Resimulation
+from viewer.edit.tracks import LabelledSpan, words_of
 
 
-def panel(editing: TakeEditing) -> Panel:
+def panel(editing: Resimulation) -> Panel:
     """The panel, in the place of the live prompt while a take plays."""
     return Panel(
         "Prompt", PanelPlace.LEFT, lambda _: draw(editing), ICON.prompt,
-        shown=lambda: editing.state.playback is not None, begin_typing=lambda: _begin_typing(editing),
+        shown=lambda: editing.playback is not None, begin_typing=lambda: _begin_typing(editing),
     )  # fmt: skip
 
 
-def _begin_typing(editing: TakeEditing) -> None:
-    editing.state.timeline.focus_requested = True
+def _begin_typing(editing: Resimulation) -> None:
+    editing.focus_requested = True
 
 
-def draw(editing: TakeEditing) -> None:
+def draw(editing: Resimulation) -> None:
     """Contents of the panel."""
-    tracks, playback, state = editing.tracks, editing.state.playback, editing.state.timeline
+    tracks, playback = editing.tracks, editing.playback
     if tracks is None or playback is None:
         return
     index = tracks.prompt_at(playback.frame)
     if index < 0:
-        state.shown = None
+        editing.shown = None
         widgets.muted("Nothing is known of the prompts of this motion.", wrap=True)
         return
     bar = tracks.prompts[index]
-    if state.shown is not bar:
+    if editing.shown is not bar:
         _fill(editing, bar)
-    item = editing.state.played
-    of = "" if item is None else f"{item.name}, frames {bar.span.start} to {bar.span.end - 1}"
+    take = editing.take
+    of = "" if take is None else f"{take.title}, frames {bar.span.start} to {bar.span.end - 1}"
     widgets.muted(of)
     imgui.begin_disabled(bool(editing.fixed))
     _prompt(editing, index)
     imgui.end_disabled()
     fixed = editing.fixed
-    widgets.muted(fixed or "Enter drives it again with the same stick.", wrap=True)
+    widgets.muted(fixed or "Enter resimulates it with the same stick.", wrap=True)
     _parts(editing, index, bar)
 
 
-def _fill(editing: TakeEditing, bar: LabelledSpan) -> None:
+def _fill(editing: Resimulation, bar: LabelledSpan) -> None:
     """Put the span's words into the fields."""
-    state, event = editing.state.timeline, bar.span.event  # type: ignore[attr-defined]
+    event = bar.span.event  # type: ignore[attr-defined]
     words = words_of(event)
-    state.shown, state.prompt = bar, title(event)
-    state.parts = dict.fromkeys(PART_NAMES, "") if words is None else dict(words.to_mapping())
+    editing.shown, editing.prompt = bar, title(event)
+    editing.parts = dict.fromkeys(PART_NAMES, "") if words is None else dict(words.to_mapping())
 
 
-def _prompt(editing: TakeEditing, index: int) -> None:
-    state = editing.state.timeline
-    if state.focus_requested:
+def _prompt(editing: Resimulation, index: int) -> None:
+    if editing.focus_requested:
         imgui.set_keyboard_focus_here()
-    state.focus_requested = False
+    editing.focus_requested = False
     size = imgui.ImVec2(
         imgui.get_content_region_avail().x,
         2 * imgui.get_text_line_height() + 2 * imgui.get_style().frame_padding.y,
     )
-    entered, state.prompt = imgui.input_text_multiline("##take prompt", state.prompt, size, WRAPPED)
+    entered, editing.prompt = imgui.input_text_multiline("##take prompt", editing.prompt, size, WRAPPED)
     _hold(editing)
     if widgets.button(f"{ICON.wand} Apply to the take", -1, primary=True) or entered:
-        editing.reword(index, state.prompt)
+        editing.reword(index, editing.prompt)
 
 
-def _parts(editing: TakeEditing, index: int, bar: LabelledSpan) -> None:
+def _parts(editing: Resimulation, index: int, bar: LabelledSpan) -> None:
     """The six descriptions; each can be changed on its own where they are known."""
-    state = editing.state.timeline
     if words_of(bar.span.event) is None:  # type: ignore[attr-defined]
         widgets.muted(
             "A blend, or descriptions that are not known: give it one prompt to edit its parts.", wrap=True
@@ -86,17 +84,17 @@ def _parts(editing: TakeEditing, index: int, bar: LabelledSpan) -> None:
         for part in PART_NAMES:
             widgets.label(part.replace("_", " ").capitalize(), theme.MUTED)
             size = imgui.ImVec2(imgui.get_content_region_avail().x, height)
-            entered, state.parts[part] = imgui.input_text_multiline(
-                f"##take {part}", state.parts[part], size, WRAPPED
+            entered, editing.parts[part] = imgui.input_text_multiline(
+                f"##take {part}", editing.parts[part], size, WRAPPED
             )
             _hold(editing)
             if entered:
-                editing.reword_part(index, part, state.parts[part])
+                editing.reword_part(index, part, editing.parts[part])
         imgui.end_disabled()
     imgui.end_child()
 
 
-def _hold(editing: TakeEditing) -> None:
+def _hold(editing: Resimulation) -> None:
     """Playing on would put other words under the hand that types."""
-    if imgui.is_item_active() and editing.state.playback is not None:
-        editing.state.playback.playing = False
+    if imgui.is_item_active() and editing.playback is not None:
+        editing.playback.playing = False

@@ -11,13 +11,13 @@ from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.theme import Color
 from viewer.gui.widgets import px
-from viewer.takes import pose_tracks
-from viewer.takes.editing import TakeEditing
-from viewer.takes.pinning import Pinning
-from viewer.takes.playback import Playback
-from viewer.takes.state import Drag
-from viewer.takes.take_camera import TakeCamera
-from viewer.takes.track_drawing import (
+from viewer.edit import pose_tracks
+from viewer.edit.resimulation import Drag, Resimulation
+from viewer.edit.pins import Pins
+from viewer.session.playback import Playback
+from viewer.session.takes import Takes
+from viewer.edit.camera_keys import CameraKeys
+from viewer.edit.track_drawing import (
     GRIP,
     SMALL,
     TEXT_SHARE,
@@ -29,7 +29,7 @@ from viewer.takes.track_drawing import (
     shown_at,
     take_mouse,
 )
-from viewer.takes.tracks import LabelledSpan, lanes
+from viewer.edit.tracks import LabelledSpan, lanes
 
 RULER, PROMPTS, ROW, FEET = 26.0, 21.0, 15.0, 8.0  # heights at scale 1, where there is no more room
 SPACING = 3.0
@@ -42,19 +42,19 @@ GROUND_TINT: Color = (0.55, 0.58, 0.62, 0.35)
 PART_TINT: Color = (0.36, 0.55, 0.78, 0.28)
 
 
-def draw(editing: TakeEditing, pinning: Pinning, camera: TakeCamera, playback: Playback) -> None:
+def draw(editing: Resimulation, pins: Pins, camera: CameraKeys, playback: Playback) -> None:
     """The tracks, one below the other, as tall as there is room; in less height than they need they scroll."""
     tracks = editing.tracks
     if tracks is None:
         return
-    parts = PART_NAMES if editing.state.timeline.part_tracks else ()
-    rows = lanes(pinning.pins)
+    parts = PART_NAMES if editing.part_tracks else ()
+    rows = lanes(pins.pins)
     room = _room(len(parts) + len(rows) + bool(camera.keys))
     tall = min(max(room, 1.0), TALLEST)
     imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(SPACING)))
     # the ruler above the tracks is as wide as they are, also where they scroll (known from the frame before)
     storage, key = imgui.get_state_storage(), imgui.get_id("tracks scroll")
-    _ruler(playback, imgui.get_style().scrollbar_size if storage.get_bool(key) else 0.0)
+    _ruler(editing.takes, playback, imgui.get_style().scrollbar_size if storage.get_bool(key) else 0.0)
     scrolls = False
     if imgui.begin_child("tracks", imgui.ImVec2(0, 0)):
         top = imgui.get_cursor_screen_pos().y
@@ -68,8 +68,8 @@ def draw(editing: TakeEditing, pinning: Pinning, camera: TakeCamera, playback: P
         if camera.keys:
             camera.draw_track(ROW * tall, playback)
         if rows:
-            pose_tracks.draw_pins(pinning, rows, ROW * tall, playback)
-        pose_tracks.draw_feet(pinning, FEET * tall, playback)
+            pose_tracks.draw_pins(pins, rows, ROW * tall, playback)
+        pose_tracks.draw_feet(pins, FEET * tall, playback)
         bottom = imgui.get_cursor_screen_pos().y
         row = new_row("", 0.0, playback.frames)
         draw_rect(shown_at(row, playback), top, shown_at(row, playback) + px(1), bottom, theme.TEXT, 0.0)
@@ -77,8 +77,6 @@ def draw(editing: TakeEditing, pinning: Pinning, camera: TakeCamera, playback: P
     imgui.end_child()
     storage.set_bool(key, scrolls)
     imgui.pop_style_var()
-    if not imgui.is_mouse_down(0):
-        editing.keep_trim()
 
 
 def _room(more: int) -> float:
@@ -92,10 +90,10 @@ def _room(more: int) -> float:
 # --- ruler
 
 
-def _ruler(playback: Playback, less: float) -> None:
+def _ruler(takes: Takes, playback: Playback, less: float) -> None:
     """Frame numbers, the part that is kept with its handles, and the frame shown; drag to scrub."""
     row = new_row("Frame", RULER, playback.frames, less)
-    _scrub(row, playback)
+    _scrub(row, takes, playback)
     base = row.top + row.height * 0.62
     bottom = row.top + row.height
     draw_rect(row.x(0), base, row.x(playback.frames - 1), bottom, theme.FIELD)
@@ -116,7 +114,7 @@ def _ruler(playback: Playback, less: float) -> None:
     draw_rect(x - px(1.5), row.top, x + px(1.5), bottom, theme.TEXT, px(1))
 
 
-def _scrub(row: TrackRow, playback: Playback) -> None:
+def _scrub(row: TrackRow, takes: Takes, playback: Playback) -> None:
     imgui.push_id("ruler")
     take_mouse("timeline", row)
     held, hovered = imgui.is_item_active(), imgui.is_item_hovered()
@@ -135,9 +133,9 @@ def _scrub(row: TrackRow, playback: Playback) -> None:
     if held:
         frame = row.frame_at(mouse.x)
         if near == 1:
-            playback.trim_in(frame)
+            takes.trim(first=frame, held=True)
         elif near == 2:
-            playback.trim_out(frame)
+            takes.trim(last=frame, held=True)
         else:
             playback.seek(frame)
     elif hovered and near:
@@ -149,20 +147,20 @@ def _scrub(row: TrackRow, playback: Playback) -> None:
 
 
 def _spans(
-    name: str, key: str, bars: Sequence[LabelledSpan], height: float, editing: TakeEditing, playback: Playback
+    name: str, key: str, bars: Sequence[LabelledSpan], height: float, editing: Resimulation, playback: Playback
 ) -> None:
     """A track whose spans can be dragged; a click goes to its frame."""
-    state, row = editing.state.timeline, new_row(name, height, playback.frames)
+    row = new_row(name, height, playback.frames)
     take_mouse(key, row)
     mouse_x, hovered = imgui.get_io().mouse_pos.x, imgui.is_item_hovered()
     frame, grabbed = row.frame_at(mouse_x), _grabbed(row, bars, mouse_x)
-    if state.drag is not None and state.drag.dropped and not editing.busy:
-        state.drag = None  # the tracks are those of the edit, or it failed
+    if editing.drag is not None and editing.drag.dropped and not editing.busy:
+        editing.drag = None  # the tracks are those of the edit, or it failed
     if imgui.is_item_activated() and grabbed is not None:
         _press(key, bars, *grabbed, frame, editing, playback)
-    drag = state.drag if state.drag is not None and state.drag.track == key else None
+    drag = editing.drag if editing.drag is not None and editing.drag.track == key else None
     if drag is not None and not drag.dropped:
-        drag = state.drag = _carry(drag, frame, bars, editing, playback)
+        drag = editing.drag = _carry(drag, frame, bars, editing, playback)
     elif hovered and grabbed is not None:
         widgets.tooltip(bars[grabbed[0]].hint or bars[grabbed[0]].text)
     over_end = hovered and grabbed is not None and grabbed[1] != "body" and not editing.fixed
@@ -179,20 +177,19 @@ def _press(
     index: int,
     part: str,
     frame: int,
-    editing: TakeEditing,
+    editing: Resimulation,
     playback: Playback,
 ) -> None:
     """The mouse was pressed on a part of a span: begin to drag it; while a take is driven again, go to the frame."""
-    state = editing.state.timeline
-    if state.drag is not None and state.drag.dropped:
+    if editing.drag is not None and editing.drag.dropped:
         playback.seek(frame)
     else:
         span = bars[index].span
-        state.drag = Drag(key, index, part, frame, span.start, span.end)
+        editing.drag = Drag(key, index, part, frame, span.start, span.end)
 
 
 def _carry(
-    drag: Drag, frame: int, bars: Sequence[LabelledSpan], editing: TakeEditing, playback: Playback
+    drag: Drag, frame: int, bars: Sequence[LabelledSpan], editing: Resimulation, playback: Playback
 ) -> Drag | None:
     """The drag after this frame: moved by the mouse, and let go of when its button is."""
     drag = _dragged(drag, frame, [bar.span for bar in bars], bool(editing.fixed))
@@ -226,7 +223,7 @@ def _dragged(drag: Drag, frame: int, spans: Sequence[Span], fixed: bool) -> Drag
 
 
 def _drop(
-    drag: Drag, frame: int, bars: Sequence[LabelledSpan], editing: TakeEditing, playback: Playback
+    drag: Drag, frame: int, bars: Sequence[LabelledSpan], editing: Resimulation, playback: Playback
 ) -> Drag | None:
     """Let go of a span; what is shown of the drag while the take is driven again."""
     span = bars[drag.index].span

@@ -1,28 +1,30 @@
-"""Pins and plants in the user's hands: of the take that plays, or pins of the live character; fields, tracks and handles."""
+"""Pins and foot plants: of the take that plays, or pins of the live character; fields, tracks and handles."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from runtime.arrays import Array
 from runtime.errors import SportError
-from runtime.pose import FPS, Pose
+from runtime.pose import Pose
+from runtime.session import live_pins
+from runtime.session.session import LIVE, Session, Take
 from runtime.takes.clip import Clip
-from runtime.takes.pinned import along_with, farthest, in_world, pinned, point_of
+from runtime.takes.pinned import along_with, farthest, in_world, point_of
 from runtime.takes.pins import MAX_TIME_S, Pin, Pinned
 from runtime.takes.plants import Frames, PlantEdit, fitted_plant, plants, replanted
-from runtime.takes.pose_edits import PoseEdits
+from viewer.edit.path import on_screen
+from viewer.edit.resimulation import Resimulation
 from viewer.gl_bindings import imgui
 from viewer.render.camera import Camera
 from viewer.render.overlays import PinOverlay
-from viewer.stage.path_tool import on_screen
-from viewer.stage.stage import Stage
-from viewer.takes.editing import SLOT, TakeEditing
-from viewer.takes.state import ClipItem
+from viewer.scene.scene import Scene
+from viewer.session.editor import Editor
+from viewer.session.playback import Playback
 
 GRAB_PX = 14.0  # at scale 1: a click nearer to a handle takes it
 NEW_SECONDS = 1.0  # that a new pin of a take holds
@@ -39,69 +41,83 @@ class _Grab:
 
 
 @dataclass
-class Pinning:
-    """Actions on pins and plants. An edit is a `draft` while the mouse moves it, and a version of the take after."""
+class Pins:
+    """Actions on the pins and foot plants of the take that plays, or on the pins of the live character."""
 
-    editing: TakeEditing
-    stage: Stage
+    editor: Editor
+    editing: Resimulation
+    scene: Scene
     selected: int = -1  # of `pins`
-    draft: PoseEdits | None = None
-    _label: str = ""
-    _subject: object = None  # whose pins `selected` counts
+    _subject: int = LIVE  # the take whose pins `selected` counts
     _grab: _Grab | None = None
-    _planted: tuple[object, Clip] | None = field(default=None, init=False)
+    _planted: tuple[Take, Clip] | None = None
+
+    def __post_init__(self) -> None:
+        self.editor.followers.append(self.follow)
 
     @property
-    def item(self) -> ClipItem | None:
-        """The take that plays."""
-        return self.editing.state.played
+    def playback(self) -> Playback | None:
+        """What plays; None while the character is live."""
+        return self.editing.playback
+
+    @property
+    def take(self) -> Take:
+        """The take that plays, or the live character."""
+        return self.editor.session.live if self.playback is None else self.playback.take
+
+    @property
+    def live(self) -> bool:
+        """Whether the pins are those of the live character."""
+        return self.playback is None
 
     @property
     def fixed(self) -> str:
         """Why no pin or plant of the take that plays can be changed; "" when it can."""
-        return "It is being driven again…" if self.editing.busy else "" if self.item else "No take plays."
-
-    @property
-    def edits(self) -> PoseEdits:
-        """The edits of the take that plays, with the draft."""
-        item = self.item
-        return self.draft or (PoseEdits() if item is None else item.edits)
+        return "It is being resimulated…" if self.editing.busy else "No take plays." if self.live else ""
 
     @property
     def pins(self) -> tuple[Pin, ...]:
         """The pins of the take that plays, or those that the live character holds."""
-        return self.stage.pins.held if self.item is None else self.edits.pins
+        pins = self.take.poses.pins
+        return live_pins.held(pins) if self.live else pins
 
     @property
     def pin(self) -> Pin | None:
         """The selected one."""
         return self.pins[self.selected] if 0 <= self.selected < len(self.pins) else None
 
-    @property
-    def now(self) -> float:
-        """Seconds on the clock of live pins."""
-        return self.stage.drives.next_frame / FPS
+    def follow(self, before: Session, now: Session) -> None:
+        """Say how far a pin is out of reach once it was set or dragged."""
+        if self._subject != self.take.number:
+            return
+        self.selected = self.selected if self.selected < len(self.pins) else -1
+
+    def poll(self) -> None:
+        """Select nothing where another take plays; call once a frame."""
+        if self._subject != self.take.number:
+            self._subject, self.selected, self._grab = self.take.number, -1, None
 
     # --- pins
 
     def add(self, what: Pinned) -> None:
         """Pin a part of the body where it is: from the frame shown on, or now, until it is let go."""
-        playback, item = self.editing.state.playback, self.item
-        if playback is None or item is None:
-            pose = self.stage.pins.bend(self.stage.state.simulation.current, self.now)
-            self.stage.pins.hold(what, self._place(what, pose), self.now)
-            self.selected = len(self.pins) - 1
-            return
-        begin = playback.frame / playback.clip.fps
-        end = min(begin + NEW_SECONDS, playback.clip.seconds)
-        pose, last = playback.pose_at(playback.frame), playback.pose_at(round(end * playback.clip.fps))
-        made = Pin(what, self._place(what, pose), begin, end, of=begin)
-        walks = float(np.linalg.norm(last.hips_position - pose.hips_position)) > WALKS_M
-        if walks and what in (Pinned.LEFT_HAND, Pinned.RIGHT_HAND):
-            point = along_with(np.array(made.point), pose.hips_position, pose.local_rotations[0])
-            made = replace(made, along=True, point=_triple(point))
-        playback.playing = False
-        self._change_to(replace(self.edits, pins=(*self.edits.pins, made)), f"pin of the {what}")
+        playback = self.playback
+        if playback is None:
+            now = self.scene.now
+            place = self._place(what, self.scene.bend(self.scene.simulation.current, now))
+            self._set_live(f"hold of the {what}", live_pins.with_held(self.take.poses.pins, what, place, now))
+        else:
+            begin = playback.frame / playback.clip.fps
+            end = min(begin + NEW_SECONDS, playback.clip.seconds)
+            pose, last = playback.pose_at(playback.frame), playback.pose_at(round(end * playback.clip.fps))
+            made = Pin(what, self._place(what, pose), begin, end, of=begin)
+            walks = float(np.linalg.norm(last.hips_position - pose.hips_position)) > WALKS_M
+            if walks and what in (Pinned.LEFT_HAND, Pinned.RIGHT_HAND):
+                point = along_with(np.array(made.point), pose.hips_position, pose.local_rotations[0])
+                made = replace(made, along=True, point=_triple(point))
+            playback.playing = False
+            self._set(f"pin of the {what}", (*self.take.poses.pins, made))
+        self.poll()
         self.selected = len(self.pins) - 1
 
     def _place(self, what: Pinned, pose: Pose) -> tuple[float, float, float]:
@@ -110,35 +126,34 @@ class Pinning:
         x, y, z = (round(float(v), 4) for v in point_of(what, pose.positions, pose.world_rotations))
         return x, y, z
 
-    def holds(self, what: Pinned) -> bool:
-        """Whether the live character holds with a part."""
-        return any(pin.what is what for pin in self.stage.pins.held)
-
     def toggle_live(self, what: Pinned) -> None:
         """Pin a part of the live character where it is, or let it go."""
-        if self.holds(what):
-            self.stage.pins.release(what, self.now)
-            self.selected = -1
+        if any(pin.what is what for pin in self.pins):
+            self._release(what)
         else:
             self.add(what)
 
+    def _release(self, what: Pinned) -> None:
+        pins = live_pins.released(self.take.poses.pins, what, self.scene.now)
+        self._set_live(f"the {what} let go", pins)
+        self.selected = -1
+
     def change(self, pin: Pin) -> None:
-        """Another point, time or kind for the selected pin."""
-        if self.pin is None or pin == self.pin:
+        """Another point, time or kind for the selected pin, while the mouse holds its field or handle."""
+        old = self.pin
+        if old is None or pin == old or (not self.live and self.editing.busy):
             return
-        if self.item is None:
-            self.stage.pins.change(self.selected, pin)
-            return
-        made = list(self.edits.pins)
-        made[self.selected] = pin
-        self._change_to(replace(self.edits, pins=tuple(made)), f"pin of the {pin.what}")
+        number, pins = self.take.number, self.take.poses.pins
+        at = [id(one) for one in pins].index(id(old))
+        made = (*pins[:at], pin, *pins[at + 1 :])
+        self.editor.drag(f"pin of the {pin.what}", lambda session: _with_pins(session, number, made))
 
     def try_change(self, make: Callable[[], Pin]) -> None:
         """The same with a pin that may be none: what is wrong is said."""
         try:
             self.change(make())
         except SportError as error:
-            self.editing.messages.error(error)
+            self.editor.messages.error(error)
 
     def put_along(self, pin: Pin, along: bool) -> None:
         """Let the point go with the character, or stay in the world: where it is now."""
@@ -163,11 +178,11 @@ class Pinning:
         pin = self.pin
         if pin is None:
             return
-        if self.item is None:
-            self.stage.pins.release(pin.what, self.now)
+        if self.live:
+            self._release(pin.what)
         else:
-            kept = tuple(p for i, p in enumerate(self.edits.pins) if i != self.selected)
-            self._change_to(replace(self.edits, pins=kept), f"pin of the {pin.what}, removed")
+            kept = tuple(p for i, p in enumerate(self.take.poses.pins) if i != self.selected)
+            self._set(f"removal of the {pin.what}'s pin", kept)
         self.selected = -1
 
     def close(self) -> bool:
@@ -175,93 +190,78 @@ class Pinning:
         was, self.selected = self.pin is not None, -1
         return was
 
+    def _set(self, label: str, pins: tuple[Pin, ...]) -> None:
+        if self.fixed:
+            self.editor.messages.warn(self.fixed)
+            return
+        take = self.take
+        if self.editor.do(
+            f"{label} of {take.title}", lambda session: _with_pins(session, take.number, pins)
+        ):
+            self._say(label)
+
+    def _set_live(self, label: str, pins: tuple[Pin, ...]) -> None:
+        self.editor.do(label, lambda session: _with_pins(session, LIVE, pins))
+
+    def _say(self, label: str) -> None:
+        self.editor.messages.note(f"{self.take.title}: {label}. Ctrl+Z undoes it.")
+
+    def reach(self) -> float:
+        """Metres from the selected pin of a take to what it holds in the worst frame, when that is to be told; else 0."""
+        playback, pin = self.playback, self.pin
+        if playback is None or pin is None or playback.shown is not playback.take:
+            return 0.0
+        far = farthest(playback.clip, pin)
+        return far if far > MISSED_M else 0.0
+
     # --- plants
 
     @property
     def planted(self) -> Clip | None:
         """The take that plays with its plants and without its pins."""
-        item = self.item
-        if item is None:
+        if self.playback is None:
             return None
-        if self._planted is None or self._planted[0] is not item.clip:
-            self._planted = item.clip, replanted(item.driven, item.edits.plants)
+        take = self.playback.shown
+        if self._planted is None or self._planted[0] is not take:
+            known = self._planted
+            same = known is not None and (known[0].motion, known[0].mirrored, known[0].poses.plants) == (
+                take.motion, take.mirrored, take.poses.plants,
+            )  # fmt: skip
+            clip = known[1] if same and known is not None else replanted(take.driven, take.poses.plants)
+            self._planted = take, clip
         return self._planted[1]
 
     def plants(self, foot: int) -> list[Frames]:
         """When a foot of the take that plays bears; while one is dragged, as it would."""
-        clip, item = self.planted, self.item
-        if clip is None or item is None:
+        clip, playback = self.planted, self.playback
+        if clip is None or playback is None:
             return []
         known = plants(clip.contacts[:, 2 * foot : 2 * foot + 2])
-        new = self.draft.plants[len(item.edits.plants) :] if self.draft is not None else ()
-        for edit in new:
+        for edit in playback.take.poses.plants[len(playback.shown.poses.plants) :]:
             if edit.foot == foot:
                 known = [p for p in known if p != edit.old] + ([edit.new] if edit.new else [])
         return known
 
     def plant(self, foot: int, old: Frames | None, new: Frames | None) -> None:
-        """Move, add or remove a plant of a foot."""
-        clip, item = self.planted, self.item
-        if clip is None or item is None:
+        """Move, add or remove a plant of a foot, while the mouse holds it."""
+        clip, playback = self.planted, self.playback
+        if clip is None or playback is None or self.fixed:
             return
         try:
             fitted = None if new is None else fitted_plant(clip, foot, old, *new)
         except SportError as error:
-            self.editing.messages.error(error)
+            self.editor.messages.error(error)
             return
-        edit = PlantEdit(foot, old, fitted)
+        edit, take = PlantEdit(foot, old, fitted), playback.take
         side = ("left", "right")[foot]
         name = f"{side} foot" + (", plant removed" if new is None else ", plant added" if old is None else "")
-        self._change_to(replace(item.edits, plants=(*item.edits.plants, edit)), name)
-
-    # --- drafts and versions
-
-    def _change_to(self, edits: PoseEdits, label: str) -> None:
-        if self.fixed:
-            self.editing.messages.warn(self.fixed)
-        else:
-            self.draft, self._label = edits, label
-
-    def poll(self) -> None:
-        """Make the draft a version once the mouse lets go of it; call once a frame."""
-        item = self.item
-        if self._subject is not item:
-            self._subject, self.selected, self.draft, self._grab = item, -1, None, None
-        busy = imgui.is_mouse_down(0) or imgui.is_any_item_active() or self.editing.busy
-        if self.draft is None or item is None or busy:
-            return
-        draft, label, before, driven = self.draft, self._label, item.clip, item.driven
-
-        def take(made: Clip) -> None:
-            self.draft = None
-            if item.clip is before:
-                item.edit(made, item.drive, label, driven if draft else None, draft)
-                self.editing.show(item)
-                self._say(item, label)
-
-        self.editing.takes.jobs.submit(SLOT, lambda: draft.apply(driven), take, lambda _: self._give_up())
-
-    def _give_up(self) -> None:
-        self.draft = None
-
-    def _say(self, item: ClipItem, label: str) -> None:
-        far = 0.0 if self.pin is None else farthest(item.clip, self.pin)
-        out = f" {far:.2f} m out of reach at worst." if far > MISSED_M else ""
-        self.editing.messages.note(f"{item.name}: {label}.{out} Ctrl+Z brings the version before back.")
-
-    def shown_pose(self) -> Pose | None:
-        """The pose of the take with the draft; None where there is none."""
-        playback, clip = self.editing.state.playback, self.planted
-        if self.draft is None or playback is None or clip is None:
-            return None
-        frame = playback.frame
-        return playback.standing(pinned(clip, self.draft.pins, only=frame).pose(frame))
+        made = replace(take.poses, plants=(*playback.shown.poses.plants, edit))
+        self.editor.drag(f"{name} of {take.title}", lambda session: session.with_take(take.number, poses=made))
 
     # --- in the view
 
     def _pose(self) -> Pose:
-        playback = self.editing.state.playback
-        return self.stage.state.simulation.current if playback is None else playback.pose()
+        return self.scene.simulation.current if self.playback is None else self.playback.pose()
 
     def overlay(self) -> PinOverlay | None:
         """The points of all pins, with their rails."""
@@ -306,9 +306,8 @@ class Pinning:
                     best, found = away, (i, bool(end), place)
         if found is None:
             return None
-        playback = self.editing.state.playback
-        if playback is not None:
-            playback.playing = False
+        if self.playback is not None:
+            self.playback.playing = False
         self.selected = found[0]
         return _Grab(found[1], _depth(camera, found[2]))
 
@@ -322,6 +321,11 @@ class Pinning:
         if pin.along:
             place = along_with(place, pose.hips_position, pose.local_rotations[0])
         self.change(replace(pin, **{"rail" if grab.end else "point": _triple(place)}))  # type: ignore[arg-type]
+
+
+def _with_pins(session: Session, number: int, pins: tuple[Pin, ...]) -> Session:
+    take = session.take(number)
+    return session if take is None else session.with_take(number, poses=replace(take.poses, pins=pins))
 
 
 def _depth(camera: Camera, place: Array) -> float:

@@ -11,7 +11,7 @@ from runtime.pose import Pose
 from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
 from viewer.render.overlays import TrailOverlay
-from viewer.takes.playback import Playback
+from viewer.session.playback import Playback
 
 GHOSTS = 3  # before the frame shown, and as many after it
 TRAIL_SECONDS = 0.8  # before and after

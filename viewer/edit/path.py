@@ -1,22 +1,25 @@
-"""A path that is drawn on the ground with the mouse and walked by the live character."""
+"""A path that is drawn on the ground with the mouse: the live character walks it, a take is resimulated along it."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from runtime.controls import Controls, Gait
+from runtime.errors import SportError
 from runtime.motion.paths import PlanarPose
+from runtime.session.motion import Motion
+from runtime.session.session import LIVE, Session, Take
 from runtime.terrain.height_map import Terrain
 from viewer.gl_bindings import imgui
-from viewer.messages import Messages
+from viewer.edit.resimulation import Resimulation
 from viewer.render.camera import Camera
 from viewer.render.overlays import PathOverlay
+from viewer.scene.scene import Scene
+from viewer.session.editor import Editor
 
 if TYPE_CHECKING:
     from runtime.motion.point_path import PathWalk, Waypoint
@@ -29,51 +32,114 @@ RAY_STEPS = 400
 
 @dataclass
 class PathTool:
-    """The points, which of them is selected, and the walk under way."""
+    """The path of the live character, which it walks, or of the take that plays, which is resimulated along it."""
 
-    messages: Messages
+    editor: Editor
+    editing: Resimulation
+    scene: Scene
     active: bool = False  # clicks on the ground set points
-    points: list[Waypoint] = field(default_factory=list)
     selected: int = -1
     walk: PathWalk | None = None
-    begun: bool = False  # since the last `walk_began`
-    drive: Callable[[], None] | None = None  # the points are the way of a take, which this drives again
+    _begun: bool = False  # since the last `walk_began`
     _time_s: float = 0.0
     _held: bool = False  # the mouse drags the selected point
     _drawing: bool = False  # the drag began with a new point and sets more
+    _subject: int = LIVE  # the take whose points `selected` counts
+    _of_motion: tuple[Motion, tuple[Waypoint, ...]] | None = None
+
+    def __post_init__(self) -> None:
+        self.editor.followers.append(self.follow)
+
+    @property
+    def take(self) -> Take:
+        """The take whose path this is."""
+        return self.editing.take or self.editor.session.live
+
+    @property
+    def of_take(self) -> bool:
+        """Whether the path is that of a take that can be resimulated along another one."""
+        take = self.editing.take
+        return take is not None and (not self.editing.fixed or self.editing.busy)
+
+    @property
+    def points(self) -> tuple[Waypoint, ...]:
+        """The points that were drawn; of a take without any the way that it goes."""
+        take = self.take
+        if take.path or take.motion is None or not self.of_take:
+            return take.path
+        if self._of_motion is None or self._of_motion[0] is not take.motion:
+            self._of_motion = take.motion, self._way(take.motion)
+        return self._of_motion[1]
+
+    def _way(self, motion: Motion) -> tuple[Waypoint, ...]:
+        from runtime.takes.way import way_of
+
+        try:
+            return () if motion.drive is None else way_of(motion.clip, motion.drive)
+        except SportError as error:
+            self.editor.messages.error(error)
+            return ()
+
+    def follow(self, before: Session, now: Session) -> None:
+        """Select no point that is gone; a walk along another path ends."""
+        if self.take.number == LIVE and before.live.path != now.live.path:
+            self.walk = None
+
+    def poll(self) -> None:
+        """Look after which take the path is of; call once a frame."""
+        take = self.take
+        if take.number != self._subject:
+            self._subject, self.active, self.selected = take.number, False, -1
+        if self.selected >= len(self.points) or (self.active and self.selected < 0):
+            self.selected = len(self.points) - 1
 
     def overlay(self) -> PathOverlay | None:
         """What is drawn on the ground."""
-        if not self.points or not (self.active or self.walk is not None):
+        if not (self.active or self.walk is not None) or not self.points:
             return None
         return PathOverlay(np.array([(p.x, p.z) for p in self.points]), self.selected if self.active else -1)
 
     # --- points
 
-    def add(self, x: float, z: float) -> None:
+    def _put(self, label: str, points: tuple[Waypoint, ...], held: bool = False) -> None:
+        number = self.take.number
+        change = (self.editor.drag if held else self.editor.do)
+        name = "" if number == LIVE else f" of {self.take.title}"
+        change(f"{label}{name}", lambda session: session.with_take(number, path=points))
+
+    def add(self, x: float, z: float, held: bool = False) -> None:
         """Another last point, with the speed and gait of the one before."""
         from runtime.motion.point_path import MAX_POINTS, Waypoint
 
-        if len(self.points) < MAX_POINTS:
-            before = self.points[-1] if self.points else Waypoint(x, z)
-            self.points.append(dataclasses.replace(before, x=x, z=z))
-            self.selected = len(self.points) - 1
+        points = self.points
+        if len(points) < MAX_POINTS:
+            before = points[-1] if points else Waypoint(x, z)
+            self._put("points of the path", (*points, replace(before, x=x, z=z)), held)
+            self.selected = len(points)
 
     def change(self, **values: float | Gait) -> None:
-        """Another place, speed or gait for the selected point."""
-        if 0 <= self.selected < len(self.points):
-            self.points[self.selected] = dataclasses.replace(self.points[self.selected], **values)  # type: ignore[arg-type]
+        """Another place, speed or gait for the selected point, while the mouse holds it."""
+        points, i = self.points, self.selected
+        if 0 <= i < len(points):
+            made = replace(points[i], **values)  # type: ignore[arg-type]
+            self._put("point of the path", (*points[:i], made, *points[i + 1 :]), held=True)
 
     def delete(self) -> None:
         """Remove the selected point; the one before is selected then."""
-        if 0 <= self.selected < len(self.points):
-            del self.points[self.selected]
-            self.selected = max(self.selected - 1, 0) if self.points else -1
+        points, i = self.points, self.selected
+        if 0 <= i < len(points):
+            self._put("removal of a point of the path", points[:i] + points[i + 1 :])
+            self.selected = max(i - 1, 0) if len(points) > 1 else -1
 
     def clear(self) -> None:
         """Remove every point."""
-        self.points.clear()
-        self.selected, self.walk = -1, None
+        self._put("removal of the path", ())
+        self.selected = -1
+
+    def resimulate(self) -> None:
+        """Resimulate the take that plays along the points."""
+        self.editor.finish_drag()
+        self.editing.walk(self.points)
 
     # --- mouse
 
@@ -92,7 +158,7 @@ class PathTool:
             if near >= 0:
                 self.selected = near
             else:
-                self.add(*place)
+                self.add(*place, held=True)
             self._held = True
         elif self._held and imgui.is_mouse_down(0):
             moved = io.mouse_delta.x or io.mouse_delta.y
@@ -108,7 +174,7 @@ class PathTool:
         """Another point where the mouse has gone far enough from the last one."""
         last = self.points[-1]
         if math.hypot(x - last.x, z - last.z) >= DRAWN_M:
-            self.add(x, z)
+            self.add(x, z, held=True)
 
     def _point_at(self, camera: Camera, terrain: Terrain) -> int:
         """The point under the mouse; -1 for none."""
@@ -123,12 +189,13 @@ class PathTool:
 
     # --- walking
 
-    def start(self, place: PlanarPose) -> None:
+    def start(self) -> None:
         """Lead the character along the path from where it stands."""
         from runtime.motion.point_path import PointPath
 
         if self.points:
-            self.walk, self._time_s, self.begun = PointPath(tuple(self.points)).walk_from(place), 0.0, True
+            self.walk = PointPath(self.points).walk_from(self._place)
+            self._time_s, self._begun = 0.0, True
 
     def stop(self) -> None:
         """Give the stick back."""
@@ -136,23 +203,28 @@ class PathTool:
 
     def walk_began(self) -> bool:
         """Whether a walk began since the last call."""
-        begun, self.begun = self.begun, False
+        begun, self._begun = self._begun, False
         return begun
 
-    def controls(self, own: Controls, place: PlanarPose, dt: float) -> Controls:
+    @property
+    def _place(self) -> PlanarPose:
+        pose = self.scene.simulation.current
+        return PlanarPose(float(pose.root_position[0]), float(pose.root_position[2]), pose.root_yaw)
+
+    def controls(self, own: Controls, dt: float) -> Controls:
         """The path's stick while it is walked; any stick of the user ends the walk."""
         walk = self.walk
         if walk is None or any(own.move):
             self.walk = None
             return own
-        asked = walk(self._time_s, place)
+        stick = walk(self._time_s, self._place)
         self._time_s += dt
         if walk.ended:
             self.walk = None
-            self.messages.note(
-                "The path is walked." if walk.arrived else "The path goes on where nobody can walk."
+            self.editor.messages.note(
+                "The path is walked." if walk.arrived else "Path crosses unwalkable ground."
             )
-        return asked
+        return stick
 
 
 def ground_under(

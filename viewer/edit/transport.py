@@ -9,12 +9,12 @@ from viewer.gui import theme, widgets
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
-from viewer.takes import timeline
-from viewer.takes.editing import TakeEditing
-from viewer.takes.pinning import Pinning
-from viewer.takes.playback import Playback
-from viewer.takes.reference_panel import References
-from viewer.takes.take_camera import TakeCamera
+from viewer.edit import timeline
+from viewer.edit.resimulation import Resimulation
+from viewer.edit.pins import Pins
+from viewer.session.playback import Playback
+from viewer.edit.reference_card import ReferenceCard
+from viewer.edit.camera_keys import CameraKeys
 
 SPEEDS = (0.1, 2.0)
 WIDE = 520.0  # pixels at scale 1: words beside the icons
@@ -23,34 +23,34 @@ PROMPT_POPUP, GAIT_POPUP, PIN_POPUP = "new prompt", "new gait", "new pin"
 BESIDE_POPUP = "beside"
 
 
-def panel(editing: TakeEditing, pinning: Pinning, camera: TakeCamera, references: References) -> Panel:
+def panel(editing: Resimulation, pins: Pins, camera: CameraKeys, references: ReferenceCard) -> Panel:
     """The bar; Escape in the view leaves the take."""
 
     def close() -> bool:
-        was_open = editing.state.playback is not None
+        was_open = editing.playback is not None
         editing.takes.close_playback()
         return was_open
 
     return Panel(
-        "Transport", PanelPlace.BELOW, lambda _: draw(editing, pinning, camera, references), close=close
+        "Transport", PanelPlace.BELOW, lambda _: draw(editing, pins, camera, references), close=close
     )
 
 
-def draw(editing: TakeEditing, pinning: Pinning, camera: TakeCamera, references: References) -> None:
+def draw(editing: Resimulation, pins: Pins, camera: CameraKeys, references: ReferenceCard) -> None:
     """Contents of the bar."""
-    playback = editing.state.playback
+    playback = editing.playback
     if playback is None:
         return
     width = imgui.get_content_region_avail().x
     wide, tiny = width >= px(WIDE), width < px(TINY)
     if not wide:
-        editing.state.timeline.part_tracks = False  # its button is not there
+        editing.part_tracks = False  # its button is not there
     _playing(playback, editing, wide, tiny)
-    _editing(playback, editing, pinning, camera, references, wide, tiny)
-    timeline.draw(editing, pinning, camera, playback)
+    _editing(playback, editing, pins, camera, references, wide, tiny)
+    timeline.draw(editing, pins, camera, playback)
 
 
-def _playing(playback: Playback, editing: TakeEditing, wide: bool, tiny: bool) -> None:
+def _playing(playback: Playback, editing: Resimulation, wide: bool, tiny: bool) -> None:
     """Time: play, single steps, loop, speed, the frame, and back to live."""
     square, gap = px(30), px(4)
     if widgets.button(ICON.start, square, "To the first frame kept (Home)"):
@@ -83,15 +83,14 @@ def _playing(playback: Playback, editing: TakeEditing, wide: bool, tiny: bool) -
         editing.takes.close_playback()
 
 
-def _time(playback: Playback, editing: TakeEditing, space: float) -> None:
+def _time(playback: Playback, editing: Resimulation, space: float) -> None:
     """The frame, then as much more as there is space for; while the take is driven again, how far that is."""
     if editing.busy and space > px(60):
-        imgui.progress_bar(editing.progress, imgui.ImVec2(space, 0), f"Driving again {editing.progress:.0%}")
+        imgui.progress_bar(editing.progress, imgui.ImVec2(space, 0), f"Resimulating {editing.progress:.0%}")
         return
     frame = f"{playback.frame} / {playback.frames - 1}"
     clock = widgets.clock(playback.time_s)
-    item = editing.state.played
-    more = "" if item is None else item.name + (f", version {len(item.older) + 1}" if item.older else "")
+    more = "" if editing.take is None else editing.take.title
     choices = (f"{frame}   {clock} s   {more}", f"{frame}   {clock} s", frame)
     fitting = [text for text in choices if imgui.calc_text_size(text).x <= space]
     widgets.muted(fitting[0] if fitting else "")
@@ -99,10 +98,10 @@ def _time(playback: Playback, editing: TakeEditing, space: float) -> None:
 
 def _editing(
     playback: Playback,
-    editing: TakeEditing,
-    pinning: Pinning,
-    camera: TakeCamera,
-    references: References,
+    editing: Resimulation,
+    pins: Pins,
+    camera: CameraKeys,
+    references: ReferenceCard,
     wide: bool,
     tiny: bool,
 ) -> None:
@@ -110,14 +109,14 @@ def _editing(
     gap, fixed = px(4), editing.fixed
     if not tiny:  # the handles of the ruler do the same
         if widgets.button("[ In", px(44), "Keep the clip from this frame"):
-            playback.trim_in()
+            editing.takes.trim(first=playback.frame)
         imgui.same_line(0, gap)
         if widgets.button("Out ]", px(50), "Keep the clip up to this frame"):
-            playback.trim_out()
+            editing.takes.trim(last=playback.frame)
         imgui.same_line(0, px(8))
     imgui.begin_disabled(bool(fixed))
     if widgets.button("+ Prompt", 0.0, fixed or "Another prompt from this frame on"):
-        editing.state.timeline.new_prompt = ""
+        editing.new_prompt = ""
         imgui.open_popup(PROMPT_POPUP)
     imgui.same_line(0, gap)
     if widgets.button(
@@ -126,33 +125,33 @@ def _editing(
         imgui.open_popup(GAIT_POPUP)
     imgui.end_disabled()
     imgui.same_line(0, gap)
-    imgui.begin_disabled(bool(pinning.fixed))
+    imgui.begin_disabled(bool(pins.fixed))
     if widgets.button(
         "+ Pin",
         0.0,
-        pinning.fixed or "Hold a hand, a foot, the look or the pose from this frame on, or key the camera",
+        pins.fixed or "Hold a hand, a foot, the look or the pose from this frame on, or key the camera",
     ):
         imgui.open_popup(PIN_POPUP)
     imgui.end_disabled()
-    _popups(editing, pinning, camera)
+    _popups(editing, pins, camera)
     imgui.same_line(0, gap)
-    undo, redo = editing.undo_labels
+    editor = editing.takes.editor
+    undo, redo = editor.undo_label, editor.redo_label
     if widgets.icon_button(ICON.undo, "take undo", f"Undo {undo} (Ctrl+Z)", theme.TEXT, bool(undo)):
-        editing.undo()
+        editor.undo()
     imgui.same_line(0, 0)
     if widgets.icon_button(ICON.redo, "take redo", f"Redo {redo} (Ctrl+Y)", theme.TEXT, bool(redo)):
-        editing.redo()
+        editor.redo()
     if wide:
         imgui.same_line(0, gap)
-        state = editing.state.timeline
         hint = "A track for what each body part does"
-        state.part_tracks = widgets.toggle("Parts", state.part_tracks, px(48), hint)
+        editing.part_tracks = widgets.toggle("Parts", editing.part_tracks, px(48), hint)
         imgui.same_line(0, gap)
         _beside(references)
     _go_on(editing, fixed, "Go on from here" if wide else "" if tiny else "Go on")
 
 
-def _beside(references: References) -> None:
+def _beside(references: ReferenceCard) -> None:
     hint = "Compare with another take, a BVH or a film: beside it or over it"
     shown = references.reference.shown
     if widgets.toggle("Beside…", shown, px(66), hint) != shown:
@@ -162,7 +161,7 @@ def _beside(references: References) -> None:
         imgui.end_popup()
 
 
-def _go_on(editing: TakeEditing, fixed: str, words: str) -> None:
+def _go_on(editing: Resimulation, fixed: str, words: str) -> None:
     imgui.same_line(0, px(4))
     end = imgui.get_window_width() - imgui.get_style().window_padding.x
     padding, room = 2 * imgui.get_style().frame_padding.x, end - imgui.get_cursor_pos_x()
@@ -181,18 +180,17 @@ def _go_on(editing: TakeEditing, fixed: str, words: str) -> None:
     imgui.end_disabled()
 
 
-def _popups(editing: TakeEditing, pinning: Pinning, camera: TakeCamera) -> None:
-    state = editing.state.timeline
+def _popups(editing: Resimulation, pins: Pins, camera: CameraKeys) -> None:
     if imgui.begin_popup(PROMPT_POPUP):
         if imgui.is_window_appearing():
             imgui.set_keyboard_focus_here()
         imgui.set_next_item_width(px(260))
         flags = imgui.InputTextFlags_.enter_returns_true
-        entered, state.new_prompt = imgui.input_text_with_hint(
-            "##new prompt", "How does it go on? Enter drives it", state.new_prompt, flags
+        entered, editing.new_prompt = imgui.input_text_with_hint(
+            "##new prompt", "Prompt from here; Enter resimulates", editing.new_prompt, flags
         )
         if entered:
-            editing.insert_prompt(state.new_prompt)
+            editing.insert_prompt(editing.new_prompt)
             imgui.close_current_popup()
         imgui.end_popup()
     if imgui.begin_popup(GAIT_POPUP):
@@ -203,7 +201,7 @@ def _popups(editing: TakeEditing, pinning: Pinning, camera: TakeCamera) -> None:
     if imgui.begin_popup(PIN_POPUP):
         for what in Pinned:
             if imgui.selectable(f"{str(what).capitalize()}##pin", False)[0]:
-                pinning.add(what)
+                pins.add(what)
         imgui.separator()
         camera.menu()
         imgui.end_popup()

@@ -14,11 +14,10 @@ from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
-from viewer.takes.opening import Opening
-from viewer.takes.playback import Playback
-from viewer.takes.reference import LIMITS, Look, Reference
-from viewer.takes.video import SUFFIXES as VIDEOS
-from viewer.takes.video import Video
+from viewer.edit.reference import LIMITS, Look, References
+from viewer.edit.video import SUFFIXES as VIDEOS
+from viewer.edit.video import Video
+from viewer.session.playback import Playback
 
 WIDTH, SMALL_WIDTH = 292.0, 178.0  # of a film's card at least, pixels at scale 1
 SMALL_VIEW = 520.0
@@ -29,11 +28,10 @@ Browse = Callable[[str, tuple[str, ...], Callable[[Path], None]], None]  # title
 
 
 @dataclass
-class References:
-    """The reference with what its card needs: `browse` asks for a file, `opening` reads takes."""
+class ReferenceCard:
+    """The card of a reference, and the menu that chooses it; `browse` chooses a file."""
 
-    reference: Reference
-    opening: Opening
+    reference: References
     browse: Browse
     ctx: Any  # OpenGL context
     corner_taken: Callable[[], bool] = lambda: False  # another card lies at the top right of the view
@@ -56,12 +54,13 @@ class References:
 
     def menu(self) -> None:
         """Entries of a menu: the other takes of the list, and a file."""
-        state, reference = self.reference.state, self.reference
-        others = [item for i, item in enumerate(state.items) if state.playback and i != state.playback.index]
-        for number, item in enumerate(others):
-            text = widgets.elided(item.name, px(220))
-            if imgui.menu_item(f"{text}##beside {number}", "", reference.item is item)[0]:
-                reference.show(item)
+        reference = self.reference
+        played = reference.takes.played
+        others = [take for take in reference.takes.session.takes if played and take.number != played.number]
+        for take in others:
+            text, chosen = widgets.elided(take.title, px(220)), reference.take == take
+            if imgui.menu_item(f"{text}##beside {take.number}", "", chosen)[0]:
+                reference.show(take.number)
         if others:
             imgui.separator()
         if imgui.menu_item("A take or film from a file…", "", False)[0]:
@@ -73,7 +72,7 @@ class References:
     def open(self, path: Path) -> None:
         """Show a file beside the take that plays."""
         if path.suffix.lower() == ".bvh":
-            self.opening.open_beside(path)
+            self.reference.takes.open_reference(path)
         else:
             self.reference.open_video(path)
 
@@ -82,17 +81,17 @@ class References:
     @property
     def _film(self) -> Video | None:
         """The film that is shown in the card."""
-        return None if self.reference.over else self.reference.video
+        return None if self.reference.reference.over else self.reference.video
 
     def _film_width(self, view: Rect) -> float:
         """What a film's card covers of the view's left side, in screen units."""
-        if self._film is None or self.reference.state.playback is None or view.width < px(MIN_VIEW):
+        if self._film is None or self.reference.takes.playback is None or view.width < px(MIN_VIEW):
             return 0.0
         least = SMALL_WIDTH if view.width < px(SMALL_VIEW) else WIDTH
-        return max(px(least), self.reference.size * view.width) + px(card.MARGIN)
+        return max(px(least), self.reference.reference.size * view.width) + px(card.MARGIN)
 
     def _draw(self, view: Rect) -> None:
-        reference, playback, film = self.reference, self.reference.state.playback, self._film
+        reference, playback, film = self.reference, self.reference.takes.playback, self._film
         if playback is None:
             return
         if reference.video is not None and film is None:
@@ -147,27 +146,30 @@ class References:
         others = over + px(card.GAP) + (side + px(card.GAP) if reference.video is None else 0.0)
         each = (imgui.get_content_region_avail().x - spare - others - px(card.GAP)) / 2
         imgui.set_next_item_width(each)
-        low, high, _ = LIMITS["offset_s"]
+        low, high = LIMITS["offset_s"]
         text = "%+d frames" if wide else "%+d"
-        _, frames = imgui.drag_int(
+        moved, frames = imgui.drag_int(
             "##reference offset",
-            round(reference.offset_s * fps),
+            round(reference.reference.offset_s * fps),
             0.3,
             round(low * fps),
             round(high * fps),
             text,
         )
-        reference.offset_s = frames / fps
+        if moved:
+            reference.set(held=True, offset_s=frames / fps)
         widgets.tooltip("How many frames later the reference is. Drag, or double-click to type.")
         card.beside()
         imgui.set_next_item_width(each)
         if reference.video is None:
             self._aside(wide)
         else:
-            self._share("opacity" if reference.over else "size", wide)
+            self._share("opacity" if reference.reference.over else "size", wide)
         card.beside()
         hint = "In the same place, translucent" if reference.video is None else "Across the view, translucent"
-        reference.over = widgets.toggle("Over it" if wide else "Over", reference.over, over, hint)
+        is_over = reference.reference.over
+        if widgets.toggle("Over it" if wide else "Over", is_over, over, hint) != is_over:
+            reference.set(over=not is_over)
         if reference.video is None:
             card.beside()
             if widgets.icon_button(
@@ -177,30 +179,35 @@ class References:
             self._looks()
 
     def _aside(self, wide: bool) -> None:
-        reference, (low, high, _) = self.reference, LIMITS["aside_m"]
-        imgui.begin_disabled(reference.over)
+        reference, (low, high) = self.reference, LIMITS["aside_m"]
+        imgui.begin_disabled(reference.reference.over)
         text = "%.1f m aside" if wide else "%.1f m"
-        _, reference.aside_m = imgui.drag_float("##reference aside", reference.aside_m, 0.01, low, high, text)
+        aside_m = reference.reference.aside_m
+        moved, aside_m = imgui.drag_float("##reference aside", aside_m, 0.01, low, high, text)
+        if moved:
+            reference.set(held=True, aside_m=min(max(aside_m, low), high))
         imgui.end_disabled()
         widgets.tooltip("How far to the right of the take. Drag, or double-click to type.")
 
     def _share(self, name: str, wide: bool) -> None:
         """A share of the film's picture, as a percentage."""
-        (low, high, _), text = LIMITS[name], f"{name} %.0f %%" if wide else "%.0f %%"
-        value = getattr(self.reference, name) * 100.0
-        _, value = widgets.slider(f"##reference {name}", value, low * 100.0, high * 100.0, text)
-        setattr(self.reference, name, value / 100.0)
+        (low, high), text = LIMITS[name], f"{name} %.0f %%" if wide else "%.0f %%"
+        value = getattr(self.reference.reference, name) * 100.0
+        moved, value = widgets.slider(f"##reference {name}", value, low * 100.0, high * 100.0, text)
+        if moved:
+            self.reference.set(held=True, **{name: min(max(value / 100.0, low), high)})
         widgets.tooltip(f"The picture's {name}")
 
     def _looks(self) -> None:
         """Who moves as the reference does."""
-        reference, path = self.reference, self.reference.character_path
+        reference, choice = self.reference, self.reference.reference.character
         if not imgui.begin_popup("look"):
             return
         for look in reference.looks:
-            name = path.name if look is Look.CHARACTER and path is not None else str(look)
+            own = look is Look.CHARACTER and choice is not None
+            name = Path(choice.path).name if own and choice is not None else str(look)
             if imgui.menu_item(f"{name}##look {look}", "", look is reference.look)[0]:
-                reference.look = look
+                reference.set(look=str(look))
         imgui.separator()
         if imgui.menu_item("Another character…", "", False)[0]:
             self.browse("The reference's character", tuple(CHARACTERS), reference.open_character)
@@ -213,7 +220,7 @@ class References:
         by = min(view.width / video.size[0], view.height / video.size[1])
         wide, high = video.size[0] * by, video.size[1] * by
         left, top = view.x + (view.width - wide) / 2, view.y + (view.height - high) / 2
-        tint = imgui.get_color_u32(imgui.ImVec4(1.0, 1.0, 1.0, self.reference.opacity))
+        tint = imgui.get_color_u32(imgui.ImVec4(1.0, 1.0, 1.0, self.reference.reference.opacity))
         imgui.get_background_draw_list().add_image(
             self._picture(video, playback),
             imgui.ImVec2(left, top),

@@ -5,42 +5,37 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from runtime.controls import Gait
-from runtime.motion.paths import PlanarPose
 from viewer.gl_bindings import imgui
 from viewer.gui import widgets
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
-from viewer.stage.path_tool import PathTool
-from viewer.stage.stage import Stage
+from viewer.edit.path import PathTool
 
 GAITS = [(gait, gait.label.capitalize()) for gait in (Gait.WALK, Gait.JOG, Gait.CROUCH)]
 
 
-def draw(stage: Stage, draw_pins: Callable[[float], None]) -> None:
+def draw(tool: PathTool, draw_pins: Callable[[float], None]) -> None:
     """Contents of this part; `draw_pins` fills the end of its first row, of a width."""
-    tool = stage.path
     third = (imgui.get_content_region_avail().x - 2 * px(4)) / 3
     hint = "A drag on the ground draws the path, a click adds a point. Drag a point to move it, Delete removes it."
-    if tool.drive is not None:
-        hint = "The way of the take: drag its points, choose speed and gait of each leg, delete the last ones to end there"
-    tool.active = widgets.toggle(
-        "Draw a path" if tool.drive is None else "Edit its way", tool.active, third, hint
-    )
+    if tool.of_take:
+        hint = "The path of the take: drag its points, choose speed and gait of each leg, delete the last ones to end there"
+    text = "Edit its path" if tool.of_take else "Draw a path"
+    tool.active = widgets.toggle(text, tool.active, third, hint)
     imgui.same_line(0, px(4))
-    imgui.begin_disabled(not tool.points or (tool.drive is not None and not tool.active))
-    if tool.drive is not None:
+    imgui.begin_disabled(not tool.points or (tool.of_take and not tool.active))
+    if tool.of_take:
         if widgets.button(
-            f"{ICON.walk} Drive it###drive path", third, "Drive the take again along these points"
+            f"{ICON.walk} Resimulate###drive path", third, "Resimulate the take along these points"
         ):
-            tool.drive()
+            tool.resimulate()
     elif tool.walk is not None:
         if widgets.button(f"{ICON.stop} Stop###walk path", third, "Give the stick back"):
             tool.stop()
     elif widgets.button(
         f"{ICON.walk} Walk it###walk path", third, "From where the character stands; any key of yours ends it"
     ):
-        pose = stage.state.simulation.current
-        tool.start(PlanarPose(float(pose.root_position[0]), float(pose.root_position[2]), pose.root_yaw))
+        tool.start()
     imgui.end_disabled()
     imgui.same_line(0, px(4))
     draw_pins(third)

@@ -8,84 +8,93 @@ import numpy as np
 
 from runtime.errors import SportError
 from runtime.pose import Pose
+from runtime.session.session import Take
 from runtime.takes.camera_keys import MAX_KEYS, CameraKey, view_at, with_key
 from runtime.terrain.height_map import Terrain
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.widgets import px
-from viewer.messages import Messages
 from viewer.render.camera import looked_at
-from viewer.stage.camera_control import CameraControl
-from viewer.takes.playback import Playback
-from viewer.takes.state import ClipItem, TakesState
-from viewer.takes.track_drawing import draw_rect, new_row, take_mouse
+from viewer.scene.camera_control import CameraControl
+from viewer.session.editor import Editor
+from viewer.session.playback import Playback
+from viewer.session.takes import Takes
+from viewer.edit.track_drawing import draw_rect, new_row, take_mouse
 
 GRAB = 6.0  # pixels at scale 1 from a key
 _HINT = "Views of the camera, for a film by “keyed”.\nDrag a key; right-click removes it"
 
 
 @dataclass
-class TakeCamera:
+class CameraKeys:
     """Actions on the keys of the take that plays."""
 
-    state: TakesState
+    editor: Editor
+    takes: Takes
     control: CameraControl
-    messages: Messages
     through: bool = False  # the view follows the keys while the take plays
     _dragged: int = -1
 
     @property
-    def item(self) -> ClipItem | None:
+    def take(self) -> Take | None:
         """The take that plays."""
-        return self.state.played
+        return self.takes.played
 
     @property
     def keys(self) -> tuple[CameraKey, ...]:
         """Its keys."""
-        return () if self.item is None else self.item.camera
+        return () if self.take is None else self.take.cameras
 
     def add(self) -> None:
         """Key the view as it is at the frame shown."""
-        item, playback = self.item, self.state.playback
-        if item is None or playback is None or len(item.camera) >= MAX_KEYS:
+        take, playback = self.take, self.takes.playback
+        if take is None or playback is None or len(take.cameras) >= MAX_KEYS:
             return
         camera, pose = self.control.current, playback.pose()
-        beside = np.zeros(3)
+        offset = np.zeros(3)
         if self.control.mode == "orbit":
-            beside = np.asarray(camera.target) - looked_at(pose.hips_position, playback.terrain)
-        x, y, z = (float(v) for v in beside)
+            offset = np.asarray(camera.target) - looked_at(pose.hips_position, playback.terrain)
+        x, y, z = (float(v) for v in offset)
         try:
             key = CameraKey(
                 playback.frame / playback.clip.fps, camera.yaw, camera.pitch, camera.distance, x, y, z
             )
         except SportError as error:
-            self.messages.error(error)
+            self.editor.messages.error(error)
             return
-        item.camera = with_key(item.camera, key, playback.clip.fps)
-        self.through = len(item.camera) > 1
-        self.messages.note(
-            f"{item.name}: {len(item.camera)} camera key{'s' * (len(item.camera) > 1)}."
+        keys = with_key(take.cameras, key, playback.clip.fps)
+        self._put(f"camera key of {take.title}", keys)
+        self.through = len(keys) > 1
+        self.editor.messages.note(
+            f"{take.title}: {len(keys)} camera key{'s' * (len(keys) > 1)}."
             " A film with the camera “keyed” looks through them."
         )
 
+    def _put(self, label: str, keys: tuple[CameraKey, ...], held: bool = False) -> None:
+        take = self.take
+        if take is not None:
+            change = self.editor.drag if held else self.editor.do
+            change(label, lambda session: session.with_take(take.number, cameras=keys))
+
     def remove(self, index: int) -> None:
         """Take a key away."""
-        item = self.item
-        if item is not None and 0 <= index < len(item.camera):
-            item.camera = tuple(key for i, key in enumerate(item.camera) if i != index)
+        if self.take is not None and 0 <= index < len(self.keys):
+            kept = tuple(key for i, key in enumerate(self.keys) if i != index)
+            self._put(f"removal of a camera key of {self.take.title}", kept)
 
     def move(self, index: int, frame: int) -> None:
-        """Put a key to another frame."""
-        item = self.item
-        if item is None or not 0 <= index < len(item.camera):
+        """Put a key to another frame, while the mouse holds it."""
+        take, playback = self.take, self.takes.playback
+        if take is None or playback is None or not 0 <= index < len(take.cameras):
             return
-        key = replace(item.camera[index], seconds=frame / item.clip.fps)
-        item.camera = with_key([k for i, k in enumerate(item.camera) if i != index], key, item.clip.fps)
-        self._dragged = item.camera.index(key)
+        key = replace(take.cameras[index], seconds=frame / playback.clip.fps)
+        keys = with_key([k for i, k in enumerate(take.cameras) if i != index], key, playback.clip.fps)
+        self._put(f"move of a camera key of {take.title}", keys, held=True)
+        self._dragged = keys.index(key)
 
     def look(self, pose: Pose, terrain: Terrain) -> None:
         """Let the view follow the keys while the take plays; call once a frame before it is drawn."""
-        playback = self.state.playback
+        playback = self.takes.playback
         if playback is None or not self.through or not playback.playing or not self.keys:
             return
         key, camera = view_at(self.keys, playback.time_s), self.control.current

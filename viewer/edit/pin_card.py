@@ -10,7 +10,7 @@ from viewer.gui import card, widgets
 from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.widgets import px
-from viewer.takes.pinning import Pinning, shown_end
+from viewer.edit.pins import Pins, shown_end
 
 WIDTH, SMALL_WIDTH = 214.0, 158.0  # pixels at scale 1
 SMALL_VIEW = 520.0  # in a narrower one the card is small, so that it hides nobody
@@ -18,18 +18,18 @@ MIN_VIEW = 230.0
 LIVE = (Pinned.LEFT_HAND, Pinned.RIGHT_HAND, Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT, Pinned.LOOK)
 
 
-def panel(pinning: Pinning) -> Panel:
+def panel(pins: Pins) -> Panel:
     """The card, while a pin is selected; Escape closes it."""
     return Panel(
-        "Pin", PanelPlace.VIEW, lambda view: _card(pinning, view), shown=lambda: pinning.pin is not None,
-        close=pinning.close,
+        "Pin", PanelPlace.VIEW, lambda view: _card(pins, view), shown=lambda: pins.pin is not None,
+        close=pins.close,
     )  # fmt: skip
 
 
-def draw_live(pinning: Pinning, width: float) -> None:
+def draw_live(pins: Pins, width: float) -> None:
     """A button for what the live character holds; chosen parts are pinned where they are, and dragged in the view."""
-    held, playing = [pin.what for pin in pinning.stage.pins.held], pinning.item is not None
-    imgui.begin_disabled(playing)
+    held = [pin.what for pin in pins.pins] if pins.live else []
+    imgui.begin_disabled(not pins.live)
     hint = "A hand, a foot or the look stays at a point, which is dragged in the view"
     if widgets.toggle("Hold…" if not held else f"Holds {len(held)}", bool(held), width, hint) != bool(held):
         imgui.open_popup("hold")
@@ -37,47 +37,50 @@ def draw_live(pinning: Pinning, width: float) -> None:
     if imgui.begin_popup("hold"):
         for what in LIVE:
             if imgui.menu_item(str(what).capitalize(), "", what in held)[0]:
-                pinning.toggle_live(what)
+                pins.toggle_live(what)
         imgui.end_popup()
 
 
-def _card(pinning: Pinning, view: Rect) -> None:
-    pin = pinning.pin
+def _card(pins: Pins, view: Rect) -> None:
+    pin = pins.pin
     if pin is None or view.width < px(MIN_VIEW):
         return
     with card.card("Pin", view, SMALL_WIDTH if view.width < px(SMALL_VIEW) else WIDTH, right=True):
-        remove = "Remove the pin" if pinning.item is not None else "Let go"
+        remove = "Let go" if pins.live else "Remove the pin"
         pressed = card.title(str(pin.what).capitalize(), "pin", remove)
         if pin.what is not Pinned.POSE:
-            _points(pinning, pin)
-        if pinning.item is not None:
-            _times(pinning, pin)
+            _points(pins, pin)
+        if not pins.live:
+            _times(pins, pin)
+            far = 0.0 if pins.editor.dragging else pins.reach()
+            if far:
+                widgets.muted(f"{far:.2f} m out of reach at worst", wrap=True)
         if pressed:
-            (pinning.delete if pressed == "remove" else pinning.close)()
+            (pins.delete if pressed == "remove" else pins.close)()
 
 
-def _points(pinning: Pinning, pin: Pin) -> None:
+def _points(pins: Pins, pin: Pin) -> None:
     """Where it is, by numbers; the handles in the view do the same."""
-    x, y, z = _triple(pinning, pin, "point", pin.point)
-    pinning.try_change(lambda: replace(pin, point=(x, y, z)))
+    x, y, z = _triple(pins, pin, "point", pin.point)
+    pins.try_change(lambda: replace(pin, point=(x, y, z)))
     half = card.share(2)
     hint = "The point goes along with the character instead of staying in the world"
     if widgets.toggle("Along", pin.along, half, hint) != pin.along:
-        pinning.put_along(pin, not pin.along)
+        pins.put_along(pin, not pin.along)
     card.beside()
     rails = pin.what not in (Pinned.LOOK, Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT)
     imgui.begin_disabled(not rails)
     hint = "It slides along a straight rail to a second point"
     if widgets.toggle("Rail", pin.rail is not None, half, hint) != (pin.rail is not None):
-        pinning.put_rail(pin, pin.rail is None)
+        pins.put_rail(pin, pin.rail is None)
     imgui.end_disabled()
-    current = pinning.pin
+    current = pins.pin
     if current is not None and current.rail is not None:
-        x, y, z = _triple(pinning, current, "rail", current.rail)
-        pinning.try_change(lambda: replace(current, rail=(x, y, z)))
+        x, y, z = _triple(pins, current, "rail", current.rail)
+        pins.try_change(lambda: replace(current, rail=(x, y, z)))
 
 
-def _triple(pinning: Pinning, pin: Pin, name: str, value: tuple[float, float, float]) -> tuple[float, ...]:
+def _triple(pins: Pins, pin: Pin, name: str, value: tuple[float, float, float]) -> tuple[float, ...]:
     changed = []
     third = card.share(3)
     hints = ("To its left" if pin.along else "X", "Up", "Ahead" if pin.along else "Z")
@@ -91,14 +94,15 @@ def _triple(pinning: Pinning, pin: Pin, name: str, value: tuple[float, float, fl
     return tuple(changed)
 
 
-def _times(pinning: Pinning, pin: Pin) -> None:
+def _times(pins: Pins, pin: Pin) -> None:
     """From which frame to which, and how slowly it comes and goes."""
-    item = pinning.item
-    if item is None:
+    playback = pins.playback
+    if playback is None:
         return
-    fps, last = item.clip.fps, len(item.clip) - 1
+    clip = playback.clip
+    fps, last = clip.fps, len(clip) - 1
     half = card.share(2)
-    first, end = round(pin.start * fps), round(shown_end(pin, item.clip) * fps)
+    first, end = round(pin.start * fps), round(shown_end(pin, clip) * fps)
     imgui.set_next_item_width(half)
     _, new_first = imgui.drag_int("##pin from", first, 0.3, 0, end, "from %d")
     widgets.tooltip("The first frame in which it holds fully")
@@ -113,13 +117,13 @@ def _times(pinning: Pinning, pin: Pin) -> None:
     imgui.set_next_item_width(half)
     _, ease_out = imgui.drag_float("##pin out", pin.ease_out, 0.005, 0.0, 5.0, "out %.2f s")
     widgets.tooltip("How long it goes after")
-    now = pinning.pin
+    now = pins.pin
     eased = abs(ease_in - pin.ease_in) + abs(ease_out - pin.ease_out) > 1e-6
     if now is None or not (eased or (new_first, new_end) != (first, end)):
         return
     start = new_first / fps if new_first != first else pin.start
     stop = new_end / fps if new_end != end else pin.end
-    pinning.try_change(
+    pins.try_change(
         lambda: replace(
             now, start=start, end=max(stop, start), ease_in=max(ease_in, 0.0), ease_out=max(ease_out, 0.0)
         )

@@ -1,1 +1,0 @@
-"""Projects: everything one works on in one file, read with doubt."""

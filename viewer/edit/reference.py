@@ -1,0 +1,226 @@
+"""What is compared with the take that plays, in sync: another take shown by any character, or a film."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runtime import rotations
+from runtime.arrays import Array
+from runtime.pose import Pose
+from runtime.session.session import LIVE, CharacterChoice, Reference, Session, Take
+from runtime.takes.clip import Clip
+from runtime.takes.own_skeleton import OwnSkeleton
+from viewer.edit.figures import Bones, bones_of
+from viewer.edit.video import Video, read_video
+from viewer.jobs import Slot
+from viewer.render.overlays import Figure
+from viewer.scene.simulation import make_pose
+from viewer.session.editor import Editor
+from viewer.session.playback import Playback
+from viewer.session.takes import Takes
+
+CHARACTER, VIDEO = Slot("reference character"), Slot("reference video")
+LIMITS = {  # of fields that are dragged
+    "offset_s": (-600.0, 600.0),
+    "aside_m": (-20.0, 20.0),
+    "size": (0.2, 1.0),
+    "opacity": (0.1, 1.0),
+}
+
+
+class Look(StrEnum):
+    """Who moves as the reference does."""
+
+    TAKE = "As the take"  # the character on the stage
+    SKELETON = "Its own skeleton"  # that of its file
+    CHARACTER = "Its own character"  # from a file
+
+
+@dataclass
+class References:
+    """What is compared with the take that plays, from where that begins: what the session says, with what was loaded for it."""
+
+    editor: Editor
+    takes: Takes
+    video: Video | None = None  # that is loaded
+    character: Any = None
+    _video_path: str = ""  # loaded or being loaded
+    _character_of: CharacterChoice | None = None
+    _placed: tuple[Clip, Clip, float, Array, float] | None = None
+    _bones: tuple[OwnSkeleton, Bones] | None = None
+    _clip: tuple[Take, Clip] | None = None
+
+    def __post_init__(self) -> None:
+        self.editor.followers.append(self.follow)
+
+    @property
+    def reference(self) -> Reference:
+        """What the session says."""
+        return self.editor.session.reference or Reference()
+
+    @property
+    def take(self) -> Take | None:
+        """The take that is compared with, None where it is a film or nothing."""
+        reference = self.editor.session.reference
+        if reference is None or reference.video or reference.take == LIVE:
+            return None
+        return self.editor.session.take(reference.take)
+
+    @property
+    def look(self) -> Look:
+        """Who shows it, as far as that is there."""
+        chosen = self.reference.look
+        default = Look.SKELETON if self.take is not None and self.take.own is not None else Look.TAKE
+        return Look(chosen) if chosen in self.looks else default
+
+    @property
+    def shown(self) -> bool:
+        """Whether there is one to show."""
+        playback = self.takes.playback
+        if playback is None or self.editor.session.reference is None:
+            return False
+        return self.video is not None if self.reference.video else self.take not in (None, playback.take)
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        if self.reference.video:
+            return Path(self.reference.video).name
+        return "" if self.take is None else self.take.title
+
+    @property
+    def looks(self) -> tuple[Look, ...]:
+        """Who can show it now."""
+        own = (Look.SKELETON,) if self.take is not None and self.take.own is not None else ()
+        return (Look.TAKE, *own, *((Look.CHARACTER,) if self.character is not None else ()))
+
+    # --- edits
+
+    def show(self, number: int) -> None:
+        """Compare with a take of the list; the same again shows none."""
+        if self.take is not None and self.take.number == number:
+            self.close()
+            return
+        take = self.editor.session.take(number)
+        if take is not None:
+            made = Reference(take=number, aside_m=self.reference.aside_m, over=self.reference.over)
+            self.editor.do(f"reference {take.title}", lambda session: replace(session, reference=made))
+
+    def close(self) -> None:
+        """Show the take alone."""
+        if self.editor.session.reference is not None:
+            self.editor.do("end of the comparison", lambda session: replace(session, reference=None))
+
+    def set(self, held: bool = False, **values: Any) -> None:
+        """Other values for fields of the reference; `held`: while the mouse holds the field."""
+        made = replace(self.reference, **values)
+        change = self.editor.drag if held else self.editor.do
+        change("place of the reference", lambda session: replace(session, reference=made))
+
+    def open_video(self, path: Path) -> None:
+        """Show a film with the take that plays, or that plays next."""
+        made = Reference(video=str(path.absolute()))
+
+        def take(video: Video) -> None:
+            self._take_video(video)
+            self.editor.do(f"reference {path.name}", lambda session: replace(session, reference=made))
+            later = "" if self.takes.playback is not None else " It is shown with the take that you play."
+            self.editor.messages.note(f"{video.describe()}.{later}")
+
+        self.takes.jobs.submit(VIDEO, partial(read_video, path), take, reading=path.name)
+
+    def open_character(self, path: Path) -> None:
+        """Let the character of a file show the reference."""
+        scene = self.takes.scene
+
+        def take(loaded: tuple[CharacterChoice, Path | None, Any]) -> None:
+            choice, _, character = loaded
+            self._character_of, self.character = choice, character
+            self.set(look=str(Look.CHARACTER), character=choice)
+
+        self.takes.jobs.submit(CHARACTER, partial(scene.read_character, path), take, reading=path.name)
+
+    def follow(self, before: Session, now: Session) -> None:
+        """Load what the session names and is not there."""
+        reference, jobs = self.reference, self.takes.jobs
+        if reference.video != self._video_path:
+            self.video, self._video_path = None, reference.video
+            if reference.video:
+                path = Path(reference.video)
+                jobs.submit(VIDEO, partial(read_video, path), self._take_video, reading=path.name)
+        choice = reference.character
+        if choice != self._character_of:
+            self._character_of, self.character = choice, None
+            if choice is not None:
+                load = partial(self.takes.scene.read_choice, choice)
+                jobs.submit(CHARACTER, load, lambda loaded: setattr(self, "character", loaded[2]))
+
+    def _take_video(self, video: Video) -> None:
+        self.video, self._video_path = video, str(video.path.absolute())
+
+    # --- what is shown
+
+    def time_s(self, playback: Playback) -> float:
+        """The reference's own time at the one that is shown of the take."""
+        return playback.time_s - playback.start_s + self.reference.offset_s
+
+    def _clip_of(self, take: Take) -> Clip:
+        if self._clip is None or self._clip[0] != take:
+            self._clip = take, take.clip
+        return self._clip[1]
+
+    def pose(self, playback: Playback) -> Pose | None:
+        """The reference in our skeleton at the time that is shown of the take; None where there is none."""
+        take = self.take
+        if not self.shown or take is None:
+            return None
+        clip = self._clip_of(take)
+        move, turn = self._place(playback.clip, clip)
+        pose = clip.sample(self.time_s(playback))
+        hips = rotations.rotate(rotations.from_yaw(turn), pose.hips_position) + move
+        local = np.array(pose.local_rotations)
+        local[0] = rotations.multiply(rotations.from_yaw(turn), local[0])
+        ground = float(playback.terrain.height(float(hips[0]), float(hips[2])))
+        hips[1] += ground - float(playback.terrain.height(*self._start(playback.clip)))
+        return make_pose(hips, local, pose.contacts, ground, pose.root_yaw + turn)
+
+    def figure(self, playback: Playback, pose: Pose) -> Figure | None:
+        """The reference at `pose` as somebody of another mesh; None where the character on the stage shows it."""
+        if self.look is Look.CHARACTER and self.character is not None:
+            return Figure(self.character, self.character.skin_matrices(pose), pose, ghost=self.reference.over)
+        take = self.take
+        own = None if take is None or self.look is not Look.SKELETON else take.own
+        if own is None or take is None:
+            return None
+        if self._bones is None or self._bones[0] is not own:
+            self._bones = own, bones_of(own)
+        bones, clip = self._bones[1], self._clip_of(take)
+        _, turn = self._place(playback.clip, clip)
+        time_s = min(max(self.time_s(playback), 0.0), clip.seconds)
+        there = clip.sample(time_s).hips_position  # the points keep their place about our hips
+        points = rotations.rotate(rotations.from_yaw(turn), own.sample(time_s * clip.fps) - there)
+        return Figure(bones, bones.matrices(points + pose.hips_position), pose, on_top=self.reference.over)
+
+    def _place(self, take: Clip, clip: Clip) -> tuple[Array, float]:
+        """The shift `(3,)` and the turn that let the reference begin where the take does, beside it."""
+        if self._placed is None or self._placed[0] is not take or self._placed[1] is not clip:
+            ours, theirs = take.pose(0), clip.pose(0)
+            turn = math.remainder(ours.root_yaw - theirs.root_yaw, math.tau)
+            moved = rotations.rotate(rotations.from_yaw(turn), np.asarray(theirs.hips_position, float))
+            shift = np.asarray(ours.hips_position, float) - moved
+            shift[1] = float(ours.hips_position[1] - theirs.hips_position[1]) if abs(shift[1]) > 0.3 else 0.0
+            self._placed = take, clip, ours.root_yaw, shift, turn
+        *_, yaw, shift, turn = self._placed
+        right = np.array([-math.cos(yaw), 0.0, math.sin(yaw)])
+        return shift + (0.0 if self.reference.over else self.reference.aside_m) * right, turn
+
+    @staticmethod
+    def _start(take: Clip) -> tuple[float, float]:
+        return float(take.hips_positions[0, 0]), float(take.hips_positions[0, 2])

@@ -1,0 +1,313 @@
+"""Edits of what drove a take: its prompts, gaits and path change, and the recorded stick resimulates it from there."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from runtime.controls import Gait
+from runtime.errors import SportError
+from runtime.motion.point_path import Waypoint
+from runtime.motion.snapshot import Snapshot, take_snapshot
+from runtime.motion.style_mix import StyleMix
+from runtime.pose import Pose
+from runtime.prompts.parts import PartDescriptions
+from runtime.session import edits
+from runtime.session.motion import Motion
+from runtime.session.prompt_blend import Answer, PromptBlend
+from runtime.session.session import Ground, Session, Take
+from runtime.takes import drive_edits
+from runtime.takes.clip import Clip
+from runtime.takes.drive import Drivable, Drive, StyleChange, played_again, redrive
+from runtime.takes.drive_edits import Edit
+from runtime.takes.metadata import PromptEvent, origin_of, title
+from runtime.takes.plants import unfitted
+from viewer.edit.tracks import Tracks, tracks_of, words_of
+from viewer.jobs import Slot
+from viewer.prompt.prompt_controller import PromptController
+from viewer.prompt.state import Request
+from viewer.services import ControllerLike
+from viewer.session.playback import Playback
+from viewer.session.takes import Takes
+
+SLOT = Slot("resimulation of a take")
+MAX_LABEL = 32  # characters of a prompt in the name of an edit
+# the driven clip, its input, a controller of its model and what hears the progress; another clip with its input
+Work = Callable[[Clip, Drive, Drivable, Callable[[float], None]], tuple[Clip, Drive]]
+
+
+@dataclass(frozen=True)
+class Drag:
+    """What the mouse holds on a track: a span's `part` ("body", "start" or "end") since the frame `grabbed`."""
+
+    track: str
+    index: int
+    part: str
+    grabbed: int
+    start: int  # where the span would go
+    end: int
+    moved: bool = False
+    dropped: bool = False  # let go of: it stays there until the take was resimulated
+
+
+@dataclass
+class Resimulation:
+    """Actions of the timeline that resimulate the take that plays; also what is typed for them."""
+
+    takes: Takes
+    prompting: PromptController
+    progress: float = 0.0  # fraction of the frames that were resimulated; written by the worker
+    part_tracks: bool = False
+    drag: Drag | None = None
+    new_prompt: str = ""
+    focus_requested: bool = False  # of the take's prompt
+    shown: object = None  # the prompt's span in the fields
+    prompt: str = ""
+    parts: dict[str, str] = field(default_factory=dict)
+    _tracks: tuple[Motion, bool, Tracks] | None = None
+    _left_out: int = 0  # changed plants that the take has no steps for; written by the worker
+
+    @property
+    def playback(self) -> Playback | None:
+        """What plays."""
+        return self.takes.playback
+
+    @property
+    def take(self) -> Take | None:
+        """The take that plays."""
+        return self.takes.played
+
+    @property
+    def busy(self) -> bool:
+        """Whether a take is being resimulated."""
+        return self.takes.jobs.busy(SLOT)
+
+    @property
+    def model(self) -> ControllerLike | None:
+        """The model that made the take that plays, when it is the one that is loaded."""
+        take, controller = self.take, self.takes.scene.controller
+        if take is None or controller is None:
+            return None
+        made = take.made.header.origin.model_sha256
+        return controller if origin_of(controller, "").model_sha256 == made else None
+
+    @property
+    def fixed(self) -> str:
+        """Why the take that plays cannot be resimulated; "" when it can."""
+        take = self.take
+        if take is None:
+            return "No take plays."
+        if not take.recorded:
+            return "This motion comes from a file: it can be trimmed, pinned and exported."
+        if take.mirrored or not take.made.header.drivable:
+            return (
+                "A mirror image cannot be resimulated, nor a take in which a model was loaded or which goes on from"
+                " another one. It can be trimmed, pinned and exported."
+            )
+        if self.model is None:
+            return "Another model made this take. It can be trimmed, pinned and exported."
+        return "It is being resimulated…" if self.busy else ""
+
+    @property
+    def tracks(self) -> Tracks | None:
+        """What lies on the tracks of the take that plays."""
+        take, playback = self.take, self.playback
+        if take is None or playback is None:
+            return None
+        known = self._tracks
+        if known is None or known[0] is not take.motion or known[1] != take.mirrored:
+            drive = None if take.mirrored else take.made.drive
+            known = self._tracks = take.made, take.mirrored, tracks_of(take.driven, drive)
+        return known[2]
+
+    # --- prompts
+
+    def reword(self, index: int, request: Request) -> None:
+        """Other words for a prompt of the take, by its place; empty ones change nothing."""
+        bar = self.tracks and self.tracks.prompts[index]
+        if not bar or (isinstance(request, str) and not request.strip()):
+            return
+        known = _answer_of(bar.span.changes[-1])  # type: ignore[attr-defined]
+        label = f"words of {_short(title(bar.span.event))}"  # type: ignore[attr-defined]
+
+        def edit(drive: Drive) -> Edit:
+            style = self._style(bar.span.start, request, known)
+            return drive_edits.reworded(drive, drive_edits.prompt_spans(drive)[index], style)
+
+        self._again(label, edit)
+
+    def reword_part(self, index: int, part: str, text: str) -> None:
+        """Other words for one part of a prompt of the take."""
+        bar = self.tracks and self.tracks.prompts[index]
+        words = bar and words_of(bar.span.event)  # type: ignore[attr-defined]
+        if not words:
+            return
+        try:
+            changed = PartDescriptions.from_mapping({**words.to_mapping(), part: text})
+        except SportError as error:
+            self.takes.messages.error(error)
+            return
+        if changed != words:
+            self.reword(index, changed)
+
+    def insert_prompt(self, text: str) -> None:
+        """Another prompt from the frame shown to the next prompt."""
+        if self.playback is not None and text.strip():
+            frame = self.playback.frame
+            self._again(
+                f"prompt {_short(text)}",
+                lambda drive: drive_edits.with_prompt(drive, self._style(frame, text, None)),
+            )
+
+    def _style(self, frame: int, request: Request, known: Answer | None) -> StyleChange:
+        """The style of a request from a frame on; waits for the answer."""
+        answer, seconds = self.prompting.answer(request), self.takes.settings.blend_seconds
+        if isinstance(request, PartDescriptions):
+            base = known or dataclasses.replace(answer, prompt="")
+            answer = dataclasses.replace(base, words=answer.words, z=answer.z)
+        style = PromptBlend((answer, None))
+        event = PromptEvent(0.0, style.prompt_text, seconds, style.spelled_out(), style.typed())
+        return StyleChange(frame, np.array(answer.z, np.float32), seconds, event, style)
+
+    # --- spans
+
+    def insert_gait(self, gait: Gait) -> None:
+        """Another gait from the frame shown to the end of the gait there."""
+        playback, tracks = self.playback, self.tracks
+        if playback is None or tracks is None:
+            return
+        frame = playback.frame
+        end = next((b.span.end for b in tracks.gaits if b.span.start <= frame < b.span.end), playback.frames)
+        self._again(
+            f"gait {gait.label}", lambda drive: drive_edits.with_gait(drive, frame, end - 1, gait)
+        )
+
+    def move(self, track: str, index: int, start: int, end: int) -> None:
+        """A span of the track "prompts" or "gaits" goes to other frames, at the cost of its neighbours."""
+        change = drive_edits.move_prompt if track == "prompts" else drive_edits.move_gait
+        label = "move of a prompt" if track == "prompts" else "move of a gait"
+        self._again(label, lambda drive: change(drive, index, start, end))
+
+    # --- resimulating
+
+    def _again(self, label: str, edit: Callable[[Drive], Edit]) -> None:
+        """Resimulate the take that plays by the recorded stick after an edit of its input."""
+
+        def work(
+            driven: Clip, drive: Drive, model: Drivable, progress: Callable[[float], None]
+        ) -> tuple[Clip, Drive]:
+            made = edit(drive)
+            return played_again(driven, made.drive, model, made.first, progress)
+
+        self.run(label, work)
+
+    def walk(self, points: tuple[Waypoint, ...]) -> None:
+        """Resimulate the take that plays along another path."""
+
+        def work(
+            driven: Clip, drive: Drive, model: Drivable, progress: Callable[[float], None]
+        ) -> tuple[Clip, Drive]:
+            from runtime.takes.way import walked_again
+
+            return walked_again(driven, drive, model, points, 0, progress)
+
+        if points:
+            self.run("path", work, points)
+
+    def run(self, label: str, work: Work, path: tuple[Waypoint, ...] = ()) -> None:
+        """Resimulate the take that plays by `work`, on a worker thread."""
+        take, model = self.take, self.model
+        if take is None or model is None or self.fixed:
+            self.takes.messages.warn(self.fixed)
+            return
+        motion, self.progress = take.made, 0.0
+
+        def made() -> Motion:
+            drive = motion.drive
+            assert drive is not None
+            clip, again = work(motion.clip, drive, model.twin(), self._note_progress)
+            self._left_out = unfitted(clip, take.poses.plants)
+            return Motion.of(clip, again)
+
+        self.takes.jobs.submit(SLOT, made, lambda result: self._take(take, result, label, path))
+
+    def _note_progress(self, fraction: float) -> None:
+        self.progress = fraction
+
+    def _take(self, before: Take, motion: Motion, label: str, path: tuple[Waypoint, ...]) -> None:
+        now = self.takes.session.take(before.number)
+        if now is None or now.motion != before.motion:  # undone meanwhile
+            return
+
+        def change(session: Session) -> Session:
+            made = edits.resimulated(session, before.number, motion)
+            return made.with_take(before.number, path=path)
+
+        self.takes.editor.do(f"{label} of {before.title}", change)
+        text = f"{before.title}: {label}. Ctrl+Z undoes it."
+        if self._left_out:
+            count = "One changed plant" if self._left_out == 1 else f"{self._left_out} changed plants"
+            self.takes.messages.warn(f"{count} of {before.title} left out: the steps are others now. {text}")
+        else:
+            self.takes.messages.note(text)
+
+    # --- going on
+
+    def go_on(self) -> None:
+        """Drive the live character from the frame shown, with the take's ground and prompt."""
+        take, playback, model = self.take, self.playback, self.model
+        if take is None or playback is None or model is None or self.fixed:
+            self.takes.messages.warn(self.fixed)
+            return
+        motion, frame = take.made, playback.frame
+
+        def work() -> tuple[Snapshot, Pose]:
+            drive, twin = motion.drive, model.twin()
+            assert drive is not None
+            poses, _ = redrive(drive, twin, frame, frame)
+            return take_snapshot(twin), poses[-1]  # type: ignore[arg-type]
+
+        self.takes.jobs.submit(SLOT, work, lambda made: self._go_on(take, frame, *made))
+
+    def _go_on(self, take: Take, frame: int, snapshot: Snapshot, pose: Pose) -> None:
+        drive = take.made.drive
+        if drive is None:
+            return
+        style, ground = _style_at(drive, frame), drive.ground(frame)
+        blend = None if style is None else style.note or PromptBlend((_answer_of(style), None))
+
+        def change(session: Session) -> Session:
+            if ground is not None:
+                session = replace(session, ground=Ground.of(ground.name, ground.terrain.seen_by(1.0)))
+            return session if blend is None else self.prompting.adopted(session, blend)
+
+        self.takes.close_playback()
+        self.takes.editor.do(f"going on from frame {frame} of {take.title}", change)
+        self.takes.scene.go_on_from(snapshot, pose)
+        if style is not None:
+            self.prompting.in_force()
+            self.takes.mark_style_in_force(style)
+        self.takes.messages.note(f"Live from frame {frame} of {take.title}.")
+
+
+def _style_at(drive: Drive, frame: int) -> StyleChange | None:
+    spans = [s for s in drive_edits.prompt_spans(drive) if s.start <= frame]
+    changes = [c for c in spans[-1].changes if c.frame <= frame] if spans else []
+    return changes[-1] if changes else None
+
+
+def _answer_of(style: StyleChange) -> Answer | None:
+    """The answer that a style came from; from its six descriptions where nothing else was kept."""
+    if isinstance(style.note, PromptBlend):
+        return style.note.a if style.note.b is None else None
+    words = words_of(style.event)
+    if words is None or isinstance(style.z, StyleMix):
+        return None
+    return Answer(title(style.event), words, words, np.array(style.z, np.float32))
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= MAX_LABEL else text[: MAX_LABEL - 1] + "…"

@@ -1,1 +1,0 @@
-"""Projects in the viewer: saving, opening, autosave, and their menu."""

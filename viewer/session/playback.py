@@ -1,0 +1,133 @@
+"""Playing a take back: time and loop, and the pose to show."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from runtime.pose import Pose
+from runtime.session.session import Take
+from runtime.takes.clip import Clip
+from runtime.takes.pinned import pinned
+from runtime.takes.pose_edits import PoseEdits
+from runtime.terrain.height_map import Terrain
+
+
+@dataclass
+class Playback:
+    """One take at a time `time_s`, between the frames `first` and `last` that its trim keeps."""
+
+    take: Take  # as the session has it
+    clip: Clip  # its frames, of which a pin that is dragged may be newer
+    terrain: Terrain  # its own, or the live one
+    live: Terrain  # the one under the live character when it began to play
+    time_s: float = 0.0
+    playing: bool = True
+    loop: bool = True
+    speed: float = 1.0
+    shown: Take = field(init=False)  # whose frames `clip` has
+
+    def __post_init__(self) -> None:
+        self.shown = self.take
+
+    @property
+    def number(self) -> int:
+        """The take's number."""
+        return self.take.number
+
+    @property
+    def frames(self) -> int:
+        """Frames of the whole clip."""
+        return len(self.clip)
+
+    @property
+    def frame(self) -> int:
+        """The frame shown."""
+        return min(max(round(self.time_s * self.clip.fps), 0), self.frames - 1)
+
+    @property
+    def first(self) -> int:
+        """The first frame that is kept."""
+        return min(self.take.range[0], self.frames - 1)
+
+    @property
+    def last(self) -> int:
+        """The last frame that is kept."""
+        return min(self.take.range[1], self.frames - 1)
+
+    @property
+    def start_s(self) -> float:
+        """Time of the first frame kept."""
+        return self.first / self.clip.fps
+
+    @property
+    def end_s(self) -> float:
+        """Time of the last frame kept."""
+        return self.last / self.clip.fps
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass; at the end begin again, or stop."""
+        if not self.playing:
+            return
+        self.time_s += seconds * self.speed
+        if self.time_s < self.start_s:
+            self.time_s = self.start_s
+        if self.time_s <= self.end_s:
+            return
+        if self.loop and self.end_s > self.start_s:
+            self.time_s = self.start_s + math.fmod(self.time_s - self.start_s, self.end_s - self.start_s)
+        else:
+            self.time_s, self.playing = self.end_s, False
+
+    def toggle(self) -> None:
+        """Play or pause; playing at the end begins again."""
+        if not self.playing and self.time_s >= self.end_s - 1e-6:
+            self.time_s = self.start_s
+        self.playing = not self.playing
+
+    def seek(self, frame: int) -> None:
+        """Show a frame and pause."""
+        self.playing = False
+        self.time_s = min(max(frame, 0), self.frames - 1) / self.clip.fps
+
+    def step(self, frames: int) -> None:
+        """Go so many frames on, or back, and pause; at an end, on from the other when the take loops."""
+        wanted = self.frame + frames
+        if self.loop and not 0 <= wanted < self.frames:
+            wanted %= self.frames
+        self.seek(wanted)
+
+    def show(self, take: Take, clip: Clip) -> None:
+        """The frames of the take after an edit, at the same time."""
+        self.take = self.shown = take
+        self.clip = clip
+        self.time_s = min(self.time_s, (self.frames - 1) / clip.fps)
+
+    def pose(self) -> Pose:
+        """The pose at the current time, standing on the terrain shown."""
+        return self.pose_at(self.frame) if self._newer else self.standing(self.clip.sample(self.time_s))
+
+    def pose_at(self, frame: int) -> Pose:
+        """The pose of a frame, standing on the terrain shown."""
+        if not self._newer:
+            return self.standing(self.clip.pose(frame))
+        planted = PoseEdits((), self.take.poses.plants).apply(self.take.driven)
+        return self.standing(pinned(planted, self.take.poses.pins, only=frame).pose(frame))
+
+    @property
+    def _newer(self) -> bool:
+        """Whether pins were changed whose frames are not made yet; plants are looked at when they are made."""
+        return (
+            self.take.poses.pins != self.shown.poses.pins
+            and self.take.poses.plants == self.shown.poses.plants
+            and self.take.motion == self.shown.motion
+        )
+
+    def standing(self, pose: Pose) -> Pose:
+        """A pose of the take, with its root on the terrain shown."""
+        x, _, z = (float(v) for v in pose.hips_position)
+        ground = np.array([x, float(self.terrain.height(x, z)), z], np.float32)
+        return dataclasses.replace(pose, root_position=ground)

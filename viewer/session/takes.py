@@ -1,0 +1,520 @@
+"""Recording, the list of takes, playback and export as BVH."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+
+from runtime.controls import Controls
+from runtime.errors import SportError, UsageError
+from runtime.pose import Pose
+from runtime.safe_read import printable
+from runtime.session import edits, live_pins
+from runtime.session.motion import Motion, MotionHeader
+from runtime.session.prompt_blend import PromptBlend
+from runtime.session.session import LIVE, MIN_FRAMES, Ground, Session, Take
+from runtime.session.session_file import Recording
+from runtime.takes.clip import Clip
+from runtime.takes.drive import DriveRecorder, StyleChange
+from runtime.takes.metadata import Origin, gait_of, origin_of
+from runtime.takes.pose_edits import PoseEdits
+from runtime.takes.recorder import ClipRecorder
+from runtime.terrain.height_map import Terrain
+from viewer.input.bindings import Action
+from viewer.jobs import Jobs, Slot
+from viewer.messages import Messages
+from viewer.scene.scene import Scene
+from viewer.session.editor import Editor
+from viewer.session.opening import SLOT as OPENING
+from viewer.session.opening import read_take
+from viewer.session.playback import Playback
+from viewer.settings import Settings
+
+MAX_NAME = 60
+EXPORT_ALL = Slot("export", "all takes")
+SHOWING, PLAYING = Slot("frames of the take"), Slot("take")
+RECORDED_FRAMES = 15  # that are written down together: four times a second
+
+
+@dataclass
+class Takes:
+    """Actions of the takes panel."""
+
+    editor: Editor
+    settings: Settings
+    messages: Messages
+    scene: Scene
+    jobs: Jobs
+    drives: DriveRecorder
+    recorder: ClipRecorder = field(default_factory=ClipRecorder)
+    playback: Playback | None = None
+    export_path: str = ""  # the field
+    renaming: int = LIVE  # the take whose name is being typed
+    new_name: str = ""
+    naming_begins: bool = False
+    _recording: Recording | None = None
+    _written: int = 0  # number of the first frame that is not written down yet
+    _known: tuple[int, int] = (0, 0)  # keyframes and changes that are written down
+    _files: dict[Path, Take] = field(default_factory=dict)  # what a BVH of this run holds
+    _proposed: str | None = None  # what was put into the export field, until something else is typed
+    _target: Path | None = None  # the file that it means: a name may hold what no field can show
+    _seen: tuple[Terrain, Terrain] | None = None  # a ground, as a take of another size sees it
+
+    def __post_init__(self) -> None:
+        self.editor.followers.append(self.follow)
+
+    @property
+    def actions(self) -> dict[Action, Callable[[], None]]:
+        """What keys and buttons do here."""
+        return {
+            Action.RECORD: self.toggle_recording,
+            Action.SAVE_LAST: self.save_last,
+            Action.PLAY: self.play_or_pause,
+            Action.FRAME_BACK: lambda: self.step(-1),
+            Action.FRAME_ON: lambda: self.step(1),
+            Action.FIRST_FRAME: lambda: self.seek_end(first=True),
+            Action.LAST_FRAME: lambda: self.seek_end(first=False),
+        }
+
+    @property
+    def session(self) -> Session:
+        """What holds now."""
+        return self.editor.session
+
+    @property
+    def played(self) -> Take | None:
+        """The take that plays."""
+        return None if self.playback is None else self.playback.take
+
+    def follow(self, before: Session, now: Session) -> None:
+        """Show what became of the take that plays; leave it when it is gone."""
+        playback = self.playback
+        if playback is not None:
+            take = now.take(playback.number)
+            if take is None or take.number == LIVE:
+                self.close_playback()
+            elif take != playback.take:
+                self._refresh(playback, take)
+        if self.renaming != LIVE and now.take(self.renaming) is None:
+            self.renaming = LIVE
+        if now.selected != before.selected or now.current != before.current:
+            self._propose()
+            if self.playback is not None and now.selected not in (LIVE, self.playback.number):
+                self.play(now.selected)
+
+    def _refresh(self, playback: Playback, take: Take) -> None:
+        playback.take = take
+        shown = playback.shown
+        if (take.motion, take.mirrored, take.poses) == (shown.motion, shown.mirrored, shown.poses):
+            playback.shown = take
+        elif not take.poses:
+            playback.show(take, take.driven)
+        elif not self.editor.dragging:
+            self.jobs.submit(SHOWING, lambda: take.clip, partial(self._show, playback, take))
+
+    def _show(self, playback: Playback, take: Take, clip: Clip) -> None:
+        if self.playback is playback and playback.take == take:
+            playback.show(take, clip)
+
+    # --- recording
+
+    def before_steps(self) -> None:
+        """Keep the controller's state when it is time; call once a frame before it is simulated."""
+        if self.scene.controller is not None:
+            self.drives.before_steps(self.scene.controller)
+
+    def mark_style(self, blend: PromptBlend, seconds: float) -> None:
+        """A prompt came into force for the next frame."""
+        z, prompt, words, typed = blend.style(), blend.prompt_text, blend.spelled_out(), blend.typed()
+        self.recorder.mark_prompt(prompt, seconds, words, typed)
+        if z is not None:
+            self.drives.mark_style(z, seconds, prompt, words, blend, typed=typed)
+
+    def mark_style_in_force(self, style: StyleChange) -> None:
+        """A style of a take holds in the live controller already."""
+        event = style.event
+        self.recorder.mark_prompt(event.prompt, 0.0, event.words, event.typed)
+        self.drives.mark_style(
+            style.z, style.seconds, event.prompt, event.words, style.note, holds=True, typed=event.typed
+        )
+
+    def add_poses(self, poses: list[Pose], controls: Controls) -> None:
+        """Remember simulated poses, without their pins, and what was asked for; call once a frame."""
+        for pose in poses:
+            self.recorder.add(pose, gait_of(controls))
+            if self.scene.controller is not None:
+                self.drives.add(controls, self.scene.controller)
+        self.drives.drop_before(self.recorder.first_frame)
+        if self._recording is not None and self.recorder.next_frame - self._written >= RECORDED_FRAMES:
+            self._write_down(self._recording)
+
+    def _write_down(self, recording: Recording) -> None:
+        """What was recorded since the last time goes to the file."""
+        first, begin = self._written, self.recorder.take_first
+        rows = self.recorder.rows(first)
+        if begin is None or not len(rows):
+            return
+        recording.add(rows, self.drives.sticks(first))
+        self._written = self.recorder.next_frame
+        known = self.drives.known
+        if known != self._known:
+            self._known = known
+            header = replace(recording.header, prompts=self.recorder.events(begin))
+            recording.describe(header, self.drives.cut(begin))
+
+    @property
+    def recording(self) -> bool:
+        """Whether a take is being recorded."""
+        return self.recorder.recording
+
+    def toggle_recording(self) -> None:
+        """Start a take, or stop it and put it into the list."""
+        if not self.recorder.recording:
+            self.close_playback()
+            self.recorder.start()
+            name = f"Take {self.session.counter + 1}"
+            self._written, self._known = self.recorder.next_frame, (0, 0)
+            header = MotionHeader(
+                name, self.recorder.fps, 0, self.scene.terrain_spec, origin=self._origin,
+                size=self.scene.terrain.unit_m, has_gaits=True, drivable=self.scene.controller is not None,
+            )  # fmt: skip
+            self._recording = self.editor.file.begin_recording(header)
+            self.messages.note(f"{name} is being recorded. R ends it.")
+            return
+        recording, self._recording = self._recording, None
+        if recording is not None:
+            self._write_down_rest(recording)
+        self._keep("Take", self.recorder.stop, recording)
+
+    def _write_down_rest(self, recording: Recording) -> None:
+        rows = self.recorder.rows(self._written)
+        if len(rows):
+            recording.add(rows, self.drives.sticks(self._written))
+        self._written = self.recorder.next_frame
+
+    def save_last(self) -> None:
+        """Put the last seconds into the list, recording or not."""
+        seconds = self.settings.keep_seconds
+        self._keep("Last seconds", lambda *about: self.recorder.last(seconds, *about), None)
+
+    @property
+    def _origin(self) -> Origin:
+        return origin_of(self.scene.controller, self.scene.terrain_spec)
+
+    def _keep(
+        self, kind: str, cut: Callable[[str, str, Origin], Clip], recording: Recording | None
+    ) -> None:
+        """Close a piece of the live take: what `cut(name, terrain, origin)` makes of the memory comes into the list."""
+        name = f"{kind} {self.session.counter + 1}"
+        try:
+            clip = cut(name, self.scene.terrain_spec, self._origin)
+        except SportError as error:
+            self.messages.warn(str(error))
+            return
+        clip = replace(clip, size=self.scene.terrain.unit_m)
+        first = self.recorder.next_frame - len(clip)
+        drive = self.drives.cut(first)
+        motion = Motion.of(clip, drive) if recording is None else recording.finish(clip, drive)
+        pins = live_pins.of_take(self.session.live.poses.pins, first, len(clip))
+        take = Take(motion=motion, poses=PoseEdits(pins), ground=self.scene.ground)
+        self.editor.do(f"recording of {name}", lambda session: edits.with_new_take(session, take))
+        self.messages.note(f"{name}: {clip.seconds:.1f} s in the list of takes.")
+
+    # --- the list
+
+    def select(self, number: int) -> None:
+        """Make a take the current one; while another one plays, this one does."""
+        self.editor.amend(lambda session: edits.selected(session, number))
+
+    def remove(self, number: int) -> None:
+        """Take a take out of the list; files stay."""
+        take = self.session.take(number)
+        if take is not None and number != LIVE:
+            self.editor.do(f"removal of {take.title}", lambda session: edits.without_take(session, number))
+            self.messages.note(f"{take.title} removed from the list. Ctrl+Z brings it back.")
+
+    def begin_rename(self, number: int) -> None:
+        """Let the name of a take be typed in its row."""
+        take = self.session.take(number)
+        if take is not None:
+            self.renaming, self.new_name, self.naming_begins = number, take.title, True
+
+    def rename(self, number: int, name: str) -> None:
+        """Give a take another name; files that hold it keep theirs. An empty name brings the first one back."""
+        take = self.session.take(number)
+        if take is None:
+            return
+        name = printable(name)
+        if self.editor.do(f"name of {take.title}", lambda session: edits.renamed(session, number, name)):
+            renamed = self.session.take(number)
+            self.messages.note(f"Renamed: {'' if renamed is None else renamed.title}.")
+
+    def mirror(self, number: int) -> None:
+        """Put the mirror image of a take into the list, and play it."""
+        take = self.session.take(number)
+        if take is None:
+            return
+        if self.editor.do(
+            f"mirror image of {take.title}", lambda session: edits.mirrored_copy(session, number)
+        ):
+            self.play(self.session.selected)
+            uneven = take.ground is not None and float(take.ground.terrain.heights.std()) > 0.005
+            over = " Its feet fit level ground, not this one." if uneven else ""
+            self.messages.note(f"The mirror image of {take.title} is in the list.{over}")
+
+    def trim(self, first: int | None = None, last: int | None = None, held: bool = False) -> None:
+        """Keep the take that plays from a frame, or up to one; `held`: while the mouse drags a handle."""
+        take = self.played
+        if take is None:
+            return
+        now = take.range
+        if first is not None:
+            wanted = min(first, now[1] - MIN_FRAMES + 1), now[1]
+        else:
+            wanted = now[0], max(now[1] if last is None else last, now[0] + MIN_FRAMES - 1)
+        change = self.editor.drag if held else self.editor.do
+        change(f"trim of {take.title}", lambda session: edits.trimmed(session, take.number, *wanted))
+
+    def set_color(self, number: int, color: int) -> None:
+        """Another color for a take's row; 0 for none."""
+        self.editor.do("color of a take", lambda session: session.with_take(number, color=color))
+
+    # --- opening
+
+    @property
+    def files(self) -> dict[str, Callable[[Path], None]]:
+        """What opens a file, by its suffix."""
+        return {".bvh": self.open}
+
+    def open(self, path: Path, keep_ground: bool = False) -> None:
+        """Add a BVH file to the list and play it, on its own ground unless `keep_ground`."""
+        self._open(path, keep_ground, lambda number: self.play(number))
+
+    def open_reference(self, path: Path) -> None:
+        """Add a BVH file to the list and compare the take that plays with it; play it where none does."""
+
+        def show(number: int) -> None:
+            if self.playback is None:
+                self.play(number)
+            else:
+                from runtime.session.session import Reference
+
+                self.editor.do(
+                    f"reference {path.name}", lambda s: replace(s, reference=Reference(take=number))
+                )
+
+        self._open(path, False, show, selects=False)
+
+    def _open(
+        self, path: Path, keep_ground: bool, show: Callable[[int], None], selects: bool = True
+    ) -> None:
+        load = None if keep_ground else self.scene.read_ground
+
+        def opened(found: tuple[Take, str, str]) -> None:
+            take, said, problem = found
+            selected = self.session.selected
+
+            def add(session: Session) -> Session:
+                made = edits.with_new_take(session, take)
+                return made if selects else replace(made, selected=selected)
+
+            self.editor.do(f"opening of {path.name}", add)
+            show(self.session.counter)
+            self.messages.note(said)
+            if problem:
+                shown = self.scene.terrain.name
+                self.messages.warn(
+                    f"{problem} It plays on {shown}. Put that file into the same folder and open it again."
+                )
+
+        self.jobs.submit(replace(OPENING, of=path), lambda: read_take(path, load), opened, reading=path.name)
+
+    # --- playback
+
+    def play(self, number: int) -> None:
+        """Show a take instead of the live character."""
+        take = self.session.take(number)
+        if take is None or take.motion is None:
+            return
+
+        def begin(clip: Clip) -> None:
+            now = self.session.take(number)
+            if now is None:
+                return
+            live = self.scene.terrain
+            ground = live if now.ground is None else now.ground.terrain
+            self.playback = Playback(now, clip, ground, live)
+            self.select(number)
+            if now != take:
+                self.playback.shown = take
+                self._refresh(self.playback, now)
+
+        self.jobs.submit(PLAYING, lambda: take.clip, begin)
+
+    def ground_to_show(self) -> Ground:
+        """The ground to draw: that of the take that plays, in the frame that is shown, or the live one."""
+        playback = self.playback
+        if playback is None:
+            return self.scene.ground
+        take, drive = playback.take, playback.take.made.drive if not playback.take.mirrored else None
+        spec = take.made.header.terrain if take.ground is None else take.ground.spec
+        if playback.live is not self.scene.terrain:  # another one was chosen meanwhile: it is shown on that
+            playback.terrain, spec = self.scene.terrain, self.scene.terrain_spec
+        elif drive is not None:
+            change = drive.ground(playback.frame)
+            if change is not None:
+                playback.terrain, spec = change.terrain, change.name
+        terrain, size = playback.terrain, playback.clip.size
+        if terrain.unit_m != size:
+            if self._seen is None or self._seen[0] is not terrain or self._seen[1].unit_m != size:
+                self._seen = terrain, terrain.seen_by(size)
+            terrain = self._seen[1]
+        return Ground(spec, terrain, "")
+
+    def play_row(self, number: int) -> None:
+        """Play a take of the list, or pause it when it is the one that plays."""
+        if self.playback is not None and self.playback.number == number:
+            self.playback.toggle()
+        else:
+            self.play(number)
+
+    def play_or_pause(self) -> None:
+        """Toggle the take that is shown, or begin with the current one."""
+        if self.playback is not None:
+            self.playback.toggle()
+        elif self.session.current is not None:
+            self.play(self.session.selected)
+
+    def step(self, frames: int) -> None:
+        """Go so many frames on in the take that plays, or back."""
+        if self.playback is not None:
+            self.playback.step(frames)
+
+    def seek_end(self, first: bool) -> None:
+        """Go to the first or the last frame that is kept of the take that plays."""
+        if self.playback is not None:
+            self.playback.seek(self.playback.first if first else self.playback.last)
+
+    def close_playback(self) -> None:
+        """Back to the live character."""
+        self.playback = None
+
+    # --- export
+
+    def saved(self, take: Take) -> Path | None:
+        """The BVH of this run that holds what the take keeps; None where there is none any more."""
+        found = (path for path, held in self._files.items() if _content(held) == _content(take))
+        return next((path for path in found if path.is_file()), None)
+
+    def exported(self, take: Take) -> Path | None:
+        """The file of this run that was written last of the take, whatever it holds."""
+        found = [path for path, held in self._files.items() if held.number == take.number]
+        return found[-1] if found else None
+
+    def _propose(self) -> None:
+        """Fill the export field with the file that this run wrote of the take, or with a name that is free."""
+        take = self.session.current
+        if take is None:
+            self.export_path, self._proposed, self._target = "", None, None
+            return
+        proposal = self.exported(take)
+        if proposal is None or proposal.suffix != ".bvh":
+            folder = Path(self.settings.export_folder)
+            proposal = folder / free_path(folder.expanduser() / f"{file_stem(take.title)}.bvh").name
+        self._target = proposal.expanduser()
+        self.export_path = self._proposed = printable(proposal)
+
+    def export(self) -> None:
+        """Write what the current take keeps as BVH to the path in the field.
+
+        A path that was typed may be one that exists; what was proposed is free or holds this take already.
+        """
+        take = self.session.current
+        if take is None:
+            return
+        new = False  # whether the name must be a free one
+        try:
+            if self.export_path == self._proposed and self._target is not None:
+                self._propose()  # another program may have taken the name since
+                path = self._target
+                new = self._files.get(path, Take()).number != take.number
+            else:
+                self._proposed = None  # typed: whatever is typed from now on is meant
+                path = export_target(self.export_path)
+        except SportError as error:
+            self.messages.error(error)
+            return
+        from runtime.formats.bvh_clip import save_bvh
+
+        fps, unit = self.settings.export_fps, self.settings.export_unit
+        self.jobs.submit(
+            Slot("export", take.number),
+            lambda: save_bvh(take.exported, path, fps, unit, new=new),
+            lambda done: self._exported(take, done),
+            writing=f"the export of {take.title}",
+        )
+
+    def _exported(self, take: Take, path: Path) -> None:
+        self.note_file(take, path)
+        self.settings.export_folder = str(path.parent)
+        self.messages.note(f"Saved {path}")
+
+    def note_file(self, take: Take, path: Path) -> None:
+        """A file was written of a take."""
+        self._files.pop(path, None)
+        self._files[path] = take
+
+    def export_all(self) -> None:
+        """Write what every take keeps as BVH under its own name into the export folder; no file is replaced."""
+        takes = self.session.takes
+        folder = Path(self.settings.export_folder).expanduser()
+        fps, unit = self.settings.export_fps, self.settings.export_unit
+
+        def work() -> list[Path]:
+            from runtime.formats.bvh_clip import save_bvh
+
+            return [
+                save_bvh(take.exported, folder / f"{file_stem(take.title)}.bvh", fps, unit, new=True)
+                for take in takes
+            ]
+
+        def done(paths: list[Path]) -> None:
+            for take, path in zip(takes, paths, strict=True):
+                self.note_file(take, path)
+            self.messages.note(f"Saved {len(paths)} takes in {folder}")
+
+        self.jobs.submit(EXPORT_ALL, work, done, writing="the export of all takes")
+
+
+def _content(take: Take) -> tuple[object, ...]:
+    """What a file of a take holds: equal for takes whose files would be."""
+    return take.motion, take.mirrored, take.poses, take.range
+
+
+def export_target(text: str) -> Path:
+    """The path in the export field; UsageError when it names no BVH file."""
+    text = text.strip().strip('"')
+    if not text or "\0" in text:
+        raise UsageError("Export: the path is empty.", "Write a path such as ~/sport-clips/walk.bvh.")
+    path = Path(text).expanduser()
+    if path.is_dir():
+        raise UsageError(f"Export: {path} is a folder.", "Add a file name, for example walk.bvh.")
+    return path if path.suffix.lower() == ".bvh" else path.with_name(path.name + ".bvh")
+
+
+def file_stem(name: str) -> str:
+    """A file name for a take's name: lower case, words joined by dashes."""
+    return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:MAX_NAME] or "clip"
+
+
+def free_path(path: Path) -> Path:
+    """`path`, or the first of path-2, path-3, … that does not exist."""
+    candidate, number = path, 2
+    while os.path.lexists(candidate):  # unlike Path.exists, no error where the folder cannot be read
+        candidate = path.with_stem(f"{path.stem}-{number}")
+        number += 1
+    return candidate

@@ -1,1 +1,0 @@
-"""Takes in the viewer: recording, playback, export and their panels."""

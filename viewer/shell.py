@@ -21,9 +21,9 @@ from viewer.input.devices import KEYBOARD
 from viewer.jobs import Jobs
 from viewer.messages import Messages
 from viewer.settings import Settings
-from viewer.stage.state import StageState
-from viewer.takes.state import TakesState
-from viewer.takes.tracks import lanes
+from viewer.edit.resimulation import Resimulation
+from viewer.edit.tracks import lanes
+from viewer.scene.scene import Scene
 
 _STATUS = FIXED | imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
 _COLUMNS = (PanelPlace.LEFT, PanelPlace.RIGHT_TOP, PanelPlace.RIGHT_BOTTOM)
@@ -50,8 +50,8 @@ class Shell:
     settings: Settings
     messages: Messages
     jobs: Jobs
-    stage: StageState
-    takes: TakesState
+    scene: Scene
+    editing: Resimulation
     panels: Sequence[Panel]
     texts: Callable[[], Iterable[str]]  # what is typed, which needs fonts
     fonts: Fonts
@@ -124,10 +124,10 @@ class Shell:
             theme.apply_style(scale)
             self._scale, self._scene_height = scale, 0.0
         imgui.get_style().font_scale_main = self.settings.text_size
-        size, playing = imgui.get_io().display_size, self.takes.playback is not None
-        played = self.takes.played
-        tracks = len(PART_NAMES) if self.takes.timeline.part_tracks else 0
-        tracks += 0 if played is None else len(lanes(played.edits.pins)) + bool(played.camera)
+        size, playing = imgui.get_io().display_size, self.editing.playback is not None
+        played = self.editing.take
+        tracks = len(PART_NAMES) if self.editing.part_tracks else 0
+        tracks += 0 if played is None else len(lanes(played.poses.pins)) + bool(played.cameras)
         panels = self.state.panels_open
         self._layout = arrange(size.x, size.y, scale, panels, playing, self._scene_height, tracks)
 
@@ -171,7 +171,7 @@ class Shell:
                 PanelPlace.VIEW, Rect(layout.view.x, layout.view.y, layout.view.width, height)
             )
         self._draw_at_place(PanelPlace.WINDOW, layout.view)
-        if self.state.crouching and not self.takes.recording:
+        if self.state.crouching and not self.editing.takes.recording:
             widgets.sign(layout.view, f"{ICON.person} Crouching (C stands up)", theme.TEXT)
         if self.state.help_open and help.draw(self.fonts, self.settings.pad_buttons):
             self.state.help_open = False
@@ -232,11 +232,11 @@ class Shell:
 
     def _facts(self) -> list[tuple[str, str]]:
         """What is known about model, speed and device with its explanation, the most important last."""
-        stats, stage, device = self.state.stats, self.stage, self.state.device
+        stats, scene, device = self.state.stats, self.scene, self.state.device
         icon = ICON.keyboard if device == KEYBOARD else ICON.gamepad
-        model = f"{ICON.chip} {stage.model_name or 'no model'}  {stage.provider}".rstrip()
+        model = f"{ICON.chip} {scene.model_name or 'no model'}  {scene.provider}".rstrip()
         driven_by = (f"{icon} {device[:24]}", "The device that drives the character")
-        keyed = stage.simulation.keyed
+        keyed = scene.simulation.keyed
         if keyed:
             driven_by = (
                 f"{ICON.walk} keyed: {keyed}",
@@ -248,7 +248,7 @@ class Shell:
         return [
             *(memory if stats.memory_mb else ()),
             (model, "The motion model and what runs it"),
-            (f"model {stage.simulation.model_ms:.1f} ms", "Time of one step of the model, with foot lock"),
+            (f"model {scene.simulation.model_ms:.1f} ms", "Time of one step of the model, with foot lock"),
             (f"frame {stats.frame_ms:.0f} ms", "Work of one displayed frame"),
             (f"{stats.fps:.0f} fps", "Frames shown a second, by the clock"),
             (

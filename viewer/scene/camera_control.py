@@ -18,7 +18,7 @@ from viewer.render.camera import (
     FollowCamera,
     OrbitCamera,
 )
-from viewer.stage.views import OPENING_TURN, StageView
+from viewer.scene.views import OPENING_TURN, StageView
 
 CHEST_SHARE = 0.55  # of the way from the ground to the hips' height: keeps the whole body in view
 ORBIT_PIXELS_PER_SECOND = 420.0  # what a full stick is worth in the orbit camera

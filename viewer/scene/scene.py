@@ -352,6 +352,16 @@ class Scene:
         )  # fmt: skip
 
     @property
+    def shape(self) -> BodyShape:
+        """The mannequin's."""
+        return self.editor.session.character.shape
+
+    def set_shape(self, shape: BodyShape, held: bool = False) -> None:
+        """The mannequin in another shape; `held`: while the mouse drags a slider, after which it is made."""
+        change = self.editor.drag if held else self.editor.do
+        change("shape of the mannequin", partial(replace, character=CharacterChoice(shape)))
+
+    @property
     def characters(self) -> Path:
         """The folder of the files of characters."""
         return self.folder / "characters"

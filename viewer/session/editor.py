@@ -28,7 +28,7 @@ class Editor:
     followers: list[Follower] = field(default_factory=list)
     # asked before undo: takes back what is no step yet, such as a prompt without an answer, and says so
     withdraw: list[Callable[[], bool]] = field(default_factory=list)
-    opened_at: int = 0  # number of the step that the file had when it was opened
+    opened: Session = field(default_factory=Session)  # what it was when its file was opened
     _draft: Session | None = None
     _draft_label: str = ""
 
@@ -134,13 +134,8 @@ class Editor:
         """Another session takes the place of this one, whose file the caller closes."""
         before = self.session
         self._draft, self.file, self.history = None, file, history
-        self.opened_at = history.present.number
+        self.opened = history.present.session
         self._tell(before)
-
-    @property
-    def changed(self) -> bool:
-        """Whether the session is another one than when it was opened."""
-        return self._draft is not None or self.history.present.number != self.opened_at
 
     def _changed(self, before: Session) -> None:
         self.file.write(self.history)

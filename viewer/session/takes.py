@@ -190,6 +190,11 @@ class Takes:
             self._write_down_rest(recording)
         self._keep("Take", self.recorder.stop, recording)
 
+    def end_recording(self) -> None:
+        """Keep the take that is being recorded."""
+        if self.recorder.recording:
+            self.toggle_recording()
+
     def _write_down_rest(self, recording: Recording) -> None:
         rows = self.recorder.rows(self._written)
         if len(rows):
@@ -278,6 +283,10 @@ class Takes:
             wanted = now[0], max(now[1] if last is None else last, now[0] + MIN_FRAMES - 1)
         change = self.editor.drag if held else self.editor.do
         change(f"trim of {take.title}", lambda session: edits.trimmed(session, take.number, *wanted))
+
+    def move(self, number: int, by: int) -> None:
+        """A take goes up or down in the list."""
+        self.editor.do("order of the takes", lambda session: edits.moved(session, number, by))
 
     def set_color(self, number: int, color: int) -> None:
         """Another color for a take's row; 0 for none."""

@@ -12,7 +12,7 @@ from viewer.gui import overlay, theme, widgets
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
-from viewer.stage.joint_mapping import JointMapping, JointsState
+from viewer.scene.joint_mapping import JointMapping, JointsState
 
 WIDTH, HEIGHT = 720.0, 560.0  # pixels at scale 1
 AROUND = 224.0  # of the window's height: title, counts, buttons, margins
@@ -43,7 +43,7 @@ def draw(mapping: JointMapping, fonts: Fonts) -> None:
         left, x = 0.42 * room, imgui.get_cursor_pos_x()
         widgets.label("Joints of the file")
         imgui.same_line(x + left + px(8))
-        widgets.label("Our joints, and what plays them")
+        widgets.label("Joint mapping")
         if imgui.begin_child("file joints", imgui.ImVec2(left, height)):
             _file_joints(state, state.guess)
         imgui.end_child()

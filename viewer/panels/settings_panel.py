@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from runtime.assets import model_folder, shipped_models
+from runtime.assets import DEFAULT_MODEL, model_folder, model_name, shipped_models
 from runtime.motion.model_files import read_metadata
 from runtime.safe_read import printable
-from viewer.desk.desk import Desk
+from viewer.window.desk import Desk
 from viewer.gl_bindings import imgui
 from viewer.gui import overlay, setting_widgets, theme, widgets
-from viewer.gui.dialogs import DialogKind
+from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
 from viewer.input.bindings import BUTTON_NAMES, changed_buttons, pad_buttons
-from viewer.jobs import Slot
+from viewer.jobs import Jobs, Slot
+from viewer.messages import Messages
+from viewer.panels.guide import Guide
+from viewer.scene.scene import Scene
 from viewer.settings import Settings, spec_of
 
 FREE, BOUND = "free to publish with credits", "non-commercial"
@@ -32,45 +37,79 @@ SCALES = (
 )
 
 
-def panel(desk: Desk, fonts: Fonts) -> Panel:
-    """The settings window."""
+@dataclass
+class SettingsWindow:
+    """What the window is drawn from, and whether it is open."""
 
-    def close() -> bool:
-        was_open = desk.state.settings_open
-        desk.state.settings_open = False
-        return was_open
+    settings: Settings
+    messages: Messages
+    jobs: Jobs
+    dialogs: Dialogs
+    scene: Scene
+    guide: Guide
+    load_model: Callable[[Path | None, int], None]
+    use_scale: Callable[[float], None]  # of the interface
+    shown: bool = False
 
-    return Panel("Settings", PanelPlace.WINDOW, lambda _: draw(desk, fonts), close=close)
+    def toggle(self) -> None:
+        """Open or close it."""
+        self.shown = not self.shown
+
+    def close(self) -> bool:
+        """Close it; whether it was open."""
+        was, self.shown = self.shown, False
+        return was
+
+    def panel(self, fonts: Fonts) -> Panel:
+        """The settings window."""
+        return Panel("Settings", PanelPlace.WINDOW, lambda _: draw(self, fonts), close=self.close)
+
+    def chosen_model(self, offscreen: bool) -> Path | None:
+        """The model to begin with: the one chosen in the settings, as long as it is there."""
+        text = self.settings.model_folder
+        if not text or offscreen:
+            return None
+        if not model_folder(text).is_dir():
+            self.messages.warn(f"The model {text} is not there any more: {DEFAULT_MODEL} is used.")
+            return None
+        return model_folder(text)
+
+    def choose_model(self, folder: Path | None) -> None:
+        """Load another model, now and at the next start; None is the default."""
+        controller = self.scene.controller
+        folder = None if model_name(folder) == DEFAULT_MODEL else folder
+        self.settings.model_folder = "" if folder is None else model_name(folder) or str(folder)
+        self.load_model(folder, 0 if controller is None else controller.seed)
 
 
-def draw(desk: Desk, fonts: Fonts) -> None:
+def draw(window: SettingsWindow, fonts: Fonts) -> None:
     """The window, when it is open."""
-    if not desk.state.settings_open:
+    if not window.shown:
         return
     with overlay.window(fonts, "Settings", ICON.gear, WIDTH) as closed:
-        _interface(desk)
-        _takes(desk)
-        _model(desk)
+        _interface(window)
+        _takes(window)
+        _model(window)
         overlay.row("Dead zone", "Of the gamepad's sticks")
-        setting_widgets.slider(desk.settings, "dead_zone")
-        _buttons(desk)
-        setting_widgets.toggle(desk.settings, "invert_look", px(140))
+        setting_widgets.slider(window.settings, "dead_zone")
+        _buttons(window)
+        setting_widgets.toggle(window.settings, "invert_look", px(140))
         imgui.same_line(0, px(4))
         if widgets.button("Show the first minute", -1, "The steps for beginners over the view"):
-            desk.guide.begin()
+            window.guide.begin()
             closed[0] = True
         if widgets.button("Back to the defaults", -1, "Of this window; folders and the model stay"):
-            _reset(desk)
+            _reset(window)
     if closed[0]:
-        desk.state.settings_open = False
+        window.shown = False
 
 
-def _buttons(desk: Desk) -> None:
+def _buttons(window: SettingsWindow) -> None:
     """What each button of a gamepad does; a button that is taken is exchanged."""
     if not imgui.tree_node_ex("Gamepad buttons", imgui.TreeNodeFlags_.span_avail_width):
         return
     imgui.unindent(imgui.get_style().indent_spacing)
-    settings = desk.settings
+    settings = window.settings
     for action, button in pad_buttons(settings.pad_buttons).items():
         overlay.row(action.name.replace("_", " ").capitalize())
         chosen = str(overlay.combo(f"##button {action.name.lower()}", tuple(BUTTON_NAMES.items()), button))
@@ -80,20 +119,20 @@ def _buttons(desk: Desk) -> None:
     imgui.tree_pop()
 
 
-def _interface(desk: Desk) -> None:
-    settings = desk.settings
+def _interface(window: SettingsWindow) -> None:
+    settings = window.settings
     overlay.row("Interface", "Size of everything; at the next frame")
     scale = float(str(overlay.combo("##ui scale", SCALES, settings.ui_scale)))
     if scale != settings.ui_scale:
         settings.ui_scale = scale
-        desk.use_scale(scale)
-    overlay.row("Text", "Size of the letters alone")
+        window.use_scale(scale)
+    overlay.row("Text", "Text size")
     sizes = list((spec_of(Settings, "text_size").choices or {}).items())
     settings.text_size = float(str(overlay.combo("##text size", sizes, settings.text_size)))
 
 
-def _takes(desk: Desk) -> None:
-    settings, side = desk.settings, imgui.get_frame_height()
+def _takes(window: SettingsWindow) -> None:
+    settings, side = window.settings, imgui.get_frame_height()
     overlay.row("Export folder")
     imgui.set_next_item_width(imgui.get_content_region_avail().x - side - px(4))
     _, text = imgui.input_text("##export folder", printable(settings.export_folder))
@@ -105,18 +144,18 @@ def _takes(desk: Desk) -> None:
 
         def chosen(path: Path) -> None:
             settings.export_folder = str(path)
-            desk.messages.note(f"Exports go to {path}.")
+            window.messages.note(f"Exports go to {path}.")
 
-        desk.dialogs.ask(DialogKind.FOLDER, "Folder of exports", start, chosen)
+        window.dialogs.ask(DialogKind.FOLDER, "Folder of exports", start, chosen)
     overlay.row("Seconds kept", "What T keeps of the rolling memory")
     setting_widgets.slider(settings, "keep_seconds")
 
 
-def _reset(desk: Desk) -> None:
+def _reset(window: SettingsWindow) -> None:
     fresh = Settings()
     for name in ("ui_scale", "text_size", "keep_seconds", "dead_zone", "invert_look", "pad_buttons"):
-        setattr(desk.settings, name, getattr(fresh, name))
-    desk.use_scale(fresh.ui_scale)
+        setattr(window.settings, name, getattr(fresh, name))
+    window.use_scale(fresh.ui_scale)
 
 
 @lru_cache(8)
@@ -131,20 +170,20 @@ def use_of(folder: Path) -> str:
     return FREE if licence.startswith("CC BY 4.0") else BOUND
 
 
-def _model(desk: Desk) -> None:
+def _model(window: SettingsWindow) -> None:
     """The list, and a button for another folder."""
-    state, side = desk.stage.state, imgui.get_frame_height()
+    state, side = window.scene, imgui.get_frame_height()
     overlay.row("Model", "Takes that were recorded stay with the model that made them")
     now = model_folder(state.model_folder)
     options: list[tuple[object, str]] = list(choices())
     if now not in dict(options):
         options.append((now, printable(f"{state.model_name or 'none'}: {now}")))
-    imgui.begin_disabled(desk.jobs.busy(Slot("model")))
+    imgui.begin_disabled(window.jobs.busy(Slot("model")))
     imgui.set_next_item_width(imgui.get_content_region_avail().x - side - px(4))
     chosen = overlay.combo("##model", options, now)
     imgui.end_disabled()
     if chosen != now:
-        desk.choose_model(Path(str(chosen)))
+        window.choose_model(Path(str(chosen)))
     imgui.same_line(0, px(4))
     if widgets.icon_button(ICON.folder, "browse model", "Choose the folder of an exported model", theme.TEXT):
-        desk.dialogs.ask(DialogKind.FOLDER, "Folder of an exported model", desk.model_home, desk.choose_model)
+        window.dialogs.ask(DialogKind.FOLDER, "Folder of an exported model", Path.home() if window.scene.model_folder is None else window.scene.model_folder.parent, window.choose_model)

@@ -11,9 +11,9 @@ from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
-from viewer.prompt.state import PromptState
+from viewer.session.editor import Editor
 from viewer.settings import Settings
-from viewer.takes.takes import Takes
+from viewer.session.takes import Takes
 
 ARMS = ("left_arm", "right_arm")
 WALK_SECONDS = 1.0
@@ -23,7 +23,7 @@ STEPS = (
     ("Prompt", "Press Enter and type, for example: an old king"),
     ("Edit an arm", "Under Body parts: other words for an arm, then Enter"),
     ("Record", "R starts a take, R ends it"),
-    ("Export", "Under Clips, or Ctrl+E for every format"),
+    ("Export", "Under Takes, or Ctrl+E for every format"),
 )
 WIDTH, SMALL_WIDTH = 210.0, 150.0  # pixels at scale 1
 BELOW_BAR = 50.0
@@ -36,7 +36,7 @@ class Guide:
     """Which steps are done."""
 
     settings: Settings
-    prompt: PromptState
+    editor: Editor
     takes: Takes
     shown: bool = False
     done: int = 0  # bits
@@ -49,7 +49,7 @@ class Guide:
         """Show the steps from the first one on."""
         self.shown, self.done = True, 0
         self._walked_s, self._left_s = 0.0, DONE_SECONDS
-        self._first_prompt, self._takes = self._prompt, len(self.takes.state.items)
+        self._first_prompt, self._takes = self._prompt, len(self.editor.session.takes)
 
     def skip(self) -> None:
         """Away with it, for good."""
@@ -57,7 +57,7 @@ class Guide:
 
     @property
     def _prompt(self) -> str:
-        answer = self.prompt.edit.a
+        answer = self.editor.session.live.prompt.a
         return "" if answer is None else answer.prompt
 
     def is_done(self, step: int) -> bool:
@@ -71,13 +71,13 @@ class Guide:
         self.settings.first_minute_seen = True  # it was seen: it does not come back by itself
         self._walked_s += dt * moving
         self._first_prompt = self._first_prompt or self._prompt  # the first answer comes by itself
-        answer, items = self.prompt.edit.a, self.takes.state.items
+        answer, takes = self.editor.session.live.prompt.a, self.editor.session.takes
         signs = (
             self._walked_s >= WALK_SECONDS,
             self._prompt != self._first_prompt,
             answer is not None and any(arm in answer.edited for arm in ARMS),
-            len(items) > self._takes,
-            any(item.saved or item.exported for item in items[self._takes :]),
+            len(takes) > self._takes,
+            any(self.takes.exported(take) for take in takes[self._takes :]),
         )
         for step, sign in enumerate(signs):
             self.done |= sign << step
@@ -111,7 +111,7 @@ def _steps(guide: Guide, small: bool) -> None:
         f"Step {now + 1} of {len(STEPS)}" if small else f"The first minute, step {now + 1} of {len(STEPS)}"
     )
     if finished:
-        widgets.muted("That is all. The project menu saves it.", wrap=True)
+        widgets.muted("That is all. The session menu gives it a name.", wrap=True)
     else:
         widgets.label(title, theme.ACCENT)
     for step, (name, how) in enumerate(STEPS):

@@ -1,0 +1,1 @@
+"""Panels that show the session and what lies around it."""

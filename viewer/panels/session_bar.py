@@ -1,0 +1,198 @@
+"""The bar over the view: the session's menu and its name."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from runtime.safe_read import printable
+from viewer.exports.exporting import Exporting
+from viewer.gl_bindings import imgui
+from viewer.gui import theme, widgets
+from viewer.gui.layout import Rect
+from viewer.gui.panels import Panel, PanelPlace
+from viewer.gui.theme import ICON
+from viewer.gui.widgets import px
+from viewer.panels.guide import Guide
+from viewer.panels.settings_panel import SettingsWindow
+from viewer.prompt.prompt_field import pressed_undo
+from viewer.session.sessions import Sessions, SessionSummary, describe
+
+POPUP = "project menu"
+NAME_WIDTH = 110.0  # pixels at scale 1
+MENU_WIDTH = 240.0
+MARGIN = 10.0
+MAX_PICTURE = 512  # pixels of a side
+MIN_VIEW = 200.0  # a narrower view has no room for the bar
+# plain numbers: Python 3.11.2, Debian 12's, raises where two of these keys are joined as the enumeration they are
+_CTRL, _SHIFT = int(imgui.Key.mod_ctrl), int(imgui.Key.mod_shift)
+_SAVE, _OPEN, _EXPORT = (_CTRL | int(key) for key in (imgui.Key.s, imgui.Key.o, imgui.Key.e))
+_SAVE_AS = _SHIFT | _SAVE
+
+
+@dataclass
+class SessionBar:
+    """What the bar is drawn from."""
+
+    sessions: Sessions
+    exporting: Exporting
+    guide: Guide
+    settings_window: SettingsWindow
+    ctx: Any  # OpenGL context
+    _pictures: dict[Path, Any] = field(default_factory=dict)  # textures of earlier sessions
+
+    def panel(self) -> Panel:
+        """The bar, and the keys with Ctrl."""
+        return Panel("Desk", PanelPlace.VIEW, self.draw, keys=self.keys)
+
+    def draw(self, view: Rect) -> None:
+        """The bar at the top left of the view, and what opens from it."""
+        if view.width < px(MIN_VIEW):
+            return
+        imgui.set_next_window_pos(imgui.ImVec2(view.x + px(MARGIN), view.y + px(MARGIN)))
+        flags = (
+            imgui.WindowFlags_.no_decoration
+            | imgui.WindowFlags_.always_auto_resize
+            | imgui.WindowFlags_.no_move
+            | imgui.WindowFlags_.no_saved_settings
+            | imgui.WindowFlags_.no_bring_to_front_on_focus
+            | imgui.WindowFlags_.no_focus_on_appearing
+        )
+        imgui.push_style_var(imgui.StyleVar_.window_padding, imgui.ImVec2(px(4), px(4)))
+        imgui.begin("Desk", None, flags)
+        self._buttons()
+        imgui.pop_style_var()
+        self._menu()
+        imgui.end()
+
+    def keys(self) -> None:
+        """Ctrl+S, Ctrl+Shift+S, Ctrl+O, Ctrl+E, and undo and redo wherever no text is typed."""
+        sessions = self.sessions
+        if sessions.dialogs.question is not None:
+            return
+        if imgui.is_key_chord_pressed(_SAVE_AS):
+            sessions.ask_save()
+        elif imgui.is_key_chord_pressed(_SAVE):
+            sessions.save()
+        elif imgui.is_key_chord_pressed(_OPEN):
+            sessions.ask_open()
+        elif imgui.is_key_chord_pressed(_EXPORT):
+            self.exporting.open()
+        elif not imgui.get_io().want_text_input:
+            undo, redo = pressed_undo()
+            if undo:
+                sessions.editor.undo()
+            elif redo:
+                sessions.editor.redo()
+
+    def _buttons(self) -> None:
+        sessions = self.sessions
+        file, cut_off = sessions.editor.file, sessions.cut_off is not None
+        name = widgets.elided(printable(sessions.name), px(NAME_WIDTH))
+        mark = f"  {ICON.warning}" if file.problem or cut_off else ""
+        hint = "Session: open, save, earlier ones. Every edit is in its file at once."
+        if sessions.path is not None:
+            hint = f"{printable(sessions.path)}\nEvery edit is in it at once."
+        if widgets.button(f"{ICON.folder} {name}{mark}###project", 0.0, file.problem or hint):
+            imgui.open_popup(POPUP)
+        imgui.same_line(0, px(4))
+        if widgets.button(f"{ICON.gear}###settings", px(30), "Settings"):
+            self.settings_window.toggle()
+
+    def _menu(self) -> None:
+        corner = imgui.get_window_pos()
+        imgui.set_next_window_pos(imgui.ImVec2(corner.x, corner.y + imgui.get_window_height() + px(4)))
+        low, high = imgui.ImVec2(px(MENU_WIDTH), 0), imgui.ImVec2(px(420), px(2000))
+        imgui.set_next_window_size_constraints(low, high)
+        if not imgui.begin_popup(POPUP):
+            return
+        sessions, editor = self.sessions, self.sessions.editor
+        for text, key, act in (
+            ("New session", "", sessions.new),
+            ("Open…", "Ctrl+O", sessions.ask_open),
+        ):
+            if imgui.menu_item(text, key, False)[0]:
+                act()
+        self._recent()
+        self._earlier()
+        imgui.separator()
+        if imgui.menu_item("Save" if sessions.path is None else "Saved as you work", "Ctrl+S", False)[0]:
+            sessions.save()
+        if imgui.menu_item("Save as…", "Ctrl+Shift+S", False)[0]:
+            sessions.ask_save()
+        if imgui.menu_item("Save a copy…", "", False)[0]:
+            sessions.ask_copy()
+        if imgui.menu_item("Revert to when it was opened", "", False)[0]:
+            sessions.revert()
+        imgui.separator()
+        undo, redo = editor.undo_label, editor.redo_label
+        if imgui.menu_item(f"Undo {printable(undo)}###undo", "Ctrl+Z", False, bool(undo))[0]:
+            editor.undo()
+        if imgui.menu_item(f"Redo {printable(redo)}###redo", "Ctrl+Y", False, bool(redo))[0]:
+            editor.redo()
+        imgui.separator()
+        if imgui.menu_item("Export the take…", "Ctrl+E", False)[0]:
+            self.exporting.open()
+        if imgui.menu_item("Settings…", "", False)[0]:
+            self.settings_window.shown = True
+        if imgui.menu_item("First minute", "", False)[0]:
+            self.guide.begin()
+        imgui.end_popup()
+
+    def _recent(self) -> None:
+        sessions = self.sessions
+        recent = [path for path in sessions.recent if path != sessions.path]
+        if not recent:
+            return
+        if imgui.menu_item(f"Reopen {printable(recent[0].stem)}", "", False)[0]:
+            sessions.open(recent[0])
+        widgets.tooltip(printable(recent[0]))
+        if len(recent) > 1 and imgui.begin_menu("Recent"):
+            for number, path in enumerate(recent):
+                if imgui.menu_item(f"{printable(path.stem)}##{number}", "", False)[0]:
+                    sessions.open(path)
+                widgets.tooltip(printable(path))
+            imgui.end_menu()
+
+    def _earlier(self) -> None:
+        """Untitled sessions of other runs, with a picture each; a right click discards one."""
+        sessions = self.sessions
+        if not sessions.earlier or not imgui.begin_menu("Earlier sessions"):
+            return
+        for number, left in enumerate(list(sessions.earlier)):
+            imgui.push_id(number)
+            self._picture(left)
+            text = describe(left) + ("" if left.ended else ", cut off")
+            if imgui.menu_item(printable(text), "", False)[0]:
+                sessions.open(left.path)
+            if imgui.begin_popup_context_item("earlier"):
+                if imgui.menu_item("Discard", "", False)[0]:
+                    sessions.discard(left)
+                imgui.end_popup()
+            imgui.pop_id()
+        imgui.end_menu()
+
+    def _picture(self, left: SessionSummary) -> None:
+        """The view in which a session was closed."""
+        if left.path not in self._pictures:
+            self._pictures[left.path] = _texture(self.ctx, left.picture)
+        texture = self._pictures[left.path]
+        if texture is not None:
+            imgui.image(imgui.ImTextureRef(texture.glo), imgui.ImVec2(px(64), px(36)))
+            imgui.same_line(0, px(6))
+
+
+def _texture(ctx: Any, png: bytes) -> Any:
+    """A texture of a small picture; None for what is none."""
+    from PIL import Image
+
+    try:
+        with Image.open(io.BytesIO(png)) as image:
+            if max(image.size) > MAX_PICTURE:
+                return None
+            small = image.convert("RGB")
+    except (OSError, ValueError, SyntaxError):
+        return None
+    return ctx.texture(small.size, 3, small.tobytes(), alignment=1)

@@ -1,0 +1,317 @@
+"""The takes panel: record, the list, and export."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from runtime.safe_read import printable
+from runtime.session.session import LIVE, Take
+from viewer.gl_bindings import imgui
+from viewer.gui import setting_widgets, theme, widgets
+from viewer.gui.layout import Rect
+from viewer.gui.panels import Panel, PanelPlace
+from viewer.gui.theme import ICON
+from viewer.gui.widgets import px
+from viewer.jobs import Slot
+from viewer.jobs import Slot
+from viewer.edit.reference_card import ReferenceCard
+from viewer.session.sessions import OPENING, Sessions, describe
+from viewer.session.takes import EXPORT_ALL, Takes
+from viewer.settings import Settings
+
+RENAME_HINT = "Double-click renames it"
+MENU = "take menu"
+COLORS = {0: "No color", 1: "Red", 2: "Yellow", 3: "Green", 4: "Blue", 5: "Violet"}
+TINTS = (theme.CLEAR, (0.85, 0.35, 0.35, 1.0), (0.85, 0.72, 0.3, 1.0), (0.42, 0.75, 0.42, 1.0),
+         (0.38, 0.58, 0.88, 1.0), (0.68, 0.48, 0.85, 1.0))  # fmt: skip
+
+
+def panel(
+    takes: Takes, references: ReferenceCard, export_window: Callable[[], None], sessions: Sessions
+) -> Panel:
+    """The list of takes; `export_window` opens the other formats."""
+    return Panel(
+        "Takes",
+        PanelPlace.RIGHT_BOTTOM,
+        lambda _: draw(takes, references, export_window, sessions),
+        ICON.clips,
+        actions=takes.actions,
+    )
+
+
+def sign(takes: Takes) -> Panel:
+    """What is said over the view while a take is recorded."""
+
+    def draw_sign(view: Rect) -> None:
+        seconds = takes.recorder.take_seconds
+        widgets.sign(view, f"{ICON.record} REC {widgets.clock(seconds)}", theme.RECORD)
+
+    return Panel("Recording", PanelPlace.SIGN, draw_sign, shown=lambda: takes.recording)
+
+
+def draw(
+    takes: Takes, references: ReferenceCard, export_window: Callable[[], None], sessions: Sessions
+) -> None:
+    """Contents of the panel."""
+    _record(takes)
+    _cut_off(sessions)
+    line, room = imgui.get_frame_height_with_spacing(), imgui.get_content_region_avail().y
+    # in a low panel the list and the button matter; rate and unit are in the export window too
+    short = room < 5.0 * line
+    current = takes.session.current
+    height = max(room - (_export_height(short) if current is not None else 0.0), line)
+    if imgui.begin_child("take list", imgui.ImVec2(0, height)):
+        _list(takes, references)
+    imgui.end_child()
+    if current is not None:
+        _export(takes, current, export_window, short)
+
+
+def _cut_off(sessions: Sessions) -> None:
+    """A session that was cut off, to be opened again or discarded."""
+    left = sessions.cut_off
+    if left is None:
+        return
+    width = imgui.get_content_region_avail().x
+    with widgets.color(imgui.Col_.text, theme.WARNING):
+        imgui.text_unformatted(ICON.warning)
+    imgui.same_line(0, px(5))
+    text = f"Cut off: {printable(describe(left))}"
+    imgui.text_unformatted(widgets.elided(text, width - px(26)))
+    widgets.tooltip(text)
+    half = (width - px(4)) / 2
+    imgui.begin_disabled(sessions.jobs.busy(OPENING))
+    if widgets.button("Reopen", half, "Open it again with all that was recorded", True):
+        sessions.open(left.path)
+    imgui.same_line(0, px(4))
+    if widgets.button("Discard", half, "Remove it for good"):
+        sessions.discard(left)
+    imgui.end_disabled()
+    imgui.separator()
+
+
+def _record(takes: Takes) -> None:
+    recording = takes.recording
+    half = (imgui.get_content_region_avail().x - px(4)) / 2
+    text = f"{ICON.stop} {widgets.clock(takes.recorder.take_seconds)}" if recording else f"{ICON.record} Record"
+    with (
+        widgets.color(imgui.Col_.button, theme.RECORD if recording else theme.FIELD),
+        # red words on red could not be read
+        widgets.color(imgui.Col_.button_hovered, (*theme.RECORD[:3], 0.8 if recording else 0.2)),
+        widgets.color(imgui.Col_.text, theme.TEXT if recording else theme.RECORD),
+    ):
+        if imgui.button(f"{text}###record", imgui.ImVec2(half, 0)):
+            takes.toggle_recording()
+    widgets.tooltip("Start or stop a take (R)")
+    imgui.same_line(0, px(4))
+    if widgets.button(
+        f"{ICON.history} Last {takes.settings.keep_seconds:.0f} s###keep",
+        half,
+        f"The last minutes are always in memory ({widgets.clock(takes.recorder.seconds)} now).\n"
+        "Keep the last seconds as a take (T). Right-click: how many.",
+    ):
+        takes.save_last()
+    if imgui.begin_popup_context_item("keep seconds"):
+        imgui.set_next_item_width(px(180))
+        setting_widgets.slider(takes.settings, "keep_seconds")
+        imgui.end_popup()
+
+
+def _list(takes: Takes, references: ReferenceCard) -> None:
+    session = takes.session
+    if not session.takes:
+        empty = "Nothing recorded yet. Record a take with R, keep the last seconds with T, or drop a BVH file here."
+        widgets.muted("R ends the take; it appears here." if takes.recording else empty, wrap=True)
+        return
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(0, px(2)))
+    for take in session.takes:
+        imgui.push_id(take.number)
+        _name_field(takes, take) if takes.renaming == take.number else _row(takes, references, take)
+        imgui.pop_id()
+    imgui.pop_style_var()
+
+
+def _export_all(takes: Takes, width: float) -> None:
+    busy = takes.jobs.busy(EXPORT_ALL)
+    imgui.begin_disabled(busy)
+    hint = f"Every take as BVH into {printable(takes.settings.export_folder)}"
+    text = "…" if busy else f"All {len(takes.session.takes)}"
+    if widgets.button(f"{text}###export all", width, hint):
+        takes.export_all()
+    imgui.end_disabled()
+
+
+def _name_field(takes: Takes, take: Take) -> None:
+    """The row as a field for another name: Enter takes it, Esc or a click elsewhere leaves it."""
+    widgets.full_width()
+    first = imgui.is_window_appearing() or takes.naming_begins
+    if first:
+        imgui.set_keyboard_focus_here()
+    flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
+    entered, takes.new_name = imgui.input_text("##take name", takes.new_name, flags)
+    takes.naming_begins = False
+    left = not first and imgui.is_item_deactivated()
+    if entered:
+        takes.rename(take.number, takes.new_name)
+    if entered or left:
+        takes.renaming = LIVE
+
+
+def _row(takes: Takes, references: ReferenceCard, take: Take) -> None:
+    """Play, name, length, remove; a click anywhere selects."""
+    chosen, playback, header = takes.session.selected == take.number, takes.playback, take.made.header
+    width, height, square = imgui.get_content_region_avail().x, imgui.get_frame_height(), px(24)
+    corner, start = imgui.get_cursor_screen_pos(), imgui.get_cursor_pos()
+    imgui.set_next_item_allow_overlap()
+    if imgui.invisible_button("row", imgui.ImVec2(width, height)):
+        takes.select(take.number)
+    if chosen and _newly_selected(take):  # of the row that was just drawn
+        imgui.set_scroll_here_y(1.0 if corner.y > imgui.get_window_pos().y + height else 0.0)
+    hovered = imgui.is_item_hovered()
+    if hovered and imgui.is_mouse_double_clicked(0):
+        takes.begin_rename(take.number)
+    if imgui.is_item_clicked(imgui.MouseButton_.right):
+        imgui.open_popup(MENU)
+    saved = takes.saved(take)
+    if hovered:
+        _about(takes, take, saved)
+    drawing, low = imgui.get_window_draw_list(), corner
+    if hovered or chosen:
+        fill = theme.ACCENT_DIM if chosen else theme.FIELD
+        high = imgui.ImVec2(corner.x + width, corner.y + height)
+        drawing.add_rect_filled(low, high, widgets.packed(fill), imgui.get_style().frame_rounding)
+    if 0 < take.color < len(TINTS):
+        high = imgui.ImVec2(corner.x + px(3), corner.y + height)
+        drawing.add_rect_filled(low, high, widgets.packed(TINTS[take.color]))
+    imgui.set_cursor_pos(start)
+    playing = playback is not None and playback.number == take.number and playback.playing
+    if _small(ICON.pause if playing else ICON.play, square, "Pause" if playing else "Play (P)"):
+        takes.play_row(take.number)
+    first, last = take.range
+    seconds = widgets.clock((last - first) / header.fps)
+    seconds = f"{ICON.check} {seconds}" if saved else seconds
+    time_width = imgui.calc_text_size(seconds).x
+    imgui.same_line(0, px(2))
+    imgui.align_text_to_frame_padding()
+    imgui.text_unformatted(widgets.elided(take.title, width - 3 * square - time_width - px(10)))
+    imgui.same_line(width - 2 * square - time_width)
+    imgui.align_text_to_frame_padding()
+    widgets.muted(seconds)
+    imgui.same_line(width - 2 * square)
+    if _small(f"{ICON.more}##take menu", square, "Rename, mirror, compare, color"):
+        imgui.open_popup(MENU)
+    imgui.same_line(width - square)
+    if _small(ICON.trash, square, "Remove from the list; exported files stay"):
+        takes.remove(take.number)
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, imgui.ImVec2(px(8), px(7)))
+    if imgui.begin_popup(MENU):
+        _take_menu(takes, references, take)
+        imgui.end_popup()
+    imgui.pop_style_var()
+
+
+def _about(takes: Takes, take: Take, saved: Path | None) -> None:
+    """What the mouse finds out about a take."""
+    exported = takes.exported(take)
+    lines = [f"Exported as {printable(saved)}" if saved else "Not exported as it is"]
+    if exported not in (None, saved):
+        lines.append(f"Exported before as {printable(exported)}")
+    lines += [RENAME_HINT, take.made.header.describe()]
+    widgets.tooltip("\n".join(filter(None, lines)))
+
+
+def _newly_selected(take: Take) -> bool:
+    """Whether another take was the selected one in the frame before."""
+    storage, key = imgui.get_state_storage(), 1
+    known = storage.get_int(key)
+    storage.set_int(key, take.number)
+    return bool(known != take.number)
+
+
+def _take_menu(takes: Takes, references: ReferenceCard, take: Take) -> None:
+    number, playback = take.number, takes.playback
+    if imgui.menu_item("Rename", "", False)[0]:
+        takes.begin_rename(number)
+    if imgui.menu_item("Mirror", "", False)[0]:
+        takes.mirror(number)
+    widgets.tooltip("A second take with left and right exchanged")
+    if playback is not None and playback.number == number:
+        if imgui.begin_menu("Compare with"):
+            references.menu()
+            imgui.end_menu()
+    elif imgui.menu_item("Compare", "", references.reference.take == take, playback is not None)[0]:
+        references.reference.show(number)
+    widgets.tooltip("Play another take to compare it with" if playback is None else "")
+    if imgui.begin_menu("Color"):
+        for color, name in COLORS.items():
+            if imgui.menu_item(name, "", take.color == color)[0]:
+                takes.set_color(number, color)
+        imgui.end_menu()
+    for name, by in (("Move up", -1), ("Move down", 1)):
+        to = takes.session.index(number) + by
+        if imgui.menu_item(name, "", False, 0 <= to < len(takes.session.takes))[0]:
+            takes.move(number, by)
+    if imgui.menu_item("Remove", "", False)[0]:
+        takes.remove(number)
+
+
+def _small(icon: str, width: float, hint: str) -> bool:
+    with widgets.color(imgui.Col_.button, theme.CLEAR), widgets.color(imgui.Col_.text, theme.MUTED):
+        imgui.push_style_var(
+            imgui.StyleVar_.frame_padding, imgui.ImVec2(px(3), imgui.get_style().frame_padding.y)
+        )
+        clicked = imgui.button(icon, imgui.ImVec2(width, 0))
+        imgui.pop_style_var()
+    widgets.tooltip(hint)
+    return bool(clicked)
+
+
+def _rate_and_unit(settings: Settings) -> None:
+    half = (imgui.get_content_region_avail().x - px(10)) / 2
+    imgui.begin_group()
+    imgui.push_item_width(half)
+    if imgui.begin_child("fps", imgui.ImVec2(half, imgui.get_frame_height())):
+        setting_widgets.choice(settings, "export_fps")
+    imgui.end_child()
+    imgui.same_line(0, px(10))
+    if imgui.begin_child("unit", imgui.ImVec2(half, imgui.get_frame_height())):
+        setting_widgets.choice(settings, "export_unit")
+    imgui.end_child()
+    imgui.pop_item_width()
+    imgui.end_group()
+
+
+def _export_height(short: bool) -> float:
+    return imgui.get_frame_height_with_spacing() * (2 if short else 3) + px(8)
+
+
+def _export(takes: Takes, take: Take, export_window: Callable[[], None], short: bool) -> None:
+    settings = takes.settings
+    imgui.separator()
+    widgets.full_width()
+    entered, takes.export_path = imgui.input_text_with_hint(
+        "##export path",
+        "~/sport-clips/walk.bvh",
+        takes.export_path,
+        imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.elide_left,
+    )
+    widgets.tooltip(f"Where to write {Path(takes.export_path).name}: type another path if you like")
+    if not short:
+        _rate_and_unit(settings)
+    busy, several = takes.jobs.busy(Slot("export", take.number)), len(takes.session.takes) > 1
+    imgui.begin_disabled(busy)
+    text = "Exporting…" if busy else "Export trimmed BVH" if take.trimmed and not several else "Export BVH"
+    more, every = px(64), px(52) if several else 0.0
+    width = imgui.get_content_region_avail().x - more - px(4) - (every + px(4) if several else 0.0)
+    what = "what lies between the trim handles" if take.trimmed else "the take"
+    hint = f"Write {what} for Blender, Maya, MotionBuilder"
+    if widgets.button(f"{ICON.save} {text}###export", width, hint, True) or entered:
+        takes.export()
+    imgui.end_disabled()
+    imgui.same_line(0, px(4))
+    if several:
+        _export_all(takes, every)
+        imgui.same_line(0, px(4))
+    if widgets.button("More…###more formats", more, "GLB, FBX, film, loop, root and ground (Ctrl+E)"):
+        export_window()

@@ -1,0 +1,401 @@
+"""The file of the session: new, open, save as, copy, revert; and sessions of other runs that can be opened again."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from runtime.assets import model_folder
+from runtime.errors import FileError, SportError
+from runtime.session import library
+from runtime.session.database import SUFFIX
+from runtime.session.history import History
+from runtime.session.library import SessionSummary
+from runtime.session.session import ModelName
+from runtime.session.session_file import SessionFile
+from runtime.session.sqlite_file import FileInUse
+from runtime.takes.metadata import origin_of
+from viewer.gui.dialogs import DialogKind, Dialogs
+from viewer.gui.widgets import clock
+from viewer.jobs import Jobs, Slot
+from viewer.messages import Messages
+from viewer.prompt.prompt_controller import PromptController
+from viewer.scene.scene import Scene
+from viewer.session.editor import Editor
+from viewer.session.takes import Takes
+from viewer.settings import CAMERAS, Settings, checked
+
+FILTERS = ("SPORT sessions", f"*{SUFFIX}")
+MAX_RECENT = 8
+KEPT_SESSIONS = 10  # untitled ones that can be opened again
+VIEW_S = 10.0  # between two times at which the view is written
+OPENING, CLOSING, COPYING = Slot("session"), Slot("closing of a session"), Slot("copy of the session")
+PROBLEM = Slot("file of the session")  # a topic of messages
+KEPT_SETTINGS = (
+    "temperature", "response", "strength", "blend_seconds", "show_grid", "show_trajectory", "show_skeleton",
+    "show_contacts",
+)  # fmt: skip
+MAX_PITCH = 1.5  # radians
+DISTANCES = (0.5, 60.0)  # metres of the camera
+
+
+def first_file(folder: Path, cache: Path) -> tuple[SessionFile, str]:
+    """The file of a session that has no name yet, and why it is not in `folder`; "" where it is."""
+    try:
+        return SessionFile.create(library.new_path(folder), cache), ""
+    except SportError as error:
+        place = Path(tempfile.mkdtemp(prefix="sport-"))
+        file = SessionFile.create(library.new_path(place), cache)
+        return file, f"{error.problem} This session is in {file.path} until you save it elsewhere."
+
+
+def describe(summary: SessionSummary) -> str:
+    """Name, takes, length and time in a few words."""
+    takes = f"{summary.takes} take{'s' * (summary.takes != 1)}"
+    try:
+        when = time.strftime("%d %b %H:%M", time.localtime(summary.saved_s))
+    except (OverflowError, ValueError, OSError):  # of a clock that was far off
+        when = "at an unknown time"
+    return f"{summary.name}, {takes}, {clock(summary.seconds)}, {when}"
+
+
+@dataclass
+class Sessions:
+    """Actions of the session menu."""
+
+    editor: Editor
+    settings: Settings
+    messages: Messages
+    jobs: Jobs
+    dialogs: Dialogs
+    scene: Scene
+    prompting: PromptController
+    takes: Takes
+    load_model: Callable[[Path | None, int], None]
+    picture: Callable[[], bytes]  # a small PNG of the view
+    folder: Path  # the state folder
+    earlier: list[SessionSummary] = field(default_factory=list)  # of other runs, newest first
+    incomplete: bool = False  # something is not where it was to be written
+    _viewed: dict[str, Any] = field(default_factory=dict)
+    _viewed_s: float = -1e9
+    _said: str = ""
+
+    @property
+    def files(self) -> dict[str, Callable[[Path], None]]:
+        """What opens a file, by its suffix."""
+        return {SUFFIX: self.open}
+
+    @property
+    def untitled_folder(self) -> Path:
+        """Where sessions lie that have no name."""
+        return self.folder / "sessions"
+
+    @property
+    def path(self) -> Path | None:
+        """The file that the user named; None for an untitled session."""
+        path = self.editor.file.path
+        return None if self._is_untitled(path) else path
+
+    def _is_untitled(self, path: Path) -> bool:
+        home = path.parent
+        return home == self.untitled_folder or (
+            home.name.startswith("sport-") and home.parent == Path(tempfile.gettempdir())
+        )
+
+    @property
+    def name(self) -> str:
+        """What the menu calls the session."""
+        return "Untitled" if self.path is None else self.path.stem
+
+    @property
+    def recent(self) -> list[Path]:
+        """Named sessions that were open last, newest first."""
+        return [Path(text) for text in self.settings.recent_projects[:MAX_RECENT]]
+
+    @property
+    def cut_off(self) -> SessionSummary | None:
+        """The newest untitled session, when it was cut off."""
+        return self.earlier[0] if self.earlier and not self.earlier[0].ended else None
+
+    # --- actions
+
+    def new(self) -> None:
+        """An empty session on the same ground with the same character; the one before stays in its file."""
+        before = self.editor.session
+        file, problem = first_file(self.untitled_folder, self.scene.characters)
+        history = History()
+        live = replace(before.live, path=(), cameras=())
+        history.replace(
+            replace(
+                before, takes=(), live=live, counter=0, selected=0, reference=None, variants=()
+            )
+        )
+        self._use(file, history)
+        file.write(history)
+        self.messages.note(f"A new session. {problem}".strip())
+
+    def ask_open(self) -> None:
+        """Choose a session to open."""
+        self.dialogs.ask(DialogKind.OPEN, "Open a session", self._home(), self.open, FILTERS)
+
+    def open(self, path: Path) -> None:
+        """Open a session; the one that is open stays until the other is read."""
+        path = path.expanduser()
+        if path.absolute() == self.editor.file.path.absolute():
+            self.messages.note(f"{path.name} is open already.")
+            return
+        self.jobs.submit(
+            OPENING, partial(self._read, path), lambda found: self._opened(path, *found), reading=path.name
+        )
+
+    def _read(self, path: Path) -> tuple[SessionFile, History, str]:
+        try:
+            return *SessionFile.open(path, self.scene.characters), ""
+        except FileInUse:
+            copy = library.new_path(self.untitled_folder)
+            other, _ = SessionFile.read(path, self.scene.characters)
+            try:
+                other.save_copy(copy)
+            finally:
+                other.close()
+            said = f"{path.name} is open in another window: this is an untitled copy of it."
+            return *SessionFile.open(copy, self.scene.characters), said
+
+    def _opened(self, path: Path, file: SessionFile, history: History, said: str) -> None:
+        self._use(file, history)
+        self._restore(file.view)
+        if not said and not self._is_untitled(path):
+            self._remember(path)
+        self.earlier = [summary for summary in self.earlier if summary.path != path]
+        count = len(history.present.session.takes)
+        text = said or f"{self.name}: {count} take{'s' * (count != 1)}."
+        recovered = history.present.label.startswith("recovery of ") and not said
+        more = f" {history.present.label.capitalize()}: it was cut off." if recovered else ""
+        (self.messages.warn if said or more else self.messages.note)(text + more)
+
+    def open_last(self) -> None:
+        """Open the named session that was open last."""
+        if self.recent:
+            self.open(self.recent[0])
+        else:
+            self.messages.warn("No session was saved or opened before.")
+
+    def save(self) -> None:
+        """Give an untitled session a name; a named one is saved as one works."""
+        if self.path is None:
+            self.ask_save()
+        elif self.editor.file.flush(1.0):
+            self.messages.note(f"{self.path.name} is saved; every edit is in it at once.")
+        else:
+            self.messages.error(self.editor.file.problem or f"{self.path.name} is still being written.", PROBLEM)
+
+    def ask_save(self) -> None:
+        """Choose under which name to go on."""
+        start = self.path or self._home() / f"session{SUFFIX}"
+        self.dialogs.ask(DialogKind.SAVE, "Save the session as", start, self.save_as, FILTERS)
+
+    def ask_copy(self) -> None:
+        """Choose where a copy goes."""
+        start = self._home() / f"{self.name} copy{SUFFIX}"
+        self.dialogs.ask(DialogKind.SAVE, "Save a copy", start, self.save_copy, FILTERS)
+
+    def save_as(self, path: Path) -> None:
+        """Go on in a file of this name."""
+        path, untitled = _with_suffix(path), self.path is None
+        file, before = self.editor.file, self.editor.file.path
+        self._write_view()
+
+        def done(_: None) -> None:
+            if untitled:
+                library.remove(before)
+            self._remember(path)
+            self.messages.note(f"Saved {path}.")
+
+        self.jobs.submit(OPENING, lambda: file.save_as(path), done, writing=f"the session {path.name}")
+
+    def save_copy(self, path: Path) -> None:
+        """Write a copy, and go on in the file that is open."""
+        path, file = _with_suffix(path), self.editor.file
+        self._write_view()
+        self.jobs.submit(
+            COPYING,
+            lambda: file.save_copy(path),
+            lambda _: self.messages.note(f"Saved a copy as {path}."),
+            writing=f"the copy {path.name}",
+        )
+
+    def revert(self) -> None:
+        """Back to what the session was when it was opened; a step of undo."""
+        opened = self.editor.opened
+        if not self.editor.do("revert to when it was opened", lambda _: opened):
+            self.messages.note("Nothing was changed since it was opened.")
+
+    def discard(self, summary: SessionSummary) -> None:
+        """Remove an untitled session of another run for good."""
+        library.remove(summary.path)
+        self.earlier = [one for one in self.earlier if one is not summary]
+        self.messages.note(f"Discarded: {describe(summary)}.")
+
+    # --- from one session to the other
+
+    def _use(self, file: SessionFile, history: History) -> None:
+        self.editor.finish_drag()
+        self.takes.end_recording()
+        self.takes.close_playback()
+        self._leave()
+        self.editor.use(file, history)
+        self._viewed_s = time.monotonic()
+
+    def _leave(self) -> None:
+        """Close the file that is open; an untitled one that holds nothing goes."""
+        file, empty = self.editor.file, self._is_empty
+        if not empty:
+            self._write_view(ended=True)
+
+        def close() -> bool:
+            whole = file.close(5.0)
+            if empty:
+                library.remove(file.path)
+            library.keep_newest(self.untitled_folder, KEPT_SESSIONS)
+            return whole
+
+        def closed(_: bool) -> None:
+            self.look()
+
+        self.jobs.submit(Slot(CLOSING.what, file), close, closed, writing=f"the session {file.path.stem}")
+
+    @property
+    def _is_empty(self) -> bool:
+        return self.path is None and not self.editor.history.steps[1:]
+
+    def _remember(self, path: Path) -> None:
+        text = str(path.absolute())
+        rest = [known for known in self.settings.recent_projects if known != text]
+        self.settings.recent_projects = [text, *rest][:MAX_RECENT]
+
+    def _home(self) -> Path:
+        return self.recent[0].parent if self.recent else Path(self.settings.export_folder).expanduser()
+
+    # --- the view
+
+    def _view(self) -> dict[str, Any]:
+        """How the session is looked at: no step of undo, but kept."""
+        camera, pose = self.scene.camera, self.scene.simulation.current
+        now = camera.current
+        view = {name: getattr(self.settings, name) for name in KEPT_SETTINGS}
+        place = {"x": float(pose.root_position[0]), "z": float(pose.root_position[2]), "facing": pose.root_yaw}
+        look = {"yaw": float(now.yaw), "pitch": float(now.pitch), "distance": float(now.distance)}
+        return view | {"camera": camera.mode, "name": self.name} | {k: round(v, 3) for k, v in (place | look).items()}
+
+    def _write_view(self, ended: bool = False) -> None:
+        self._viewed, self._viewed_s = self._view(), time.monotonic()
+        self.editor.file.write_view(self._viewed, ended, self.picture() if ended else b"")
+
+    def _restore(self, view: dict[str, Any]) -> None:
+        """Look at the session as it was looked at, and let the character stand where it stood."""
+        session, camera = self.editor.session, self.scene.camera
+
+        def number(name: str, low: float, high: float) -> float | None:
+            value = view.get(name)
+            known = isinstance(value, int | float) and math.isfinite(value)
+            return min(max(float(value), low), high) if known and value is not None else None
+
+        for name in KEPT_SETTINGS:
+            value = checked(name, view.get(name), getattr(Settings(), name)) if name in view else None
+            if value is not None:
+                setattr(self.settings, name, value)
+        if view.get("camera") in CAMERAS:
+            camera.use(str(view["camera"]))
+        x, z, facing = (number(name, -1e5, 1e5) for name in ("x", "z", "facing"))
+        if x is not None and z is not None:
+            self.scene.put_character(x, z, facing or 0.0)
+        for name, low, high in (("yaw", -1e3, 1e3), ("pitch", -MAX_PITCH, MAX_PITCH), ("distance", *DISTANCES)):
+            value = number(name, low, high)
+            if value is not None:
+                setattr(camera.current, name, value)
+        if not self._has_model(session.model):
+            self.prompting.ask_again()
+
+    def _has_model(self, wanted: ModelName) -> bool:
+        """Load the session's model where another one is there; whether none is needed."""
+        if not wanted.sha256 or self.scene.controller is None:
+            return True
+        if origin_of(self.scene.controller, "").model_sha256 == wanted.sha256:
+            return True
+        folder = model_folder(wanted.folder) if wanted.folder else None
+        if folder is not None and not folder.is_dir():
+            self.messages.warn(
+                f"The session's model {wanted.name or wanted.folder!r} is not there: its takes play and are exported,"
+                " but are not resimulated."
+            )
+        elif folder != self.scene.model_folder:
+            self.load_model(folder, wanted.seed)
+        return False
+
+    # --- while it is open
+
+    def begin(self, project: str | None, looking: bool) -> None:
+        """Find the sessions of other runs, and open the one of the command line; "last" is the one open last."""
+        if looking:
+            self.look()
+            if self.cut_off is not None:
+                self.messages.warn(f"Cut off: {describe(self.cut_off)}. Takes: Reopen or Discard.")
+        if project == "last":
+            self.open_last()
+        elif project is not None:
+            self.open(Path(project))
+
+    def look(self) -> None:
+        """Find the untitled sessions of other runs."""
+        self.earlier = [summary for summary in library.find(self.untitled_folder) if summary.takes]
+
+    def poll(self) -> None:
+        """Write the view now and then, and say when the file cannot be written; call once a frame."""
+        self.dialogs.poll()
+        problem = self.editor.file.problem
+        if problem != self._said:
+            self._said = problem
+            if problem:
+                self.messages.error(f"{problem} Until then it is in memory only.", PROBLEM)
+            else:
+                self.messages.settle(PROBLEM)
+        if time.monotonic() - self._viewed_s > VIEW_S and not self._is_empty:
+            if self._view() != self._viewed:
+                self._write_view()
+            self._viewed_s = time.monotonic()
+
+    def finish(self, keep: bool, seconds: float) -> None:
+        """The program ends: all is in the file already, or goes to another place where that cannot be written."""
+        self.editor.finish_drag()
+        self.takes.end_recording()
+        file, empty = self.editor.file, self._is_empty or (not keep and self.path is None)
+        if not empty:
+            self._write_view(ended=True)
+        if not file.close(seconds) and not empty:
+            self._rescue(file)
+        if empty:
+            library.remove(file.path)
+
+    def _rescue(self, file: SessionFile) -> None:
+        """What its file did not take goes to the temporary folder."""
+        self.incomplete = True
+        place = Path(tempfile.gettempdir()) / "sport-sessions"
+        try:
+            copy, _ = first_file(place, self.scene.characters)
+            copy.write(self.editor.history)
+            if not copy.close(5.0):
+                raise FileError(copy.problem, "Make room.")
+            self.messages.error(f"{file.problem} The session is in {copy.path}.")
+        except SportError as error:
+            self.messages.error(f"{file.problem} {error}")
+
+
+def _with_suffix(path: Path) -> Path:
+    path = path.expanduser()
+    return path if path.suffix.lower() == SUFFIX else path.with_name(path.name + SUFFIX)

@@ -18,9 +18,8 @@ from viewer.exports.state import SIZES, ExportForm, ExportState
 from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
-from viewer.stage.stage import Stage
-from viewer.takes.state import ClipItem
-from viewer.takes.takes import Takes, file_stem, free_path
+from viewer.scene.scene import Scene
+from viewer.session.takes import Takes, file_stem, free_path
 
 if TYPE_CHECKING:
     from runtime.takes.clip import Clip
@@ -50,7 +49,7 @@ class Exporting:
 
     state: ExportState
     takes: Takes
-    stage: Stage
+    scene: Scene
     messages: Messages
     jobs: Jobs
     dialogs: Dialogs
@@ -64,7 +63,7 @@ class Exporting:
 
     def open(self) -> None:
         """Show the window for the selected take."""
-        if self.takes.state.current is None:
+        if self.takes.session.current is None:
             self.messages.warn(
                 "Nothing to export yet: record a take with R, or keep the last seconds with T."
             )
@@ -74,11 +73,11 @@ class Exporting:
 
     def propose(self) -> None:
         """Put a free name with the ending of the chosen format into the field."""
-        item = self.takes.state.current
-        if item is None:
+        take = self.takes.session.current
+        if take is None:
             return
         folder = Path(self.takes.settings.export_folder)
-        name = free_path(folder.expanduser() / f"{file_stem(item.name)}{self.state.form.suffix}").name
+        name = free_path(folder.expanduser() / f"{file_stem(take.title)}{self.state.form.suffix}").name
         self.state.path = self._proposed = printable(folder / name)
 
     def choose_format(self, suffix: str) -> None:
@@ -112,13 +111,13 @@ class Exporting:
 
     def export(self) -> None:
         """Write the selected take as chosen."""
-        item = self.takes.state.current
-        if item is None or self.busy:
+        take = self.takes.session.current
+        if take is None or self.busy:
             return
         try:
             path = self._path()
-            form, clip = replace(self.state.form), item.clip
-            work, whole = self._work(item, path, form), self._whole(clip, form)
+            form, clip = replace(self.state.form), take.clip
+            work, whole = self._work(take, path, form), self._whole(clip, form)
         except SportError as error:
             self.messages.error(_named(error))
             self._failed(_named(error))
@@ -135,9 +134,9 @@ class Exporting:
         self.jobs.submit(
             SLOT,
             named,
-            lambda text: self._done(item, clip, path, text, whole),
+            lambda text: self._done(take, clip, path, text, whole),
             self._failed,
-            writing=f"the export of {item.name}",
+            writing=f"the export of {take.name}",
             cancel=self.cancel,
         )
 
@@ -157,24 +156,24 @@ class Exporting:
             raise UsageError(f"Export: {path} is a folder.", "Add the name of a file.")
         return path if path.suffix.lower() == form.suffix else path.with_name(path.name + form.suffix)
 
-    def _work(self, item: ClipItem, path: Path, form: ExportForm) -> Callable[[], str]:
+    def _work(self, take: Take, path: Path, form: ExportForm) -> Callable[[], str]:
         """What the worker does, with everything it needs; UsageError for options that do not go together."""
         from runtime.formats.table import check_export, save_motion
 
-        clip = item.named_clip
+        clip = take.named_clip
         options = self._options(form, clip)
         beside = path.with_name(f"{path.stem}-ground{form.ground}") if form.ground.startswith(".") else None
         if form.format.film:
-            film, film_ground = self._film_options(form, item, options.start_s), self._ground_of(item)
+            film, film_ground = self._film_options(form, take, options.start_s), self._ground_of(take)
             return lambda: self._film(clip, film_ground(), path, options, film)
         check_export(path, options, beside)
-        ground = self._ground_of(item)
+        ground = self._ground_of(take)
         return lambda: " ".join(w.text for w in save_motion(clip, path, options, ground(), beside))
 
     def _options(self, form: ExportForm, clip: Clip) -> ExportOptions:
         """The options of the form that its format has."""
         playback, start, end = self.takes.state.playback, 0.0, None
-        current = self.takes.state.current
+        current = self.takes.session.current
         marked = playback is not None and current is not None and playback.clip is current.clip
         if form.trimmed and marked and playback is not None and playback.trimmed:
             start, end = playback.start_s, playback.end_s
@@ -184,7 +183,7 @@ class Exporting:
             "engine": form.engine or None,
             "humanoid_names": form.humanoid_names and bool(form.engine) and bool(ENGINES[form.engine].bones),
             "with_ground": form.ground == "inside",
-            "character": self.stage.character_path if form.own_character else None,
+            "character": self.scene.character_path if form.own_character else None,
         }
         names = ("unit", "animation_only", "in_place", "ground_root", "at_origin", "rest_frame", "loop")
         chosen["strides"] = form.strides if form.loop else 1
@@ -193,20 +192,20 @@ class Exporting:
         options = ExportOptions(
             start_s=start,
             end_s=end,
-            fit_to_motion=self.stage.settings.fit_to_motion,
-            **{name: value for name, value in chosen.items() if name in has},
+            fit_to_motion=self.scene.settings.fit_to_motion,
+            **{name: value for name, value in chosen.takes() if name in has},
         )
         options.check()
         return options
 
-    def _film_options(self, form: ExportForm, item: ClipItem, start_s: float) -> Any:
+    def _film_options(self, form: ExportForm, take: Take, start_s: float) -> Any:
         """The options of a film that begins at a time of a take."""
         from viewer.filming.film import FilmOptions
         from viewer.filming.shots import KEYED, ShotView
 
-        camera = self.stage.camera.current
+        camera = self.scene.camera.current
         width, height = SIZES[form.size]
-        keys = tuple(replace(key, seconds=max(key.seconds - start_s, 0.0)) for key in item.camera)
+        keys = tuple(replace(key, seconds=max(key.seconds - start_s, 0.0)) for key in take.camera)
         if form.camera == KEYED and not keys:
             raise UsageError(
                 "Camera: this take has no keys.", "Key views by “+ Pin” on its timeline, or choose another."
@@ -218,16 +217,16 @@ class Exporting:
         options.check()
         return options
 
-    def _ground_of(self, item: ClipItem) -> Callable[[], Terrain]:
+    def _ground_of(self, take: Take) -> Callable[[], Terrain]:
         """What finds the ground that a take was made on."""
-        driven = item.drive.ground(0) if item.drive is not None else None
-        own = item.ground if driven is None else driven.terrain
+        driven = take.drive.ground(0) if take.drive is not None else None
+        own = take.ground if driven is None else driven.terrain
         if own is not None:
             return lambda: own
-        if item.clip.terrain == self.stage.state.terrain_spec or not item.recorded:
-            shown = self.stage.state.terrain
+        if take.clip.terrain == self.scene.terrain_spec or not take.recorded:
+            shown = self.scene.terrain
             return lambda: shown
-        settings, load, spec = self.stage.settings, self.stage.services.load_terrain, item.clip.terrain
+        settings, load, spec = self.scene.settings, self.scene.services.load_terrain, take.clip.terrain
         return lambda: load(spec, settings.height_map_cell_m, settings.height_map_height_m)
 
     def _film(self, clip: Clip, terrain: Terrain, path: Path, export: ExportOptions, film: Any) -> str:
@@ -256,12 +255,12 @@ class Exporting:
         cut = options.start_s > 0.0 or options.end_s is not None
         return form.suffix == ".bvh" and not changed and not cut and options.fps >= clip.fps
 
-    def _done(self, item: ClipItem, clip: Clip, path: Path, text: str, whole: bool) -> None:
+    def _done(self, take: Take, clip: Clip, path: Path, text: str, whole: bool) -> None:
         if not text:
             self.state.report, self.state.report_good = "Cancelled: nothing was written.", True
-            self.messages.note(f"The export of {item.name} was cancelled.")
+            self.messages.note(f"The export of {take.name} was cancelled.")
             return
-        self.takes.note_file(item, clip, path, whole)
+        self.takes.note_file(take, clip, path, whole)
         self.takes.settings.export_folder = str(path.parent)
         self.state.report, self.state.report_good = f"Saved {printable(text)}", True
         self.messages.note(f"Saved {text}")

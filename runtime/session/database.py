@@ -1,0 +1,530 @@
+"""A session on disk while it is worked on: each change is a transaction that one thread writes soon after.
+
+What is read is treated as untrusted: every length is counted before anything of that size is made. It is what is on
+disk: `Database.flush` first to read what was just submitted.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import sqlite3
+import threading
+import zlib
+from collections import deque
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from runtime.errors import FileError
+from runtime.session.sqlite_file import (
+    APPLICATION_ID,
+    MAX_VALUE_BYTES,
+    REMEDY,
+    ROOM,
+    SCHEMA_VERSION,
+    SUFFIX,
+    Budget,
+    FileInUse,
+    check_content,
+    check_files,
+    check_schema,
+    connect,
+    connect_reader,
+    connect_writer,
+    copy_rows,
+    drop_lock,
+    file_errors,
+    is_own,
+    lock_of,
+    new_file,
+    real_path,
+    said,
+    side_files,
+    take_lock,
+)
+
+__all__ = ["APPLICATION_ID", "SCHEMA_VERSION", "SUFFIX", "Budget", "Database", "FileInUse", "Writer"]
+
+GATHER_S = 0.05  # that works wait for others before they are written
+IDLE_S = 1.0  # without work until the log goes into the file, and between two attempts where the disk takes nothing
+MAX_WAITING = 20_000  # works that wait for a disk; of a recording an hour and more
+MAX_TEXT_BYTES = 16 << 20  # of one document
+LEVEL = 1  # of zlib
+_LOG = logging.getLogger("sport.session")
+Work = Callable[["Writer"], None]
+
+
+class Writer:
+    """What a work may change. Only on the writer thread, within `Database.submit`; nothing of it lasts unless all does."""
+
+    def __init__(self, connection: sqlite3.Connection, counted: set[tuple[Any, ...]]) -> None:
+        self._run = connection.execute
+        self._many = connection.executemany
+        self._counted = counted
+
+    def put_blob(self, key: str, content: bytes) -> None:
+        """Keep bytes under the hash of their content; once is enough."""
+        self._counted.add(("blobs", key))
+        if self._run("SELECT 1 FROM blobs WHERE key = ?", (key,)).fetchone() is None:
+            self._run(
+                "INSERT INTO blobs VALUES (?, ?, ?)", (key, len(content), zlib.compress(content, LEVEL))
+            )
+
+    def put_motion(self, key: str, header: str) -> None:
+        """Keep the header of a motion, or replace it; its place in the order stays."""
+        self._counted.add(("motions", key))
+        self._run(
+            "INSERT INTO motions (key, header) VALUES (?, ?) ON CONFLICT (key) DO UPDATE SET header = excluded.header",
+            (key, _text(header)),
+        )
+
+    def put_frames(self, key: str, number: int, count: int, content: bytes) -> None:
+        """Keep piece `number` of a motion, of `count` frames, or replace it."""
+        self._counted.add(("frames", key, number))
+        values = key, number, count, len(content), zlib.compress(content, LEVEL)
+        self._run("INSERT OR REPLACE INTO frames VALUES (?, ?, ?, ?, ?)", values)
+
+    def drop_frames(self, key: str) -> None:
+        """Remove the frames of a motion; its header stays."""
+        self._run("DELETE FROM frames WHERE motion = ?", (key,))
+
+    def put_step(self, number: int, label: str, document: str) -> None:
+        """Keep a step of the session's history, or replace it."""
+        self._counted.add(("steps", number))
+        self._run("INSERT OR REPLACE INTO steps VALUES (?, ?, ?)", (number, label, _text(document)))
+
+    def drop_steps(self, first: int | None = None, before: int | None = None) -> None:
+        """Remove the steps from `first` on, and those before `before`."""
+        self._run("DELETE FROM steps WHERE number >= ? OR number < ?", (first, before))
+
+    def set_meta(self, name: str, value: str | bytes) -> None:
+        """Keep a value under a name."""
+        self._counted.add(("meta", name))
+        self._run("INSERT OR REPLACE INTO meta VALUES (?, ?)", (name, value))
+
+    def keep_only(self, motions: Collection[str], blobs: Collection[str]) -> None:
+        """Remove all other motions with their frames, and all other blobs."""
+        for table, column, kept in (
+            ("motions", "key", motions),
+            ("frames", "motion", motions),
+            ("blobs", "key", blobs),
+        ):
+            found = self._run(f"SELECT DISTINCT {column} FROM {table}").fetchall()
+            self._many(
+                f"DELETE FROM {table} WHERE {column} = ?", [row for row in found if row[0] not in kept]
+            )
+
+
+def _text(document: str) -> str:
+    if len(document.encode()) > MAX_TEXT_BYTES:
+        raise ValueError(f"a text of more than {MAX_TEXT_BYTES >> 20} MB")
+    return document
+
+
+@dataclass
+class Database:
+    """One session's rows in one SQLite file, written by one thread of its own. Made by `create`, `open` and `read`."""
+
+    path: Path  # without links
+    budget: Budget
+    home: Path | None = (
+        None  # folder of this installation's secret; without one every file counts as from elsewhere
+    )
+    _handle: int = -1  # of the lock; -1 for reading only
+    _reader: sqlite3.Connection | None = None
+    _writer: sqlite3.Connection | None = None
+    _files: list[tuple[int, int]] = field(default_factory=list)  # which ones were opened
+    _counted: set[tuple[Any, ...]] = field(
+        default_factory=set
+    )  # rows that the budget paid for, or this process wrote
+    _queue: deque[Work] = field(default_factory=deque)
+    _submitted: int = 0
+    _written: int = 0
+    _failures: int = 0
+    _trouble: str = ""  # that may end
+    _lost: str = ""  # what will never be on disk
+    _urgent: bool = False
+    _ending: bool = False
+    _changed: threading.Condition = field(
+        default_factory=threading.Condition
+    )  # guards the queue and what counts it
+    _turn: threading.Lock = field(default_factory=threading.Lock)  # of who writes
+    _reading: threading.RLock = field(default_factory=threading.RLock)
+    _thread: threading.Thread | None = None
+
+    @staticmethod
+    def create(path: Path, home: Path | None = None) -> Database:
+        """A new file, locked; FileError, also where a file of this name is."""
+        path = real_path(path)
+        handle = take_lock(path)
+        try:
+            if path.exists():
+                raise FileError(f"{path}: this file exists.", "Choose another name.")
+            with new_file(path, home):
+                pass
+            return Database(path, Budget.for_file(0), home, handle)._begin()
+        except BaseException:
+            drop_lock(handle, path)
+            raise
+
+    @staticmethod
+    def open(path: Path, home: Path | None = None) -> Database:
+        """A file that is there, checked and locked; FileError in one sentence, FileInUse.
+
+        One that this installation did not make is replaced by a new file with its rows.
+        """
+        path = real_path(path)
+        check_files(path)
+        handle = take_lock(path)
+        try:
+            size = check_files(path)
+            with file_errors(path):
+                log = side_files(path)[0]
+                mode = "ro" if log.exists() and log.stat().st_size else "immutable"
+                with contextlib.closing(connect(path, mode)) as connection:
+                    check_schema(connection)
+                    check_content(connection)
+                    if not is_own(connection, home):
+                        with new_file(path, home) as target:
+                            copy_rows(connection, target)
+                            connection.close()  # before the file is replaced
+            return Database(path, Budget.for_file(size), home, handle)._begin()
+        except BaseException:
+            drop_lock(handle, path)
+            raise
+
+    @staticmethod
+    def read(path: Path, thorough: bool = True) -> Database:
+        """A file to be read only, which another process may have open; FileError.
+
+        Not `thorough`: the pages are not looked through, for a listing.
+        """
+        path = real_path(path)
+        database = Database(path, Budget.for_file(check_files(path)))
+        with file_errors(path):
+            database._reader = connect_reader(path)
+            try:
+                check_schema(database._reader)
+                if thorough:
+                    check_content(database._reader)
+                database._reader.set_progress_handler(None, 0)
+            except BaseException:
+                database._reader.close()
+                raise
+        return database
+
+    @property
+    def problem(self) -> str:
+        """Why what was done is not on disk, in a user's words; "" when it is or soon will be."""
+        return self._lost or self._trouble
+
+    # --- writing
+
+    def submit(self, work: Work) -> None:
+        """Have `work` write soon; returns at once. Any thread.
+
+        All that waits is one transaction, in order. A work may run more than once: for another try, or into a copy.
+        FileError where the file is for reading only.
+        """
+        if self._thread is None or self._ending:
+            raise FileError(f"{self.path}: it is open for reading only.", "Save a copy of it.")
+        with self._changed:
+            if len(self._queue) >= MAX_WAITING:
+                self._lost = f"{self._trouble or f'{self.path}: the disk is too slow.'} What is done from now on is in memory only."
+            if self._lost:  # what came later would build on what is missing
+                return
+            self._queue.append(work)
+            self._submitted += 1
+            self._changed.notify_all()
+
+    def flush(self, seconds: float | None = None) -> bool:
+        """Wait until all that was submitted is on disk; False when that failed or takes longer."""
+        with self._changed:
+            target, failures = self._submitted, self._failures
+            self._urgent = True
+            self._changed.notify_all()
+            self._changed.wait_for(
+                lambda: self._failures > failures or (self._written >= target and not self._trouble), seconds
+            )
+            return self._written >= target and not self.problem
+
+    def save_as(self, path: Path) -> None:
+        """Be another file from now on, with all that was submitted; FileError, FileInUse: then all stays as it is.
+
+        The file before stays with what it had on disk. This works also where its disk takes nothing any more.
+        """
+        path = real_path(path)
+        with self._turn:
+            if path == self.path:
+                if not self._write():
+                    raise FileError(self.problem)
+                return
+            handle, count = self._copy(path)
+            before, self.path = self.path, path
+            self._handle, old = handle, self._handle
+            self._disconnect()
+            drop_lock(old, before)
+            self._connect()
+            self._settle(count)
+
+    def save_copy(self, path: Path) -> None:
+        """Write all that was submitted into another file, and stay; FileError, FileInUse."""
+        path = real_path(path)
+        with self._turn:
+            handle, _ = self._copy(path)
+            drop_lock(handle, path)
+
+    def _copy(self, path: Path) -> tuple[int, int]:
+        """The lock of a new file with all rows, and how many of the works that waited are in it."""
+        self._write()
+        handle = take_lock(path)
+        try:
+            with self._changed:
+                works = list(self._queue)
+            with new_file(path, self.home) as target, file_errors(self.path):
+                copy_rows(self._connection(), target)
+                for work in works:
+                    work(Writer(target, self._counted))
+        except BaseException:
+            drop_lock(handle, path)
+            raise
+        return handle, len(works)
+
+    def close(self, seconds: float | None = None) -> bool:
+        """Flush, put the log into the file, let go; False where not all is on disk. A disk that hangs longer is left alone."""
+        written = self._thread is None or self.flush(seconds)
+        with self._changed:
+            self._ending = True
+            self._changed.notify_all()
+        if self._thread is not None:
+            self._thread.join(seconds)
+            if self._thread.is_alive():
+                return False
+        if self._writer is not None:
+            with contextlib.suppress(sqlite3.Error):  # what is committed is on disk, if in two files
+                free, pages = (
+                    self._writer.execute(f"PRAGMA {n}").fetchone()[0]
+                    for n in ("freelist_count", "page_count")
+                )
+                if 4 * free > pages:
+                    self._writer.execute("VACUUM")
+                self._writer.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        self._disconnect()
+        if self._handle >= 0:
+            drop_lock(self._handle, self.path)
+            self._handle = -1
+        return written
+
+    def _begin(self) -> Database:
+        self._connect()
+        self._thread = threading.Thread(target=self._run, name="sport-session", daemon=True)
+        self._thread.start()
+        return self
+
+    def _connect(self) -> None:
+        with self._reading, file_errors(self.path):
+            self._writer = connect_writer(self.path)
+            self._reader = connect(self.path, "ro")
+            self._files = self._present()
+
+    def _disconnect(self) -> None:
+        """Both at once: the last one removes the log, by its name."""
+        with self._reading:
+            for connection in (self._reader, self._writer):
+                if connection is not None:
+                    connection.close()
+            self._reader = self._writer = None
+
+    def _connection(self) -> sqlite3.Connection:
+        if self._writer is None:
+            self._connect()
+        assert self._writer is not None
+        return self._writer
+
+    def _present(self) -> list[tuple[int, int]]:
+        """Which files have our names now."""
+        found = [os.stat(file) for file in (self.path, side_files(self.path)[0], lock_of(self.path))]
+        return [(status.st_dev, status.st_ino) for status in found]
+
+    def _keep_there(self) -> None:
+        """Write the file again where another program has removed it or its folder: what is open can still be read."""
+        connection = self._connection()
+        with contextlib.suppress(FileNotFoundError):
+            if self._present() == self._files:
+                return
+        with new_file(self.path, self.home) as target:
+            copy_rows(connection, target)
+            if not lock_of(self.path).exists():
+                os.close(self._handle)
+                self._handle = -1
+                self._handle = take_lock(self.path)
+        self._disconnect()
+        self._connect()
+
+    def _run(self) -> None:
+        """The thread: what waits is written soon, and when nothing comes the log goes into the file."""
+        logged = False
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._queue or self._urgent or self._ending, IDLE_S)
+                if self._queue and not self._trouble:
+                    self._changed.wait_for(lambda: self._urgent or self._ending, GATHER_S)
+                ending, idle, self._urgent = self._ending, not self._queue, False
+            with self._turn:
+                self._write()
+                if idle and logged and self._writer is not None:
+                    with contextlib.suppress(sqlite3.Error):  # it stays in the log
+                        self._writer.execute("PRAGMA wal_checkpoint(PASSIVE)")
+                logged = not idle
+            if ending:
+                return
+            if self._trouble:
+                with self._changed:
+                    self._changed.wait_for(lambda: self._urgent or self._ending, IDLE_S)
+
+    def _write(self) -> bool:
+        """Write all that waits as one transaction; False where it still waits. A work that is at fault is left out."""
+        with self._changed:
+            works = list(self._queue)
+        work: Work | None = None
+        try:
+            self._keep_there()
+            if works:
+                connection = self._connection()
+                writer = Writer(connection, self._counted)
+                connection.execute("BEGIN IMMEDIATE")
+                for work in works:
+                    work(writer)
+                work = None
+                connection.execute("COMMIT")
+        except Exception as error:
+            self._roll_back()
+            if work is not None and not _of_the_disk(error):  # a defect must not hold up what others did
+                _LOG.exception("a change could not be written")
+                self._lost = (
+                    f"{self.path}: a change cannot be kept ({said(error)}). Please report this defect."
+                )
+                with self._changed:
+                    self._queue.remove(work)
+                    self._submitted -= 1
+                return self._write()
+            problem = (
+                error if isinstance(error, FileError) else FileError(f"{self.path}: {said(error)}.", ROOM)
+            )
+            with self._changed:
+                self._trouble = str(problem)
+                self._failures += 1
+                self._changed.notify_all()
+            return False
+        self._settle(len(works))
+        return True
+
+    def _settle(self, count: int) -> None:
+        with self._changed:
+            for _ in range(count):
+                self._queue.popleft()
+            self._written += count
+            self._trouble = ""
+            self._changed.notify_all()
+
+    def _roll_back(self) -> None:
+        if self._writer is not None and self._writer.in_transaction:
+            with contextlib.suppress(sqlite3.Error):  # it did so by itself
+                self._writer.execute("ROLLBACK")
+
+    # --- reading
+
+    def steps(self) -> list[tuple[int, str]]:
+        """Numbers and labels of the steps, in order."""
+        return self._rows(
+            "steps", "number, label", (int, str), "16 + length(CAST(label AS BLOB))", "1 ORDER BY number"
+        )
+
+    def step(self, number: int) -> str:
+        """The document of a step; FileError where there is none."""
+        size = "length(CAST(document AS BLOB))"
+        return self._one(
+            self._rows("steps", "document", (str,), size, "number = ?", number), f"step {number}"
+        )[0]
+
+    def blob(self, key: str) -> bytes:
+        """Bytes by their key; FileError where there are none."""
+        return self._content("blobs", "key = ?", key)
+
+    def motion(self, key: str) -> str:
+        """The header of a motion; FileError where there is none."""
+        size = "length(CAST(header AS BLOB))"
+        return self._one(self._rows("motions", "header", (str,), size, "key = ?", key), f"motion {key}")[0]
+
+    def motions(self) -> list[str]:
+        """Keys of the motions, in the order in which they were made."""
+        rows = self._rows("motions", "key", (str,), "length(CAST(key AS BLOB))", "1 ORDER BY number")
+        return [key for (key,) in rows]
+
+    def frames(self, key: str) -> Iterator[tuple[int, bytes]]:
+        """The pieces of a motion in order: how many frames, and what `put_frames` got."""
+        rows = self._rows("frames", "number, count", (int, int), "16", "motion = ? ORDER BY number", key)
+        for number, count in rows:
+            yield count, self._content("frames", "motion = ? AND number = ?", key, number)
+
+    def meta(self, name: str, default: str = "") -> str:
+        """The text under a name."""
+        rows = self._rows("meta", "value", (str,), "length(CAST(value AS BLOB))", "name = ?", name)
+        return rows[0][0] if rows else default
+
+    def meta_bytes(self, name: str) -> bytes:
+        """The bytes under a name; b"" for none."""
+        rows = self._rows("meta", "value", (bytes,), "length(value)", "name = ?", name)
+        return rows[0][0] if rows else b""
+
+    def _content(self, table: str, where: str, *values: Any) -> bytes:
+        rows = self._rows(
+            table, "size, content", (int, bytes), "max(size, 0) + length(content)", where, *values
+        )
+        size, content = self._one(rows, f"{table} {values[0]}")
+        with file_errors(self.path):
+            unfold = zlib.decompressobj()
+            made = unfold.decompress(content, size + 1)
+            if len(made) != size or not unfold.eof or unfold.unused_data:
+                raise ValueError(f"expected {size} bytes")
+        return made
+
+    def _one(self, rows: Sequence[Any], what: str) -> Any:
+        if len(rows) != 1:
+            raise FileError(f"{self.path}: {what[:80]} is missing.", REMEDY)
+        return rows[0]
+
+    def _rows(
+        self, table: str, columns: str, kinds: tuple[type, ...], size: str, where: str, *values: Any
+    ) -> Any:
+        """Rows of values of these kinds; what they come to is counted before they are made, once for each question."""
+        question = (table, *values)
+        with self._reading, file_errors(self.path):
+            if self._reader is None:
+                raise ValueError("it is closed")
+            if question not in self._counted:
+                sized = (
+                    f"SELECT coalesce(sum({size}), 0), coalesce(max({size}), 0) FROM {table} WHERE {where}"
+                )
+                total, most = self._reader.execute(sized, values).fetchone()
+                if type(total) is not int or most > (
+                    MAX_TEXT_BYTES if bytes not in kinds else MAX_VALUE_BYTES
+                ):
+                    raise ValueError("a text is too long")
+                self.budget.spend(total)
+                self._counted.add(question)
+            rows = self._reader.execute(f"SELECT {columns} FROM {table} WHERE {where}", values).fetchall()
+            if any(type(value) is not kind for row in rows for value, kind in zip(row, kinds, strict=True)):
+                raise ValueError("a value is of another type")
+        return rows
+
+
+def _of_the_disk(error: Exception) -> bool:
+    """Whether another try may succeed."""
+    return (
+        isinstance(error, OSError | FileError | sqlite3.OperationalError)
+        or type(error) is sqlite3.DatabaseError
+    )

@@ -218,7 +218,7 @@ def _frame_times(frames: int, model: Path | None) -> dict[str, float]:
         )
     )
     try:
-        app.stage.renderer.render = lambda *_: None
+        app.scene.renderer.render = lambda *_: None
         app.window.draw_interface = lambda: None  # type: ignore[method-assign]
         app.window.present = lambda: None  # type: ignore[method-assign]
         _timed(app.frame, WARM_UP)

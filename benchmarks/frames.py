@@ -39,9 +39,9 @@ def main() -> int:
             width=width, height=height, quality=options.quality, terrain=options.terrain, controls="walk 3600"
         )
         app = App(view, config=Path(folder))
-        app.state.settings.max_fps = 1000.0
+        app.settings.max_fps = 1000.0
         deadline = time.monotonic() + LOAD_S
-        while app.state.stage.simulation.controller is None and time.monotonic() < deadline:
+        while app.scene.simulation.controller is None and time.monotonic() < deadline:
             app.frame()
         free = measure(app, options.frames, {})
         times = measure(app, options.frames, parts(app))
@@ -57,8 +57,8 @@ def main() -> int:
 def parts(app: App) -> dict[str, tuple[Any, str]]:
     """What is timed: the object and the name of its method."""
     return {
-        "motion": (app.stage, "advance"),
-        "scene": (app.stage.renderer, "render"),
+        "motion": (app.scene, "advance"),
+        "scene": (app.scene.renderer, "render"),
         "panels": (app.shell, "draw"),
         "panels' drawing": (app.window, "draw_interface"),
         "showing": (app.window, "present"),

@@ -59,7 +59,7 @@ def run_until(app: App, condition: Callable[[], bool], seconds: float = 20.0) ->
 
 
 def controller(app: App) -> FakeController:
-    found = app.state.stage.simulation.controller
+    found = app.scene.simulation.controller
     assert isinstance(found, FakeController)
     return found
 
@@ -136,19 +136,19 @@ def typing(app: App) -> bool:
 
 
 def message(app: App) -> str:
-    current = app.state.messages.current
+    current = app.messages.current
     return "" if current is None else current.text
 
 
 def words(app: App) -> dict[str, str]:
     """The descriptions the character moves by."""
-    answer = app.state.prompt.edit.a
+    answer = app.editor.session.live.prompt.a
     assert answer is not None
     return answer.words.to_mapping()
 
 
 def prompt(app: App) -> str:
-    answer = app.state.prompt.edit.a
+    answer = app.editor.session.live.prompt.a
     return "" if answer is None else answer.prompt
 
 

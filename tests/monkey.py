@@ -168,24 +168,24 @@ class Monkey:
         self.app.takes.save_last()
 
     def take(self) -> int:
-        return self.rng.randrange(max(len(self.app.state.takes.items), 1))
+        return self.rng.randrange(max(len(self.app.editor.session.takes), 1))
 
     def do_play(self) -> None:
         self.app.takes.play(self.take())
 
     def do_trim(self) -> None:
-        playback = self.app.state.takes.playback
+        playback = self.app.takes.playback
         if playback is not None:
             playback.seek(self.rng.randrange(playback.frames))
             self.rng.choice((playback.trim_in, playback.trim_out))()
 
     def do_edit(self) -> None:
-        if self.app.state.takes.playback is not None:
+        if self.app.takes.playback is not None:
             self.app.editing.insert_prompt(self.rng.choice(WORDS[:3]))
 
     def do_undo(self) -> None:
-        if self.app.state.takes.playback is not None:
-            self.app.editing.undo()
+        if self.app.takes.playback is not None:
+            self.app.editor.undo()
 
     def do_export(self) -> None:
         self.app.takes.select(self.take())
@@ -195,10 +195,10 @@ class Monkey:
         self.app.takes.remove(self.take())
 
     def do_bring_back(self) -> None:
-        self.app.takes.restore()
+        self.app.editor.undo()
 
     def do_ground(self) -> None:
-        self.app.stage.load_terrain(
+        self.app.scene.load_terrain(
             self.rng.choice(["flat", "hills", "stairs", str(self.folder / "dunes.png")])
         )
 
@@ -207,19 +207,19 @@ class Monkey:
         self.app.open_files([self.rng.choice(files)])
 
     def do_save(self) -> None:
-        self.app.desk.projects.save_as(self.folder / "monkey.sport")
+        self.app.sessions.save_as(self.folder / "monkey.sport")
 
     def do_wall(self) -> None:
-        self.app.wall.toggle()
+        self.app.compare.toggle()
 
     def do_more_on_the_wall(self) -> None:
-        self.rng.choice((self.app.wall.add, lambda: self.app.wall.remove(0)))()
+        self.rng.choice((self.app.compare.add, lambda: self.app.compare.remove(0)))()
 
     def do_wall_of_blends(self) -> None:
-        self.rng.choice((self.app.wall.variants, self.app.wall.last_prompts))()
+        self.rng.choice((self.app.compare.variants, self.app.compare.last_prompts))()
 
     def do_export_window(self) -> None:
-        self.rng.choice((self.app.desk.exporting.open, self.app.desk.exporting.propose))()
+        self.rng.choice((self.app.exporting.open, self.app.exporting.propose))()
 
 
 def services(model: str, draws: bool, drawing: Drawing) -> Services:
@@ -260,12 +260,12 @@ def run(
         (folder / "damaged.sport").write_bytes(b"PK")
         options = ViewOptions(offscreen=True, terrain="flat")
         app = App(options, services(model, draws, drawing), config=folder / "config")
-        app.state.settings.export_folder = str(folder / "clips")
+        app.settings.export_folder = str(folder / "clips")
         monkey = Monkey(app, folder, random.Random(seed), drawing)
         try:
             monkey.keep(takes)
             if takes:
-                say(f"{resident_mb():.0f} MB, {len(app.state.takes.items)} takes")
+                say(f"{resident_mb():.0f} MB, {len(app.editor.session.takes)} takes")
             for number in range(1, actions + 1):
                 monkey.act()
                 assert not monkey.broken, monkey.broken
@@ -273,7 +273,7 @@ def run(
                     monkey.most_mb = max(monkey.most_mb, resident_mb())
                 if number % 500 == 0:
                     gc.collect()
-                    say(f"{number} actions, {resident_mb():.0f} MB, {len(app.state.takes.items)} takes")
+                    say(f"{number} actions, {resident_mb():.0f} MB, {len(app.editor.session.takes)} takes")
                     say(f"slowest: {monkey.slowest[-1]}")
         except BaseException as error:
             error.add_note(f"seed {seed}, after: {', '.join(monkey.done)}")

@@ -106,7 +106,7 @@ def asking(start: Start, model: Model) -> Callable[[], App]:
     def open_app() -> App:
         app = start(services={"load_model": load_model}, prompt="a proud king")
         app.prompting.blocking = app.jobs.blocking = False
-        app.state.settings.gpt_base_url, app.state.settings.gpt_model = model.url, "m"
+        app.settings.gpt_base_url, app.settings.gpt_model = model.url, "m"
         app.expanders.choose("gpt")
         run_until(app, lambda: not app.jobs.busy(Slot("language model")))
         return app
@@ -116,6 +116,6 @@ def asking(start: Start, model: Model) -> Callable[[], App]:
 
 def source(app: App) -> tuple[str, str]:
     """Prompt A and who answered it."""
-    answer = app.state.prompt.edit.a
+    answer = app.editor.session.live.prompt.a
     assert answer is not None
     return answer.prompt, answer.source

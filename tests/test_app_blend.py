@@ -7,7 +7,7 @@ from app_driver import Start, click_on, controller, message, place, press, run, 
 from viewer_fakes import FakeEncoder, FakeLibrary
 
 from runtime.prompts.blend import read_words, write_words
-from viewer.prompt.style_edit import Side
+from runtime.session.prompt_blend import Side
 
 
 def test_a_blend_moves_each_part_by_its_share(start: Start) -> None:
@@ -35,8 +35,8 @@ def test_the_slider_for_all_leaves_locked_parts(start: Start) -> None:
     app.prompting.submit_prompt("a duck", Side.B)
     app.prompting.toggle_lock("head")
     app.prompting.set_all_weights(1.0)
-    assert app.state.prompt.edit.weights == (1.0,) * 5 + (0.5,)
-    assert app.state.prompt.edit.master_weight == 1.0
+    assert app.editor.session.live.prompt.weights == (1.0,) * 5 + (0.5,)
+    assert app.editor.session.live.prompt.master_weight == 1.0
 
 
 def test_a_locked_part_takes_nothing_of_prompt_b(start: Start) -> None:
@@ -47,7 +47,7 @@ def test_a_locked_part_takes_nothing_of_prompt_b(start: Start) -> None:
     app.prompting.submit_prompt("a duck", Side.B)
     app.prompting.set_weight("head", 1.0)
     run(app)
-    assert app.state.prompt.edit.weights == (0.5,) * 5 + (0.0,)
+    assert app.editor.session.live.prompt.weights == (0.5,) * 5 + (0.0,)
     assert np.array_equal(style(app)[5], king[5])
     assert not np.array_equal(style(app)[4], king[4])
 
@@ -69,7 +69,7 @@ def test_a_part_that_is_locked_with_a_share_of_b_keeps_it(start: Start) -> None:
     app.prompting.toggle_lock("head")
     app.prompting.drop_blend()
     run(app)
-    assert app.state.prompt.edit.b is None
+    assert app.editor.session.live.prompt.b is None
 
 
 def test_a_blend_is_undone_swapped_dropped_and_kept_in_takes(start: Start) -> None:
@@ -88,23 +88,23 @@ def test_a_blend_is_undone_swapped_dropped_and_kept_in_takes(start: Start) -> No
     app.prompting.swap()
     run(app)
     assert np.allclose(style(app), blended, atol=1e-4)
-    assert (app.state.prompt.boxes[Side.A].text, app.state.prompt.boxes[Side.B].text) == (
+    assert (app.prompting.boxes[Side.A].text, app.prompting.boxes[Side.B].text) == (
         "a duck",
         "a proud king",
     )
-    assert words(app)["torso"] == app.state.prompt.parts["torso"] == "torso of a duck"
+    assert words(app)["torso"] == app.prompting.parts["torso"] == "torso of a duck"
     press(app, "ctrl", "z")
     press(app, "ctrl", "z")
-    assert app.state.prompt.edit.weights == (0.5,) * 6
+    assert app.editor.session.live.prompt.weights == (0.5,) * 6
     press(app, "ctrl", "z")
     run(app)
-    assert (app.state.prompt.edit.b, app.state.prompt.boxes[Side.B].text) == (None, "")
+    assert (app.editor.session.live.prompt.b, app.prompting.boxes[Side.B].text) == (None, "")
     press(app, "ctrl", "y")
-    assert app.state.prompt.boxes[Side.B].text == "a duck"
+    assert app.prompting.boxes[Side.B].text == "a duck"
     app.prompting.drop_blend()
     run(app)
     assert marks[-1] == "a proud king"
-    assert not app.state.prompt.edit.blended
+    assert not app.editor.session.live.prompt.blended
 
 
 def test_the_blend_panel_is_used_by_mouse_and_keys(start: Start) -> None:
@@ -116,8 +116,8 @@ def test_the_blend_panel_is_used_by_mouse_and_keys(start: Start) -> None:
     run(app, 3)
     press(app, "enter")
     run(app, 2)
-    assert app.state.prompt.edit.b is not None
-    assert app.state.prompt.edit.b.prompt == "a duck"
+    assert app.editor.session.live.prompt.b is not None
+    assert app.editor.session.live.prompt.b.prompt == "a duck"
     steps = app.prompting.history.undo_label
     left, y = place(app, "##all")
     app.window.inject_mouse(left, y, 0, True)
@@ -128,7 +128,7 @@ def test_the_blend_panel_is_used_by_mouse_and_keys(start: Start) -> None:
         run(app, 2)
     app.window.inject_mouse(right, y, 0, False)
     run(app, 2)
-    assert app.state.prompt.edit.master_weight > 0.8
+    assert app.editor.session.live.prompt.master_weight > 0.8
     assert (steps, app.prompting.history.undo_label) == ("“a duck”", "blend of all parts")
     press(app, "ctrl", "z")  # the drag is one step
-    assert app.state.prompt.edit.weights == (0.5,) * 6
+    assert app.editor.session.live.prompt.weights == (0.5,) * 6

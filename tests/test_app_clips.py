@@ -22,7 +22,7 @@ from viewer import app as app_module
 from viewer.app import App
 from viewer.input.bindings import Action
 from viewer.options import ViewOptions
-from viewer.takes.takes import Takes
+from viewer.session.takes import Takes
 
 
 def record(app: App, frames: int = 30) -> None:
@@ -44,7 +44,7 @@ def test_record_play_trim_export(start: Start, tmp_path: Path) -> None:
     clips = app.state.takes
     assert [item.name for item in clips.items] == ["Take 1"]
     take = clips.items[0].clip
-    shown = app.stage.renderer.poses  # what the screen showed is what the take holds
+    shown = app.scene.renderer.poses  # what the screen showed is what the take holds
     starts = [i for i, pose in enumerate(shown) if np.array_equal(pose.hips_position, take.hips_positions[0])]
     assert starts
     for i in range(len(take)):
@@ -71,7 +71,7 @@ def test_an_exported_take_tells_its_styles_with_their_transitions_and_what_was_a
     start: Start, tmp_path: Path
 ) -> None:
     app = start(terrain="hills")
-    app.state.settings.blend_seconds = 0.4
+    app.settings.blend_seconds = 0.4
     run(app, 2)
     app.prompting.submit_prompt("a proud king")
     run(app, 2)
@@ -82,7 +82,7 @@ def test_an_exported_take_tells_its_styles_with_their_transitions_and_what_was_a
     run(app, 20)
     app.takes.toggle_recording()
     app.window.inject_key("w", False)
-    app.state.takes.export_path = str(tmp_path / "walk.bvh")
+    app.takes.export_path = str(tmp_path / "walk.bvh")
     app.takes.export()
     run(app, 2)
     back = load_clip_bvh(tmp_path / "walk.bvh")
@@ -93,9 +93,9 @@ def test_an_exported_take_tells_its_styles_with_their_transitions_and_what_was_a
     assert changed.seconds == pytest.approx(12 / 60, abs=2 / 60)
     assert dict(back.gait_seconds)["walk"] > 0.4
     assert (back.terrain, back.origin.terrain_seed, back.origin.temperature) == ("hills", 0, TEMPERATURE)
-    app.takes.opening.open(tmp_path / "walk.bvh")
+    app.takes.open(tmp_path / "walk.bvh")
     run(app, 2)
-    assert "an old king" in app.state.takes.items[-1].clip.describe()
+    assert "an old king" in app.editor.session.takes[-1].clip.describe()
 
 
 def test_a_failing_export_keeps_the_clip(start: Start, tmp_path: Path) -> None:
@@ -104,13 +104,13 @@ def test_a_failing_export_keeps_the_clip(start: Start, tmp_path: Path) -> None:
     record(app)
     blocked = tmp_path / "file"
     blocked.write_text("", encoding="utf-8")
-    app.state.takes.export_path = str(blocked / "walk.bvh")
+    app.takes.export_path = str(blocked / "walk.bvh")
     app.takes.export()
     run(app)
     assert str(blocked) in message(app)
-    assert len(app.state.takes.items) == 1
-    assert app.state.takes.items[0].saved is None
-    app.state.takes.export_path = ""
+    assert len(app.editor.session.takes) == 1
+    assert app.editor.session.takes[0].saved is None
+    app.takes.export_path = ""
     app.takes.export()
     assert "path is empty" in message(app)
 
@@ -120,7 +120,7 @@ def test_an_earlier_file_is_overwritten_only_when_its_path_was_typed(start: Star
     earlier.write_text("earlier", encoding="utf-8")
     app = start()
     clips = app.state.takes
-    app.state.settings.export_folder = str(tmp_path)
+    app.settings.export_folder = str(tmp_path)
     run(app, 2)
     record(app)
     own = tmp_path / "take-1-2.bvh"
@@ -152,13 +152,13 @@ def test_a_trimmed_file_is_not_written_over_the_one_it_was_opened_from(start: St
     run(app, 2)
     record(app)
     original = tmp_path / "take-1.bvh"
-    app.state.takes.export_path = str(original)
+    app.takes.export_path = str(original)
     app.takes.export()
     app.takes.remove(0)
     before = original.read_bytes()
-    app.takes.opening.open(original)
+    app.takes.open(original)
     run(app)
-    playback = app.state.takes.playback
+    playback = app.takes.playback
     assert playback is not None
     playback.seek(10)
     playback.trim_out()
@@ -170,12 +170,12 @@ def test_a_trimmed_file_is_not_written_over_the_one_it_was_opened_from(start: St
 
 def test_the_last_seconds_are_always_in_memory(start: Start) -> None:
     app = start()
-    app.state.settings.keep_seconds = 0.25
+    app.settings.keep_seconds = 0.25
     run(app, 40)
     app.window.inject_key("t", True)
     run(app)
-    assert len(app.state.takes.items[0].clip) == 15
-    assert not app.state.takes.recording
+    assert len(app.editor.session.takes[0].clip) == 15
+    assert not app.takes.recording
 
 
 def test_moving_leaves_the_playback_and_nothing_else_does(start: Start) -> None:
@@ -184,18 +184,18 @@ def test_moving_leaves_the_playback_and_nothing_else_does(start: Start) -> None:
     record(app)
     app.takes.play(0)
     run(app, 3)
-    assert app.state.takes.playback is not None
+    assert app.takes.playback is not None
     app.window.inject_key("w", True)
     run(app)
-    assert app.state.takes.playback is None
+    assert app.takes.playback is None
     app.takes.play(0)  # with the key still held the clip plays on
     run(app, 3)
-    assert app.state.takes.playback is not None
+    assert app.takes.playback is not None
 
 
 def test_unsaved_takes_are_rescued_when_the_program_ends(start: Start, tmp_path: Path) -> None:
     app = start()
-    app.state.settings.export_folder = str(tmp_path / "clips")
+    app.settings.export_folder = str(tmp_path / "clips")
     run(app, 2)
     record(app)
     app.takes.toggle_recording()
@@ -211,7 +211,7 @@ def test_a_defect_does_not_cost_the_take(
 ) -> None:
     def frame(app: App) -> None:
         if app.frames_shown == 0:
-            app.state.settings.export_folder = str(tmp_path / "clips")
+            app.settings.export_folder = str(tmp_path / "clips")
             app.takes.toggle_recording()
         if app.frames_shown == 10:
             raise ZeroDivisionError
@@ -249,7 +249,7 @@ def test_a_signal_ends_the_run_and_does_not_cost_the_take(
         nonlocal frames
         frames = app.frames_shown
         if frames == 0:
-            app.state.settings.export_folder = str(tmp_path / "clips")
+            app.settings.export_folder = str(tmp_path / "clips")
             app.takes.toggle_recording()
         if frames == 10:
             os.kill(os.getpid(), ending_signal)
@@ -274,7 +274,7 @@ def test_a_screenshot_that_fails_costs_neither_takes_nor_settings(start: Start, 
     blocked = tmp_path / "file"
     blocked.write_text("", encoding="utf-8")
     app.options = dataclasses.replace(app.options, offscreen=False, screenshot=blocked / "shot.png")
-    app.state.settings.export_folder = str(tmp_path / "clips")
+    app.settings.export_folder = str(tmp_path / "clips")
     run(app, 2)
     record(app)
     with pytest.raises(FileError, match=r"shot\.png"):
@@ -293,8 +293,8 @@ def test_every_clip_panel_state_can_be_drawn(start: Start) -> None:
     run(app, 2)
     app.takes.remove(0)
     run(app, 2)
-    assert app.state.takes.items == []
-    assert app.state.takes.playback is None
+    assert app.editor.session.takes == []
+    assert app.takes.playback is None
 
 
 def test_screenshot_and_frames_are_written(start: Start, tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from viewer.messages import SETTLED_SECONDS, WARNING_SECONDS, Messages
 
 def said(app: App) -> str:
     """The last message, also when a slow machine has let it fade."""
-    return app.state.messages.recent[-1].text
+    return app.messages.recent[-1].text
 
 
 def record(app: App, frames: int = 20) -> None:
@@ -32,7 +32,7 @@ def record(app: App, frames: int = 20) -> None:
 
 
 def names(app: App) -> list[str]:
-    return [item.name for item in app.state.takes.items]
+    return [item.name for item in app.editor.session.takes]
 
 
 def labels(app: App) -> str:
@@ -41,7 +41,7 @@ def labels(app: App) -> str:
 
 def test_a_take_is_renamed_in_its_row_and_exported_under_its_name(start: Start, tmp_path: Path) -> None:
     app = start()
-    app.state.settings.export_folder = str(tmp_path)
+    app.settings.export_folder = str(tmp_path)
     run(app, 3)
     record(app)
     x, y = place(app, "row")
@@ -68,7 +68,7 @@ def test_a_removed_take_comes_back_by_button_and_by_key(start: Start) -> None:
     assert "Ctrl+Z brings it back" in said(app)
     press(app, "ctrl", "z")
     assert names(app) == ["Take 1", "Take 2", "Take 3"]
-    assert app.state.takes.items[1].journal is not None
+    assert app.editor.session.takes[1].journal is not None
     app.takes.remove(0)
     run(app, 2)
     click_on(app, "##restore")
@@ -95,7 +95,7 @@ def test_the_newest_take_is_in_view(start: Start, height: int) -> None:
 
 def test_every_take_is_exported_at_once_and_no_file_is_replaced(start: Start, tmp_path: Path) -> None:
     app = start()
-    app.state.settings.export_folder = str(tmp_path)
+    app.settings.export_folder = str(tmp_path)
     (tmp_path / "take-1.bvh").write_text("of somebody else", encoding="utf-8")
     record(app)
     record(app)
@@ -114,7 +114,7 @@ def test_every_take_is_exported_at_once_and_no_file_is_replaced(start: Start, tm
 @pytest.mark.parametrize("size", [(1280, 720), (800, 500)])
 def test_what_became_of_an_export_is_in_view(start: Start, tmp_path: Path, size: tuple[int, int]) -> None:
     app = start(width=size[0], height=size[1])
-    app.state.settings.export_folder = str(tmp_path)
+    app.settings.export_folder = str(tmp_path)
     record(app, 40)
     press(app, "ctrl", "e")
     run(app, 3)
@@ -129,24 +129,24 @@ def test_what_became_of_an_export_is_in_view(start: Start, tmp_path: Path, size:
 
 def test_the_export_window_writes_what_the_command_writes(start: Start, tmp_path: Path) -> None:
     app = start()
-    app.state.settings.export_folder = str(tmp_path)
+    app.settings.export_folder = str(tmp_path)
     record(app, 40)
     click_on(app, "##more formats")
-    form = app.state.desk.exports.form
-    app.desk.exporting.choose_format(".bvh")
+    form = app.exporting.state.form
+    app.exporting.choose_format(".bvh")
     form.fps, form.rest_frame, form.ground = 30, True, ".obj"
     run(app, 3)
     click_on(app, "##export now")
     run(app, 2)
     assert len(load_clip_bvh(tmp_path / "take-1.bvh")) == 21  # 40 frames at half the rate, and the rest pose
     assert (tmp_path / "take-1-ground.obj").is_file()
-    assert "21 frames at 30 fps" in app.state.desk.exports.report
-    assert app.state.takes.items[0].exported == tmp_path / "take-1.bvh"
-    assert app.state.takes.items[0].saved is None  # half the frames
+    assert "21 frames at 30 fps" in app.exporting.state.report
+    assert app.editor.session.takes[0].exported == tmp_path / "take-1.bvh"
+    assert app.editor.session.takes[0].saved is None  # half the frames
     form.in_place = True
     click_on(app, "##export now")
     run(app, 2)
-    assert "In place with a ground beside it" in app.state.desk.exports.report
+    assert "In place with a ground beside it" in app.exporting.state.report
     press(app, "escape")
     run(app, 2)
     assert "##export now" not in labels(app)
@@ -165,26 +165,24 @@ def test_a_film_shows_its_progress_and_can_be_given_up(
 
     monkeypatch.setattr(film, "make_film", make_film)
     app = start()
-    app.state.settings.export_folder = str(tmp_path)
+    app.settings.export_folder = str(tmp_path)
     record(app, 40)
     app.takes.play(0)
-    app.state.takes.playback.trim_out(19)  # type: ignore[union-attr]
-    app.desk.exporting.open()
-    app.desk.exporting.choose_format(".mp4")
-    app.state.desk.exports.form.camera = "side"
-    app.desk.exporting.export()
+    app.takes.playback.trim_out(19)  # type: ignore[union-attr]
+    app.exporting.open()
+    app.exporting.choose_format(".mp4")
+    app.exporting.state.form.camera = "side"
+    app.exporting.export()
     ((path, options, count),) = asked
     assert (path, options.camera, options.size, count) == (tmp_path / "take-1.mp4", "side", (1280, 720), 20)
-    assert app.state.desk.exports.progress == (3, 20)
-    assert "20 frames" in app.state.desk.exports.report
-    assert app.state.takes.items[0].saved is None  # a film is no copy of the take
+    assert app.exporting.state.progress == (3, 20)
+    assert "20 frames" in app.exporting.state.report
+    assert app.editor.session.takes[0].saved is None  # a film is no copy of the take
     cancelled = threading.Event()
     cancelled.set()
-    monkeypatch.setattr(
-        app.desk.exporting, "_cancel", SimpleNamespace(clear=lambda: None, is_set=lambda: True)
-    )
-    app.desk.exporting.export()
-    assert "Cancelled" in app.state.desk.exports.report
+    monkeypatch.setattr(app.exporting, "_cancel", SimpleNamespace(clear=lambda: None, is_set=lambda: True))
+    app.exporting.export()
+    assert "Cancelled" in app.exporting.state.report
 
 
 def test_settings_are_chosen_in_a_window(start: Start, tmp_path: Path) -> None:
@@ -192,7 +190,7 @@ def test_settings_are_chosen_in_a_window(start: Start, tmp_path: Path) -> None:
     run(app, 2)
     click_on(app, "##settings")
     run(app, 2)
-    settings = app.state.settings
+    settings = app.settings
     click_on(app, "Invert look")
     assert settings.invert_look
     click_on(app, "##ui scale")
@@ -207,26 +205,26 @@ def test_settings_are_chosen_in_a_window(start: Start, tmp_path: Path) -> None:
     run(app, 2)
     assert (settings.ui_scale, settings.text_size, settings.invert_look) == (0.0, 1.0, False)
     press(app, "escape")
-    assert not app.state.desk.settings_open
+    assert not app.settings_window.shown
 
 
 def test_another_model_is_loaded_by_a_dialog_and_remembered(start: Start, tmp_path: Path) -> None:
     app = start()
-    before = app.state.stage.controller
+    before = app.scene.controller
     app.desk.choose_model(tmp_path)
     run(app, 2)
-    assert app.state.settings.model_folder == str(tmp_path)
-    assert app.state.stage.controller is not before
-    app.state.settings.model_folder = str(tmp_path / "gone")
+    assert app.settings.model_folder == str(tmp_path)
+    assert app.scene.controller is not before
+    app.settings.model_folder = str(tmp_path / "gone")
     assert app.desk.chosen_model(offscreen=False) is None
     assert "is not there any more" in said(app)
 
 
 def test_the_first_minute_ticks_itself_off_and_does_not_come_back(start: Start, tmp_path: Path) -> None:
     app = start()
-    app.state.settings.export_folder = str(tmp_path)
+    app.settings.export_folder = str(tmp_path)
     run(app, 3)
-    guide = app.desk.guide
+    guide = app.guide
     guide.begin()
     app.window.inject_key("w", True)
     run(app, 70)
@@ -234,7 +232,7 @@ def test_the_first_minute_ticks_itself_off_and_does_not_come_back(start: Start, 
     assert guide.is_done(0)
     app.prompting.submit_prompt("a proud king")
     run(app, 2)
-    app.state.prompt.parts["left_arm"] = "the left arm hangs"
+    app.prompting.parts["left_arm"] = "the left arm hangs"
     app.prompting.submit_part("left_arm")
     run(app, 2)
     record(app)
@@ -245,7 +243,7 @@ def test_the_first_minute_ticks_itself_off_and_does_not_come_back(start: Start, 
     guide._left_s = 0.05
     run(app, 5)
     assert not guide.shown
-    assert app.state.settings.first_minute_seen
+    assert app.settings.first_minute_seen
     guide.begin()
     run(app, 2)
     click_on(app, "##guide")

@@ -9,10 +9,10 @@ import pytest
 from app_driver import Start, click_prompt_box, controller, message, run
 
 from runtime.crossing.crossing import KINDS
+from runtime.session.prompt_blend import Side
 from viewer.gl_bindings import imgui
 from viewer.input.gamepad import GamepadState
-from viewer.prompt.style_edit import Side
-from viewer.stage.simulation import CROSSINGS
+from viewer.scene.simulation import CROSSINGS
 
 
 def test_key_w_moves_the_character_at_once(start: Start) -> None:
@@ -63,16 +63,16 @@ def test_scripted_controls_last_as_long_whatever_the_display_shows(
 def test_stick_moves_relative_to_the_camera(start: Start) -> None:
     app = start(camera="orbit")
     run(app)
-    app.stage.camera.orbit.yaw = math.pi / 2  # looks along +X
+    app.scene.camera.orbit.yaw = math.pi / 2  # looks along +X
     app.devices.pads.state = GamepadState("pad", left=(0.0, 1.0))
     run(app, 10)
     assert controller(app).x > 0.1
     assert abs(controller(app).z) < 1e-6
-    assert app.state.shell.device == "pad"
+    assert app.state.device == "pad"
     assert "pad connected" in message(app)
     app.devices.pads.state = None
     run(app)
-    assert app.state.shell.device == "keyboard"
+    assert app.state.device == "keyboard"
 
 
 def test_escape_leaves_the_text_field(start: Start) -> None:
@@ -101,9 +101,9 @@ def test_keys_that_follow_enter_at_once_are_words(start: Start) -> None:
         press_down(letter, False)
         run(app)
     run(app, 3)
-    assert not app.state.takes.recording
+    assert not app.takes.recording
     assert controller(app).x == 0.0
-    assert app.state.prompt.boxes[Side.A].text == "drunk"
+    assert app.prompting.boxes[Side.A].text == "drunk"
 
 
 def test_focus_loss_releases_keys(start: Start) -> None:
@@ -120,17 +120,17 @@ def test_focus_loss_releases_keys(start: Start) -> None:
 def test_function_keys_toggle_what_is_shown(start: Start) -> None:
     app = start()
     run(app)
-    assert not app.state.settings.show_skeleton
+    assert not app.settings.show_skeleton
     for key in ("f3", "f1", "f10"):
         app.window.inject_key(key, True)
     run(app, 2)
-    assert app.state.settings.show_skeleton
-    assert app.stage.renderer.overlays.show_skeleton
-    assert app.state.shell.help_open
-    assert not app.state.shell.panels_open
+    assert app.settings.show_skeleton
+    assert app.scene.renderer.overlays.show_skeleton
+    assert app.state.help_open
+    assert not app.state.panels_open
     app.window.inject_key("escape", True)
     run(app)
-    assert not app.state.shell.help_open
+    assert not app.state.help_open
 
 
 def test_no_key_of_ctrl_z_makes_the_character_duck(start: Start) -> None:
@@ -169,5 +169,5 @@ def test_the_status_line_says_why_the_character_does_not_go_on(start: Start) -> 
     assert message(app) == "The way ahead is blocked: a step up of 2.0 m."
     controller(app).blocked = None
     run(app, 3)
-    current = app.state.messages.current
+    current = app.messages.current
     assert current is None or current.settled

@@ -18,7 +18,7 @@ from viewer.projects.autosave import find_sessions
 
 
 def recorded(app: App, tmp_path: Path) -> None:
-    app.state.settings.export_folder = str(tmp_path / "clips")
+    app.settings.export_folder = str(tmp_path / "clips")
     app.takes.toggle_recording()
     run(app, 20)
     app.takes.toggle_recording()
@@ -41,7 +41,7 @@ def test_the_program_ends_within_two_seconds_and_keeps_the_take(
         )
     elif what == "a project":
         app.jobs.submit(Slot("project"), lambda: never.wait(60), lambda _: None, writing="the project x")
-        app.desk.projects.autosaving = True
+        app.sessions.autosaving = True
     else:
         film = lambda: given_up.wait(60)  # noqa: E731
         app.jobs.submit(Slot("export"), film, lambda _: None, writing="the film", cancel=given_up.set)
@@ -49,7 +49,7 @@ def test_the_program_ends_within_two_seconds_and_keeps_the_take(
     app.end()
     app.takes.journals.close()
     seconds = time.monotonic() - begun
-    said = [message.text for message in app.state.messages.recent]
+    said = [message.text for message in app.messages.recent]
     never.set()
     assert seconds < 4.0  # 2 s, and room for a busy machine
     assert what not in ("an export", "a project") or any("Waiting for the" in text for text in said)

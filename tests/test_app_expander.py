@@ -13,9 +13,9 @@ import pytest
 from app_driver import Start, click_on, message, press, run, run_until
 from slow_model import ANSWER, Model, load_model, source
 
+from runtime.session.prompt_blend import Side
 from viewer.app import App
 from viewer.jobs import Jobs, Slot
-from viewer.prompt.style_edit import Side
 from viewer.services import Loaded
 from viewer.settings import load_settings, save_settings
 
@@ -23,7 +23,7 @@ KEY = "sk-0123456789-never-written"
 
 
 def styles(app: App) -> int:
-    return len(app.state.stage.simulation.controller.styles)  # type: ignore[union-attr]
+    return len(app.scene.simulation.controller.styles)  # type: ignore[union-attr]
 
 
 # a slow endpoint
@@ -37,15 +37,15 @@ def test_the_library_answers_at_once_and_the_language_model_when_it_can(
     app.prompting.submit_prompt("a duck")
     run_until(app, lambda: source(app) == ("a duck", "library"))
     assert styles(app) == before + 1
-    assert app.state.prompt.asked == {Side.A}
+    assert app.prompting.asked == {Side.A}
     assert "The library answered at once; m at 127.0.0.1" in message(app)
     run_until(app, lambda: bool(model.asked))
     model.released.set()
     run_until(app, lambda: source(app) == ("a duck", "gpt"))
     assert styles(app) == before + 2
-    assert app.state.prompt.parts == ANSWER.to_mapping()
+    assert app.prompting.parts == ANSWER.to_mapping()
     assert "answered: “a duck”" in message(app)
-    app.prompting.undo()  # both answers are one step
+    app.editor.undo()  # both answers are one step
     assert source(app) == ("a proud king", "library")
 
 
@@ -53,14 +53,14 @@ def test_newer_words_do_not_get_the_older_answer(asking: Callable[[], App], mode
     app = asking()
     app.prompting.submit_prompt("a duck")
     run_until(app, lambda: source(app) == ("a duck", "library") and bool(model.asked))
-    app.state.prompt.parts["head"] = "head shaking"
+    app.prompting.parts["head"] = "head shaking"
     app.prompting.submit_part("head")  # the person goes on with the library's words
-    run_until(app, lambda: not app.state.prompt.asked)
+    run_until(app, lambda: not app.prompting.asked)
     model.released.set()
     for _ in range(20):
         run(app)
     assert source(app) == ("a duck", "library")
-    assert app.state.prompt.parts["head"] == "head shaking"
+    assert app.prompting.parts["head"] == "head shaking"
 
 
 def test_a_failing_language_model_leaves_the_librarys_words(asking: Callable[[], App], model: Model) -> None:
@@ -68,11 +68,11 @@ def test_a_failing_language_model_leaves_the_librarys_words(asking: Callable[[],
     model.status = 401
     model.released.set()
     app.prompting.submit_prompt("a duck")
-    run_until(app, lambda: not app.state.prompt.asked)
+    run_until(app, lambda: not app.prompting.asked)
     run(app)
     assert source(app) == ("a duck", "library")
     assert "refuses the key (401)" in message(app)
-    assert "The library answered." in app.state.prompt.edit.a.note  # type: ignore[union-attr]
+    assert "The library answered." in app.editor.session.live.prompt.a.note  # type: ignore[union-attr]
     count = styles(app)
     run(app, 5)
     assert styles(app) == count  # the same words are no new style
@@ -99,7 +99,7 @@ def test_the_key_is_typed_used_and_written_nowhere(
 ) -> None:
     caplog.set_level(logging.DEBUG)
     app = asking()
-    app.state.settings.export_folder = str(tmp_path / "clips")
+    app.settings.export_folder = str(tmp_path / "clips")
     model.released.set()
     open_panel(app)
     type_key(app, KEY)
@@ -111,17 +111,17 @@ def test_the_key_is_typed_used_and_written_nowhere(
     model.status = 401  # an endpoint that repeats the key in its refusal
     for ask in (lambda: app.prompting.submit_prompt("a goose"), app.expanders.test):
         ask()
-        run_until(app, lambda: not app.state.prompt.asked and not app.state.prompt.expander.testing)
+        run_until(app, lambda: not app.prompting.asked and not app.state.prompt.expander.testing)
         run(app, 2)
     assert model.keys == {f"Bearer {KEY}"}
     app.takes.toggle_recording()
     run(app)
     app.takes.rescue()
-    save_settings(app.state.settings, app.config)
-    told = "\n".join([caplog.text, repr(app.state), *(m.text for m in app.state.messages.recent)])
+    save_settings(app.settings, app.config)
+    told = "\n".join([caplog.text, repr(app.state), *(m.text for m in app.messages.recent)])
     assert "refuses the key" in told
     assert KEY not in told
-    events = app.state.takes.items[0].clip.prompts
+    events = app.editor.session.takes[0].clip.prompts
     assert KEY not in "".join(event.prompt for event in events)
     written = [path for path in tmp_path.rglob("*") if path.is_file()]
     assert {"settings.json", "take-1.bvh"} <= {path.name for path in written}
@@ -148,7 +148,7 @@ def test_the_test_button_reports(asking: Callable[[], App], model: Model) -> Non
 
 def test_the_end_does_not_wait_for_a_test(asking: Callable[[], App], model: Model) -> None:
     app = asking()
-    app.state.settings.gpt_timeout_s = 120.0
+    app.settings.gpt_timeout_s = 120.0
     app.expanders.test()
     run_until(app, lambda: bool(model.asked))
     begin = time.monotonic()
@@ -168,14 +168,14 @@ def test_without_a_key_or_an_address_the_library_answers_and_the_panel_says_why(
     assert source(app) == ("a duck", "library")
     app.expanders.test()
     assert "neither a key nor an address" in app.state.prompt.expander.report
-    app.state.settings.gpt_base_url = "not an address"
+    app.settings.gpt_base_url = "not an address"
     app.expanders.apply()
     assert "Base URL" in app.state.prompt.expander.problem
 
 
 def test_the_choice_is_remembered_but_no_address_with_credentials(start: Start) -> None:
     app = start(services={"load_model": load_model})
-    settings = app.state.settings
+    settings = app.settings
     app.expanders.choose("gpt")
     settings.gpt_model, settings.gpt_timeout_s = "llama3", 30.0
     for url, kept in (("http://localhost:11434/v1", True), (f"http://me:{KEY}@localhost/v1", False)):
@@ -237,9 +237,9 @@ def test_the_library_chosen_while_the_model_loads_sends_nothing(
     assert app.state.prompt.expander.language_model.startswith("m at")
     app.expanders.choose("library")
     loaded.set()
-    run_until(app, lambda: app.state.prompt.edit.a is not None and not app.state.prompt.asked)
+    run_until(app, lambda: app.editor.session.live.prompt.a is not None and not app.prompting.asked)
     app.prompting.submit_prompt("a duck")
-    run_until(app, lambda: not app.state.prompt.asked)
+    run_until(app, lambda: not app.prompting.asked)
     assert source(app) == ("a duck", "library")
     assert app.state.prompt.expander.language_model == ""
     assert model.asked == []  # not even the prompt that waited for the model
@@ -249,12 +249,15 @@ def test_a_language_model_chosen_while_the_model_loads_is_asked(
     loading: Callable[[], tuple[App, threading.Event]], model: Model
 ) -> None:
     app, loaded = loading()
-    app.state.settings.gpt_base_url, app.state.settings.gpt_model = model.url, "m"
+    app.settings.gpt_base_url, app.settings.gpt_model = model.url, "m"
     app.expanders.choose("gpt")
     loaded.set()
-    run_until(app, lambda: app.state.prompt.edit.a is not None and not app.jobs.busy(Slot("language model")))
+    run_until(
+        app,
+        lambda: app.editor.session.live.prompt.a is not None and not app.jobs.busy(Slot("language model")),
+    )
     app.prompting.submit_prompt("a duck")
-    run_until(app, lambda: not app.state.prompt.asked)
+    run_until(app, lambda: not app.prompting.asked)
     assert source(app) == ("a duck", "gpt")
 
 
@@ -268,5 +271,5 @@ def test_a_choice_that_holds_opens_no_second_expander(
     loaded.set()
     run_until(app, lambda: app.state.prompt.available and app.expanders.library is not None)
     assert not app.jobs.busy(Slot("language model"))
-    run_until(app, lambda: not app.state.prompt.asked)
+    run_until(app, lambda: not app.prompting.asked)
     assert source(app) == ("a proud king", "gpt")

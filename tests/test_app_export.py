@@ -25,7 +25,7 @@ REAL = {"load_character": Services().load_character}
 
 def export(app: App, folder: Path, suffix: str, **form: object) -> Path:
     """Record a walk, choose a format in the window as a person would, and press Export."""
-    app.state.settings.export_folder = str(folder)
+    app.settings.export_folder = str(folder)
     app.takes.toggle_recording()
     app.window.inject_key("w", True)
     run(app, FRAMES)
@@ -33,11 +33,11 @@ def export(app: App, folder: Path, suffix: str, **form: object) -> Path:
     app.takes.toggle_recording()
     run(app, 2)
     click_on(app, "##more formats")
-    if app.state.desk.exports.form.suffix != suffix:
+    if app.exporting.state.form.suffix != suffix:
         click_on(app, "##export format")
         click_on(app, FORMATS[suffix].name)
     for name, value in form.items():
-        setattr(app.state.desk.exports.form, name, value)
+        setattr(app.exporting.state.form, name, value)
     run(app, 2)
     click_on(app, "##export now")
     run(app, 2)
@@ -59,7 +59,7 @@ def test_a_glb_has_mesh_skin_motion_and_ground(start: Start, tmp_path: Path, own
     played = play(path)
     assert len(played.times) == FRAMES
     assert np.allclose(np.diff(played.times), 1 / 60, atol=1e-5)
-    clip = app.state.takes.items[0].clip
+    clip = app.editor.session.takes[0].clip
     moved = next(at for name, at in played.joints().items() if name.endswith("Hips"))[:, :3, 3]
     wanted = clip.size * (clip.hips_positions - clip.hips_positions[0])  # steps of its own legs
     assert np.allclose((moved - moved[0])[:, [0, 2]], wanted[:, [0, 2]], atol=1e-3)
@@ -77,7 +77,7 @@ def test_an_mp4_has_a_frame_for_each_thirtieth_second(start: Start, tmp_path: Pa
         assert (stream.width, stream.height, stream.codec_context.name) == (640, 360, "h264")
         assert stream.average_rate == 30
     assert len(pictures) == FRAMES // 2
-    assert app.state.desk.exports.progress == (FRAMES // 2, FRAMES // 2)
+    assert app.exporting.state.progress == (FRAMES // 2, FRAMES // 2)
     assert np.std(pictures[0]) > 10.0, "something is drawn"
     assert np.abs(pictures[0].astype(int) - pictures[-1]).max() > 30, "it moves"
 
@@ -95,9 +95,9 @@ def test_a_format_that_lacks_its_program_says_so_in_the_window(
     app = start()
     run(app, 2)
     app.takes.save_last()
-    app.desk.exporting.open()
-    app.desk.exporting.choose_format(".fbx")
+    app.exporting.open()
+    app.exporting.choose_format(".fbx")
     run(app, 2)
-    assert "SPORT_BLENDER" in app.state.desk.exports.missing
-    app.desk.exporting.choose_format(".glb")
-    assert app.state.desk.exports.missing == ""
+    assert "SPORT_BLENDER" in app.exporting.state.missing
+    app.exporting.choose_format(".glb")
+    assert app.exporting.state.missing == ""

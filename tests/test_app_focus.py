@@ -49,7 +49,7 @@ def test_panels_keep_still_when_sections_are_unfolded(
     click(app, ground[0] - 40.0 * scale, ground[1] + 28.0 * scale)  # "Open a file"
     run(app, 2)
     assert "##path" in {label for label, _ in drawn(app)}
-    app.stage.path.active = True
+    app.path.active = True
     run(app, 3)
     seen = []
     for _ in range(6):
@@ -72,14 +72,14 @@ def test_words_that_miss_a_field_do_nothing(start: Start) -> None:
     run(app, 30)
     x, y = place(app, "##terrain")
     click(app, x, y - 56.0)  # the title of the panel
-    before = app.stage.camera.mode
+    before = app.scene.camera.mode
     type_everything(app)
     run(app, 3)
     takes = app.state.takes
     assert not takes.recording
     assert not takes.items
-    assert not app.wall.state.open
-    assert app.stage.camera.mode == before
+    assert not app.compare.state.open
+    assert app.scene.camera.mode == before
     assert "has the keys" in message(app)
     press(app, "escape")
     app.window.inject_key("w", True)
@@ -107,13 +107,13 @@ def test_a_field_that_was_clicked_has_the_keys_within_the_frame(start: Start, la
     run(app, 3)
     assert typing(app)
     typed = {
-        "##path": app.state.stage.file_path,
-        "##prompt A": app.state.prompt.boxes[0].text,
+        "##path": app.scene.file_path,
+        "##prompt A": app.prompting.boxes[0].text,
         "##search": app.state.prompt.search,
     }[label]
     assert LETTERS in typed
-    assert not app.state.takes.recording
-    assert not app.state.takes.items
+    assert not app.takes.recording
+    assert not app.editor.session.takes
 
 
 @pytest.mark.parametrize("frames", [0, 1])  # in one slow frame, and in two
@@ -136,9 +136,9 @@ def test_what_a_held_key_repeats_is_no_text_of_the_prompt(start: Start, frames: 
         app.window.inject_text(letter)
         app.window.inject_key(name, False)
     run(app, 6)
-    assert app.state.prompt.boxes[0].text == "tired waiter"
-    assert not app.state.takes.recording, "R is a letter after Enter"
-    assert not app.state.takes.items
+    assert app.prompting.boxes[0].text == "tired waiter"
+    assert not app.takes.recording, "R is a letter after Enter"
+    assert not app.editor.session.takes
 
 
 def test_typing_at_a_new_prompt_of_the_timeline_is_typed(start: Start) -> None:
@@ -156,9 +156,9 @@ def test_typing_at_a_new_prompt_of_the_timeline_is_typed(start: Start) -> None:
     app.window.inject_text("turtle")
     app.window.inject_key("t", False)
     run(app, 4)
-    assert len(app.state.takes.items) == 1
-    assert app.state.takes.playback is not None
-    assert app.state.takes.timeline.new_prompt == "turtle"
+    assert len(app.editor.session.takes) == 1
+    assert app.takes.playback is not None
+    assert app.editing.new_prompt == "turtle"
 
 
 def test_a_button_gives_the_keys_back_and_a_held_key_goes_on(start: Start) -> None:
@@ -172,7 +172,7 @@ def test_a_button_gives_the_keys_back_and_a_held_key_goes_on(start: Start) -> No
     assert controller(app).z > at
     app.window.inject_key("w", False)
     press(app, "r")
-    assert app.state.takes.recording
+    assert app.takes.recording
 
 
 def test_a_take_kept_by_a_slip_is_taken_back(start: Start) -> None:
@@ -181,15 +181,15 @@ def test_a_take_kept_by_a_slip_is_taken_back(start: Start) -> None:
     app.prompting.submit_prompt("an old king")
     run(app, 2)
     press(app, "t")
-    assert len(app.state.takes.items) == 1
+    assert len(app.editor.session.takes) == 1
     press(app, "ctrl", "z")
-    assert not app.state.takes.items
+    assert not app.editor.session.takes
     press(app, "ctrl", "y")
-    assert len(app.state.takes.items) == 1
+    assert len(app.editor.session.takes) == 1
     app.prompting.submit_prompt("a zombie")
     run(app, 2)
     press(app, "ctrl", "z")  # the newest change comes first
-    assert len(app.state.takes.items) == 1
+    assert len(app.editor.session.takes) == 1
     assert app.prompting.history.redo_label
 
 
@@ -211,7 +211,7 @@ def test_every_panel_is_reached_and_used_by_keys(start: Start) -> None:
     press(app, "down")
     press(app, "space")
     run(app, 3)
-    assert app.state.stage.terrain.name != "flat"
+    assert app.scene.terrain.name != "flat"
     assert controller(app).z == 0.0  # no key reached the character
 
 
@@ -226,10 +226,10 @@ def test_the_view_has_the_keys_again_when_a_window_closes_that_was_opened_there(
         press(app, "tab")
     press(app, "escape")
     run(app, 4)
-    assert not app.state.desk.exports.open
+    assert not app.exporting.state.open
     press(app, "p")
     run(app, 2)
-    assert app.state.takes.playback is not None
+    assert app.takes.playback is not None
     assert "has the keys" not in message(app)
     press(app, "escape")
     press(app, "f6")
@@ -240,7 +240,7 @@ def test_the_view_has_the_keys_again_when_a_window_closes_that_was_opened_there(
     press(app, "tab")
     press(app, "escape")
     run(app, 4)
-    assert not app.state.desk.exports.open
+    assert not app.exporting.state.open
     assert not app.shell.focus.in_view
 
 
@@ -262,7 +262,7 @@ def test_tab_goes_through_a_panel_and_its_fields(start: Start) -> None:
         assert context.nav_window.root_window.name == "Transport"
         reached.add(context.nav_id)
     assert len(reached) >= 12, "every button"
-    assert app.state.takes.playback is not None
+    assert app.takes.playback is not None
 
 
 def test_windows_keep_keys_from_what_is_behind(start: Start) -> None:
@@ -270,20 +270,20 @@ def test_windows_keep_keys_from_what_is_behind(start: Start) -> None:
     run(app, 30)
     for open_window in ("settings", "help"):
         if open_window == "settings":
-            app.state.desk.settings_open = True
+            app.settings_window.shown = True
         else:
             press(app, "f1")
         run(app, 3)
         type_everything(app)
         press(app, "w")
         run(app, 2)
-        assert not app.state.takes.items
-        assert not app.state.takes.recording
+        assert not app.editor.session.takes
+        assert not app.takes.recording
         assert controller(app).z == 0.0
         press(app, "escape")
         run(app, 2)
-    assert not app.state.desk.settings_open
-    assert not app.state.shell.help_open
+    assert not app.settings_window.shown
+    assert not app.state.help_open
     app.window.inject_key("w", True)
     run(app, 3)
     assert controller(app).z > 0.0

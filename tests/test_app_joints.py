@@ -38,7 +38,7 @@ def open_lame(start: Start, tmp_path: Path) -> tuple[App, Path]:
 
 def test_a_character_that_no_guess_maps_opens_the_joints_window(start: Start, tmp_path: Path) -> None:
     app, path = open_lame(start, tmp_path)
-    state = app.stage.joints.state
+    state = app.scene.joints.state
     assert state.open
     assert "LeftUpLeg" in state.missing
     assert "window Joints" in message(app)
@@ -46,7 +46,7 @@ def test_a_character_that_no_guess_maps_opens_the_joints_window(start: Start, tm
     labels = [label for label, _ in drawn(app)]
     assert "##joint LeftArm" in labels
     click_on(app, "##apply joints")  # not yet
-    assert app.stage.character_path is None
+    assert app.scene.character_path is None
     assert not joint_map_path(path).exists()
 
 
@@ -54,14 +54,14 @@ def test_joints_chosen_from_the_lists_are_kept_and_used_again(start: Start, tmp_
     app, path = open_lame(start, tmp_path)
     click_on(app, "##joint Hips")
     click_on(app, f"##{list(LAME).index('a')}")
-    assert app.stage.joints.state.plays("Hips") == "a"
+    assert app.scene.joints.state.plays("Hips") == "a"
     for joint, name in BY_HAND.items():
-        app.stage.joints.choose(joint, name)
+        app.scene.joints.choose(joint, name)
     run(app, 2)
     click_on(app, "##apply joints")
     run(app, 2)
-    assert not app.stage.joints.state.open
-    assert app.stage.character_path == path
+    assert not app.scene.joints.state.open
+    assert app.scene.character_path == path
     kept = json.loads(joint_map_path(path).read_text(encoding="utf-8"))
     assert kept == {joint: name for joint, name in BY_HAND.items() if joint in kept}
     character = load_character(path)
@@ -74,9 +74,9 @@ def test_joints_chosen_from_the_lists_are_kept_and_used_again(start: Start, tmp_
 def test_a_joint_plays_one_part_and_guesses_come_back(start: Start, tmp_path: Path) -> None:
     write_character(tmp_path / "user.glb", user_character())
     app = start(services=REAL, character=tmp_path / "user.glb")
-    app.stage.joints.begin(tmp_path / "user.glb")
+    app.scene.joints.begin(tmp_path / "user.glb")
     run(app, 3)
-    joints = app.stage.joints
+    joints = app.scene.joints
     neck = joints.state.plays("Neck1")
     assert neck
     assert not joints.state.missing
@@ -96,8 +96,8 @@ def test_a_joint_map_from_elsewhere_is_given_to_the_command(start: Start, tmp_pa
     path, elsewhere = write_odd(tmp_path / "lame.glb", LAME), tmp_path / "mine.json"
     elsewhere.write_text(json.dumps(BY_HAND), encoding="utf-8")
     app = start(services=REAL, character=path, joint_map=elsewhere)
-    assert app.stage.character_path == path
-    assert not app.stage.joints.state.open
+    assert app.scene.character_path == path
+    assert not app.scene.joints.state.open
     assert not joint_map_path(path).exists()
 
 
@@ -106,14 +106,14 @@ def test_a_vrm_is_dropped_chosen_in_the_dialog_and_given_to_the_command(start: S
     write_character(path, user_character())
     app = start(services=REAL)
     app.open_files([path])
-    assert app.stage.character_path == path
-    app.stage.load_character(None)
+    assert app.scene.character_path == path
+    app.scene.open_character(None)
     app.desk.ask_file(app.open_files)
-    question = app.desk.dialogs.question
+    question = app.sessions.dialogs.question
     assert question is not None
     assert "*.vrm" in question.filters[1].split()
     question.done(path)
-    assert app.stage.character_path == path
+    assert app.scene.character_path == path
     app.close()
     assert start(services=REAL, character=path).stage.character_path == path
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from app_driver import Start, click, click_on, drawn, place, press, run, type_prompt
 
+from runtime.session.prompt_blend import Side
 from viewer.app import App
 from viewer.gl_bindings import imgui
-from viewer.prompt.style_edit import Side
 
 
 def open_lists() -> int:
@@ -25,7 +25,7 @@ def test_escape_closes_a_list_and_the_next_click_takes_nothing_of_it(start: Star
     assert open_lists() == 0
     assert not [label for label, _ in drawn(app) if label == "Wall"]
     click(app, x, y)
-    assert app.state.stage.terrain_spec == "flat"
+    assert app.scene.terrain_spec == "flat"
 
 
 def test_escape_closes_who_answers_before_it_closes_a_take(start: Start) -> None:
@@ -35,13 +35,13 @@ def test_escape_closes_who_answers_before_it_closes_a_take(start: Start) -> None
     run(app, 20)
     press(app, "r")
     press(app, "p")
-    assert app.state.takes.playback is not None
+    assert app.takes.playback is not None
     click_on(app, "##quality")
     assert open_lists() == 1
     press(app, "escape")
-    assert (open_lists(), app.state.takes.playback is None) == (0, False)
+    assert (open_lists(), app.takes.playback is None) == (0, False)
     press(app, "escape")
-    assert app.state.takes.playback is None
+    assert app.takes.playback is None
 
 
 def test_a_closed_list_of_suggestions_takes_no_click(start: Start) -> None:
@@ -50,9 +50,9 @@ def test_a_closed_list_of_suggestions_takes_no_click(start: Start) -> None:
     type_prompt(app, "a pro")
     left, top, right, bottom = next(rect for label, rect in drawn(app) if label == "##0")
     press(app, "escape")
-    assert app.state.prompt.boxes[Side.A].text == "a pro"
+    assert app.prompting.boxes[Side.A].text == "a pro"
     click(app, (left + right) / 2, (top + bottom) / 2)
-    assert app.state.prompt.boxes[Side.A].text != "a proud king"
+    assert app.prompting.boxes[Side.A].text != "a proud king"
 
 
 def typed_key(app: App, letter: str) -> None:
@@ -74,7 +74,7 @@ def test_every_key_of_a_slow_frame_is_taken_in_it(start: Start) -> None:
         app.window.inject_key("backspace", False)
     typed_key(app, "x")
     run(app)  # one frame
-    assert app.state.prompt.boxes[Side.A].text == "anoldx"
+    assert app.prompting.boxes[Side.A].text == "anoldx"
     assert not app.window.input_waits
 
 
@@ -95,7 +95,7 @@ def test_tooltips_lie_beside_the_panel_and_say_what_cannot_be_read(
     app.window.inject_mouse(x, y)
     run(app, 90)
     assert tooltip_rect() is None  # these few words can be read in the field
-    app.state.prompt.parts["left_arm"] = "swings wide and slow " * 20
+    app.prompting.parts["left_arm"] = "swings wide and slow " * 20
     app.prompting.submit_part("left_arm")
     run(app, 90)
     found = tooltip_rect()
@@ -123,12 +123,12 @@ def test_tooltips_of_the_timeline_lie_over_it(start: Start) -> None:
 
 def test_a_message_pushes_the_facts_away_where_both_have_no_room(start: Start) -> None:
     app = start(width=800, height=500)
-    app.state.shell.clocked = True
+    app.state.clocked = True
     shown: list[str] = []
     with pytest.MonkeyPatch.context() as patch:
         real = imgui.text_unformatted
         patch.setattr(imgui, "text_unformatted", lambda text: (shown.append(text), real(text)))
-        app.state.messages.note("Take 1: 6.7 s in the clip list. Export writes it as BVH.")
+        app.messages.note("Take 1: 6.7 s in the clip list. Export writes it as BVH.")
         run(app)
     assert "Take 1: 6.7 s in the clip list. Export writes it as BVH." in shown
 

@@ -8,20 +8,20 @@ from app_driver import Start, click, click_on, controller, message, press, run, 
 
 from runtime.controls import Gait
 from viewer.app import App
+from viewer.edit.path import on_screen
 from viewer.gl_bindings import imgui
-from viewer.stage.path_tool import on_screen
 
 
 def screen(app: App, x: float, z: float) -> tuple[float, float]:
-    point = np.array([x, float(app.state.stage.terrain.height(x, z)), z])
-    found = on_screen(app.stage.camera.current, point, imgui.get_io().display_size)
+    point = np.array([x, float(app.scene.terrain.height(x, z)), z])
+    found = on_screen(app.scene.camera.current, point, imgui.get_io().display_size)
     assert found is not None
     return found
 
 
 def test_a_drag_draws_a_path(start: Start) -> None:
     app = start()
-    app.stage.camera.current.yaw = 0.0
+    app.scene.camera.current.yaw = 0.0
     run(app, 5)
     click_on(app, "Draw a path")
     app.window.inject_mouse(*screen(app, -1.0, 2.0))
@@ -32,7 +32,7 @@ def test_a_drag_draws_a_path(start: Start) -> None:
         run(app)
     app.window.inject_mouse(*screen(app, 1.2, 3.1), 0, False)
     run(app, 2)
-    points = np.array([(p.x, p.z) for p in app.stage.path.points])
+    points = np.array([(p.x, p.z) for p in app.path.points])
     assert 3 <= len(points) <= 5
     gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     assert np.all((gaps > 0.65) & (gaps < 1.0))
@@ -41,18 +41,18 @@ def test_a_drag_draws_a_path(start: Start) -> None:
 
 def test_a_path_is_drawn_changed_and_walked(start: Start) -> None:
     app = start(terrain="hills")
-    app.stage.camera.current.yaw = 0.0  # from behind: every place lies between the panels
+    app.scene.camera.current.yaw = 0.0  # from behind: every place lies between the panels
     run(app, 5)
-    yaw = app.stage.camera.current.yaw
+    yaw = app.scene.camera.current.yaw
     click_on(app, "Draw a path")
     for place in ((0.0, 2.0), (0.6, 3.0), (-0.5, 3.5)):
         click(app, *screen(app, *place))
-    tool = app.stage.path
+    tool = app.path
     assert [(p.x, p.z) for p in tool.points] == [
         (pytest.approx(x, abs=0.02), pytest.approx(z, abs=0.1))
         for x, z in ((0.0, 2.0), (0.6, 3.0), (-0.5, 3.5))
     ]
-    assert app.stage.camera.current.yaw == yaw  # the camera stays
+    assert app.scene.camera.current.yaw == yaw  # the camera stays
     click(app, *screen(app, 0.6, 3.0))  # takes the point that is there
     assert (len(tool.points), tool.selected) == (3, 1)
     x, y = screen(app, 0.6, 3.0)

@@ -16,8 +16,8 @@ from runtime.takes.pinned import farthest
 from runtime.takes.pins import Pinned
 from runtime.takes.plants import PlantEdit
 from viewer.app import App
+from viewer.edit.path import on_screen
 from viewer.gl_bindings import imgui
-from viewer.stage.path_tool import on_screen
 from viewer.takes.state import ClipItem
 
 HAND = SPORT_SKELETON.index("LeftHand")
@@ -36,11 +36,11 @@ def app(desk: App) -> App:
 
 def take(app: App, speed: float = 0.0) -> ClipItem:
     """A take of a figure that stands, or glides at m/s; it plays, paused at frame 20."""
-    pose, count = app.state.stage.simulation.current, 60
+    pose, count = app.scene.simulation.current, 60
     hips = np.tile(pose.hips_position, (count, 1))
     hips[:, 2] += speed * np.arange(count) / 60.0
     local, contacts = np.tile(pose.local_rotations, (count, 1, 1)), np.ones((count, 4), np.float32)
-    app.state.takes.items.append(ClipItem(Clip("Take", 60.0, hips, local, contacts), recorded=True))
+    app.editor.session.takes.append(ClipItem(Clip("Take", 60.0, hips, local, contacts), recorded=True))
     return played(app)
 
 
@@ -53,11 +53,11 @@ def recorded(app: App) -> ClipItem:
 
 
 def played(app: App) -> ClipItem:
-    app.takes.play(len(app.state.takes.items) - 1)
-    assert app.state.takes.playback is not None
-    app.state.takes.playback.seek(20)
+    app.takes.play(len(app.editor.session.takes) - 1)
+    assert app.takes.playback is not None
+    app.takes.playback.seek(20)
     run(app, 2)
-    return app.state.takes.items[-1]
+    return app.editor.session.takes[-1]
 
 
 def add_pin(app: App, what: str) -> None:
@@ -74,9 +74,9 @@ def drag(app: App, start: tuple[float, float], end: tuple[float, float]) -> None
 
 
 def handle(app: App, index: int = 0) -> tuple[float, float]:
-    overlay = app.pinning.overlay()
+    overlay = app.pins.overlay()
     assert overlay is not None
-    shown = on_screen(app.stage.camera.current, overlay.points[index], imgui.get_io().display_size)
+    shown = on_screen(app.scene.camera.current, overlay.points[index], imgui.get_io().display_size)
     assert shown is not None
     return shown
 
@@ -95,7 +95,7 @@ def test_a_pin_of_a_take_is_dragged_undone_and_exported(app: App, tmp_path: Path
     assert farthest(item.clip, moved) < 0.01
     assert item.label == "pin of the left hand"
     assert item.driven is before
-    app.state.takes.export_path = str(tmp_path / "pinned.bvh")
+    app.takes.export_path = str(tmp_path / "pinned.bvh")
     app.takes.export()
     run(app, 2)
     exported = load_clip_bvh(tmp_path / "pinned.bvh")
@@ -114,13 +114,13 @@ def test_the_card_sets_frames_and_removes(app: App) -> None:
     assert item.edits.pins[0].along
     click_on(app, "Rail")
     assert item.edits.pins[0].rail is not None
-    assert len(app.pinning.overlay().points) == 2  # type: ignore[union-attr]
+    assert len(app.pins.overlay().points) == 2  # type: ignore[union-attr]
     x, y = place(app, "##pin to")
     drag(app, (x, y), (x - 60.0, y))
     assert item.edits.pins[0].end < 55 / 60
     click_on(app, "##remove pin")
     assert not item.edits.pins
-    assert app.pinning.pin is None
+    assert app.pins.pin is None
     press(app, "ctrl", "z")
     assert len(item.edits.pins) == 1
 
@@ -128,7 +128,7 @@ def test_the_card_sets_frames_and_removes(app: App) -> None:
 def test_a_pin_is_moved_on_its_track(app: App) -> None:
     item = take(app)
     add_pin(app, "Look")
-    app.pinning.change(replace(item.edits.pins[0], end=0.6))
+    app.pins.change(replace(item.edits.pins[0], end=0.6))
     run(app, 3)
     frames = [round(t * 60) for t in (item.edits.pins[0].start, item.edits.pins[0].end)]
     assert frames == [20, 36]
@@ -141,7 +141,7 @@ def test_a_pin_is_moved_on_its_track(app: App) -> None:
 def test_words_of_a_take_change_under_its_pins(app: App) -> None:
     item = recorded(app)
     add_pin(app, "Left hand")
-    app.pinning.change(replace(item.edits.pins[0], point=(0.3, 1.3, 0.3)))
+    app.pins.change(replace(item.edits.pins[0], point=(0.3, 1.3, 0.3)))
     run(app, 3)
     app.editing.insert_prompt("an old king")
     run(app, 3)
@@ -169,7 +169,7 @@ def test_a_hand_of_someone_who_walks_goes_along(app: App) -> None:
 def test_out_of_reach_is_said(app: App) -> None:
     item = take(app)
     add_pin(app, "Left hand")
-    app.pinning.change(replace(item.edits.pins[0], point=(5.0, 1.0, 0.0)))
+    app.pins.change(replace(item.edits.pins[0], point=(5.0, 1.0, 0.0)))
     run(app, 3)
     assert "out of reach" in message(app)
 
@@ -177,28 +177,28 @@ def test_out_of_reach_is_said(app: App) -> None:
 def test_the_live_hand_holds_is_dragged_recorded_and_let_go(app: App) -> None:
     click_on(app, "Hold…")
     click_on(app, "Left hand")
-    app.pinning.change(replace(app.pinning.pin, point=(0.3, 1.3, 0.3)))  # type: ignore[type-var]
+    app.pins.change(replace(app.pins.pin, point=(0.3, 1.3, 0.3)))  # type: ignore[type-var]
     run(app, 20)
     shown = app._shown_pose().positions[HAND]
     assert np.allclose(shown, (0.3, 1.3, 0.3), atol=0.01)
-    assert not np.allclose(app.state.stage.simulation.current.positions[HAND], shown, atol=0.1)
+    assert not np.allclose(app.scene.simulation.current.positions[HAND], shown, atol=0.1)
     item = recorded(app)
     assert np.allclose(item.clip.world()[0][10, HAND], shown, atol=0.01)
     assert not np.allclose(item.driven.world()[0][10, HAND], shown, atol=0.1)
     press(app, "escape")
     press(app, "escape")
-    assert app.state.takes.playback is None
-    app.pinning.toggle_live(Pinned.LEFT_HAND)
+    assert app.takes.playback is None
+    app.pins.toggle_live(Pinned.LEFT_HAND)
     run(app, 20)
-    assert app._shown_pose() is app.state.stage.simulation.current
+    assert app._shown_pose() is app.scene.simulation.current
 
 
 def test_a_plant_is_dragged_lifted_and_planted(app: App) -> None:
     item = take(app)
-    assert app.pinning.plants(0) == [(0, 60)]
+    assert app.pins.plants(0) == [(0, 60)]
     (end, y), (to, _) = (place(app, "##foot 0", share=share) for share in (0.99, 40 / 59))
     drag(app, (end, y), (to, y))
-    (bears,) = app.pinning.plants(0)
+    (bears,) = app.pins.plants(0)
     assert bears == item.edits.plants[0].new == (0, pytest.approx(40, abs=1))
     x, y = place(app, "##foot 0", share=50 / 59)
     for down in (None, True, False):
@@ -206,9 +206,9 @@ def test_a_plant_is_dragged_lifted_and_planted(app: App) -> None:
         run(app, 2)
     click_on(app, "Plant the foot here")
     run(app, 3)
-    added = app.pinning.plants(0)[1]
+    added = app.pins.plants(0)[1]
     assert sum(added) / 2 == pytest.approx(50, abs=2)
-    app.pinning.plant(0, bears, None)
+    app.pins.plant(0, bears, None)
     run(app, 3)
-    assert app.pinning.plants(0) == [added]
+    assert app.pins.plants(0) == [added]
     assert item.label == "left foot, plant removed"

@@ -27,7 +27,7 @@ KILLED = Path(__file__).with_name("faults") / "project.py"
 
 def said(app: App) -> str:
     """The last message, also when a slow machine has let it fade."""
-    return app.state.messages.recent[-1].text
+    return app.messages.recent[-1].text
 
 
 def record(app: App, frames: int = 30) -> None:
@@ -49,7 +49,7 @@ def filled(app: App, tmp_path: Path) -> None:
     record(app, 40)
     app.takes.rename(1, "long walk")
     app.takes.play(1)
-    app.state.takes.playback.seek(20)  # type: ignore[union-attr]
+    app.takes.playback.seek(20)  # type: ignore[union-attr]
     app.editing.insert_prompt("an old king")
     app.takes.close_playback()
     run(app, 2)
@@ -59,13 +59,13 @@ def test_everything_is_there_again_and_takes_can_still_be_edited(start: Start, t
     app = start()
     filled(app, tmp_path)
     project = tmp_path / "walks.sport"
-    app.desk.projects.save_as(tmp_path / "walks")
+    app.sessions.save_as(tmp_path / "walks")
     run(app, 2)
     assert project.is_file()
     assert "Saved" in said(app)
     assert "2 takes" in said(app)
-    assert not app.state.desk.projects.changed
-    clip, heights = app.state.takes.items[1].clip, app.state.stage.terrain.heights
+    assert not app.sessions.changed
+    clip, heights = app.editor.session.takes[1].clip, app.scene.terrain.heights
     app.close()
     (tmp_path / "dunes.png").unlink()  # the project needs neither
     (tmp_path / "me.glb").unlink()
@@ -75,29 +75,29 @@ def test_everything_is_there_again_and_takes_can_still_be_edited(start: Start, t
     items = again.state.takes.items
     assert [item.name for item in items] == ["Take 1", "long walk"]
     assert np.allclose(items[1].clip.local_rotations, clip.local_rotations, atol=4e-5)
-    assert Path(again.state.stage.terrain_spec).name == "dunes.png"
-    assert np.array_equal(again.state.stage.terrain.heights, heights)
+    assert Path(again.scene.terrain_spec).name == "dunes.png"
+    assert np.array_equal(again.scene.terrain.heights, heights)
     assert again.stage.character_path is not None
     assert again.stage.character_path.name == "me.glb"
     assert prompt(again) == "a proud king"
-    assert not again.state.desk.projects.changed
+    assert not again.sessions.changed
     again.takes.play(1)
     again.editing.undo()  # the version before the edit came along
     assert [event.prompt for event in items[1].clip.prompts] == ["a proud king"]
     again.editing.reword(0, "proud peacock")
     run(again, 2)
     assert items[1].clip.prompts[0].prompt == "proud peacock"
-    assert again.state.desk.projects.changed
+    assert again.sessions.changed
 
 
 def test_an_autosaved_session_is_at_most_ten_seconds_old_and_offered(start: Start, tmp_path: Path) -> None:
     app = start()
-    projects, now = app.desk.projects, [0.0]
+    projects, now = app.sessions, [0.0]
     projects.autosaving, projects.clock = True, lambda: now[0]
     folder = projects.folder
     record(app)
     run(app)
-    assert app.state.takes.items[0].journal is None  # the session holds it
+    assert app.editor.session.takes[0].journal is None  # the session holds it
     now[0] = 5.0
     app.takes.rename(0, "kept")
     run(app)
@@ -123,7 +123,7 @@ def test_an_autosaved_session_is_at_most_ten_seconds_old_and_offered(start: Star
 def killed_while_recording(start: Start, tmp_path: Path) -> tuple[Path, Path]:
     """What a run leaves that had one take and was recording a second one: its session and the journal, elsewhere."""
     app = start()
-    projects = app.desk.projects
+    projects = app.sessions
     projects.autosaving = True
     record(app)
     run(app, 2)
@@ -145,7 +145,7 @@ def killed_while_recording(start: Start, tmp_path: Path) -> tuple[Path, Path]:
 def test_a_killed_run_is_one_offer(start: Start, tmp_path: Path, button: str, late: bool) -> None:
     session, journal = killed_while_recording(start, tmp_path)
     app, now = start(), [0.0]
-    projects = app.desk.projects
+    projects = app.sessions
     projects.clock = lambda: now[0]
     places = (projects.folder / session.name, tmp_path / "config" / "journals" / journal.name)
     shutil.copy(session, places[0])
@@ -170,31 +170,31 @@ def test_a_killed_run_is_one_offer(start: Start, tmp_path: Path, button: str, la
     assert "Recover" not in labels
     click_on(app, button)
     run(app, 5)
-    assert len(app.state.takes.items) == (2 if button == "Reopen" else 0)
+    assert len(app.editor.session.takes) == (2 if button == "Reopen" else 0)
     assert app.state.takes.cut_off == []
-    assert app.desk.projects.offer is None
+    assert app.sessions.offer is None
     labels = [label.partition("##")[0] for label, _ in drawn(app)]
     assert not {"Reopen", "Recover"} & set(labels)
     if button == "Discard":
         assert not any(path.exists() for path in places)
     now[0] = 60.0
     run(app, 5)
-    assert app.desk.projects.offer is None
+    assert app.sessions.offer is None
 
 
 def test_a_new_project_puts_aside_what_was_not_saved(start: Start, tmp_path: Path) -> None:
     app = start()
-    app.desk.projects.autosaving = True
+    app.sessions.autosaving = True
     record(app)
     run(app)
-    app.desk.projects.new()
-    assert app.state.takes.items == []
+    app.sessions.new()
+    assert app.editor.session.takes == []
     assert "Reopen the last session" in said(app)
-    (left,) = app.state.desk.projects.left
+    (left,) = app.sessions.left
     assert left.ended
-    app.desk.projects.reopen(left)
+    app.sessions.reopen(left)
     run(app, 3)
-    assert len(app.state.takes.items) == 1
+    assert len(app.editor.session.takes) == 1
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x05\x06" + bytes(18), b"no project"])
@@ -207,12 +207,12 @@ def test_a_damaged_project_is_one_sentence_and_costs_nothing(
     app.open_files([tmp_path / "bad.sport"])
     run(app, 2)
     assert "bad.sport: not a project" in said(app)
-    assert len(app.state.takes.items) == 1
+    assert len(app.editor.session.takes) == 1
 
 
 def test_without_a_dialog_program_the_path_is_typed(start: Start, tmp_path: Path) -> None:
     app = start()
-    app.desk.dialogs.available = lambda: False
+    app.sessions.dialogs.available = lambda: False
     record(app)
     press(app, "ctrl", "s")
     assert "No program for dialogs" in said(app)
@@ -222,7 +222,7 @@ def test_without_a_dialog_program_the_path_is_typed(start: Start, tmp_path: Path
     click_on(app, "##dialog ok")
     run(app, 2)
     assert (tmp_path / "typed.sport").is_file()
-    assert app.state.desk.projects.name == "typed"
+    assert app.sessions.name == "typed"
 
 
 def test_a_systems_dialog_hands_over_its_answer(start: Start, tmp_path: Path) -> None:
@@ -234,8 +234,8 @@ def test_a_systems_dialog_hands_over_its_answer(start: Start, tmp_path: Path) ->
             return str(tmp_path / "native.sport")
 
     app = start()
-    app.desk.dialogs.available, app.desk.dialogs.native = lambda: True, lambda _: Native()
-    app.desk.projects.ask_save()
+    app.sessions.dialogs.available, app.sessions.dialogs.native = lambda: True, lambda _: Native()
+    app.sessions.ask_save()
     run(app, 2)
     assert (tmp_path / "native.sport").is_file()
     assert not any("dialog ok" in label for label, _ in drawn(app))
@@ -263,21 +263,21 @@ def test_a_killed_process_leaves_its_project_whole_and_an_autosave(tmp_path: Pat
 def test_a_take_plays_on_the_ground_that_it_was_made_on(start: Start, tmp_path: Path) -> None:
     app = start()
     record(app)
-    flat = app.state.stage.terrain
-    app.stage.load_terrain("stairs")
+    flat = app.scene.terrain
+    app.scene.load_terrain("stairs")
     record(app)
     run(app, 2)
     app.takes.play(0)
     run(app)
-    assert app.stage.renderer.terrain is flat
+    assert app.scene.renderer.terrain is flat
     app.takes.play(1)
     run(app)
-    assert app.stage.renderer.terrain.name == "stairs"
+    assert app.scene.renderer.terrain.name == "stairs"
     app.takes.play(0)
     app.takes.close_playback()
     run(app)
-    assert app.stage.renderer.terrain is app.state.stage.terrain
+    assert app.scene.renderer.terrain is app.scene.terrain
     app.takes.play(0)
-    app.stage.load_terrain("hills")  # chosen while it plays: to see it there
+    app.scene.load_terrain("hills")  # chosen while it plays: to see it there
     run(app)
-    assert app.stage.renderer.terrain.name == "hills"
+    assert app.scene.renderer.terrain.name == "hills"

@@ -26,8 +26,8 @@ from viewer_fakes import FakeEncoder, FakeLibrary
 
 from runtime.prompts.blend import read_words
 from runtime.prompts.parts import PartDescriptions
+from runtime.session.prompt_blend import Side
 from runtime.skeleton import PART_NAMES
-from viewer.prompt.style_edit import Side
 
 # typing
 
@@ -42,13 +42,13 @@ def test_typing_fills_the_prompt_and_never_drives(start: Start) -> None:
     app.window.inject_text("addling duck ")
     run(app, 3)
     assert controller(app).z == 0.0
-    assert "waddling duck" in app.state.prompt.boxes[Side.A].text
+    assert "waddling duck" in app.prompting.boxes[Side.A].text
     press(app, "enter")
     run(app, 2)
     assert "waddling duck" in prompt(app)
-    assert "waddling duck" in app.state.prompt.parts["head"]
-    assert app.state.prompt.edit.a.source == "library"
-    assert controller(app).styles[-1][1] == app.state.settings.blend_seconds
+    assert "waddling duck" in app.prompting.parts["head"]
+    assert app.editor.session.live.prompt.a.source == "library"
+    assert controller(app).styles[-1][1] == app.settings.blend_seconds
     assert "waddling duck" in message(app)  # the status line says who answered
     assert "90%" in message(app)
     app.window.inject_key("w", True)  # Enter left the field
@@ -91,19 +91,19 @@ def test_enter_changes_the_shipped_models_style_at_the_next_frame_after_the_answ
     app.prompting.blocking = app.jobs.blocking = False
     run_until(app, lambda: app.prompting.history.top is not None)
     run(app, 90)  # the first style has come in
-    walker, worker = app.state.stage.simulation.controller, app.prompting.workers[Side.A]
+    walker, worker = app.scene.simulation.controller, app.prompting.workers[Side.A]
     assert isinstance(walker, Controller)
     before = walker.style.z.copy()
     type_prompt(app, "a drunk person stumbling home")
     app.window.inject_key("enter", True)
     run(app)
-    assert app.state.prompt.asked == {Side.A}
+    assert app.prompting.asked == {Side.A}
     assert np.array_equal(walker.style.z, before)
     while worker.busy:
         time.sleep(0.001)
     run(app)
     assert not np.array_equal(walker.style.z, before)
-    answer = app.state.prompt.edit.a
+    answer = app.editor.session.live.prompt.a
     assert answer.prompt == "a drunk person stumbling home"
     assert 0.0 < answer.milliseconds < 10_000.0
 
@@ -115,14 +115,14 @@ def test_an_edited_part_is_encoded_again(start: Start) -> None:
     app = start()
     run(app)
     styles = len(controller(app).styles)
-    app.state.prompt.parts["left_arm"] = "left arm raised"
+    app.prompting.parts["left_arm"] = "left arm raised"
     app.prompting.submit_part("left_arm")
     run(app)
     assert len(controller(app).styles) == styles + 1
     assert style(app)[0] == pytest.approx(FakeEncoder.code("left arm raised"))
-    assert app.state.prompt.edit.a.edited == ("left_arm",)
-    assert app.state.prompt.edit.a.source == "library"  # the other five are still its
-    app.state.prompt.parts["left_arm"] = "x" * 400
+    assert app.editor.session.live.prompt.a.edited == ("left_arm",)
+    assert app.editor.session.live.prompt.a.source == "library"  # the other five are still its
+    app.prompting.parts["left_arm"] = "x" * 400
     app.prompting.submit_part("left_arm")
     assert "left_arm" in message(app)
     assert len(controller(app).styles) == styles + 1
@@ -133,16 +133,16 @@ def test_a_field_goes_back_to_what_was_said_when_it_is_reset_or_emptied(start: S
     run(app)
     said = words(app)["torso"]
     for empty in (False, True):
-        app.state.prompt.parts["torso"] = "torso twisting"
+        app.prompting.parts["torso"] = "torso twisting"
         app.prompting.submit_part("torso")
         assert words(app)["torso"] == "torso twisting"
         if empty:
-            app.state.prompt.parts["torso"] = "  "
+            app.prompting.parts["torso"] = "  "
             app.prompting.submit_part("torso")
         else:
             app.prompting.reset_part("torso")
-        assert words(app)["torso"] == app.state.prompt.parts["torso"] == said
-        assert app.state.prompt.edit.a.edited == ()
+        assert words(app)["torso"] == app.prompting.parts["torso"] == said
+        assert app.editor.session.live.prompt.a.edited == ()
 
 
 def test_a_field_is_applied_when_it_is_left(start: Start) -> None:
@@ -151,7 +151,7 @@ def test_a_field_is_applied_when_it_is_left(start: Start) -> None:
     click_on(app, "##words", len(PART_NAMES) - 1)
     app.window.inject_text(" slowly")
     run(app, 3)
-    assert words(app)["head"] != app.state.prompt.parts["head"]
+    assert words(app)["head"] != app.prompting.parts["head"]
     click(app, app.window.size[0] / 2, app.window.size[1] / 2)  # the scene
     run(app)
     assert "slowly" in words(app)["head"]
@@ -160,17 +160,17 @@ def test_a_field_is_applied_when_it_is_left(start: Start) -> None:
 def test_an_edited_field_is_locked_and_survives_the_next_prompt(start: Start) -> None:
     app = start()
     run(app)
-    app.state.prompt.parts["head"] = "head shaking"
+    app.prompting.parts["head"] = "head shaking"
     app.prompting.submit_part("head")
-    assert app.state.prompt.edit.locked == {"head"}
+    assert app.editor.session.live.prompt.locked == {"head"}
     app.prompting.submit_prompt("a proud king")
     assert "Locked, so kept: head." in message(app)
-    app.prompting.undo()
-    app.prompting.undo()  # of the edit, and of its lock with it
-    assert app.state.prompt.edit.locked == frozenset()
-    app.prompting.redo()
-    app.prompting.redo()
-    assert words(app)["head"] == app.state.prompt.parts["head"] == "head shaking"
+    app.editor.undo()
+    app.editor.undo()  # of the edit, and of its lock with it
+    assert app.editor.session.live.prompt.locked == frozenset()
+    app.editor.redo()
+    app.editor.redo()
+    assert words(app)["head"] == app.prompting.parts["head"] == "head shaking"
     assert words(app)["torso"] == "torso of a proud king"
     assert style(app)[5] == pytest.approx(FakeEncoder.code("head shaking"))
     app.prompting.reset_part("head")
@@ -205,14 +205,14 @@ def test_a_take_keeps_what_replays_it(start: Start) -> None:
     run(app, 2)
     app.takes.toggle_recording()
     run(app, 2)
-    app.state.prompt.parts["head"] = "head shaking"
+    app.prompting.parts["head"] = "head shaking"
     app.prompting.submit_part("head")
     run(app, 2)
     app.prompting.submit_prompt("a duck")
     run(app, 2)
     app.takes.toggle_recording()
     run(app)
-    events = app.state.takes.items[0].clip.prompts
+    events = app.editor.session.takes[0].clip.prompts
     king = FakeLibrary().expand("a proud king").descriptions
     kept = [read_words(event.prompt) for event in events]
     duck_with_king_head = FakeLibrary().expand("a duck").descriptions.replace("head", "head shaking")
@@ -229,7 +229,7 @@ def test_undo_and_redo_of_prompts_edits_and_locks(start: Start) -> None:
     states = [(words(app), frozenset(), style(app))]
     app.prompting.submit_prompt("a duck")
     states.append((words(app), frozenset(), style(app)))
-    app.state.prompt.parts["torso"] = "torso twisting"
+    app.prompting.parts["torso"] = "torso twisting"
     app.prompting.submit_part("torso")
     states.append((words(app), frozenset({"torso"}), style(app)))
     app.prompting.toggle_lock("head")
@@ -238,10 +238,10 @@ def test_undo_and_redo_of_prompts_edits_and_locks(start: Start) -> None:
     def check(index: int) -> None:
         run(app)
         expected, locked, z = states[index]
-        assert words(app) == app.state.prompt.parts == expected
-        assert app.state.prompt.edit.locked == locked
+        assert words(app) == app.prompting.parts == expected
+        assert app.editor.session.live.prompt.locked == locked
         assert np.array_equal(style(app), z)
-        assert app.state.prompt.boxes[Side.A].text == ("a proud king" if index == 0 else "a duck")
+        assert app.prompting.boxes[Side.A].text == ("a proud king" if index == 0 else "a duck")
 
     check(3)
     for index in (2, 1, 0, 0):
@@ -270,7 +270,7 @@ def test_undo_in_a_field_takes_typing_back_first(start: Start) -> None:
     click_prompt_box(app)
     press(app, "ctrl", "z")  # nothing was typed
     run(app)
-    assert prompt(app) == app.state.prompt.boxes[Side.A].text == "a proud king"
+    assert prompt(app) == app.prompting.boxes[Side.A].text == "a proud king"
 
 
 def test_undo_withdraws_a_prompt_without_an_answer(start: Start) -> None:
@@ -281,22 +281,22 @@ def test_undo_withdraws_a_prompt_without_an_answer(start: Start) -> None:
     worker.held = True
     app.prompting.submit_prompt("a duck")
     run(app, 2)
-    assert app.state.prompt.asked == {Side.A}
+    assert app.prompting.asked == {Side.A}
     press(app, "ctrl", "z")
     assert "Withdrawn" in message(app)
     worker.held = False
     run(app, 3)
-    assert prompt(app) == app.state.prompt.boxes[Side.A].text == "a proud king"
-    assert not app.state.prompt.asked
+    assert prompt(app) == app.prompting.boxes[Side.A].text == "a proud king"
+    assert not app.prompting.asked
 
 
 def test_words_typed_since_survive_an_undo(start: Start) -> None:
     app = start(prompt="a proud king")
     run(app)
     app.prompting.submit_prompt("a duck")
-    app.state.prompt.boxes[Side.A].text = "a duck that"
-    app.prompting.undo()
-    assert (prompt(app), app.state.prompt.boxes[Side.A].text) == ("a proud king", "a duck that")
+    app.prompting.boxes[Side.A].text = "a duck that"
+    app.editor.undo()
+    assert (prompt(app), app.prompting.boxes[Side.A].text) == ("a proud king", "a duck that")
 
 
 def test_the_words_in_force_survive_another_model(start: Start) -> None:
@@ -304,17 +304,17 @@ def test_the_words_in_force_survive_another_model(start: Start) -> None:
 
     app = start(prompt="a proud king")
     run(app)
-    app.state.prompt.parts["head"] = "head shaking"
+    app.prompting.parts["head"] = "head shaking"
     app.prompting.submit_part("head")
-    loaded = fake_services().load_model(None, app.state.stage.terrain, 0, None)
-    app.stage.use_model(loaded)
+    loaded = fake_services().load_model(None, app.scene.terrain, 0, None)
+    app.scene.use_model(loaded)
     app.prompt.use_model(loaded, None)
     run(app)
     assert words(app)["head"] == "head shaking"
     assert loaded.prompts[0].asked == [PartDescriptions.from_mapping(words(app))]
     assert prompt(app) == "a proud king"
     assert style(app)[PART_NAMES.index("head")] == pytest.approx(FakeEncoder.code("head shaking"))
-    assert words(app) == app.state.prompt.parts
+    assert words(app) == app.prompting.parts
 
 
 def test_a_prompt_that_waits_for_another_model_leaves_locked_words(start: Start) -> None:
@@ -332,14 +332,14 @@ def test_a_prompt_that_waits_for_another_model_leaves_locked_words(start: Start)
     app.prompting.toggle_lock("head")
     app.prompting.workers[Side.A].held = True
     app.prompting.submit_prompt("a duck")
-    loaded = fake_services().load_model(None, app.state.stage.terrain, 0, None)
+    loaded = fake_services().load_model(None, app.scene.terrain, 0, None)
     for worker in loaded.prompts:
         worker.encoder = OtherEncoder()  # type: ignore[attr-defined]
-    app.stage.use_model(loaded)
+    app.scene.use_model(loaded)
     app.prompt.use_model(loaded, None)
     run(app, 2)
     assert loaded.prompts[0].asked == [before, "a duck"]  # type: ignore[attr-defined]
     assert words(app) == {**duck(), "head": "head of a proud king"}
     assert np.array_equal(style(app), OtherEncoder().encode(PartDescriptions.from_mapping(words(app))))
     assert "duck" in app.prompting.history.undo_label
-    assert not app.state.prompt.asked
+    assert not app.prompting.asked

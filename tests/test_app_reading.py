@@ -35,7 +35,7 @@ def endless(start: Start, monkeypatch: pytest.MonkeyPatch) -> Iterator[App]:
         return real(spec, *sizes)
 
     app = start(services={"load_terrain": load})
-    run_until(app, lambda: app.state.stage.terrain is not None and not app.stage.jobs.busy(Slot("terrain")))
+    run_until(app, lambda: app.scene.terrain is not None and not app.scene.jobs.busy(Slot("terrain")))
     yield app
     never.set()
 
@@ -43,7 +43,7 @@ def endless(start: Start, monkeypatch: pytest.MonkeyPatch) -> Iterator[App]:
 def test_a_ground_without_end_is_cancelled_and_another_one_loads(
     endless: App, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    before = endless.state.stage.terrain
+    before = endless.scene.terrain
     endless.stage.load_terrain("endless.npy")
     time.sleep(0.01)
     shown: list[str] = []
@@ -57,12 +57,12 @@ def test_a_ground_without_end_is_cancelled_and_another_one_loads(
     run(endless, 3)
     assert shown == ["endless.npy"] * 3
     assert "Stopped reading endless.npy" in message(endless)
-    assert endless.state.stage.loading == ""
-    assert endless.state.stage.terrain is before
+    assert endless.scene.loading == ""
+    assert endless.scene.terrain is before
     run(endless, 2)
     assert len(shown) == 3  # nothing is read any more
     endless.stage.load_terrain("stairs")
-    run_until(endless, lambda: endless.state.stage.terrain_spec == "stairs")
+    run_until(endless, lambda: endless.scene.terrain_spec == "stairs")
 
 
 def test_the_end_of_the_program_does_not_wait_for_a_file_that_is_read(endless: App) -> None:
@@ -105,19 +105,19 @@ def test_a_character_or_clip_without_end_is_cancelled_and_the_next_one_is_read(
         return shipped(None, joint_map) if path is None else wait(path)
 
     monkeypatch.setattr(opening, "read_clip", wait)
-    monkeypatch.setattr("viewer.stage.stage.has_skin", lambda _: True)
+    monkeypatch.setattr("viewer.scene.scene.has_skin", lambda _: True)
     app = start(services={"load_character": load_character})
     run_until(app, lambda: not app.jobs.busy(Slot("character")) and not app.jobs.busy(Slot("terrain")))
     before, drawn_before, takes = (
-        app.stage.renderer.character,
-        len(app.stage.renderer.poses),
-        len(app.state.takes.items),
+        app.scene.renderer.character,
+        len(app.scene.renderer.poses),
+        len(app.editor.session.takes),
     )
     try:
         app.open_files([Path(name)])
         run_until(app, lambda: app.jobs.reading() == name and begun == [name])
         run(app, 2)
-        assert len(app.stage.renderer.poses) > drawn_before  # it goes on walking meanwhile
+        assert len(app.scene.renderer.poses) > drawn_before  # it goes on walking meanwhile
         monkeypatch.setattr(status, "_reading", lambda *_: True)  # the button is pressed
         run(app, 2)
         assert f"Stopped reading {name}" in message(app)
@@ -127,8 +127,8 @@ def test_a_character_or_clip_without_end_is_cancelled_and_the_next_one_is_read(
         run_until(app, lambda: "read to its end" in message(app))
         never.set()  # what was cancelled comes to its end, and nobody hears of it
         run(app, 3)
-        assert app.stage.renderer.character is before
-        assert len(app.state.takes.items) == takes
+        assert app.scene.renderer.character is before
+        assert len(app.editor.session.takes) == takes
     finally:
         never.set()
 

@@ -48,13 +48,13 @@ def test_a_take_that_was_cut_off_is_offered_and_recovered(start: Start, tmp_path
     left = killed(start(terrain="flat"), tmp_path)
     shutil.move(left, tmp_path / "config" / "journals" / "a.take")
     app = start()
-    app.state.settings.export_folder = str(tmp_path / "clips")
+    app.settings.export_folder = str(tmp_path / "clips")
     app.takes.journals.look()
     assert "Cut off" in message(app)
     run(app, 3)
     click_on(app, "Recover")
-    run_until(app, lambda: len(app.state.takes.items) == 1)
-    assert len(app.state.takes.items[0].clip) == 40
+    run_until(app, lambda: len(app.editor.session.takes) == 1)
+    assert len(app.editor.session.takes[0].clip) == 40
     assert not any("Recover" in label for label, _ in drawn(app))
     assert journals(tmp_path)  # until it is exported
     app.takes.export()
@@ -71,7 +71,7 @@ def test_a_take_that_was_cut_off_can_be_discarded(start: Start, tmp_path: Path) 
     run(app, 3)
     click_on(app, "Discard")
     assert journals(tmp_path) == []
-    assert app.state.takes.items == []
+    assert app.editor.session.takes == []
 
 
 def test_a_journal_lives_as_long_as_its_take_is_nowhere_else(start: Start, tmp_path: Path) -> None:
@@ -79,12 +79,12 @@ def test_a_journal_lives_as_long_as_its_take_is_nowhere_else(start: Start, tmp_p
     run(app, 20)
     record(app)
     app.takes.save_last()
-    for item in app.state.takes.items:
+    for item in app.editor.session.takes:
         assert item.journal is not None
     run_until(app, lambda: len(journals(tmp_path)) == 2)
     app.takes.remove(0)
     assert len(journals(tmp_path)) == 1
-    app.state.takes.export_path = str(tmp_path / "a.bvh")
+    app.takes.export_path = str(tmp_path / "a.bvh")
     app.takes.export()
     run(app)
     assert journals(tmp_path) == []
@@ -99,14 +99,14 @@ def test_a_name_that_another_run_takes_meanwhile_is_left_to_it(
     monkeypatch.setattr(takes_module, "free_path", lambda path: path)  # it was free a moment ago
     (tmp_path / "take-1.bvh").write_text("of another run", encoding="utf-8")
     app = start()
-    app.state.settings.export_folder = str(tmp_path)
+    app.settings.export_folder = str(tmp_path)
     record(app)
     app.takes.export()
     run(app, 2)
-    assert app.state.takes.items[0].saved == tmp_path / "take-1-2.bvh"
+    assert app.editor.session.takes[0].saved == tmp_path / "take-1-2.bvh"
     record(app)
-    app.state.takes.items[1] = dataclasses.replace(
-        app.state.takes.items[1], clip=app.state.takes.items[0].clip
+    app.editor.session.takes[1] = dataclasses.replace(
+        app.editor.session.takes[1], clip=app.editor.session.takes[0].clip
     )
     assert app.takes.rescue() == [tmp_path / "take-1-3.bvh"]
     assert (tmp_path / "take-1.bvh").read_text("utf-8") == "of another run"
@@ -117,13 +117,13 @@ def test_where_the_folder_takes_nothing_another_place_does_and_the_code_says_so(
 ) -> None:
     app = start()
     (tmp_path / "file").write_text("", encoding="utf-8")
-    app.state.settings.export_folder = str(tmp_path / "file")
+    app.settings.export_folder = str(tmp_path / "file")
     record(app)
     app.interrupt()
     assert app.end() == 1
     kept = tmp_path / "config" / "takes" / "take-1.bvh"
     assert len(load_clip_bvh(kept)) == 30
-    errors = [m.text for m in app.state.messages.recent]
+    errors = [m.text for m in app.messages.recent]
     assert any(str(kept) in text and "not where it was asked for" in text for text in errors)
 
 
@@ -132,11 +132,11 @@ def test_an_export_on_its_way_at_the_end_is_not_saved_twice_and_not_lost(
 ) -> None:
     app = start()
     app.jobs.blocking = False
-    app.state.settings.export_folder = str(tmp_path / "clips")
+    app.settings.export_folder = str(tmp_path / "clips")
     record(app)
     app.takes.export()
     record(app)
-    app.state.takes.export_path = str(tmp_path / "config" / "settings.lock" / "b.bvh")
+    app.takes.export_path = str(tmp_path / "config" / "settings.lock" / "b.bvh")
     (tmp_path / "config").mkdir(exist_ok=True)
     (tmp_path / "config" / "settings.lock").write_text("", encoding="utf-8")
     app.takes.export()  # fails
@@ -172,7 +172,7 @@ def test_a_defect_in_saving_one_take_costs_no_other(
     monkeypatch.setattr(bvh_clip, "save_bvh", save)
     monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path))
     app = start()
-    app.state.settings.export_folder = str(tmp_path / "clips")
+    app.settings.export_folder = str(tmp_path / "clips")
     record(app)
     record(app)
     app.interrupt()
@@ -189,7 +189,7 @@ def test_a_name_that_is_no_text_kills_nothing(start: Start, tmp_path: Path) -> N
         folder.mkdir()
     except OSError:
         pytest.skip("this file system takes UTF-8 only")
-    app.state.settings.export_folder = str(folder)
+    app.settings.export_folder = str(folder)
     app.takes.select(0)
     run(app, 2)  # the field shows it
     app.takes.export()
@@ -201,10 +201,10 @@ def test_a_name_that_is_no_text_kills_nothing(start: Start, tmp_path: Path) -> N
     shutil.copy(folder / "take-1.bvh", strange)
     app.open_files([strange, folder / os.fsdecode(b"\xfe.png"), folder / os.fsdecode(b"\xfe.xyz")])
     run(app, 3)
-    assert app.state.takes.items[-1].name == "walk-\ufffd"
+    assert app.editor.session.takes[-1].name == "walk-\ufffd"
     app.takes.play(1)
     run(app, 2)
-    app.stage.load_terrain(str(folder / os.fsdecode(b"\xfe.npy")))
+    app.scene.load_terrain(str(folder / os.fsdecode(b"\xfe.npy")))
     run(app, 2)
     record(app)
     assert len(app.takes.rescue()) == 1
@@ -248,8 +248,8 @@ def test_no_value_stops_the_start_or_the_other_settings(start: Start, tmp_path: 
     (tmp_path / "config" / "settings.json").write_text(f'{{{text}, "dead_zone": 0.3}}', encoding="utf-8")
     app = start()
     run(app, 2)
-    assert app.state.settings == Settings(dead_zone=0.3, terrain="flat")
-    assert sum("unusable" in m.text for m in app.state.messages.recent) == 1
+    assert app.settings == Settings(dead_zone=0.3, terrain="flat")
+    assert sum("unusable" in m.text for m in app.messages.recent) == 1
 
 
 def test_nothing_changed_is_no_loss_where_nothing_can_be_written(tmp_path: Path) -> None:

@@ -15,11 +15,11 @@ from runtime.formats.reference import load_reference_bvh
 from runtime.takes.own_skeleton import STEP_M, OwnSkeleton
 from runtime.takes.pins import Pinned
 from viewer.app import App
+from viewer.edit.path import on_screen
+from viewer.edit.reference import Look
+from viewer.edit.video import MAX_SIDE, read_video
 from viewer.filming.writers import open_writer
 from viewer.gl_bindings import imgui
-from viewer.stage.path_tool import on_screen
-from viewer.takes.reference import Look
-from viewer.takes.video import MAX_SIDE, read_video
 
 
 def with_take(app: App) -> App:
@@ -31,8 +31,8 @@ def with_take(app: App) -> App:
     app.takes.toggle_recording()
     app.takes.play(0)
     run(app, 3)
-    assert app.state.takes.playback is not None
-    app.state.takes.playback.seek(0)
+    assert app.takes.playback is not None
+    app.takes.playback.seek(0)
     return app
 
 
@@ -87,7 +87,7 @@ def test_a_reference_is_drawn_as_its_own_skeleton_and_comes_back_with_the_projec
 ) -> None:
     app = with_take(start(real_renderer=True, width=1280, height=720))
     choose_beside(app, foreign(tmp_path / "other.bvh", TURNS["as ours"]))
-    reference, playback = app.takes.reference, app.state.takes.playback
+    reference, playback = app.references, app.takes.playback
     assert playback is not None
     assert playback.index == 0, "the take goes on playing"
     assert reference.name == "other"
@@ -105,20 +105,20 @@ def test_a_reference_is_drawn_as_its_own_skeleton_and_comes_back_with_the_projec
     run(app, 2)
     assert np.abs(plain.astype(int) - app.window.read_pixels()).max() > 60, "it is seen"
 
-    reference.show(app.state.takes.items[1])
+    reference.show(app.editor.session.takes[1])
     reference.aside_m, reference.offset_s = 1.5, 0.25
     click_on(app, "Over it")
     path = tmp_path / "a.sport"
-    app.desk.projects.save_as(path)
+    app.sessions.save_as(path)
     run(app, 2)
     assert path.stat().st_size < 400_000
-    app.desk.projects.new()
+    app.sessions.new()
     run(app, 2)
     assert reference.item is None
-    app.desk.projects.open(path)
+    app.sessions.open(path)
     run(app, 2)
     assert (reference.aside_m, reference.offset_s, reference.over) == (1.5, 0.25, True)
-    assert reference.item is app.state.takes.items[1]
+    assert reference.item is app.editor.session.takes[1]
     assert reference.look is Look.SKELETON
     app.takes.play(0)
     run(app, 2)
@@ -134,23 +134,23 @@ def test_a_reference_is_shown_by_a_character_of_its_own(start: Start, tmp_path: 
     app.takes.mirror(0)
     app.takes.play(0)
     click_on(app, "Beside…")
-    click_on(app, app.state.takes.items[1].name)
+    click_on(app, app.editor.session.takes[1].name)
     path = shaped_file(BodyShape(1.0, 1.2, 1.2), tmp_path)
     click_on(app, "##reference look")
     choose_file(app, "Another character…", path)
     figure = app._overlays(None, []).figure
     assert figure is not None
-    assert figure.mesh is app.takes.reference.character
-    assert figure.mesh is not app.stage._character
-    app.desk.projects.save_as(tmp_path / "a.sport")
+    assert figure.mesh is app.references.character
+    assert figure.mesh is not app.scene._character
+    app.sessions.save_as(tmp_path / "a.sport")
     run(app, 2)
-    app.takes.reference.character = app.takes.reference.character_path = None
+    app.references.character = app.references.character_path = None
     path.unlink()
-    app.desk.projects.open(tmp_path / "a.sport")
+    app.sessions.open(tmp_path / "a.sport")
     run(app, 3)
     app.takes.play(0)
     run(app, 2)
-    assert app.takes.reference.look is Look.CHARACTER
+    assert app.references.look is Look.CHARACTER
     assert app._overlays(None, []).figure is not None
 
 
@@ -162,9 +162,9 @@ def card_box(app: App) -> tuple[float, float, float, float]:
 
 def body_box(app: App) -> tuple[float, float, float, float]:
     """The same of the joints of the character in the window."""
-    playback, size = app.state.takes.playback, imgui.get_io().display_size
+    playback, size = app.takes.playback, imgui.get_io().display_size
     assert playback is not None
-    seen = [on_screen(app.stage.camera.current, point, size) for point in playback.pose().positions]
+    seen = [on_screen(app.scene.camera.current, point, size) for point in playback.pose().positions]
     xs, ys = zip(*[point for point in seen if point is not None], strict=True)
     return min(xs), min(ys), max(xs), max(ys)
 
@@ -179,11 +179,11 @@ def test_the_card_hides_nobody(start: Start, tmp_path: Path, size: tuple[int, in
     app = with_take(start(width=size[0], height=size[1]))
     app.takes.mirror(0)
     app.takes.play(0)
-    app.takes.reference.show(app.state.takes.items[1])
+    app.references.show(app.editor.session.takes[1])
     if pinned:
-        app.pinning.add(Pinned.LEFT_HAND)
-    assert app.state.takes.playback is not None
-    app.state.takes.playback.playing = False
+        app.pins.add(Pinned.LEFT_HAND)
+    assert app.takes.playback is not None
+    app.takes.playback.playing = False
     run(app, 60)
     desk = imgui.internal.find_window_by_name("Desk")
     bar = (desk.pos.x, desk.pos.y, desk.pos.x + desk.size.x, desk.pos.y + desk.size.y)
@@ -192,11 +192,11 @@ def test_the_card_hides_nobody(start: Start, tmp_path: Path, size: tuple[int, in
     labels = {label for label, _ in drawn(app)}
     assert {"##reference offset", "##reference aside"} <= labels
     assert labels & {"Over it", "Over"}
-    app.takes.reference.open_video(film(tmp_path / "film.mp4"))
+    app.references.open_video(film(tmp_path / "film.mp4"))
     run(app, 60)
-    assert app.takes.reference.video is not None
+    assert app.references.video is not None
     assert apart(card_box(app), body_box(app)), "a film stands beside the character"
-    app.takes.reference.size = 1.0  # hardly anything is left beside it
+    app.references.size = 1.0  # hardly anything is left beside it
     run(app, 30)
     assert body_box(app)[2] < size[0]
 
@@ -207,7 +207,7 @@ def test_a_film_runs_in_sync_with_the_take_and_comes_back(start: Start, tmp_path
     app.open_files([film(tmp_path / f"film.{ending}")])  # as by dropping it
     run(app, 3)
     assert "30 pictures, 1.0 s" in message(app)
-    reference, playback = app.takes.reference, app.state.takes.playback
+    reference, playback = app.references, app.takes.playback
     assert playback is not None
     for frame in (0, 30, 50):
         playback.seek(frame)
@@ -221,12 +221,12 @@ def test_a_film_runs_in_sync_with_the_take_and_comes_back(start: Start, tmp_path
     low, high = (place(app, "##reference opacity", share=share) for share in (0.0, 0.9))
     assert low[0] < high[0]
     assert app.window.read_pixels()[300, 640].astype(int).sum() != 0
-    app.desk.projects.save_as(tmp_path / "a.sport")
+    app.sessions.save_as(tmp_path / "a.sport")
     run(app, 2)
-    app.desk.projects.new()
+    app.sessions.new()
     run(app, 2)
     assert reference.video is None
-    app.desk.projects.open(tmp_path / "a.sport")
+    app.sessions.open(tmp_path / "a.sport")
     run(app, 3)
     assert reference.video is not None
     assert (reference.offset_s, reference.over) == (-0.5, True)
@@ -249,4 +249,4 @@ def test_films_are_made_small_and_what_is_none_is_said(start: Start, tmp_path: P
     app.open_files([tmp_path / "text.mp4"])
     run(app, 3)
     assert "text.mp4: no film that can be read" in message(app)
-    assert not app.takes.reference.shown
+    assert not app.references.shown

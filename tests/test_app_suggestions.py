@@ -7,7 +7,7 @@ import threading
 from app_driver import Start, click_on, controller, press, prompt, run, run_until, type_prompt, typing
 from viewer_fakes import FakeLibrary
 
-from viewer.prompt.style_edit import Side
+from runtime.session.prompt_blend import Side
 from viewer.settings import load_settings, save_settings
 
 
@@ -16,7 +16,7 @@ def test_suggestions_show_while_typing_and_are_taken_by_keys(start: Start) -> No
     run(app, 2)
     styles = len(controller(app).styles)
     type_prompt(app, "prou")
-    box = app.state.prompt.boxes[Side.A]
+    box = app.prompting.boxes[Side.A]
     assert box.suggesting
     found = [s.text for s in app.suggester.suggestions(box)]
     # begins so, has a word that begins so, means the like
@@ -44,7 +44,7 @@ def test_enter_on_a_suggestion_asks_for_it(start: Start) -> None:
     press(app, "enter")
     run(app)
     assert prompt(app) == "an old king"
-    assert app.state.prompt.boxes[Side.A].text == "an old king"
+    assert app.prompting.boxes[Side.A].text == "an old king"
     assert not typing(app)
 
 
@@ -53,12 +53,12 @@ def test_escape_closes_the_list_and_then_leaves_the_field(start: Start) -> None:
     run(app, 2)
     type_prompt(app, "limp")
     press(app, "escape")
-    assert (app.state.prompt.boxes[Side.A].suggesting, app.state.prompt.boxes[Side.A].text) == (False, "limp")
+    assert (app.prompting.boxes[Side.A].suggesting, app.prompting.boxes[Side.A].text) == (False, "limp")
     assert typing(app)
     press(app, "escape")
     run(app)
     assert not typing(app)
-    assert app.state.prompt.boxes[Side.A].text == "a proud king"  # as before it was entered
+    assert app.prompting.boxes[Side.A].text == "a proud king"  # as before it was entered
 
 
 def test_a_suggestion_is_taken_by_the_mouse(start: Start) -> None:
@@ -67,17 +67,17 @@ def test_a_suggestion_is_taken_by_the_mouse(start: Start) -> None:
     type_prompt(app, "prou")
     click_on(app, "##1")  # the second line
     assert prompt(app) == "a proud king"
-    assert not app.state.prompt.boxes[Side.A].suggesting
+    assert not app.prompting.boxes[Side.A].suggesting
 
 
 def test_the_button_stays_in_reach_while_the_list_is_open(start: Start) -> None:
     app = start()
     run(app, 2)
     type_prompt(app, "prou")
-    assert app.state.prompt.boxes[Side.A].suggesting
+    assert app.prompting.boxes[Side.A].suggesting
     click_on(app, "Apply")
     assert prompt(app) == "prou"
-    assert not app.state.prompt.boxes[Side.A].suggesting
+    assert not app.prompting.boxes[Side.A].suggesting
 
 
 def test_meaning_is_looked_up_on_a_worker_only(start: Start) -> None:
@@ -87,10 +87,10 @@ def test_meaning_is_looked_up_on_a_worker_only(start: Start) -> None:
     library = app.expanders.library
     assert isinstance(library, FakeLibrary)
     type_prompt(app, "quack")
-    run_until(app, lambda: app.state.prompt.boxes[Side.A].near_to == "quack")
+    run_until(app, lambda: app.prompting.boxes[Side.A].near_to == "quack")
     assert {text for text, _ in library.looked_up} <= {"qu", "qua", "quac", "quack"}
     assert threading.main_thread().name not in {thread for _, thread in library.looked_up}
-    similar = [(s.text, s.similarity) for s in app.suggester.suggestions(app.state.prompt.boxes[Side.A])]
+    similar = [(s.text, s.similarity) for s in app.suggester.suggestions(app.prompting.boxes[Side.A])]
     assert similar == list(FakeLibrary.near)
 
 
@@ -102,26 +102,26 @@ def test_the_history_is_recalled_remembered_and_has_no_doubles(start: Start) -> 
     run(app, 2)
     for text in ("one", "two", "One ", "three"):
         app.prompting.submit_prompt(text)
-    assert app.state.settings.prompt_history == ["three", "One", "two"]
+    assert app.settings.prompt_history == ["three", "One", "two"]
     type_prompt(app, "x")
     press(app, "backspace")
-    box = app.state.prompt.boxes[Side.A]
+    box = app.prompting.boxes[Side.A]
     assert [s.text for s in app.suggester.suggestions(box)] == ["three", "One", "two"]
     seen = []
     for key in ("up", "up", "up", "up", "down", "down", "down"):
         press(app, key)
         seen.append(box.text)
     assert seen == ["three", "One", "two", "two", "One", "three", ""]
-    save_settings(app.state.settings, app.config)
+    save_settings(app.settings, app.config)
     assert load_settings(app.config)[0].prompt_history == ["three", "One", "two"]
 
 
 def test_the_prompt_that_the_program_begins_with_is_no_history(start: Start) -> None:
     app = start()
     run(app)
-    assert app.state.settings.prompt_history == []
+    assert app.settings.prompt_history == []
     app.prompting.submit_prompt("  ")  # nor is one that had no answer
-    assert app.state.settings.prompt_history == []
+    assert app.settings.prompt_history == []
 
 
 def test_the_shipped_library_is_what_is_suggested() -> None:

@@ -11,8 +11,8 @@ from viewer_fakes import FakeEncoder, FakeLibrary
 
 from runtime.prompts.blend import BlendedPrompt
 from runtime.prompts.parts import PartDescriptions
+from runtime.session.prompt_blend import Side
 from viewer.app import App
-from viewer.prompt.style_edit import Side
 
 KING, DUCK = (FakeLibrary().expand(prompt).descriptions for prompt in ("a proud king", "a duck"))
 
@@ -23,7 +23,7 @@ def blending(asking: Callable[[], App], model: Model) -> App:
     """The library has answered prompt B and its slider was moved, the language model has been asked."""
     app = asking()
     app.prompting.submit_prompt("a duck", Side.B)
-    run_until(app, lambda: app.state.prompt.edit.b is not None and bool(model.asked))
+    run_until(app, lambda: app.editor.session.live.prompt.b is not None and bool(model.asked))
     app.prompting.set_all_weights(0.8)
     return app
 
@@ -34,8 +34,8 @@ def test_a_blend_can_be_moved_while_the_language_model_thinks(
     app = blending(asking, model)
     app.prompting.commit()
     model.released.set()
-    run_until(app, lambda: not app.state.prompt.asked)
-    edit = app.state.prompt.edit
+    run_until(app, lambda: not app.prompting.asked)
+    edit = app.editor.session.live.prompt
     assert edit.b is not None
     assert (edit.b.source, edit.weights, source(app)[1]) == ("gpt", (0.8,) * 6, "library")
     kept = edit.replayable()
@@ -50,10 +50,10 @@ def test_a_blend_moved_while_the_language_model_thinks_is_a_step_of_its_own(
     app.prompting.commit("blend of all parts")
     app.prompting.set_all_weights(0.0)  # still held when the answer comes
     model.released.set()
-    run_until(app, lambda: not app.state.prompt.asked)
+    run_until(app, lambda: not app.prompting.asked)
 
     def check(weight: float) -> None:
-        edit = app.state.prompt.edit
+        edit = app.editor.session.live.prompt
         assert edit.weights == (weight,) * 6
         assert edit.b is not None
         assert (edit.b.source, edit.b.words) == ("gpt", ANSWER)
@@ -63,12 +63,12 @@ def test_a_blend_moved_while_the_language_model_thinks_is_a_step_of_its_own(
     assert app.prompting.history.undo_label == "blend of all parts"
     app.prompting.commit("blend of torso")
     for weight in (0.8, 0.5):
-        app.prompting.undo()
+        app.editor.undo()
         check(weight)
-    app.prompting.undo()
-    assert app.state.prompt.edit.b is None
+    app.editor.undo()
+    assert app.editor.session.live.prompt.b is None
     for weight in (0.5, 0.8, 0.0):
-        app.prompting.redo()
+        app.editor.redo()
         check(weight)
 
 
@@ -87,15 +87,15 @@ def thinking(asking: Callable[[], App], model: Model, locked: str = "") -> App:
 
 def finish(app: App, model: Model) -> None:
     model.released.set()
-    run_until(app, lambda: not app.state.prompt.asked)
+    run_until(app, lambda: not app.prompting.asked)
 
 
 def check_words(app: App, expected: PartDescriptions, *locked: str) -> None:
     """What holds, in all the places where it shows."""
     run(app)
     assert PartDescriptions.from_mapping(words(app)) == expected
-    assert app.state.prompt.parts == expected.to_mapping()
-    assert app.state.prompt.edit.locked == set(locked)
+    assert app.prompting.parts == expected.to_mapping()
+    assert app.editor.session.live.prompt.locked == set(locked)
     assert np.array_equal(style(app), FakeEncoder().encode(expected))
 
 
@@ -109,16 +109,16 @@ def test_a_part_locked_while_the_language_model_thinks_keeps_its_words(
     check_words(app, kept, "left_arm")
     assert source(app) == ("a duck", "gpt")
     app.prompting.reset_part("left_arm")  # what the language model said is known
-    run_until(app, lambda: not app.state.prompt.asked)
+    run_until(app, lambda: not app.prompting.asked)
     check_words(app, ANSWER)
-    app.prompting.undo()
+    app.editor.undo()
     check_words(app, kept, "left_arm")
-    app.prompting.undo()
+    app.editor.undo()
     check_words(app, ANSWER)
-    app.prompting.undo()
+    app.editor.undo()
     check_words(app, KING)
     for expected, locked in ((ANSWER, ()), (kept, ("left_arm",))):
-        app.prompting.redo()
+        app.editor.redo()
         check_words(app, expected, *locked)
 
 
@@ -130,33 +130,33 @@ def test_a_part_released_while_the_language_model_thinks_takes_its_words(
     app.prompting.toggle_lock("head")
     finish(app, model)
     check_words(app, ANSWER)
-    app.prompting.undo()
+    app.editor.undo()
     check_words(app, ANSWER.replace("head", KING.head), "head")
-    app.prompting.undo()
+    app.editor.undo()
     check_words(app, KING, "head")
 
 
 def test_undo_of_a_lock_does_not_give_up_the_language_model(asking: Callable[[], App], model: Model) -> None:
     app = thinking(asking, model)
     app.prompting.toggle_lock("left_arm")
-    app.prompting.undo()
+    app.editor.undo()
     check_words(app, DUCK)
-    app.prompting.redo()
+    app.editor.redo()
     check_words(app, DUCK, "left_arm")
-    app.prompting.undo()
+    app.editor.undo()
     finish(app, model)
     check_words(app, ANSWER)
-    app.prompting.redo()
+    app.editor.redo()
     check_words(app, ANSWER.replace("left_arm", DUCK.left_arm), "left_arm")
 
 
 def test_undo_of_a_prompt_gives_up_the_language_model(asking: Callable[[], App], model: Model) -> None:
     app = thinking(asking, model)
     app.prompting.toggle_lock("left_arm")
-    app.prompting.undo()
-    app.prompting.undo()
+    app.editor.undo()
+    app.editor.undo()
     check_words(app, KING)
-    assert not app.state.prompt.asked
+    assert not app.prompting.asked
     model.released.set()
     run(app, 20)
     check_words(app, KING)

@@ -44,18 +44,18 @@ def record(app: App, frames: int = 40) -> ClipItem:
     app.takes.toggle_recording()
     app.takes.play(0)
     seek(app, 0)
-    return app.state.takes.items[0]
+    return app.editor.session.takes[0]
 
 
 def seek(app: App, frame: int) -> None:
-    assert app.state.takes.playback is not None
-    app.state.takes.playback.seek(frame)
+    assert app.takes.playback is not None
+    app.takes.playback.seek(frame)
     run(app, 2)
 
 
 def frame(app: App) -> int:
-    assert app.state.takes.playback is not None
-    return app.state.takes.playback.frame
+    assert app.takes.playback is not None
+    return app.takes.playback.frame
 
 
 def drag(app: App, label: str, first: float, last: float, down: float = 0.5) -> None:
@@ -95,8 +95,8 @@ def test_single_steps_speed_and_loop(start: Start) -> None:
     press(app, "comma")
     assert frame(app) == 0
     click_on(app, "##frame back")
-    assert frame(app) == len(app.state.takes.items[0].clip) - 1  # it loops
-    playback = app.state.takes.playback
+    assert frame(app) == len(app.editor.session.takes[0].clip) - 1  # it loops
+    playback = app.takes.playback
     assert playback is not None
     playback.speed = 0.1
     seek(app, 0)
@@ -108,13 +108,13 @@ def test_single_steps_speed_and_loop(start: Start) -> None:
 def test_the_keys_of_a_take(start: Start) -> None:
     app = start()
     record(app)
-    playback = app.state.takes.playback
+    playback = app.takes.playback
     assert playback is not None
-    look = app.stage.camera.current.yaw
+    look = app.scene.camera.current.yaw
     for key, shown in (("right", 1), ("right", 2), ("left", 1), ("end", 79), ("home", 0)):
         press(app, key)
         assert frame(app) == shown, key
-    assert app.stage.camera.current.yaw == look  # the arrows are the take's
+    assert app.scene.camera.current.yaw == look  # the arrows are the take's
     press(app, "space")
     assert playback.playing
     press(app, "space")
@@ -122,13 +122,13 @@ def test_the_keys_of_a_take(start: Start) -> None:
     press(app, "escape")
     press(app, "space")
     assert controller(app).steps > 0
-    assert app.state.takes.playback is None
+    assert app.takes.playback is None
 
 
 def test_trims_are_undone_and_done_again(start: Start) -> None:
     app = start()
     record(app)
-    playback = app.state.takes.playback
+    playback = app.takes.playback
     assert playback is not None
     seek(app, 20)
     click_on(app, "[ In")
@@ -152,7 +152,7 @@ def test_tracks_are_taller_where_there_is_room(start: Start, size: tuple[int, in
     app = start(width=size[0], height=size[1])
     record(app, 20)
     for parts in (False, True):
-        app.state.takes.timeline.part_tracks = parts
+        app.editing.part_tracks = parts
         run(app, 2)
         rows = {label: box for label, box in drawn(app) if label in ("##gaits", "##foot 1")}
         _, top, _, bottom = rows["##gaits"]
@@ -165,10 +165,10 @@ def test_the_words_shown_are_those_of_the_take_that_plays(start: Start) -> None:
     record(app)
     app.prompting.submit_prompt("proud peacock")
     seek(app, 5)
-    assert app.state.takes.timeline.prompt == "a proud king"
+    assert app.editing.prompt == "a proud king"
     seek(app, 60)
-    assert app.state.takes.timeline.prompt == "an old king"
-    assert app.state.takes.timeline.parts["torso"] == "torso of an old king"
+    assert app.editing.prompt == "an old king"
+    assert app.editing.parts["torso"] == "torso of an old king"
     press(app, "escape")
     run(app, 2)
     assert prompt(app) == "proud peacock"  # live again
@@ -178,7 +178,7 @@ def test_trim_handles_are_dragged(start: Start) -> None:
     app = start()
     record(app)
     drag(app, "##timeline", 0.0, 0.25, down=0.8)
-    playback = app.state.takes.playback
+    playback = app.takes.playback
     assert playback is not None
     assert 18 <= playback.first <= 22
     drag(app, "##timeline", 0.995, 0.5, down=0.8)
@@ -200,7 +200,7 @@ def test_another_prompt_is_inserted_by_mouse_and_keys_and_undone(start: Start) -
     run(app, 3)
     assert prompts(item) == [("a proud king", 0), ("a zombie", 20), ("an old king", 40)]
     assert "a zombie" in message(app)
-    assert app.state.takes.timeline.prompt == "a zombie"
+    assert app.editing.prompt == "a zombie"
     press(app, "ctrl", "z")
     run(app, 2)
     assert item.clip is before
@@ -226,8 +226,8 @@ def test_a_prompt_is_moved_reworded_and_one_part_of_it_changed(start: Start) -> 
     assert [p for p, _ in prompts(item)] == ["a proud king", "a goose"]
     app.editing.reword_part(1, "head", "looking up")
     run(app, 2)
-    assert app.state.takes.timeline.parts["head"] == "looking up"
-    assert app.state.takes.timeline.parts["torso"] == "torso of a goose"
+    assert app.editing.parts["head"] == "looking up"
+    assert app.editing.parts["torso"] == "torso of a goose"
     assert len(item.older) == 3
 
 
@@ -252,20 +252,20 @@ def test_driving_goes_on_from_a_frame_of_a_take(start: Start) -> None:
     app = start()
     item = record(app)
     app.prompting.submit_prompt("proud peacock")
-    app.stage.load_terrain("stairs")
+    app.scene.load_terrain("stairs")
     run(app, 3)
     seek(app, 25)
     click_on(app, "Go on from here")
     run(app, 1)
-    assert app.state.takes.playback is None
+    assert app.takes.playback is None
     assert prompt(app) == "a proud king"
-    assert app.state.stage.terrain.name == "flat"  # the take's ground
-    at = app.state.stage.simulation.current.hips_position
+    assert app.scene.terrain.name == "flat"  # the take's ground
+    at = app.scene.simulation.current.hips_position
     assert np.linalg.norm(at - item.clip.hips_positions[25]) < 0.1
     app.takes.toggle_recording()
     run(app, 10)
     app.takes.toggle_recording()
-    again = app.state.takes.items[-1]
+    again = app.editor.session.takes[-1]
     assert [event.prompt for event in again.clip.prompts] == ["a proud king"]
     assert again.drive is not None
 
@@ -273,25 +273,25 @@ def test_driving_goes_on_from_a_frame_of_a_take(start: Start) -> None:
 def test_a_take_from_a_file_says_why_it_cannot_be_edited(start: Start, tmp_path: object) -> None:
     app = start()
     record(app)
-    app.state.takes.export_path = f"{tmp_path}/walk.bvh"
+    app.takes.export_path = f"{tmp_path}/walk.bvh"
     app.takes.export()
     run(app)
-    app.takes.opening.open(app.state.takes.items[0].saved)  # type: ignore[arg-type]
+    app.takes.open(app.editor.session.takes[0].saved)  # type: ignore[arg-type]
     seek(app, 10)
     assert [bar.text for bar in app.editing.tracks.prompts] == ["a proud king", "an old king"]  # type: ignore[union-attr]
     assert "comes from a file" in app.editing.fixed
     app.editing.insert_prompt("a zombie")
     assert "comes from a file" in message(app)
-    assert len(app.state.takes.items[-1].older) == 0
+    assert len(app.editor.session.takes[-1].older) == 0
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (800, 500)])
 def test_the_feet_stand_above_the_bar(start: Start, size: tuple[int, int]) -> None:
     app = start(width=size[0], height=size[1])
     item = record(app, 20)
-    app.state.takes.timeline.part_tracks = True
+    app.editing.part_tracks = True
     run(app, 60)  # the camera glides
-    camera = app.stage.camera.current
+    camera = app.scene.camera.current
     matrix = camera.projection_matrix(size[0] / size[1]) @ camera.view_matrix()
     points = item.clip.pose(frame(app)).positions
     clip = np.concatenate([points, np.ones((len(points), 1))], axis=1) @ matrix.T
@@ -345,13 +345,13 @@ def test_a_span_stays_where_it_was_dropped_while_the_take_is_driven(
     drag(app, "##prompts", 0.5, 0.25)
     assert app.editing.busy
     run_until(app, lambda: app.editing.progress == 0.25)
-    held = app.state.takes.timeline.drag
+    held = app.editing.drag
     assert held is not None
     assert held.dropped
     assert 18 <= held.end <= 22
-    place_before = prompts(app.state.takes.items[0])
+    place_before = prompts(app.editor.session.takes[0])
     go.set()
     run_until(app, lambda: not app.editing.busy)
     run(app, 2)
-    assert app.state.takes.timeline.drag is None
-    assert prompts(app.state.takes.items[0]) != place_before
+    assert app.editing.drag is None
+    assert prompts(app.editor.session.takes[0]) != place_before

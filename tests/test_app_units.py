@@ -23,10 +23,10 @@ from viewer.gui.status import Stats
 from viewer.gui.widgets import clock
 from viewer.input.bindings import Action
 from viewer.messages import Messages
+from viewer.scene.simulation import MAX_STEPS, Simulation, interpolate
+from viewer.session.playback import Playback
+from viewer.session.takes import export_target, file_stem, free_path
 from viewer.settings import Settings, config_directory, load_settings, save_settings, spec_of
-from viewer.stage.simulation import MAX_STEPS, Simulation, interpolate
-from viewer.takes.playback import Playback
-from viewer.takes.takes import export_target, file_stem, free_path
 
 
 def test_settings_survive_and_damage_is_named(tmp_path: Path) -> None:
@@ -67,7 +67,7 @@ def test_damaged_settings_are_a_message(start: Start, tmp_path: Path) -> None:
     (tmp_path / "config" / "settings.json").write_text("{", encoding="utf-8")
     app = start()
     run(app)
-    assert any("settings.json" in m.text for m in app.state.messages.recent)
+    assert any("settings.json" in m.text for m in app.messages.recent)
 
 
 def test_config_directory_obeys_the_environment() -> None:
@@ -217,7 +217,7 @@ def test_export_names(tmp_path: Path) -> None:
 
 def test_every_action_that_is_no_held_one_is_done_by_exactly_one_room(start: Start) -> None:
     app = start()
-    rooms = (app.stage.actions, app.takes.actions, app.shell.actions, app.wall.actions)
+    rooms = (app.scene.actions, app.takes.actions, app.shell.actions, app.compare.actions)
     shared = {Action.RESET}  # the wall lines its characters up
     once = [action for room in rooms for action in room if action not in shared]
     assert len(once) == len(set(once))
@@ -246,7 +246,7 @@ def test_a_length_in_the_list_is_the_one_that_messages_say() -> None:
 
 def test_long_frames_drop_pictures_and_keep_time(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = SimpleNamespace(perf_counter=lambda: 0.0)  # a step on a busy machine may be slow
-    monkeypatch.setattr("viewer.stage.simulation.time", clock)
+    monkeypatch.setattr("viewer.scene.simulation.time", clock)
     assert simulated_seconds(0.02, 0.02) == 0.02
     assert simulated_seconds(5.0, 0.02) == 0.25  # a pause
     assert simulated_seconds(0.35, 0.33) == 0.35  # three frames a second, always

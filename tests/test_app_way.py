@@ -40,11 +40,11 @@ def app(desk: App) -> App:
 
 
 def shown(app: App) -> Clip:
-    return app.state.takes.items[0].clip
+    return app.editor.session.takes[0].clip
 
 
 def test_the_way_of_a_take_is_bent_slowed_ended_and_undone(app: App) -> None:
-    tool, before = app.stage.path, shown(app)
+    tool, before = app.path, shown(app)
     tool.points.append(Waypoint(9.0, 9.0))  # the live character's
     click_on(app, "Edit its way")
     assert [(p.x, p.z, p.gait) for p in tool.points] == [
@@ -59,9 +59,9 @@ def test_the_way_of_a_take_is_bent_slowed_ended_and_undone(app: App) -> None:
     assert len(made) != len(before)
     speeds = np.linalg.norm(np.diff(made.hips_positions[:, [0, 2]], axis=0), axis=1) * 60.0
     assert speeds.max() == pytest.approx(0.7, abs=0.02)  # half of 1.4 m/s
-    assert app.state.takes.playback is not None
-    assert app.state.takes.playback.last == len(made) - 1
-    assert app.state.takes.items[0].label == "way"
+    assert app.takes.playback is not None
+    assert app.takes.playback.last == len(made) - 1
+    assert app.editor.session.takes[0].label == "way"
     press(app, "ctrl", "z")
     assert shown(app) is before
     app.takes.close_playback()
@@ -71,7 +71,7 @@ def test_the_way_of_a_take_is_bent_slowed_ended_and_undone(app: App) -> None:
 
 
 def test_a_reference_stands_beside_the_take_in_sync_and_over_it(app: App) -> None:
-    takes, playback = app.takes, app.state.takes.playback
+    takes, playback = app.takes, app.takes.playback
     assert playback is not None
     takes.state.items.append(ClipItem(mirrored(shown(app))))
     takes.reference.show(takes.state.items[1])
@@ -97,7 +97,7 @@ def test_a_reference_stands_beside_the_take_in_sync_and_over_it(app: App) -> Non
 
 
 def test_keys_of_the_camera_are_set_dragged_looked_through_and_kept(app: App, tmp_path: Path) -> None:
-    item, camera, playback = app.state.takes.items[0], app.stage.camera, app.state.takes.playback
+    item, camera, playback = app.editor.session.takes[0], app.scene.camera, app.takes.playback
     assert playback is not None
     for frame, yaw in ((10, 0.0), (50, 1.0)):
         playback.seek(frame)
@@ -116,13 +116,13 @@ def test_keys_of_the_camera_are_set_dragged_looked_through_and_kept(app: App, tm
     run(app, 2)
     assert 0.3 < camera.current.yaw < 0.7  # on the way from one to the other
     playback.playing = False
-    film = app.desk.exporting._film_options(ExportForm(camera="keyed"), item, 0.5)
+    film = app.exporting._film_options(ExportForm(camera="keyed"), item, 0.5)
     assert [key.seconds for key in film.keys] == [0.0, pytest.approx(item.camera[1].seconds - 0.5)]
     see = camera_path("keyed", item.clip, Terrain.flat(), 60.0, 1.0, keys=item.camera)
     yaws = [see(item.clip.pose(i)).yaw for i in range(70)]
     assert yaws[:11] == pytest.approx([0.0] * 11, abs=0.05)
     assert np.abs(np.diff(yaws)).max() < 0.04
-    save_project(app.desk.projects.contents.gather(), tmp_path / "a.sport")
+    save_project(app.sessions.contents.gather(), tmp_path / "a.sport")
     assert load_project(tmp_path / "a.sport").takes[0].camera == item.camera
     app.window.inject_mouse(*place(app, "##camera", share=10 / 69), 1, True)
     run(app, 2)

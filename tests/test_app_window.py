@@ -33,8 +33,8 @@ def test_first_frame_shows_scene_and_panels(start: Start) -> None:
     assert picture.shape == (400, 640, 3)
     assert picture[:30].mean() > 90  # the bright sky
     assert picture[-15:, 300:].mean() < 60  # the dark status line
-    assert app.state.stage.model_name == "fake"
-    assert app.state.prompt.parts["torso"] != ""
+    assert app.scene.model_name == "fake"
+    assert app.prompting.parts["torso"] != ""
 
 
 IN_A_WINDOW = """
@@ -125,7 +125,7 @@ def test_memory_that_shrank_is_given_back_again_when_it_grows(
     for _ in range(3):
         app._look_at_memory()
     assert len(given) == 2
-    assert app.state.shell.stats.memory_mb == 310.0
+    assert app.state.stats.memory_mb == 310.0
 
 
 def test_change_of_scale_does_not_add_up(start: Start) -> None:
@@ -148,10 +148,8 @@ def test_the_status_line_tells_the_true_rates(start: Start, monkeypatch: pytest.
     for frame in range(400):
         clock.now += 0.01 if frame % 2 else 0.04  # an uneven machine: 40 pictures a second
         run(app)
-    assert app.state.shell.stats.fps == pytest.approx(40.0, rel=0.1)  # not the 60 steps that they simulate
-    assert app.state.shell.stats.steps_per_s == pytest.approx(
-        app.state.shell.stats.fps
-    )  # offscreen: one in each picture
+    assert app.state.stats.fps == pytest.approx(40.0, rel=0.1)  # not the 60 steps that they simulate
+    assert app.state.stats.steps_per_s == pytest.approx(app.state.stats.fps)  # offscreen: one in each picture
 
 
 @pytest.mark.parametrize("panels", [True, False])
@@ -210,7 +208,7 @@ def test_random_use_never_breaks_the_interface(start: Start) -> None:
     app = start(width=900, height=600)
     random = np.random.default_rng(1)
     keys = [name for name in KEY_CODES if name != "f11"]
-    app.state.settings.export_folder = str(app.config)  # whatever it saves stays in the test's folder
+    app.settings.export_folder = str(app.config)  # whatever it saves stays in the test's folder
     for _ in range(150):
         width, height = app.window.size
         x, y = random.uniform(0, width), random.uniform(0, height)
@@ -222,7 +220,7 @@ def test_random_use_never_breaks_the_interface(start: Start) -> None:
         if random.random() < 0.05:
             app.takes.save_last()
         run(app)
-    assert np.isfinite(app.state.stage.simulation.current.positions).all()
+    assert np.isfinite(app.scene.simulation.current.positions).all()
 
 
 def test_frames_are_timed_by_part_and_left_as_they_were(start: Start) -> None:
@@ -230,5 +228,5 @@ def test_frames_are_timed_by_part_and_left_as_they_were(start: Start) -> None:
     times = frames.measure(app, 3, frames.parts(app))
     assert set(times) == {"frame", "all else", *frames.parts(app)}
     assert all(len(ms) == 3 for ms in times.values())
-    assert "advance" not in vars(app.stage)
+    assert "advance" not in vars(app.scene)
     assert set(frames.measure(app, 2, {})) == {"frame", "all else"}

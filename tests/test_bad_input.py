@@ -327,13 +327,13 @@ def test_the_viewer_says_it_goes_on_and_loses_nothing(tmp_path: Path) -> None:
             frames += 1
 
     def shown() -> str:
-        message = app.state.messages.current
+        message = app.messages.current
         return message.text if message is not None else ""
 
     try:
         app.frame()
-        terrain, style = app.state.stage.terrain, app.state.prompt.edit
-        controller = app.state.stage.simulation.controller
+        terrain, style = app.scene.terrain, app.editor.session.live.prompt
+        controller = app.scene.simulation.controller
         assert controller is not None
         app.takes.toggle_recording()
         app.window.inject_key("w", True)
@@ -349,20 +349,20 @@ def test_the_viewer_says_it_goes_on_and_loses_nothing(tmp_path: Path) -> None:
             app.load_model(make(folder), 0)
             play(1)
             assert all(word in shown() for word in words), (case, shown())
-            assert app.state.stage.simulation.controller is controller, case
-        app.stage.load_terrain("moon")
+            assert app.scene.simulation.controller is controller, case
+        app.scene.load_terrain("moon")
         play()
         assert "'moon'" in shown()
         for prompt, words in ((" ", "prompt is empty"), (LONG_PROMPT, "at most 1000")):
             app.prompting.submit_prompt(prompt)
             play()
             assert words in shown()
-        assert app.state.stage.terrain is terrain
-        assert app.state.prompt.edit is style
+        assert app.scene.terrain is terrain
+        assert app.editor.session.live.prompt is style
         play(30)
         app.takes.toggle_recording()
         app.takes.play(0)
-        app.state.takes.export_path = str(tmp_path / "kept.bvh")
+        app.takes.export_path = str(tmp_path / "kept.bvh")
         app.takes.export()
         app.frame()
     finally:

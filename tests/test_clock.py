@@ -35,14 +35,14 @@ from viewer.app import App
 from viewer.options import ViewOptions
 folder = Path(sys.argv[2])
 app = App(ViewOptions(offscreen=True, terrain="flat"), fake_services(), config=folder / "config")
-app.state.settings.export_folder = str(folder / "clips")
-app.desk.projects.autosaving = True
+app.settings.export_folder = str(folder / "clips")
+app.sessions.autosaving = True
 app.takes.toggle_recording()
 for _ in range(int(sys.argv[3])):
     app.frame()
 app.takes.toggle_recording()
 for _ in range(10):
-    app.desk.projects.save_as(folder / "both.sport")
+    app.sessions.save_as(folder / "both.sport")
     app.takes.export()
     app.frame()
 app.interrupt()
@@ -66,8 +66,8 @@ def jumping(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("jumping")
 def test_takes_are_recorded_played_and_autosaved_while_the_clock_jumps(start: Start, tmp_path: Path) -> None:
     app = start()
-    app.state.settings.export_folder = str(tmp_path / "clips")
-    app.desk.projects.autosaving = True
+    app.settings.export_folder = str(tmp_path / "clips")
+    app.sessions.autosaving = True
     for _ in range(3):
         app.takes.toggle_recording()
         run(app, 30)
@@ -75,10 +75,10 @@ def test_takes_are_recorded_played_and_autosaved_while_the_clock_jumps(start: St
         app.takes.play(0)
         run(app, 5)
         app.takes.close_playback()
-    assert [len(item.clip) for item in app.state.takes.items] == [30, 30, 30]
+    assert [len(item.clip) for item in app.editor.session.takes] == [30, 30, 30]
     app.takes.export()
     assert len(load_clip_bvh(next((tmp_path / "clips").glob("*.bvh")))) == 30
-    app.desk.projects.autosaving = False
+    app.sessions.autosaving = False
     app.takes.journals.close()
     found, complaints = find_journals(tmp_path / "config" / "journals")
     assert complaints == []
@@ -92,7 +92,7 @@ def test_the_newest_session_is_that_of_the_last_run(start: Start, tmp_path: Path
     folder = tmp_path / "config" / "sessions"
     for frames in (3, 6, 9, 12):
         app = start()
-        app.desk.projects.autosaving = True
+        app.sessions.autosaving = True
         app.takes.toggle_recording()
         run(app, frames)
         app.takes.toggle_recording()
@@ -135,13 +135,13 @@ def test_steps_of_no_time_and_of_ten_seconds(start: Start, monkeypatch: pytest.M
     run(app, 40)
     app.window.inject_key("w", False)
     app.takes.toggle_recording()
-    (item,) = app.state.takes.items
+    (item,) = app.editor.session.takes
     assert np.isfinite(item.clip.hips_positions).all()
     app.takes.play(0)
     for _ in range(30):
         run(app)
-        assert np.isfinite(np.array(app.stage.camera.current.heading)).all()
-        assert np.isfinite(app.state.takes.playback.pose().positions).all()  # type: ignore[union-attr]
+        assert np.isfinite(np.array(app.scene.camera.current.heading)).all()
+        assert np.isfinite(app.takes.playback.pose().positions).all()  # type: ignore[union-attr]
 
 
 def test_two_programs_share_a_folder(tmp_path: Path) -> None:

@@ -52,19 +52,19 @@ from viewer.app import App
 from viewer.options import ViewOptions
 folder = Path(sys.argv[2])
 app = App(ViewOptions(offscreen=True, terrain="flat", project=str(folder / "mine.sport")), fake_services(), config=folder / "config")
-app.desk.projects.autosaving = True
-app.state.settings.export_folder = str(folder / "clips")
+app.sessions.autosaving = True
+app.settings.export_folder = str(folder / "clips")
 for _ in range(3):
     app.frame()
 app.takes.toggle_recording()
 for _ in range(20):
     app.frame()
 app.takes.toggle_recording()
-app.desk.projects.save()
+app.sessions.save()
 for _ in range(3):
     app.frame()
-print("\\n".join(message.text for message in app.state.messages.recent))
-app.desk.projects.autosaving = False
+print("\\n".join(message.text for message in app.messages.recent))
+app.sessions.autosaving = False
 app.interrupt()
 code = app.end()
 app.close()

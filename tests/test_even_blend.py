@@ -16,8 +16,8 @@ from runtime.motion.model import load_model
 from runtime.motion.style_mix import LINEAR, StyleMix, even_weights, mixes, turned_round
 from runtime.prompts.blend import BlendedPrompt
 from runtime.prompts.prompter import Prompter
+from runtime.session.prompt_blend import Side
 from training.evaluation.on_straight_walks import STEPS, largest_step
-from viewer.prompt.style_edit import Side
 
 ONE = st.floats(0.0, 1.0)
 RISING = st.lists(ONE, min_size=1, max_size=11).map(lambda inner: (0.0, *sorted(inner), 1.0))
@@ -102,7 +102,7 @@ def test_a_slider_becomes_even_while_the_character_walks(start: Start) -> None:
     assert style.shares == pytest.approx((0.8, 0.2))
     app.prompting.swap()
     assert app.prompting.state.edit.shares == pytest.approx((0.0, 0.2, 1.0))
-    app.prompting.undo()
+    app.editor.undo()
     assert app.prompting.state.edit.shares == (0.0, 0.8, 1.0)
     run(app, 4)
     assert len(asked) == 1

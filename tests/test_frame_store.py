@@ -93,7 +93,7 @@ def test_takes_of_the_list_are_moved_while_frames_are_shown(start: Start) -> Non
         run(app, 5)
         app.takes.toggle_recording()
     run(app, 3)
-    items = app.state.takes.items
+    items = app.editor.session.takes
     assert len(items) == 3
     assert all(FrameStore.holds(item.clip) for item in items)
     app.takes.play(0)

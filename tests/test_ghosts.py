@@ -14,10 +14,10 @@ from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
 from runtime.takes.mirror import mirrored, other_side
 from runtime.terrain.height_map import Terrain
+from viewer.edit.ghosts import JOINTS, Trails, ghosts, speeds
 from viewer.render.character_pass import COVERING_OPACITY, GHOST_OPACITY, ghost_draws
 from viewer.render.marks import trail_strokes
-from viewer.takes.ghosts import JOINTS, Trails, ghosts, speeds
-from viewer.takes.playback import Playback
+from viewer.session.playback import Playback
 
 CLIP = Clip("walk", 60.0, *walk(90), prompts=(PromptEvent(0.0, "left arm in a sling, turns right"),))
 
@@ -73,12 +73,12 @@ def test_ghosts_trails_and_mirror_in_the_window(start: Start) -> None:
     click_on(app, "Ghosts")
     click_on(app, "Trails")
     seek(app, 30)
-    overlays = app.stage.renderer.overlays
+    overlays = app.scene.renderer.overlays
     assert len(overlays.frames) == 5  # of the 60 frames
     assert overlays.trails is not None
     app.takes.mirror(0)
     run(app, 2)
-    assert len(app.state.takes.items) == 2
+    assert len(app.editor.session.takes) == 2
     app.takes.close_playback()
     run(app, 2)
-    assert app.stage.renderer.overlays.frames == []
+    assert app.scene.renderer.overlays.frames == []

@@ -21,7 +21,7 @@ from runtime.takes.journal import ROW, FoundJournal, Header, TakeJournal, find_j
 from runtime.takes.metadata import Origin
 from runtime.takes.recorder import ClipRecorder
 from runtime.terrain.height_map import Terrain
-from viewer.stage.simulation import Simulation
+from viewer.scene.simulation import Simulation
 
 FRAME_BYTES = 1 + 4 * ROW
 HEADER = Header("Take 1", 60.0, "hills", Origin(model="compact", seed=3, temperature=0.5), 1e9, 0.62)

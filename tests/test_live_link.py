@@ -22,7 +22,7 @@ from sport import cli
 from viewer.live.address import Address, parse_address
 from viewer.live.link import LiveLink, pose_message, skeleton_joints, skeleton_message, skeleton_number
 from viewer.messages import Messages
-from viewer.stage.simulation import make_pose
+from viewer.scene.simulation import make_pose
 
 JOINTS = skeleton_joints(SPORT_SKELETON)
 NUMBER = skeleton_number(JOINTS)
@@ -210,7 +210,7 @@ def test_the_viewer_sends_every_step_and_the_pose_of_playback(start: Start, rece
     run(app, 30)
     found = drain(receiver, 30)
     assert len(found) == 30
-    assert np.allclose(found[-1].position, app.state.stage.simulation.current.hips_position)
+    assert np.allclose(found[-1].position, app.scene.simulation.current.hips_position)
     app.takes.toggle_recording()
     run(app, 20)
     app.takes.toggle_recording()
@@ -218,7 +218,7 @@ def test_the_viewer_sends_every_step_and_the_pose_of_playback(start: Start, rece
     drain(receiver, 50)
     run(app, 10)
     shown = drain(receiver, 60)
-    playback = app.state.takes.playback
+    playback = app.takes.playback
     assert playback is not None
     assert np.allclose(shown[-1].position, playback.pose().hips_position)
     assert receiver.lost == 0
@@ -231,18 +231,18 @@ def test_the_link_is_off_until_the_switch_in_the_window(
     monkeypatch.setattr(socket, "socket", lambda *a, **k: made.append(a) or pytest.fail("a socket"))
     app = start()
     run(app, 5)
-    assert not app.stage.live.on
+    assert not app.scene.live.on
     assert not made
     monkeypatch.undo()
-    app.stage.live.address = Address(*receiver.address)
+    app.scene.live.address = Address(*receiver.address)
     click_on(app, "##live link")
-    assert app.stage.live.on
+    assert app.scene.live.on
     assert f"poses go to 127.0.0.1:{receiver.address[1]}" in message(app)
     run(app, 5)
     click_on(app, "##live link")
-    assert not app.stage.live.on
-    drain(receiver, app.stage.live.sent)
-    assert (receiver.received, receiver.lost) == (app.stage.live.sent, 0)
+    assert not app.scene.live.on
+    drain(receiver, app.scene.live.sent)
+    assert (receiver.received, receiver.lost) == (app.scene.live.sent, 0)
     assert receiver.received >= 5
 
 
@@ -258,7 +258,7 @@ def test_standing_is_sent_too_on_a_ground_of_its_own_height(receiver: Any) -> No
     """The position is that of the hips in the world, metres, Y up."""
     link = LiveLink(Messages(), address=Address(*receiver.address))
     link.start()
-    from viewer.stage.simulation import rest_pose
+    from viewer.scene.simulation import rest_pose
 
     link.publish([rest_pose(Terrain.flat(), 2.0, -3.0)])
     (pose,) = drain(receiver, 1)

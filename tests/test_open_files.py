@@ -37,7 +37,7 @@ def test_more_takes_than_a_program_may_hold_open_when_it_starts(
     run(app, 5)
     for _ in range(TAKES):
         app.takes.save_last()
-    items = app.state.takes.items
+    items = app.editor.session.takes
     journals = [item.journal for item in items if item.journal is not None]
     for journal in journals:
         journal._thread.join()

@@ -24,9 +24,9 @@ from runtime.errors import FileError
 from runtime.motion.controller import Controller
 from runtime.motion.model import MotionModel, load_model
 from runtime.projects.archive import DOCUMENT, ArchiveReader, ArchiveWriter
-from runtime.projects.character_files import read_character_files, write_character_files
-from runtime.projects.motion import BYTES, packed_frames, unpacked_frames
 from runtime.projects.project import Project, StoredTake, StoredVersion, load_project, save_project
+from runtime.session.character_files import read_character_files, write_character_files
+from runtime.session.frames import BYTES, packed_frames, unpacked_frames
 from runtime.takes import drive_edits
 from runtime.takes.clip import Clip
 from runtime.takes.drive import played_again
@@ -81,7 +81,7 @@ def test_a_take_is_driven_again_as_before_saving(take: Take, model: MotionModel,
 
 
 def close(a: Clip, b: Clip) -> bool:
-    """Whether frames are the same within what `runtime.projects.motion` promises: 0.05 mm and 0.005 degrees."""
+    """Whether frames are the same within what `runtime.session.frames` promises: 0.05 mm and 0.005 degrees."""
     apart = np.linalg.norm(a.local_rotations - b.local_rotations, axis=-1)
     return bool(
         np.abs(a.hips_positions - b.hips_positions).max() < 0.05e-3

@@ -85,7 +85,7 @@ def test_a_foreign_file_is_dropped_and_plays_on_flat_ground(start: Start, tmp_pa
     app = start(terrain="hills")
     app.open_files([foreign(tmp_path / "other.bvh", TURNS["facing +X"])])
     run(app, 2)
-    assert app.state.takes.playback is not None
+    assert app.takes.playback is not None
     assert "another skeleton" in message(app)
     assert app.takes.ground_to_show().name == "flat"
     names = tuple("tail" if "Leg" in name else f"m{k}" for k, name in enumerate(SPORT_SKELETON.names))
@@ -97,7 +97,7 @@ def test_a_foreign_file_is_dropped_and_plays_on_flat_ground(start: Start, tmp_pa
     app.open_files([path])
     run(app, 2)
     assert "cannot be played as reference" in message(app)
-    assert len(app.state.takes.items) == 1
+    assert len(app.editor.session.takes) == 1
 
 
 def take(path: Path, terrain: str, moved: bool = False) -> Path:
@@ -111,20 +111,20 @@ def take(path: Path, terrain: str, moved: bool = False) -> Path:
 def test_an_opened_take_lies_on_its_ground(start: Start, tmp_path: Path) -> None:
     app = start()
     for moved in (False, True):
-        app.stage.load_terrain("flat")
+        app.scene.load_terrain("flat")
         app.open_files([take(tmp_path / f"up{moved}.bvh", "hills", moved)])
         run(app, 2)
         assert "on the ground hills" in message(app)
-        playback = app.state.takes.playback
+        playback = app.takes.playback
         assert playback is not None
         assert playback.terrain.name == "hills"
-        assert app.stage.renderer.terrain is playback.terrain
+        assert app.scene.renderer.terrain is playback.terrain
         app.takes.close_playback()
         run(app)
-        assert app.stage.renderer.terrain is app.state.stage.terrain  # the live one is back
-        assert app.state.stage.terrain_spec == "flat"
+        assert app.scene.renderer.terrain is app.scene.terrain  # the live one is back
+        assert app.scene.terrain_spec == "flat"
         assert np.allclose(playback.clip.hips_positions, walk(60)[0], atol=1e-3)
-    assert app.state.settings.terrain == "flat"  # the next start
+    assert app.settings.terrain == "flat"  # the next start
 
 
 def test_a_ground_from_a_file_is_looked_for_beside_the_take(start: Start, tmp_path: Path) -> None:
@@ -133,17 +133,17 @@ def test_a_ground_from_a_file_is_looked_for_beside_the_take(start: Start, tmp_pa
     app.open_files([path])
     run(app, 2)
     assert "made on the ground bowl.png" in message(app)
-    assert app.state.stage.terrain_spec == "flat"
-    assert app.state.takes.playback is not None
+    assert app.scene.terrain_spec == "flat"
+    assert app.takes.playback is not None
     (tmp_path / "bowl.png").write_bytes(b"no picture")
     app.open_files([path])
     run(app, 2)
     assert "bowl.png" in message(app)
-    assert len(app.state.takes.items) == 2, "it plays all the same"
+    assert len(app.editor.session.takes) == 2, "it plays all the same"
     write_height_png(tmp_path / "bowl.png", np.zeros((32, 32), np.float32))
     app.open_files([path])
     run(app, 2)
-    assert app.state.takes.playback.terrain.name == "bowl"
+    assert app.takes.playback.terrain.name == "bowl"
 
 
 def test_the_command_shows_a_clip_on_its_ground_or_the_one_asked_for(start: Start, tmp_path: Path) -> None:
@@ -152,8 +152,8 @@ def test_the_command_shows_a_clip_on_its_ground_or_the_one_asked_for(start: Star
     assert app.takes.ground_to_show().name == "hills"
     app.close()
     app = start(clip=path, terrain="stairs")
-    assert app.takes.ground_to_show().name == app.state.stage.terrain.name
-    assert app.state.stage.terrain_spec == "stairs"
+    assert app.takes.ground_to_show().name == app.scene.terrain.name
+    assert app.scene.terrain_spec == "stairs"
     assert load_clip_bvh(path).terrain == "hills"
 
 

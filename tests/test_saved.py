@@ -27,11 +27,11 @@ from viewer.exports.exporting import Exporting
 from viewer.exports.state import ExportState
 from viewer.jobs import Jobs
 from viewer.messages import Messages
+from viewer.scene.simulation import Simulation, rest_pose
+from viewer.session.takes import Takes
 from viewer.settings import Settings
-from viewer.stage.simulation import Simulation, rest_pose
 from viewer.stage.state import StageState
 from viewer.takes.state import ClipItem, TakesState
-from viewer.takes.takes import Takes
 
 ITEMS = st.integers(0, 3)
 TRIMS = st.sampled_from([0, 0, 0, 1, 2])  # the first frame that is exported

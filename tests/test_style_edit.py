@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from runtime.motion.style_mix import StyleMix
 from runtime.prompts.blend import ALL_A, BlendedPrompt
 from runtime.prompts.parts import PartDescriptions
+from runtime.session.prompt_blend import MAX_STEPS, Answer, PromptBlend, UndoStack
 from runtime.skeleton import PART_NAMES
-from viewer.prompt.style_edit import MAX_STEPS, Answer, StyleEdit, UndoStack
 from viewer.prompt.suggestions import MAX_HISTORY, MAX_SUGGESTIONS, matching, remember, suggest
 
 settings.register_profile("edits", max_examples=40, deadline=None, derandomize=True)
@@ -78,7 +78,7 @@ def test_the_history_has_no_doubles_and_an_end(prompts: list[str]) -> None:
 
 
 def test_the_master_weight_moves_what_is_not_locked() -> None:
-    edit = StyleEdit((answer(), answer("b", 3.0)), ALL_A, frozenset({"head"}))
+    edit = PromptBlend((answer(), answer("b", 3.0)), ALL_A, frozenset({"head"}))
     moved = edit.with_all_weights(0.5).with_weight("torso", 1.0)
     assert moved.weights == (0.5, 0.5, 0.5, 0.5, 1.0, 0.0)
     assert moved.master_weight == pytest.approx(0.6)
@@ -94,10 +94,10 @@ def test_the_master_weight_moves_what_is_not_locked() -> None:
 def test_what_replays_an_edit() -> None:
     other = SAID.replace("head", "head up")
     a, b = answer(), answer("drunk", 2.0, words=other)
-    assert StyleEdit().replayable() == ""
-    assert StyleEdit((a, None)).replayable() == "a proud king"
-    assert StyleEdit((a, b)).replayable() == "a proud king"  # B has no share
-    half = StyleEdit((a, b), (0.5,) * 6)
+    assert PromptBlend().replayable() == ""
+    assert PromptBlend((a, None)).replayable() == "a proud king"
+    assert PromptBlend((a, b)).replayable() == "a proud king"  # B has no share
+    half = PromptBlend((a, b), (0.5,) * 6)
     assert half.replayable() == BlendedPrompt("a proud king", other, (0.5,) * 6)
     assert answer(source="gpt").replayable == SAID  # another time it may say something else
     assert answer("").replayable == SAID
@@ -117,10 +117,10 @@ def test_kept_parts_go_on_with_their_words_and_codes() -> None:
 @given(st.lists(st.sampled_from(["push", "undo", "redo", "revise"]), max_size=60))
 def test_undo_is_the_way_back(actions: list[str]) -> None:
     """Against a plain list with a cursor."""
-    stack, steps, at = UndoStack(), [StyleEdit()], 0
+    stack, steps, at = UndoStack(), [PromptBlend()], 0
     stack.push("first", steps[0])
     for i, action in enumerate(actions):
-        edit = StyleEdit(weights=(i / 100,) * 6)
+        edit = PromptBlend(weights=(i / 100,) * 6)
         if action == "push":
             stack.push(str(i), edit)
             steps, at = [*steps[: at + 1], edit], at + 1
@@ -142,7 +142,7 @@ def test_undo_is_the_way_back(actions: list[str]) -> None:
 def test_the_undo_stack_has_an_end() -> None:
     stack = UndoStack()
     for i in range(3 * MAX_STEPS):
-        stack.push(str(i), StyleEdit())
+        stack.push(str(i), PromptBlend())
     undone = 0
     while stack.undo() is not None:
         undone += 1

@@ -49,7 +49,7 @@ def test_japanese_is_drawn_with_a_font_of_the_system(
     regular = app.shell.fonts.regular
     assert not regular.is_glyph_in_font(ord(TEXT[0]))
     app.window.inject_text("x")  # no frame is lost
-    app.state.prompt.boxes[0].text = TEXT
+    app.prompting.boxes[0].text = TEXT
     run(app, 3)
     assert all(regular.is_glyph_in_font(ord(c)) for c in TEXT)
     assert "No font" not in message(app)
@@ -59,10 +59,10 @@ def test_without_such_a_font_it_is_said_once(start: Start, monkeypatch: pytest.M
     monkeypatch.setattr(system_fonts, "font_folders", lambda *_: [])
     app = start()
     run(app, 2)
-    app.state.prompt.boxes[0].text = TEXT
+    app.prompting.boxes[0].text = TEXT
     run(app)
     assert "No font of this system has U+" in message(app)
-    app.state.messages.note("later")
+    app.messages.note("later")
     run(app, 3)
     assert message(app) == "later"
 

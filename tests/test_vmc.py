@@ -75,6 +75,6 @@ def test_the_viewer_sends_its_walker(start: Start) -> None:
         receiver.settimeout(5.0)
         app = start(vmc=f"127.0.0.1:{receiver.getsockname()[1]}")
         run(app, 4)
-        assert not app.stage.live.on
+        assert not app.scene.live.on
         assert osc_bundle.OscBundle(receiver.recv(2000)).num_contents > 3
-        assert app.stage.vmc.address.loopback
+        assert app.scene.vmc.address.loopback

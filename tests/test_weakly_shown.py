@@ -5,8 +5,8 @@ import numpy as np
 from runtime.prompts import shares
 from runtime.prompts.expander import DEFAULT_PROMPT
 from runtime.prompts.parts import PartDescriptions
+from runtime.session.prompt_blend import Answer, PromptBlend
 from viewer.prompt.state import PromptState
-from viewer.prompt.style_edit import Answer, StyleEdit
 
 WORDS = PartDescriptions(*["hanging"] * 6)
 
@@ -17,7 +17,7 @@ def _state(monkeypatch, table: dict[tuple[str, str], float], model: str = "compa
         shares, "shares_of", lambda name: known if name == "compact" else shares.PhraseShares()
     )
     return PromptState(
-        model=model, edit=StyleEdit((Answer("", WORDS, WORDS, np.zeros((6, 64), np.float32)), None))
+        model=model, edit=PromptBlend((Answer("", WORDS, WORDS, np.zeros((6, 64), np.float32)), None))
     )
 
 
@@ -37,6 +37,6 @@ def test_the_walk_that_the_program_begins_with_has_no_marks_until_its_words_are_
     edited = WORDS.replace("left_arm", "waving")
     for words, share in ((WORDS, None), (edited, 0.2)):
         answer = Answer(DEFAULT_PROMPT, WORDS, words, np.zeros((6, 64), np.float32))
-        state.edit = StyleEdit((answer, None))
+        state.edit = PromptBlend((answer, None))
         assert state.weakly_shown("left_arm") == share
         assert state.weakly_shown("right_arm") is None

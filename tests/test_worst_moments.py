@@ -28,7 +28,7 @@ from runtime.takes.journal import TakeJournal
 from runtime.takes.recorder import ClipRecorder
 from runtime.terrain.height_map import Terrain
 from sport.batch import plan
-from viewer.stage.simulation import Simulation
+from viewer.scene.simulation import Simulation
 
 
 def standing(x: float = 0.0) -> Pose:

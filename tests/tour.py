@@ -18,12 +18,12 @@ from test_reference import TURNS, foreign
 from runtime.character.shape import BodyShape, shaped_file
 from sport.commands.arguments import size
 from viewer.app import App
+from viewer.edit.path import on_screen
 from viewer.filming.writers import open_writer
 from viewer.input.gamepad import GamepadState
 from viewer.options import ViewOptions
 from viewer.render.offscreen import save_png
 from viewer.services import Services
-from viewer.stage.path_tool import on_screen
 
 
 class Tour:
@@ -35,7 +35,7 @@ class Tour:
         )
         self.pads, self.folder = InjectedPads(), folder
         self.app = App(options, Services(), self.pads, folder)
-        self.app.state.settings.export_folder = str(folder / "clips")
+        self.app.settings.export_folder = str(folder / "clips")
         self.out, self.number = out, 0
         out.mkdir(parents=True, exist_ok=True)
 
@@ -45,7 +45,7 @@ class Tour:
 
     def quietly(self, act: Callable[[], object]) -> None:
         """Act without drawing the scene."""
-        renderer = self.app.stage.renderer
+        renderer = self.app.scene.renderer
         renderer.render = lambda *_: None  # type: ignore[method-assign]
         try:
             act()
@@ -116,7 +116,7 @@ class Tour:
             self.click("Beside…")
         else:
             self.see("Clips", "##record")
-            self.click("##take menu", self.app.state.takes.selected)
+            self.click("##take menu", self.app.editor.session.selected)
             self.click("Show beside it")
         self.picture("what to compare with")
         self.click(what)
@@ -190,7 +190,7 @@ def record(tour: Tour) -> None:
 def retime(tour: Tour) -> None:
     app = tour.app
     prompts = app.editing.tracks.prompts  # type: ignore[union-attr]
-    last = len(app.state.takes.items[0].clip) - 1
+    last = len(app.editor.session.takes[0].clip) - 1
     at = prompts[1].span.start
     x, y = place(app, "##prompts", share=at / last)
     to, _ = place(app, "##prompts", share=(at - 30) / last)
@@ -201,7 +201,7 @@ def retime(tour: Tour) -> None:
 
 def pin(tour: Tour) -> None:
     app = tour.app
-    assert app.state.takes.playback is not None
+    assert app.takes.playback is not None
     tour.seek(0.25)
     tour.click("+ Pin")
     tour.picture("what to pin")
@@ -210,9 +210,9 @@ def pin(tour: Tour) -> None:
     tour.click("Rail")
     tour.leave()
     tour.picture("hand on a rail")
-    overlay = app.pinning.overlay()
+    overlay = app.pins.overlay()
     assert overlay is not None
-    shown = on_screen(app.stage.camera.current, overlay.points[0], app_size(app))
+    shown = on_screen(app.scene.camera.current, overlay.points[0], app_size(app))
     assert shown is not None
     tour.drag(shown, (shown[0] + 12.0, shown[1] - 24.0))
     tour.leave()
@@ -243,11 +243,11 @@ def way(tour: Tour) -> None:
     tour.leave()
     tour.picture("the way")
     app = tour.app
-    tool = app.stage.path
+    tool = app.path
     point = tool.points[-1]
     shown = on_screen(
-        app.stage.camera.current,
-        [point.x, float(app.stage.state.terrain.height(point.x, point.z)), point.z],  # type: ignore[arg-type]
+        app.scene.camera.current,
+        [point.x, float(app.scene.state.terrain.height(point.x, point.z)), point.z],  # type: ignore[arg-type]
         app_size(app),  # type: ignore[arg-type]
     )
     if shown is not None:
@@ -273,13 +273,13 @@ def mirror(tour: Tour) -> None:
 def plants(tour: Tour) -> None:
     """A plant longer, and another one taken away."""
     app = tour.app
-    (_, end), *_ = app.pinning.plants(0)
-    last = len(app.state.takes.items[0].clip) - 1
+    (_, end), *_ = app.pins.plants(0)
+    last = len(app.editor.session.takes[0].clip) - 1
     x, y = place(app, "##foot 0", share=end / last)
     tour.drag((x - 1.0, y), (x + 14.0, y))
     tour.leave()
     tour.picture("a plant longer")
-    at = next((a + b) / 2 for a, b in app.pinning.plants(1) if b - a > 20)
+    at = next((a + b) / 2 for a, b in app.pins.plants(1) if b - a > 20)
     x, y = place(app, "##foot 1", share=at / last)
     tour.right_click_at(x, y)
     tour.picture("the menu of a plant")

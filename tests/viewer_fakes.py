@@ -19,8 +19,8 @@ from runtime.prompts.answer import Answer
 from runtime.prompts.expander import Expansion, check_prompt
 from runtime.prompts.parts import PartDescriptions
 from runtime.terrain.height_map import Terrain
+from viewer.scene.simulation import make_pose, rest_pose
 from viewer.services import Loaded, Services
-from viewer.stage.simulation import make_pose, rest_pose
 
 _WALKER = WalkerModel()
 SPEEDS = {Gait.WALK: 1.4, Gait.JOG: 3.0, Gait.CROUCH: 0.8, Gait.JUMP: 1.4}  # m/s

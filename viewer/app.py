@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import logging
 import os
 import sys
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from runtime.atomic import sweep
@@ -15,15 +17,24 @@ from runtime.errors import SportError
 from runtime.motion.stick_script import parse_stick
 from runtime.open_files import allow_many_files
 from runtime.pose import Pose
-from runtime.prompts.expander import DEFAULT_PROMPT
+from runtime.session.prompt_blend import Side
 from runtime.takes.drive import DriveRecorder
-from runtime.takes.recorder import ClipRecorder
-from runtime.terrain.height_map import Terrain
-from viewer.desk import bar, guide, settings_panel
-from viewer.desk.desk import Desk
-from viewer.desk.undo import Undo
+from viewer.compare import labels
+from viewer.compare import panel as compare_panel
+from viewer.compare.compare_view import CompareView
+from viewer.edit import pin_card, transport
+from viewer.edit.camera_keys import CameraKeys
+from viewer.edit.ghosts import Trails, ghosts
+from viewer.edit.path import PathTool
+from viewer.edit.pins import Pins
+from viewer.edit.reference import References
+from viewer.edit.reference_card import ReferenceCard
+from viewer.edit.resimulation import Resimulation
+from viewer.edit.video import SUFFIXES as VIDEOS
 from viewer.exports import panel as exports_panel
+from viewer.exports.exporting import Exporting
 from viewer.gl_bindings import glfw, imgui
+from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.gui.panels import Panel
 from viewer.gui.theme import Fonts, load_fonts
 from viewer.input.bindings import Action, Intent, to_controls
@@ -31,18 +42,26 @@ from viewer.input.devices import Devices, KeyScript
 from viewer.input.gamepad import GamepadSource, GlfwGamepads
 from viewer.jobs import Jobs, Slot
 from viewer.memory import give_back_freed, give_back_large_blocks, resident_mb
+from viewer.messages import Messages
 from viewer.options import ViewOptions
-from viewer.prompt import panel as prompt_panel
-from viewer.prompt.even_blends import EvenBlends
-from viewer.prompt.expanders import Expanders
-from viewer.prompt.prompting import CLOSE_SECONDS, Prompting
-from viewer.prompt.room import PromptRoom
-from viewer.prompt.style_edit import Side
-from viewer.prompt.suggester import Suggester
+from viewer.panels import guide, joint_panel, scene_panel, take_prompt_panel, takes_panel
+from viewer.panels.guide import Guide
+from viewer.panels.session_bar import SessionBar
+from viewer.panels.settings_panel import SettingsWindow
+from viewer.prompt import prompt_panel
+from viewer.prompt.language_model import LanguageModel
+from viewer.prompt.prompt_controller import CLOSE_SECONDS, PromptController
+from viewer.prompt.suggestions import Suggester
 from viewer.render.offscreen import save_png
 from viewer.render.overlays import Overlays
+from viewer.scene.overlays import make_overlays
+from viewer.scene.scene import Scene
+from viewer.scene.simulation import STEP_SECONDS
 from viewer.screenshots import Screenshots
 from viewer.services import ControllerLike, Services
+from viewer.session.editor import Editor
+from viewer.session.sessions import Sessions, first_file
+from viewer.session.takes import Takes
 from viewer.settings import (
     MAPPINGS_NAME,
     config_directory,
@@ -50,32 +69,14 @@ from viewer.settings import (
     save_settings,
     state_directory,
 )
-from viewer.shell import Shell
+from viewer.shell import Shell, ShellState
 from viewer.signals import Ending
-from viewer.stage import joint_panel
-from viewer.stage import panel as scene_panel
-from viewer.stage.overlays import make_overlays
-from viewer.stage.simulation import STEP_SECONDS, Simulation
-from viewer.stage.stage import Stage
-from viewer.stage.state import StageState
-from viewer.state import AppState
-from viewer.takes import panel as clips_panel
-from viewer.takes import pin_panel, transport, words_panel
-from viewer.takes.editing import TakeEditing
-from viewer.takes.ghosts import Trails, ghosts
-from viewer.takes.pinning import Pinning
-from viewer.takes.reference_panel import References
-from viewer.takes.take_camera import TakeCamera
-from viewer.takes.takes import Takes
-from viewer.takes.way_editing import WayEditing
-from viewer.wall import labels
-from viewer.wall import panel as wall_panel
-from viewer.wall.wall import Wall
 from viewer.window import KEY_CODES, Window, WindowEvents
 
 __all__ = ["App", "ViewOptions", "run"]
 
 TITLE = "SPORT viewer"
+PICTURE_WIDTH = 256  # pixels
 # A pause (a dragged window, a suspended laptop) is not simulated, but frames that are always long are: pictures are
 # dropped and the motion keeps its time.
 LONGEST_PAUSE_S, LONGEST_FRAME_S = 0.25, 1.0
@@ -103,7 +104,7 @@ def run(options: ViewOptions, services: Services | None = None, config: Path | N
                 app.interrupt()  # a frame that did not end
             except Exception:
                 ending.saving = True
-                app.takes.rescue()  # a defect must not cost what was recorded
+                app.sessions.finish(keep=True, seconds=END_S)  # a defect must not cost what was recorded
                 raise
             ending.saving = True
             code = app.end()
@@ -136,8 +137,7 @@ class App:
         self.state_folder = config or state_directory()
         settings, complaints = load_settings(self.config)
         self._settings_before = dataclasses.replace(settings, prompt_history=list(settings.prompt_history))
-        ground = Terrain.flat()
-        self.state = AppState(settings, StageState(ground, Simulation.standing(ground)))
+        self.settings, self.messages, self.state = settings, Messages(), ShellState()
         self.frames_shown = 0
         self.interrupted = False  # from outside: by a signal or Ctrl+C
         self._trimmed_mb = 0.0  # held after freed memory was last given back
@@ -156,16 +156,16 @@ class App:
             if isinstance(self.devices.pads, GlfwGamepads):
                 complaints.append(self.devices.pads.add_mappings(self.config / MAPPINGS_NAME))
             for complaint in filter(None, complaints):
-                self.state.messages.warn(complaint)
-            self.state.messages.logged = not options.offscreen
+                self.messages.warn(complaint)
+            self.messages.logged = not options.offscreen
             self._load()
-            self.state.messages.logged = True
+            self.messages.logged = True
         except BaseException:
             self.window.destroy()
             raise
 
     def _open_window(self) -> Window:
-        options, settings = self.options, self.state.settings
+        options, settings = self.options, self.settings
         default = (1280, 720) if options.offscreen else (settings.width, settings.height)
         events = WindowEvents(self._on_key, self._on_mouse_press, self._on_focus, self.open_files)
         scale = options.ui_scale or (0.0 if options.offscreen else settings.ui_scale)
@@ -174,159 +174,175 @@ class App:
         return Window(TITLE, width, height, events, options.offscreen, settings.vsync, scale, kept)
 
     def _assemble(self, services: Services) -> None:
-        """The rooms, each with its slice of the state; they need the window's context."""
-        state, options, drives = self.state, self.options, DriveRecorder()
-        settings, messages, prompt, stage = state.settings, state.messages, state.prompt, state.stage
-        self.jobs = jobs = Jobs(messages, blocking=options.offscreen)
+        """The session and the tools on it; they need the window's context."""
+        options, settings, messages = self.options, self.settings, self.messages
         if options.response is not None:
             settings.response = options.response
+        self.jobs = jobs = Jobs(messages, blocking=options.offscreen)
+        file, problem = first_file(self.state_folder / "sessions", self.state_folder / "characters")
+        if problem:
+            messages.warn(problem)
+        self.editor = editor = Editor(messages, file)
+        drives, dialogs = DriveRecorder(), Dialogs(messages)
         renderer = services.make_renderer(self.window.ctx, options.quality or settings.quality)
-        self.stage = Stage(
-            stage,
-            settings,
-            messages,
-            jobs,
-            services,
-            self.window.ctx,
-            renderer,
-            drives,
-            self._shown_pose,
-            self.state_folder / "shapes",
+        self.scene = scene = Scene(
+            editor, settings, messages, jobs, services, self.window.ctx, renderer, drives,
+            self._shown_pose, self.state_folder,
+        )  # fmt: skip
+        self.takes = takes = Takes(editor, settings, messages, scene, jobs, drives)
+        self.prompting = prompting = PromptController(
+            editor, settings, messages, jobs, lambda: scene.controller, takes.mark_style, options.offscreen
         )
-        self.takes = Takes(
-            state.takes, settings, messages, stage, jobs, ClipRecorder(), drives, self.state_folder,
-            self.stage.read_ground, lambda path: services.load_character(path, None),
-            is_safe=lambda _: self.desk.projects.kept, is_offered=lambda item: self.desk.projects.offers(item),
-            live_pins=self.stage.pins.cut,
+        self.language_model = LanguageModel(settings, jobs, services, prompting)
+        self.editing = editing = Resimulation(takes, prompting)
+        self.pins = Pins(editor, editing, scene)
+        self.path = PathTool(editor, editing, scene)
+        self.camera_keys = CameraKeys(editor, takes, scene.camera)
+        self.references = References(editor, takes)
+        self.compare = CompareView(editor, settings, messages, scene, takes, self.path, prompting)
+        self.prompt = prompt_panel.PromptRoom(
+            settings, prompting, self.language_model, Suggester(settings, jobs), self.compare.toggle
+        )
+        self.guide = Guide(settings, editor, takes)
+        self.sessions = Sessions(
+            editor, settings, messages, jobs, dialogs, scene, prompting, takes, self.load_model,
+            self._picture, self.state_folder,
         )  # fmt: skip
-        self.prompting = Prompting(
-            prompt, settings, messages, lambda: stage.controller, self.takes.mark_style,
-            blocking=options.offscreen, even_blends=EvenBlends(jobs),
-        )  # fmt: skip
-        self.expanders = Expanders(prompt.expander, settings, jobs, services, self.prompting)
-        self.suggester = Suggester(prompt, settings, jobs)
-        self.editing = TakeEditing(self.takes, self.stage, self.prompting)
-        self.pinning = Pinning(self.editing, self.stage)
-        self.take_camera = TakeCamera(state.takes, self.stage.camera, messages)
-        self.way = WayEditing(self.editing, self.stage.path)
-        self.wall = Wall(state.wall, settings, messages, self.stage, self.takes, self.prompting)
-        self.prompt = PromptRoom(
-            prompt, settings, self.prompting, self.expanders, self.suggester, self.wall.toggle
+        self.exporting = Exporting(takes, scene, messages, jobs, dialogs)
+        self.settings_window = SettingsWindow(
+            settings, messages, jobs, dialogs, scene, self.guide, self.load_model, self.window.use_scale
         )
         self.trails = Trails()
-        self.references = References(
-            self.takes.reference,
-            self.takes.opening,
-            lambda title, endings, done: self.desk.ask_for(title, endings, done),
-            self.window.ctx,
-            corner_taken=lambda: self.pinning.pin is not None,
-        )
         self.screenshots = Screenshots(settings, messages, jobs, options.frames_directory)
-        self.desk = Desk(
-            state.desk, settings, messages, jobs, self.takes, self.stage, self.prompting,
-            self.load_model, self.window.use_scale, self.state_folder,
-        )  # fmt: skip
         fonts = load_fonts()
-        panels = self._panels(fonts)
+        panels = self._panels(fonts, dialogs)
         self.shell = Shell(
-            state.shell, settings, messages, jobs, stage, state.takes, panels, lambda: prompt.texts, fonts
+            self.state, settings, messages, jobs, scene, editing, panels, lambda: prompting.texts, fonts
         )
         own = {Action.FULLSCREEN: self.window.toggle_full_screen, Action.SCREENSHOT: self.screenshots.ask}
         rooms = [*(panel.actions for panel in panels), self.shell.actions, own]
         self.actions = {action: do for room in rooms for action, do in room.items()}
 
-    def _panels(self, fonts: Fonts) -> list[Panel]:
+    def _panels(self, fonts: Fonts, dialogs: Dialogs) -> list[Panel]:
         """Every panel, from the left to the right and from the back to the front."""
-        stage, takes, desk, wall, editing = self.stage, self.takes, self.desk, self.wall, self.editing
-        live = lambda: not wall.state.open and editing.state.playback is None  # noqa: E731
+        compare, editing, pins, export = self.compare, self.editing, self.pins, self.exporting.open
+        references = ReferenceCard(
+            self.references, self._browse, self.window.ctx, corner_taken=lambda: pins.pin is not None
+        )
+        bar = SessionBar(self.sessions, self.exporting, self.guide, self.settings_window, self.window.ctx)
         return [
-            prompt_panel.panel(self.prompt, live),
-            words_panel.panel(editing),
-            wall_panel.panel(wall),
+            prompt_panel.panel(self.prompt, lambda: not compare.open and editing.playback is None),
+            take_prompt_panel.panel(editing),
+            compare_panel.panel(compare),
             scene_panel.panel(
-                stage,
-                self.open_files,
-                lambda: desk.ask_file(self.open_files),
-                lambda width: pin_panel.draw_live(self.pinning, width),
+                self.scene, self.takes, self.path, self.open_files, self._browse_all,
+                lambda width: pin_card.draw_live(pins, width),
             ),
-            clips_panel.panel(takes, self.references, desk.exporting.open, lambda: self.desk.projects.offer),
-            transport.panel(editing, self.pinning, self.take_camera, self.references),
-            labels.panel(wall),
-            clips_panel.sign(takes),
-            bar.panel(desk, Undo(self.prompting, editing)),
-            pin_panel.panel(self.pinning),
-            self.references.panel(),
-            guide.panel(desk.guide, covered=lambda: wall.state.open),
-            settings_panel.panel(desk, fonts),
-            exports_panel.panel(desk.exporting, fonts),
-            joint_panel.panel(stage.joints, fonts),
-            desk.dialogs.panel(),
-        ]
+            takes_panel.panel(self.takes, references, export, self.sessions),
+            transport.panel(editing, pins, self.camera_keys, references),
+            labels.panel(compare),
+            takes_panel.sign(self.takes),
+            bar.panel(),
+            pin_card.panel(pins),
+            references.panel(),
+            guide.panel(self.guide, covered=lambda: compare.open),
+            self.settings_window.panel(fonts),
+            exports_panel.panel(self.exporting, fonts),
+            joint_panel.panel(self.scene.joints, fonts),
+            dialogs.panel(),
+        ]  # fmt: skip
 
     def _load(self) -> None:
         """Begin to load what the options and the settings ask for."""
-        options, state, stage = self.options, self.state, self.stage
-        state.stage.terrain_names = stage.services.terrain_names()
-        state.stage.quality = stage.renderer.quality.name
-        self.prompt.load_library(self.jobs, stage.services)
-        state.shell.panels_open, state.shell.clocked = options.panels, not options.offscreen
+        options, settings, scene, prompting = self.options, self.settings, self.scene, self.prompting
+        scene.terrain_names = scene.services.terrain_names()
+        scene.quality = scene.renderer.quality.name
+        self.prompt.suggester.load_library(scene.services.library_prompts)
+        self.state.panels_open, self.state.clocked = options.panels, not options.offscreen
         saved = options.offscreen or options.screenshot is not None or options.frames_directory is not None
-        state.shell.bare = saved and not options.panels
-        stage.begin_camera(options.camera or state.settings.camera)
-        stage.renderer.set_terrain(state.stage.terrain)
-        stage.live.begin(options.live_link)
-        stage.vmc.begin(options.vmc)
-        state.settings.fit_to_motion = state.settings.fit_to_motion or options.fit_to_motion
-        stage.load_character(options.character, options.joint_map)
-        stage.load_terrain(options.terrain or state.settings.terrain)
-        self.load_model(options.model or self.desk.chosen_model(options.offscreen), options.seed)
-        typed = options.prompt
-        self.prompting.submit_prompt(DEFAULT_PROMPT if typed is None else typed, remembered=typed is not None)
+        self.state.bare = saved and not options.panels
+        scene.begin_camera(options.camera or settings.camera)
+        scene.renderer.set_terrain(scene.terrain)
+        scene.live.begin(options.live_link)
+        scene.vmc.begin(options.vmc)
+        settings.fit_to_motion = settings.fit_to_motion or options.fit_to_motion
+        scene.open_character(options.character, options.joint_map, step=False)
+        scene.load_terrain(options.terrain or settings.terrain)
+        self.load_model(options.model or self.settings_window.chosen_model(options.offscreen), options.seed)
+        prompting.begin(options.prompt, options.blend, options.blend_weights)
         if options.blend is not None:
-            state.prompt.edit = dataclasses.replace(state.prompt.edit, weights=options.blend_weights)
-            state.prompt.tab_requested = "blend"
-            self.prompting.submit_prompt(options.blend, Side.B)
+            self.prompt.tab_requested = "blend"
         if options.clip is not None:
-            self.takes.opening.open(options.clip, keep_ground=options.terrain is not None)
+            self.takes.open(options.clip, keep_ground=options.terrain is not None)
         if not options.offscreen:
             self.jobs.submit(Slot("sweep"), self._sweep, lambda _: None)
-            self.takes.journals.look()
-        self.desk.begin(options.project, autosaving=not options.offscreen)
-        failure = self.jobs.first_error or self.prompting.first_error
+            if not settings.first_minute_seen:
+                self.guide.begin()
+        self.sessions.begin(options.project, looking=not options.offscreen)
+        failure = self.jobs.first_error or prompting.first_error
         if options.offscreen and failure is not None:
-            raise failure  # nobody would read a message
+            raise failure  # there is no status line to read it in
 
     def _sweep(self) -> None:
         """Remove what a killed program has left half written in the folders that are written to."""
-        folders = {Path(self.state.settings.export_folder).expanduser(), self.state_folder / "sessions"}
-        for folder in folders | {path.parent for path in self.desk.projects.recent}:
+        folders = {Path(self.settings.export_folder).expanduser(), self.sessions.untitled_folder}
+        for folder in folders | {path.parent for path in self.sessions.recent}:
             sweep(folder)
+
+    def _browse_all(self) -> None:
+        """Choose a file of any kind that is opened here."""
+        self._browse("Open a file", sorted(self._files), lambda path: self.open_files([path]))
+
+    def _browse(self, title: str, endings: Sequence[str], done: Callable[[Path], None]) -> None:
+        """Choose a file with one of these endings."""
+        start = Path(self.settings.export_folder).expanduser()
+        filters = [title, " ".join(f"*{ending}" for ending in endings), "All files", "*"]
+        start = start if start.is_dir() else Path.home()
+        self.sessions.dialogs.ask(DialogKind.OPEN, title, start, done, filters)
+
+    def _picture(self) -> bytes:
+        """A small PNG of the view, to know the session by."""
+        from PIL import Image
+
+        picture = Image.fromarray(self.window.read_pixels()[..., :3])
+        picture.thumbnail((PICTURE_WIDTH, PICTURE_WIDTH))
+        file = io.BytesIO()
+        picture.save(file, "PNG")
+        return file.getvalue()
 
     def load_model(self, directory: Path | None, seed: int) -> None:
         """Load an exported model, the shipped one for None; the one in use stays until it is there."""
-        gpt = self.expanders.chosen()
-        self.stage.load_model(
-            directory, seed, gpt, lambda loaded: self.prompt.use_model(loaded, gpt), self.prompt.lose_model
-        )
+        gpt, before = self.language_model.chosen(), self.editor.session.model.sha256
+        self.scene.load_model(
+            directory, seed, gpt,
+            lambda loaded: self.prompt.use_model(loaded, gpt, self.editor.session.model.sha256 != before),
+            self.prompting.lose_model,
+        )  # fmt: skip
+
+    @property
+    def _files(self) -> dict[str, Callable[[Path], None]]:
+        """What opens a file, by its suffix."""
+        films = dict.fromkeys(VIDEOS, self.references.open_video)
+        return {**self.scene.files, **self.takes.files, **films, **self.sessions.files}
 
     def open_files(self, paths: list[Path]) -> None:
         """Open dropped files by what their names say they are."""
-        table = {**self.stage.files, **self.takes.files, **self.desk.files}
+        table = self._files
         for path in paths:
             suffix = path.suffix.lower()
             if suffix in table:
                 table[suffix](path)
             else:
-                self.state.messages.error(
+                self.messages.error(
                     f"{path.name}: nothing here opens {suffix or 'a file without an ending'}."
-                    " Drop a project, a BVH clip, a GLB or VRM character, or a PNG, NPY or mesh ground."
+                    " Drop a session, a BVH clip, a GLB or VRM character, or a PNG, NPY or mesh ground."
                 )
 
     # --- one frame
 
     def frame(self) -> None:
         """Poll, control, step, interpolate, draw, panels, swap."""
-        window, state = self.window, self.state
+        window = self.window
         dt = self._tick()
         window.poll(MINIMISED_WAIT_S if window.minimised and not self.options.offscreen else 0.0)
         if window.minimised:
@@ -336,29 +352,43 @@ class App:
         if self._typing or not self.shell.focus.in_view:
             window.take_input(self.shell.draw_at)
         intent = self._read_devices(dt)
-        self._field_asked = False
-        for action in intent.pressed:  # held actions and gaits are none of this table
-            self.actions.get(action, lambda: None)()
-        state.shell.crouching = self.devices.mapper.crouching
-        self.jobs.deliver()
-        self.prompting.poll()
-        self.pinning.poll()
-        self.way.poll()
-        self.desk.poll(dt, intent.move != (0.0, 0.0))
+        self._act(intent)
+        self._poll(dt, intent)
         self._simulate(dt, intent)
-        self.takes.watch()
-        pose, *others = self.wall.shown(not self.options.offscreen) or [self._shown_pose()]
+        pose, *others = self.compare.shown(not self.options.offscreen) or [self._shown_pose()]
         self.shell.arrange(window.ui_scale)
         self._move_camera(pose, intent, dt)
 
         self.shell.draw()
+        self._finish_drag()
         imgui.render()
-        live = None if state.takes.playback is not None or others else state.stage.controller
+        live = None if self.takes.playback is not None or others else self.scene.controller
         overlays = self._overlays(live, others)
-        self.stage.renderer.render(window.framebuffer, self.stage.camera.current, pose, overlays)
+        self.scene.renderer.render(window.framebuffer, self.scene.camera.current, pose, overlays)
         window.draw_interface()
         self.screenshots.capture(window, self.frames_shown)
         self._finish_frame()
+
+    def _act(self, intent: Intent) -> None:
+        """What keys and buttons do that were pressed."""
+        self._field_asked = False
+        for action in intent.pressed:  # held actions and gaits are none of this table
+            self.actions.get(action, lambda: None)()
+        self.state.crouching = self.devices.mapper.crouching
+
+    def _poll(self, dt: float, intent: Intent) -> None:
+        """Take what workers and dialogs have ready."""
+        self.jobs.deliver()
+        self.prompting.poll()
+        self.pins.poll()
+        self.path.poll()
+        self.sessions.poll()
+        self.guide.watch(dt, intent.move != (0.0, 0.0))
+
+    def _finish_drag(self) -> None:
+        """What the mouse or a typed number changed is a step of undo once that is let go of."""
+        if self.editor.dragging and not (imgui.is_mouse_down(0) or imgui.is_any_item_active()):
+            self.editor.finish_drag()
 
     def _tick(self) -> float:
         """Seconds since the last frame; offscreen every frame is one simulation step."""
@@ -369,12 +399,10 @@ class App:
     def _read_devices(self, dt: float) -> Intent:
         self.devices.play_script(self._scripted_seconds)
         self._script_s += dt
-        intent, changed = self.devices.read(
-            dt, self._typing, self.state.settings, self.state.takes.playback is not None
-        )
-        self.state.shell.device = self.devices.name
+        intent, changed = self.devices.read(dt, self._typing, self.settings, self.takes.playback is not None)
+        self.state.device = self.devices.name
         if changed:
-            self.state.messages.note(changed)
+            self.messages.note(changed)
         return intent
 
     @property
@@ -386,33 +414,33 @@ class App:
         """The devices' controls, or those of the stick's script until it ends."""
         if self._stick is not None and self._scripted_seconds < self._stick.seconds:
             return self._stick(self._scripted_seconds)
-        return to_controls(intent, self.stage.camera.current.heading)
+        return to_controls(intent, self.scene.camera.current.heading)
 
     def _simulate(self, dt: float, intent: Intent) -> None:
         self._steps = 0
-        playback = self.state.takes.playback
-        begins_to_move = intent.move != (0.0, 0.0) and not self._was_moving
-        begins_to_move = self.stage.path.walk_began() or begins_to_move
-        self._was_moving = intent.move != (0.0, 0.0)
+        playback = self.takes.playback
+        moving = intent.move != (0.0, 0.0)
+        begins_to_move = self.path.walk_began() or (moving and not self._was_moving)
+        self._was_moving = moving
         if playback is not None and begins_to_move:
             self.takes.close_playback()  # back to the live character
         elif playback is not None:
-            self.wall.close()
+            self.compare.close()
             playback.advance(dt)
-            for link in (self.stage.live, self.stage.vmc):
+            for link in (self.scene.live, self.scene.vmc):
                 link.publish([playback.pose()], dt)
             return
-        controls = self.stage.controls(self._asked_of(intent), dt)
-        if self.wall.advance(dt, controls):
-            self._steps = self.wall.steps
+        controls = self.path.controls(self._asked_of(intent), dt)
+        if self.compare.advance(dt, controls):
+            self._steps = self.compare.steps
             return
         self.takes.before_steps()
-        poses = self.stage.advance(dt, controls)
+        poses = self.scene.advance(dt, controls)
         self._steps = len(poses)
         self.takes.add_poses(poses, controls)
 
     def _overlays(self, live: ControllerLike | None, others: list[Pose]) -> Overlays:
-        settings, playback = self.state.settings, self.state.takes.playback
+        settings, playback = self.settings, self.takes.playback
         frames: list[Pose] = []
         over: list[Pose] = []
         trails = None
@@ -420,35 +448,33 @@ class App:
             frames = ghosts(playback, round(settings.ghost_frames))
         if playback is not None and settings.show_trails:
             trails = self.trails.around(playback)
-        figure, reference = None, self.takes.reference
-        beside = None if playback is None else reference.pose(playback)
-        if playback is not None and beside is not None:
-            figure = reference.figure(playback, beside)
+        figure, references = None, self.references
+        compared = None if playback is None else references.pose(playback)
+        if playback is not None and compared is not None:
+            figure = references.figure(playback, compared)
             if figure is None:
-                (over if reference.over else others).append(beside)
-        pins = None if others and playback is None else self.pinning.overlay()
-        path = self.stage.path.overlay()
-        return make_overlays(settings, live, path, others, over, trails, pins, figure, frames)
+                (over if references.reference.over else others).append(compared)
+        pins = None if others and playback is None else self.pins.overlay()
+        return make_overlays(settings, live, self.path.overlay(), others, over, trails, pins, figure, frames)
 
     def _shown_pose(self) -> Pose:
-        playback = self.state.takes.playback
-        if playback is not None:
-            return self.pinning.shown_pose() or playback.pose()
-        simulation = self.state.stage.simulation
+        if self.takes.playback is not None:
+            return self.takes.playback.pose()
+        simulation = self.scene.simulation
         pose = simulation.current if self.options.offscreen else simulation.shown()
-        return self.stage.pins.bend(pose, self.pinning.now)
+        return self.scene.bend(pose, self.scene.now)
 
     def _move_camera(self, pose: Pose, intent: Intent, dt: float) -> None:
-        camera, ground = self.stage.camera, self.takes.ground_to_show()
-        self.stage.draw_ground(ground)
-        pinning = self.pinning.use_mouse(camera.current)
-        drawing = pinning or self.stage.path.use_mouse(camera.current, ground)
+        camera, ground = self.scene.camera, self.takes.ground_to_show().terrain
+        self.scene.draw_ground(ground)
+        pinning = self.pins.use_mouse(camera.current)
+        drawing = pinning or self.path.use_mouse(camera.current, ground)
         wheel, dragging = camera.use_mouse(drawing)
         moving = intent.move != (0.0, 0.0) and not intent.strafe and not dragging
         zoom = intent.zoom * dt + wheel
         camera.update(pose, dt, intent.look, zoom, ground, moving)
-        self.take_camera.look(pose, ground)
-        self.wall.frame_all(camera, self.shell.aspect, dt)
+        self.camera_keys.look(pose, ground)
+        self.compare.frame_all(camera, self.shell.aspect, dt)
         camera.frame_in(self.shell.framing, dt)
 
     def _finish_frame(self) -> None:
@@ -458,20 +484,20 @@ class App:
         self.frames_shown += 1
         after = time.perf_counter()
         # a GPU's swap waits for the monitor, which is no work; a software renderer does its work there
-        software = self.stage.renderer.quality.name != "high"
+        software = self.scene.renderer.quality.name != "high"
         if self.frames_shown > 1:  # the first interval is the loading
             work_s = (after if software else before) - self._last_s
-            self.state.shell.stats.add(work_s, self._interval_s, self._steps)
+            self.state.stats.add(work_s, self._interval_s, self._steps)
         if self.frames_shown % MEMORY_FRAMES == 1:
             self._look_at_memory()
         if not self.options.offscreen:
-            self.stage.lower_quality(self.state.shell.stats.fps, self._interval_s)
-            spare = 1.0 / self.state.settings.max_fps - (after - self._last_s)
+            self.scene.lower_quality(self.state.stats.fps, self._interval_s)
+            spare = 1.0 / self.settings.max_fps - (after - self._last_s)
             if spare > 0.0:
                 time.sleep(spare)
 
     def _look_at_memory(self) -> None:
-        stats, now = self.state.shell.stats, resident_mb()
+        stats, now = self.state.stats, resident_mb()
         if now > self._trimmed_mb + GROWN_MB:
             give_back_freed()
             now = self._trimmed_mb = resident_mb()
@@ -490,7 +516,7 @@ class App:
         self.devices.keyboard.key(name, down, typing or not acts)
         self._ctrl = down if name == "ctrl" else self._ctrl
         if down and not acts and not typing and not self._ctrl and self.devices.acts_alone(name):
-            self.state.messages.note("A panel has the keys: Esc or a click on the view gives them back.")
+            self.messages.note("A panel has the keys: Esc or a click on the view gives them back.")
         self._field_asked = self._field_asked or (down and acts and not typing and name == "enter")
         return down and acts and not typing
 
@@ -501,9 +527,7 @@ class App:
     def _typing(self) -> bool:
         """Whether keys are words: also in the frames until ImGui says so, in which a slow machine gets several keys."""
         entered = imgui.internal.get_input_text_state(imgui.internal.get_active_id()) is not None
-        return bool(
-            imgui.get_io().want_text_input or entered or self.state.prompt.boxes[Side.A].focus_requested
-        )
+        return bool(imgui.get_io().want_text_input or entered or self.prompting.boxes[Side.A].focus_requested)
 
     def _on_focus(self, focused: bool) -> None:
         if not focused:
@@ -526,19 +550,15 @@ class App:
     def end(self) -> int:
         """After the last frame: keep unsaved takes, remember the settings, write the screenshot; the exit code.
 
-        What the user made comes first: a screenshot that cannot be written must not cost it. A run offscreen that
-        comes to its end as planned keeps no takes. The code is 1 when anything was lost or went elsewhere than asked.
+        What the user made comes first: a screenshot that cannot be written must not cost it. An offscreen run that
+        ends as planned keeps no untitled session. The code is 1 when anything was lost or went elsewhere.
         """
         until = time.monotonic() + END_S
         self.jobs.end()
-        lost = not self.jobs.finish("export", until)  # what is on its way is not saved a second time
-        self.desk.projects.finish(until)
-        if self.interrupted or not self.options.offscreen:
-            for path in self.takes.rescue(until):
-                self.state.messages.note(f"Kept an unsaved take: {path}")
-            lost = self.takes.incomplete or lost
-        else:
-            self.takes.journals.close(discard=True)
+        lost = not self.jobs.finish("export", until)
+        keep = self.interrupted or not self.options.offscreen
+        self.sessions.finish(keep, max(until - time.monotonic(), 0.5))
+        lost = lost or self.sessions.incomplete
         if not self.options.offscreen:
             lost = not self._remember_settings() or lost
         if self.options.screenshot is not None:
@@ -547,26 +567,25 @@ class App:
 
     def _remember_settings(self) -> bool:
         """Whether what was changed could be written."""
-        self.state.settings.width, self.state.settings.height = self.window.unscaled_size
+        self.settings.width, self.settings.height = self.window.unscaled_size
         try:
-            save_settings(self.state.settings, self.config, self._settings_before)
+            save_settings(self.settings, self.config, self._settings_before)
         except SportError as error:
-            self.state.messages.error(error)  # it is in the log; the user is leaving
+            self.messages.error(error)  # it is in the log; the user is leaving
             return False
         return True
 
     def close(self) -> None:
         """Stop workers and close the window."""
         self.window.hide()
-        self.takes.journals.close()
         self.jobs.close()
-        self.expanders.close()
+        self.language_model.close()
         stopped = self.prompting.close(CLOSE_SECONDS if self.options.offscreen else PATIENCE_S)
         self.jobs.abandoned = self.jobs.abandoned or not stopped
-        self.stage.live.stop()
-        self.stage.vmc.stop()
+        self.scene.live.stop()
+        self.scene.vmc.stop()
         if self.window.handle is not None:
-            self.stage.renderer.release()
+            self.scene.renderer.release()
         self.window.destroy()
 
 

@@ -8,6 +8,8 @@ from functools import partial
 
 from runtime.safe_read import printable
 from runtime.skeleton import PART_NAMES
+from viewer.edit.resimulation import Resimulation
+from viewer.edit.tracks import lanes
 from viewer.gl_bindings import imgui
 from viewer.gui import help, status, theme, widgets
 from viewer.gui.focus import Focus, close_innermost, is_drawn
@@ -20,10 +22,8 @@ from viewer.input.bindings import Action
 from viewer.input.devices import KEYBOARD
 from viewer.jobs import Jobs
 from viewer.messages import Messages
-from viewer.settings import Settings
-from viewer.edit.resimulation import Resimulation
-from viewer.edit.tracks import lanes
 from viewer.scene.scene import Scene
+from viewer.settings import Settings
 
 _STATUS = FIXED | imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
 _COLUMNS = (PanelPlace.LEFT, PanelPlace.RIGHT_TOP, PanelPlace.RIGHT_BOTTOM)

@@ -91,13 +91,13 @@ def program(state: str, folder: Path) -> int:
 
 def _into(state: str, app: Any, folder: Path) -> Any:
     """A step after each frame until the state is reached."""
-    app.state.settings.export_folder = str(folder / "clips")
-    while app.state.stage.controller is None or app.prompting.state.edit.a is None:
+    app.settings.export_folder = str(folder / "clips")
+    while app.scene.controller is None or app.prompting.state.edit.a is None:
         yield
     for _ in range(STATES[state]):
         app.takes.toggle_recording()
         while app.takes.recorder.take_seconds * 60 < FRAMES:
-            pose, controls = app.state.stage.simulation.current, _still()
+            pose, controls = app.scene.simulation.current, _still()
             for _ in range(50):  # faster than the clock
                 app.takes.before_steps()
                 app.takes.add_poses([pose], controls)
@@ -108,17 +108,17 @@ def _into(state: str, app: Any, folder: Path) -> Any:
         while app.takes.recorder.take_seconds < 2.0:
             yield
     elif state == "film under way":
-        app.desk.exporting.state.form.suffix = ".mp4"
-        app.desk.exporting.propose()
-        app.desk.exporting.export()
-        while app.desk.exporting.state.progress[0] < 10:
+        app.exporting.state.form.suffix = ".mp4"
+        app.exporting.propose()
+        app.exporting.export()
+        while app.exporting.state.progress[0] < 10:
             yield
     elif state == "export of all":
         app.takes.export_all()
         yield
     elif state == "blends measured":
+        from runtime.session.prompt_blend import Side
         from viewer.jobs import Slot
-        from viewer.prompt.style_edit import Side
 
         for k in range(10):
             app.prompting.submit_prompt(f"a drunk man number {k}", Side.B)
@@ -128,7 +128,7 @@ def _into(state: str, app: Any, folder: Path) -> Any:
         while not app.jobs.busy(Slot("blend")):
             yield
     elif state == "a project saved":
-        app.desk.projects.save_as(folder / "project.sport")
+        app.sessions.save_as(folder / "project.sport")
         yield
     elif state == "a take driven again":
         app.takes.play(0)
@@ -137,9 +137,9 @@ def _into(state: str, app: Any, folder: Path) -> Any:
         for _ in range(20):
             yield
     elif state == "a wall of nine":
-        app.wall.toggle()
+        app.compare.toggle()
         for _ in range(8):
-            app.wall.add()
+            app.compare.add()
             yield
         for _ in range(30):
             yield

@@ -79,7 +79,7 @@ def _measure(folder: Path, url: str, options: argparse.Namespace) -> dict[str, l
     view = ViewOptions(offscreen=True, terrain="flat", width=640, height=360, prompt="a proud king")
     app = App(view, services, config=folder / "config")
     app.prompting.blocking = app.jobs.blocking = False
-    app.state.settings.gpt_base_url, app.state.settings.gpt_model = url, "m"
+    app.settings.gpt_base_url, app.settings.gpt_model = url, "m"
     for _ in range(30):
         app.frame()
     times: dict[str, list[float]] = {"none": [], "error without end": [], "answer without end": []}

@@ -19,22 +19,22 @@ def main(folder: Path) -> None:
 
     view = ViewOptions(offscreen=True, terrain="flat", width=320, height=240, panels=False)
     app = App(view, fake_services(), config=folder / "config")
-    app.desk.projects.autosaving = True
-    app.desk.projects.clock = lambda: 10.0 * time.monotonic()  # nobody waits six seconds
+    app.sessions.autosaving = True
+    app.sessions.clock = lambda: 10.0 * time.monotonic()  # nobody waits six seconds
     for _ in range(3):
         app.takes.toggle_recording()
         for _ in range(10):
             app.frame()
         app.takes.toggle_recording()
         app.frame()
-        if len(app.state.takes.items) == 2:
-            app.desk.projects.save_as(folder / "walks.sport")
+        if len(app.editor.session.takes) == 2:
+            app.sessions.save_as(folder / "walks.sport")
             app.frame()
             print("saved", flush=True)
     reported = False
     while True:
         app.frame()
-        projects = app.desk.projects
+        projects = app.sessions
         if not reported and projects._autosaved == projects.contents.fingerprint():
             reported = True
             print("autosaved", flush=True)

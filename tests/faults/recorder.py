@@ -54,7 +54,7 @@ def _record(app_class: Any, options: argparse.Namespace) -> None:
     def frame(app: Any) -> None:
         begin = time.monotonic()
         if app.frames_shown == 0:
-            app.state.settings.export_folder = str(options.export)
+            app.settings.export_folder = str(options.export)
             app.window.draw_interface = lambda: None
             for _ in range(options.takes):
                 app.takes.toggle_recording()

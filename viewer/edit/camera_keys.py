@@ -11,6 +11,7 @@ from runtime.pose import Pose
 from runtime.session.session import Take
 from runtime.takes.camera_keys import MAX_KEYS, CameraKey, view_at, with_key
 from runtime.terrain.height_map import Terrain
+from viewer.edit.track_drawing import draw_rect, new_row, take_mouse
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.widgets import px
@@ -19,7 +20,6 @@ from viewer.scene.camera_control import CameraControl
 from viewer.session.editor import Editor
 from viewer.session.playback import Playback
 from viewer.session.takes import Takes
-from viewer.edit.track_drawing import draw_rect, new_row, take_mouse
 
 GRAB = 6.0  # pixels at scale 1 from a key
 _HINT = "Views of the camera, for a film by “keyed”.\nDrag a key; right-click removes it"

@@ -14,8 +14,8 @@ from runtime.motion.paths import PlanarPose
 from runtime.session.motion import Motion
 from runtime.session.session import LIVE, Session, Take
 from runtime.terrain.height_map import Terrain
-from viewer.gl_bindings import imgui
 from viewer.edit.resimulation import Resimulation
+from viewer.gl_bindings import imgui
 from viewer.render.camera import Camera
 from viewer.render.overlays import PathOverlay
 from viewer.scene.scene import Scene
@@ -103,7 +103,7 @@ class PathTool:
 
     def _put(self, label: str, points: tuple[Waypoint, ...], held: bool = False) -> None:
         number = self.take.number
-        change = (self.editor.drag if held else self.editor.do)
+        change = self.editor.drag if held else self.editor.do
         name = "" if number == LIVE else f" of {self.take.title}"
         change(f"{label}{name}", lambda session: session.with_take(number, path=points))
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from runtime.controls import Gait
+from viewer.edit.path import PathTool
 from viewer.gl_bindings import imgui
 from viewer.gui import widgets
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
-from viewer.edit.path import PathTool
 
 GAITS = [(gait, gait.label.capitalize()) for gait in (Gait.WALK, Gait.JOG, Gait.CROUCH)]
 

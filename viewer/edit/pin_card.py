@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from runtime.takes.pins import Pin, Pinned
+from viewer.edit.pins import Pins, shown_end
 from viewer.gl_bindings import imgui
 from viewer.gui import card, widgets
 from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.widgets import px
-from viewer.edit.pins import Pins, shown_end
 
 WIDTH, SMALL_WIDTH = 214.0, 158.0  # pixels at scale 1
 SMALL_VIEW = 520.0  # in a narrower one the card is small, so that it hides nobody

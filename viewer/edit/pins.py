@@ -195,9 +195,7 @@ class Pins:
             self.editor.messages.warn(self.fixed)
             return
         take = self.take
-        if self.editor.do(
-            f"{label} of {take.title}", lambda session: _with_pins(session, take.number, pins)
-        ):
+        if self.editor.do(f"{label} of {take.title}", lambda session: _with_pins(session, take.number, pins)):
             self._say(label)
 
     def _set_live(self, label: str, pins: tuple[Pin, ...]) -> None:
@@ -256,7 +254,9 @@ class Pins:
         side = ("left", "right")[foot]
         name = f"{side} foot" + (", plant removed" if new is None else ", plant added" if old is None else "")
         made = replace(take.poses, plants=(*playback.shown.poses.plants, edit))
-        self.editor.drag(f"{name} of {take.title}", lambda session: session.with_take(take.number, poses=made))
+        self.editor.drag(
+            f"{name} of {take.title}", lambda session: session.with_take(take.number, poses=made)
+        )
 
     # --- in the view
 

@@ -6,14 +6,14 @@ from dataclasses import replace
 
 from runtime.takes.drive_edits import Span
 from runtime.takes.pins import Pin
+from viewer.edit.pins import Pins, shown_end
+from viewer.edit.track_drawing import GRIP, TrackRow, draw_bar, draw_rect, new_row, take_mouse
+from viewer.edit.tracks import LabelledSpan
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.theme import Color
 from viewer.gui.widgets import px
-from viewer.edit.pins import Pins, shown_end
 from viewer.session.playback import Playback
-from viewer.edit.track_drawing import GRIP, TrackRow, draw_bar, draw_rect, new_row, take_mouse
-from viewer.edit.tracks import LabelledSpan
 
 PIN_TINT: Color = (0.86, 0.48, 0.62, 0.45)
 NEW_PLANT_FRAMES = 8

@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from runtime.character.read import SUFFIXES as CHARACTERS
+from viewer.edit.reference import LIMITS, Look, References
+from viewer.edit.video import SUFFIXES as VIDEOS
+from viewer.edit.video import Video
 from viewer.gl_bindings import imgui
 from viewer.gui import card, theme, widgets
 from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
-from viewer.edit.reference import LIMITS, Look, References
-from viewer.edit.video import SUFFIXES as VIDEOS
-from viewer.edit.video import Video
 from viewer.session.playback import Playback
 
 WIDTH, SMALL_WIDTH = 292.0, 178.0  # of a film's card at least, pixels at scale 1

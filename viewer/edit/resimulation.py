@@ -14,11 +14,12 @@ from runtime.motion.point_path import Waypoint
 from runtime.motion.snapshot import Snapshot, take_snapshot
 from runtime.motion.style_mix import StyleMix
 from runtime.pose import Pose
+from runtime.prompts.answer import Request
 from runtime.prompts.parts import PartDescriptions
 from runtime.session import edits
 from runtime.session.motion import Motion
 from runtime.session.prompt_blend import Answer, PromptBlend
-from runtime.session.session import Ground, Session, Take
+from runtime.session.session import LIVE, Ground, Session, Take
 from runtime.takes import drive_edits
 from runtime.takes.clip import Clip
 from runtime.takes.drive import Drivable, Drive, StyleChange, played_again, redrive
@@ -28,7 +29,6 @@ from runtime.takes.plants import unfitted
 from viewer.edit.tracks import Tracks, tracks_of, words_of
 from viewer.jobs import Slot
 from viewer.prompt.prompt_controller import PromptController
-from viewer.prompt.state import Request
 from viewer.services import ControllerLike
 from viewer.session.playback import Playback
 from viewer.session.takes import Takes
@@ -181,9 +181,7 @@ class Resimulation:
             return
         frame = playback.frame
         end = next((b.span.end for b in tracks.gaits if b.span.start <= frame < b.span.end), playback.frames)
-        self._again(
-            f"gait {gait.label}", lambda drive: drive_edits.with_gait(drive, frame, end - 1, gait)
-        )
+        self._again(f"gait {gait.label}", lambda drive: drive_edits.with_gait(drive, frame, end - 1, gait))
 
     def move(self, track: str, index: int, start: int, end: int) -> None:
         """A span of the track "prompts" or "gaits" goes to other frames, at the cost of its neighbours."""
@@ -282,13 +280,12 @@ class Resimulation:
         def change(session: Session) -> Session:
             if ground is not None:
                 session = replace(session, ground=Ground.of(ground.name, ground.terrain.seen_by(1.0)))
-            return session if blend is None else self.prompting.adopted(session, blend)
+            return session if blend is None else session.with_take(LIVE, prompt=blend)
 
         self.takes.close_playback()
-        self.takes.editor.do(f"going on from frame {frame} of {take.title}", change)
+        self.prompting.adopt(f"going on from frame {frame} of {take.title}", change)
         self.takes.scene.go_on_from(snapshot, pose)
         if style is not None:
-            self.prompting.in_force()
             self.takes.mark_style_in_force(style)
         self.takes.messages.note(f"Live from frame {frame} of {take.title}.")
 

@@ -7,16 +7,10 @@ from collections.abc import Sequence
 
 from runtime.skeleton import PART_NAMES
 from runtime.takes.drive_edits import Span, fitted
-from viewer.gl_bindings import imgui
-from viewer.gui import theme, widgets
-from viewer.gui.theme import Color
-from viewer.gui.widgets import px
 from viewer.edit import pose_tracks
-from viewer.edit.resimulation import Drag, Resimulation
-from viewer.edit.pins import Pins
-from viewer.session.playback import Playback
-from viewer.session.takes import Takes
 from viewer.edit.camera_keys import CameraKeys
+from viewer.edit.pins import Pins
+from viewer.edit.resimulation import Drag, Resimulation
 from viewer.edit.track_drawing import (
     GRIP,
     SMALL,
@@ -30,6 +24,12 @@ from viewer.edit.track_drawing import (
     take_mouse,
 )
 from viewer.edit.tracks import LabelledSpan, lanes
+from viewer.gl_bindings import imgui
+from viewer.gui import theme, widgets
+from viewer.gui.theme import Color
+from viewer.gui.widgets import px
+from viewer.session.playback import Playback
+from viewer.session.takes import Takes
 
 RULER, PROMPTS, ROW, FEET = 26.0, 21.0, 15.0, 8.0  # heights at scale 1, where there is no more room
 SPACING = 3.0
@@ -147,7 +147,12 @@ def _scrub(row: TrackRow, takes: Takes, playback: Playback) -> None:
 
 
 def _spans(
-    name: str, key: str, bars: Sequence[LabelledSpan], height: float, editing: Resimulation, playback: Playback
+    name: str,
+    key: str,
+    bars: Sequence[LabelledSpan],
+    height: float,
+    editing: Resimulation,
+    playback: Playback,
 ) -> None:
     """A track whose spans can be dragged; a click goes to its frame."""
     row = new_row(name, height, playback.frames)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from viewer.edit.tracks import LabelledSpan
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.theme import Color
 from viewer.gui.widgets import px
 from viewer.session.playback import Playback
-from viewer.edit.tracks import LabelledSpan
 
 NAMES_WIDTH = 70.0  # pixels at scale 1
 NAMES_FROM = 420.0  # in a narrower bar the tracks have no names

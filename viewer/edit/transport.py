@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from runtime.controls import REQUESTS
 from runtime.takes.pins import Pinned
+from viewer.edit import timeline
+from viewer.edit.camera_keys import CameraKeys
+from viewer.edit.pins import Pins
+from viewer.edit.reference_card import ReferenceCard
+from viewer.edit.resimulation import Resimulation
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
-from viewer.edit import timeline
-from viewer.edit.resimulation import Resimulation
-from viewer.edit.pins import Pins
 from viewer.session.playback import Playback
-from viewer.edit.reference_card import ReferenceCard
-from viewer.edit.camera_keys import CameraKeys
 
 SPEEDS = (0.1, 2.0)
 WIDE = 520.0  # pixels at scale 1: words beside the icons

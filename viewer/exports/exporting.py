@@ -13,6 +13,7 @@ from runtime.formats.engines import ENGINES
 from runtime.formats.prepare import ExportOptions
 from runtime.formats.table import FORMATS
 from runtime.safe_read import printable
+from runtime.session.session import Take
 from runtime.terrain.height_map import Terrain
 from viewer.exports.state import SIZES, ExportForm, ExportState
 from viewer.gui.dialogs import DialogKind, Dialogs
@@ -47,12 +48,12 @@ NAMES = {
 class Exporting:
     """Actions of the export window."""
 
-    state: ExportState
     takes: Takes
     scene: Scene
     messages: Messages
     jobs: Jobs
     dialogs: Dialogs
+    state: ExportState = field(default_factory=ExportState)
     _cancel: threading.Event = field(default_factory=threading.Event)
     _proposed: str = ""
 
@@ -116,8 +117,8 @@ class Exporting:
             return
         try:
             path = self._path()
-            form, clip = replace(self.state.form), take.clip
-            work, whole = self._work(take, path, form), self._whole(clip, form)
+            form = replace(self.state.form)
+            work, held = self._work(take, path, form), self._held(take, form)
         except SportError as error:
             self.messages.error(_named(error))
             self._failed(_named(error))
@@ -134,9 +135,9 @@ class Exporting:
         self.jobs.submit(
             SLOT,
             named,
-            lambda text: self._done(take, clip, path, text, whole),
+            lambda text: self._done(take, held, path, text),
             self._failed,
-            writing=f"the export of {take.name}",
+            writing=f"the export of {take.title}",
             cancel=self.cancel,
         )
 
@@ -160,25 +161,24 @@ class Exporting:
         """What the worker does, with everything it needs; UsageError for options that do not go together."""
         from runtime.formats.table import check_export, save_motion
 
-        clip = take.named_clip
-        options = self._options(form, clip)
+        options = self._options(form, take)
         beside = path.with_name(f"{path.stem}-ground{form.ground}") if form.ground.startswith(".") else None
         if form.format.film:
             film, film_ground = self._film_options(form, take, options.start_s), self._ground_of(take)
-            return lambda: self._film(clip, film_ground(), path, options, film)
+            return lambda: self._film(_named_clip(take), film_ground(), path, options, film)
         check_export(path, options, beside)
         ground = self._ground_of(take)
-        return lambda: " ".join(w.text for w in save_motion(clip, path, options, ground(), beside))
+        return lambda: " ".join(
+            w.text for w in save_motion(_named_clip(take), path, options, ground(), beside)
+        )
 
-    def _options(self, form: ExportForm, clip: Clip) -> ExportOptions:
+    def _options(self, form: ExportForm, take: Take) -> ExportOptions:
         """The options of the form that its format has."""
-        playback, start, end = self.takes.state.playback, 0.0, None
-        current = self.takes.session.current
-        marked = playback is not None and current is not None and playback.clip is current.clip
-        if form.trimmed and marked and playback is not None and playback.trimmed:
-            start, end = playback.start_s, playback.end_s
+        start, end, fps = 0.0, None, take.made.header.fps
+        if form.trimmed and take.trimmed:
+            start, end = (frame / fps for frame in take.range)
         chosen: dict[str, Any] = {
-            "fps": form.fps or clip.fps,
+            "fps": form.fps or fps,
             "euler_order": form.euler_order or None,
             "engine": form.engine or None,
             "humanoid_names": form.humanoid_names and bool(form.engine) and bool(ENGINES[form.engine].bones),
@@ -193,7 +193,7 @@ class Exporting:
             start_s=start,
             end_s=end,
             fit_to_motion=self.scene.settings.fit_to_motion,
-            **{name: value for name, value in chosen.takes() if name in has},
+            **{name: value for name, value in chosen.items() if name in has},
         )
         options.check()
         return options
@@ -205,7 +205,7 @@ class Exporting:
 
         camera = self.scene.camera.current
         width, height = SIZES[form.size]
-        keys = tuple(replace(key, seconds=max(key.seconds - start_s, 0.0)) for key in take.camera)
+        keys = tuple(replace(key, seconds=max(key.seconds - start_s, 0.0)) for key in take.cameras)
         if form.camera == KEYED and not keys:
             raise UsageError(
                 "Camera: this take has no keys.", "Key views by “+ Pin” on its timeline, or choose another."
@@ -219,15 +219,17 @@ class Exporting:
 
     def _ground_of(self, take: Take) -> Callable[[], Terrain]:
         """What finds the ground that a take was made on."""
-        driven = take.drive.ground(0) if take.drive is not None else None
-        own = take.ground if driven is None else driven.terrain
-        if own is not None:
-            return lambda: own
-        if take.clip.terrain == self.scene.terrain_spec or not take.recorded:
-            shown = self.scene.terrain
+        drive, scene, spec = take.made.drive, self.scene, take.made.header.terrain
+        driven = drive.ground(0) if drive is not None and not take.mirrored else None
+        if driven is not None:
+            return lambda: driven.terrain
+        if take.ground is not None:
+            ground = take.ground
+            return lambda: ground.terrain
+        if spec == scene.terrain_spec or not take.recorded:
+            shown = scene.terrain
             return lambda: shown
-        settings, load, spec = self.scene.settings, self.scene.services.load_terrain, take.clip.terrain
-        return lambda: load(spec, settings.height_map_cell_m, settings.height_map_height_m)
+        return lambda: scene.read_ground(spec)
 
     def _film(self, clip: Clip, terrain: Terrain, path: Path, export: ExportOptions, film: Any) -> str:
         """Make a film on the worker; "" when it was given up."""
@@ -246,21 +248,22 @@ class Exporting:
 
     # --- what becomes of it
 
-    def _whole(self, clip: Clip, form: ExportForm) -> bool:
-        """Whether a BVH of this form holds every frame as it is, so that the take can be opened again."""
-        options = self._options(form, clip)
+    def _held(self, take: Take, form: ExportForm) -> Take | None:
+        """The take that a BVH of this form holds as it is; None for any other file."""
+        options = self._options(form, take)
         changed = (
             options.in_place or options.ground_root or options.at_origin or options.rest_frame or options.loop
         )
-        cut = options.start_s > 0.0 or options.end_s is not None
-        return form.suffix == ".bvh" and not changed and not cut and options.fps >= clip.fps
+        if form.suffix != ".bvh" or changed or options.fps < take.made.header.fps:
+            return None
+        return take if form.trimmed else replace(take, trim=None)
 
-    def _done(self, take: Take, clip: Clip, path: Path, text: str, whole: bool) -> None:
+    def _done(self, take: Take, held: Take | None, path: Path, text: str) -> None:
         if not text:
             self.state.report, self.state.report_good = "Cancelled: nothing was written.", True
-            self.messages.note(f"The export of {take.name} was cancelled.")
+            self.messages.note(f"The export of {take.title} was cancelled.")
             return
-        self.takes.note_file(take, clip, path, whole)
+        self.takes.note_file(replace(take, motion=None) if held is None else held, path)
         self.takes.settings.export_folder = str(path.parent)
         self.state.report, self.state.report_good = f"Saved {printable(text)}", True
         self.messages.note(f"Saved {text}")
@@ -268,6 +271,10 @@ class Exporting:
 
     def _failed(self, error: Exception) -> None:
         self.state.report, self.state.report_good = printable(error), False
+
+
+def _named_clip(take: Take) -> Clip:
+    return replace(take.clip, name=take.title)
 
 
 def _named(error: SportError) -> SportError:

@@ -39,20 +39,19 @@ def panel(exporting: Exporting, fonts: Fonts) -> Panel:
 
 def draw(exporting: Exporting, fonts: Fonts) -> None:
     """The window, when it is open."""
-    state, item = exporting.state, exporting.takes.state.current
-    if not state.open or item is None:
+    state, take = exporting.state, exporting.takes.session.current
+    if not state.open or take is None:
         state.open = False
         return
     with overlay.window(fonts, "Export", ICON.save, WIDTH) as closed:
-        playback = exporting.takes.state.playback
-        trimmed = playback is not None and playback.clip is item.clip and playback.trimmed
-        length = f"{item.clip.seconds:.1f} s, on {item.clip.terrain.rsplit('/', 1)[-1]}"
-        widgets.muted(widgets.elided(f"{item.name}: {length}", imgui.get_content_region_avail().x))
+        header = take.made.header
+        length = f"{header.seconds:.1f} s, on {header.terrain.rsplit('/', 1)[-1]}"
+        widgets.muted(widgets.elided(f"{take.title}: {length}", imgui.get_content_region_avail().x))
         imgui.begin_disabled(exporting.busy)
         _target(exporting)
         form = state.form
         _film(form) if form.format.film else _motion(form)
-        _common(exporting, form, trimmed)
+        _common(exporting, form, take.trimmed)
         imgui.end_disabled()
         _end(exporting)
     if closed[0]:
@@ -176,7 +175,7 @@ def _common(exporting: Exporting, form: ExportForm, trimmed: bool) -> None:
     if trimmed:
         hint = "Only what lies between the trim marks of the timeline"
         entries.append(("Trimmed range", form.trimmed, hint, partial(_set, form, "trimmed")))
-    own = exporting.stage.character_path
+    own = exporting.scene.character_path
     if own is not None and "character" in form.format.options:
         hint = f"{own.name} in the place of the mannequin"
         entries.append(("My character", form.own_character, hint, partial(_set, form, "own_character")))

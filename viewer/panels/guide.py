@@ -12,8 +12,8 @@ from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.session.editor import Editor
-from viewer.settings import Settings
 from viewer.session.takes import Takes
+from viewer.settings import Settings
 
 ARMS = ("left_arm", "right_arm")
 WALK_SECONDS = 1.0

@@ -8,17 +8,17 @@ from pathlib import Path
 
 from runtime.character.shape import BodyShape
 from runtime.safe_read import printable
+from viewer.edit import path_panel
+from viewer.edit.path import PathTool
 from viewer.gl_bindings import imgui
 from viewer.gui import setting_widgets, theme, widgets
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.live import panel as live_panel
-from viewer.settings import CAMERAS, QUALITIES, VIEWS, Settings
-from viewer.edit import path_panel
-from viewer.edit.path import PathTool
 from viewer.scene.scene import Scene
 from viewer.session.takes import Takes
+from viewer.settings import CAMERAS, QUALITIES, VIEWS, Settings
 
 _SHAPES = {"height": "Height", "legs": "Legs", "shoulders": "Shoulders"}
 _SHAPE_RANGE = (60.0, 150.0)  # % of its own

@@ -10,7 +10,7 @@ from typing import Any
 from runtime.safe_read import printable
 from viewer.exports.exporting import Exporting
 from viewer.gl_bindings import imgui
-from viewer.gui import theme, widgets
+from viewer.gui import widgets
 from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON

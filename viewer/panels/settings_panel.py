@@ -10,7 +10,6 @@ from pathlib import Path
 from runtime.assets import DEFAULT_MODEL, model_folder, model_name, shipped_models
 from runtime.motion.model_files import read_metadata
 from runtime.safe_read import printable
-from viewer.window.desk import Desk
 from viewer.gl_bindings import imgui
 from viewer.gui import overlay, setting_widgets, theme, widgets
 from viewer.gui.dialogs import DialogKind, Dialogs
@@ -186,4 +185,9 @@ def _model(window: SettingsWindow) -> None:
         window.choose_model(Path(str(chosen)))
     imgui.same_line(0, px(4))
     if widgets.icon_button(ICON.folder, "browse model", "Choose the folder of an exported model", theme.TEXT):
-        window.dialogs.ask(DialogKind.FOLDER, "Folder of an exported model", Path.home() if window.scene.model_folder is None else window.scene.model_folder.parent, window.choose_model)
+        window.dialogs.ask(
+            DialogKind.FOLDER,
+            "Folder of an exported model",
+            Path.home() if window.scene.model_folder is None else window.scene.model_folder.parent,
+            window.choose_model,
+        )

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from runtime.skeleton import PART_NAMES
 from runtime.takes.metadata import title
+from viewer.edit.resimulation import Resimulation
+from viewer.edit.tracks import LabelledSpan, words_of
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.prompt.prompt_field import WRAPPED
-from viewer.edit.resimulation import Resimulation
-from viewer.edit.tracks import LabelledSpan, words_of
 
 
 def panel(editing: Resimulation) -> Panel:

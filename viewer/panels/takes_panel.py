@@ -7,6 +7,7 @@ from pathlib import Path
 
 from runtime.safe_read import printable
 from runtime.session.session import LIVE, Take
+from viewer.edit.reference_card import ReferenceCard
 from viewer.gl_bindings import imgui
 from viewer.gui import setting_widgets, theme, widgets
 from viewer.gui.layout import Rect
@@ -14,8 +15,6 @@ from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.jobs import Slot
-from viewer.jobs import Slot
-from viewer.edit.reference_card import ReferenceCard
 from viewer.session.sessions import OPENING, Sessions, describe
 from viewer.session.takes import EXPORT_ALL, Takes
 from viewer.settings import Settings
@@ -94,7 +93,9 @@ def _cut_off(sessions: Sessions) -> None:
 def _record(takes: Takes) -> None:
     recording = takes.recording
     half = (imgui.get_content_region_avail().x - px(4)) / 2
-    text = f"{ICON.stop} {widgets.clock(takes.recorder.take_seconds)}" if recording else f"{ICON.record} Record"
+    text = (
+        f"{ICON.stop} {widgets.clock(takes.recorder.take_seconds)}" if recording else f"{ICON.record} Record"
+    )
     with (
         widgets.color(imgui.Col_.button, theme.RECORD if recording else theme.FIELD),
         # red words on red could not be read

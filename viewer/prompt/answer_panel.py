@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from runtime.prompts.answer import Answer
+from runtime.session.prompt_blend import Side
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
-from viewer.prompt.state import PromptState
-from viewer.prompt.style_edit import Answer
+from viewer.prompt.prompt_controller import PromptController
 
 GOOD_MATCH = 0.6  # cosine similarity from which a library prompt is near
 _ANSWERED = {"library": "Library", "gpt": "GPT", "explicit": "Explicit"}
@@ -19,19 +20,20 @@ _HINTS = {
 BAR_WIDTH = 46.0  # pixels at scale 1
 
 
-def draw(answer: Answer | None, asked: bool, prompt: PromptState, rows: int, lines: int = 2) -> str | None:
-    """The answer with at most `rows` of the nearest prompts and `lines` of remarks; a prompt that was clicked, else None."""
-    if not prompt.available:
+def draw(controller: PromptController, side: Side, rows: int, lines: int = 2) -> str | None:
+    """A side's answer with at most `rows` of the nearest prompts and `lines` of remarks; a prompt that was clicked."""
+    answer, asked = controller.prompt.answers[side], side in controller.asked
+    if not controller.available:
         widgets.muted(f"{ICON.warning} Prompts need a motion model.")
         return None
     if answer is None:
-        waiting = f"{ICON.clock} {'Loading' if prompt.loading else 'Preparing the style'}…"
-        widgets.muted(waiting if asked or prompt.loading else f"{ICON.note} Type a prompt.")
+        waiting = f"{ICON.clock} {'Loading' if controller.loading else 'Preparing the style'}…"
+        widgets.muted(waiting if asked or controller.loading else f"{ICON.note} Type a prompt.")
         return None
-    if answer.prompt and not asked and not any(box.text.strip() for box in prompt.boxes):
+    if answer.prompt and not asked and not any(box.text.strip() for box in controller.boxes):
         widgets.muted(f"{ICON.note} Type a prompt; “{answer.prompt}” goes on until then.")
         return None
-    _who(answer, asked, prompt, rows)
+    _who(answer, asked, controller.language_model, rows)
     chosen = None
     if answer.source != "gpt":
         for text, similarity in answer.nearest[: min(rows, 1) if answer.note else rows]:
@@ -43,7 +45,7 @@ def draw(answer: Answer | None, asked: bool, prompt: PromptState, rows: int, lin
     return chosen
 
 
-def _who(answer: Answer, asked: bool, prompt: PromptState, rows: int) -> None:
+def _who(answer: Answer, asked: bool, model: str, rows: int) -> None:
     widgets.tag(_ANSWERED.get(answer.source, answer.source))
     widgets.tooltip(f"{_HINTS.get(answer.source, '')}, in {answer.milliseconds:.0f} ms")
     if answer.edited:
@@ -52,7 +54,7 @@ def _who(answer: Answer, asked: bool, prompt: PromptState, rows: int) -> None:
         widgets.tooltip(
             "Words of " + ", ".join(part.replace("_", " ") for part in answer.edited) + " are yours"
         )
-    text = _summary(answer, asked, prompt, rows)
+    text = _summary(answer, asked, model, rows)
     imgui.same_line(0, px(7))
     shown = widgets.elided(text, imgui.get_content_region_avail().x)
     with widgets.color(imgui.Col_.text, theme.MUTED):
@@ -61,11 +63,11 @@ def _who(answer: Answer, asked: bool, prompt: PromptState, rows: int) -> None:
         widgets.tooltip(text)
 
 
-def _summary(answer: Answer, asked: bool, prompt: PromptState, rows: int) -> str:
+def _summary(answer: Answer, asked: bool, model: str, rows: int) -> str:
     if asked:
-        return f"{ICON.clock} asking {prompt.expander.language_model or 'for the next'}…"
+        return f"{ICON.clock} asking {model or 'for the next'}…"
     if answer.source == "gpt":
-        return prompt.expander.language_model or "language model"
+        return model or "language model"
     if answer.source == "explicit":
         return "your own words"
     if answer.nearest and not rows:

@@ -2,40 +2,41 @@
 
 from __future__ import annotations
 
+from runtime.prompts.answer import Answer
+from runtime.session.prompt_blend import PromptBlend, Side
 from runtime.skeleton import PART_NAMES
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
-from viewer.prompt import answer_panel, field_panel
-from viewer.prompt.prompting import Prompting
-from viewer.prompt.room import PromptRoom
-from viewer.prompt.style_edit import Answer, Side, StyleEdit
+from viewer.prompt import answer_panel, prompt_field
+from viewer.prompt.prompt_controller import PromptController
+from viewer.prompt.suggestions import Suggester
 
 NAME_WIDTH = 70.0  # pixels at scale 1
 HINT = "A second prompt to blend with"
 
 
-def draw(room: PromptRoom) -> None:
+def draw(controller: PromptController, suggester: Suggester) -> None:
     """Prompt B, who answered it, and the sliders."""
-    prompt, prompting = room.state, room.prompting
     widgets.label("Prompt B")
-    field_panel.draw(room, Side.B, HINT, lines=1)
-    if prompt.edit.b is None:
-        if Side.B in prompt.asked:
-            answer_panel.draw(None, True, prompt, 0)
+    prompt_field.draw(controller, suggester, Side.B, HINT, lines=1)
+    blend, waits = controller.prompt, bool(controller.asked)
+    if blend.b is None:
+        if Side.B in controller.asked:
+            answer_panel.draw(controller, Side.B, rows=0)
         else:
             widgets.muted("Type a second prompt: each body part then takes its share of it.", wrap=True)
         return
-    answer_panel.draw(prompt.edit.b, Side.B in prompt.asked, prompt, rows=0, lines=1)
+    answer_panel.draw(controller, Side.B, rows=0, lines=1)
     imgui.dummy(imgui.ImVec2(0, px(1)))
     _ends()
-    _all(prompt.edit, prompting)
+    _all(blend, controller)
     imgui.separator()
-    for i, part in enumerate(PART_NAMES):
-        _part(part, prompt.edit.weights[i], prompt.edit, prompting)
+    for part, share in zip(PART_NAMES, blend.weights, strict=True):
+        _part(part, share, blend, controller)
     imgui.dummy(imgui.ImVec2(0, px(1)))
-    _buttons(bool(prompt.asked), prompting)
+    _buttons(waits, controller)
 
 
 def _ends() -> None:
@@ -48,35 +49,30 @@ def _ends() -> None:
     widgets.label("Prompt B")
 
 
-def _all(edit: StyleEdit, prompting: Prompting) -> None:
-    free = len(edit.locked) < len(PART_NAMES)
-    imgui.begin_disabled(not free)
-    moved, share = _slider("All", "all", edit.master_weight, px(NAME_WIDTH))
+def _all(blend: PromptBlend, controller: PromptController) -> None:
+    imgui.begin_disabled(len(blend.locked) == len(PART_NAMES))
+    moved, share = _slider("All", "all", blend.master_weight, px(NAME_WIDTH))
     if moved:
-        prompting.set_all_weights(share)
-    if imgui.is_item_deactivated_after_edit():
-        prompting.commit("blend of all parts")
+        controller.set_all_weights(share)
     imgui.end_disabled()
     widgets.tooltip("Every part that is not locked")
 
 
-def _part(part: str, share: float, edit: StyleEdit, prompting: Prompting) -> None:
-    name, locked = part.replace("_", " "), part in edit.locked
+def _part(part: str, share: float, blend: PromptBlend, controller: PromptController) -> None:
+    name, locked = part.replace("_", " "), part in blend.locked
     imgui.begin_disabled(locked)
     moved, value = _slider(name.capitalize(), part, share, px(NAME_WIDTH), imgui.get_frame_height() + px(2))
     imgui.end_disabled()
     if moved:
-        prompting.set_weight(part, value)
-    if imgui.is_item_deactivated_after_edit():
-        prompting.commit(f"blend of {name}")
-    widgets.tooltip(f"A: {_words(edit.a, part)}\nB: {_words(edit.b, part)}")
+        controller.set_weight(part, value)
+    widgets.tooltip(f"A: {_words(blend.a, part)}\nB: {_words(blend.b, part)}")
     imgui.same_line(0, px(4))
     hint = (
         "Locked: no prompt and no slider changes this part" if locked else "Hold this part's words and share"
     )
     icon, tint = (ICON.lock, theme.ACCENT) if locked else (ICON.unlock, theme.MUTED)
     if widgets.icon_button(icon, f"lock {part}", hint, tint):
-        prompting.toggle_lock(part)
+        controller.toggle_lock(part)
 
 
 def _slider(text: str, name: str, share: float, left: float, spare: float = 0.0) -> tuple[bool, float]:
@@ -89,16 +85,16 @@ def _slider(text: str, name: str, share: float, left: float, spare: float = 0.0)
     return moved, min(max(percent / 100.0, 0.0), 1.0)
 
 
-def _buttons(waits: bool, prompting: Prompting) -> None:
+def _buttons(waits: bool, controller: PromptController) -> None:
     half = (imgui.get_content_region_avail().x - px(4)) / 2
     imgui.begin_disabled(waits)
     hint = "Prompt B becomes prompt A, whose words can be edited; the character moves on as it does"
-    if widgets.button(f"{ICON.exchange} Swap A, B", half, hint):
-        prompting.swap()
+    if widgets.button(f"{ICON.exchange} Swap A and B", half, hint):
+        controller.swap()
     imgui.end_disabled()
     imgui.same_line(0, px(4))
     if widgets.button(f"{ICON.close} No blend", half, "Back to prompt A alone"):
-        prompting.drop_blend()
+        controller.drop_blend()
 
 
 def _words(answer: Answer | None, part: str) -> str:

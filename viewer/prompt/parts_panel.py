@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from runtime.prompts.expander import DEFAULT_PROMPT
+from runtime.prompts.shares import HARDLY, phrase_share
+from runtime.session.prompt_blend import PromptBlend
 from runtime.skeleton import PART_NAMES
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
-from viewer.prompt.field_panel import WRAPPED, is_active, undo_keys
-from viewer.prompt.prompting import Prompting
-from viewer.prompt.state import PromptState
+from viewer.prompt.prompt_controller import PromptController
+from viewer.prompt.prompt_field import WRAPPED, is_active, undo_keys
 
 LABEL_HEIGHT = 17.0  # pixels at scale 1
 ROW_GAP = 4.0
 MIN_LINES, MAX_LINES = 2, 3
 
 
-def draw(prompt: PromptState, prompting: Prompting) -> None:
+def draw(controller: PromptController, model: str) -> None:
     """The fields share the height that is there; in less than they need, they scroll."""
     free = imgui.get_content_region_avail().y / len(PART_NAMES) - _row_height(0.0)
     height = min(max(free, _field_height(MIN_LINES)), _field_height(MAX_LINES))
@@ -25,12 +27,12 @@ def draw(prompt: PromptState, prompting: Prompting) -> None:
         imgui.push_style_var(
             imgui.StyleVar_.item_spacing, imgui.ImVec2(imgui.get_style().item_spacing.x, px(2))
         )
-        _heading(part, prompt, prompting)
+        _heading(part, controller, model)
         imgui.pop_style_var()
         imgui.push_style_var(
             imgui.StyleVar_.item_spacing, imgui.ImVec2(imgui.get_style().item_spacing.x, px(ROW_GAP))
         )
-        _field(part, height, prompt, prompting)
+        _field(part, height, controller)
         imgui.pop_style_var()
         imgui.pop_id()
 
@@ -43,21 +45,24 @@ def _row_height(field: float) -> float:
     return px(LABEL_HEIGHT) + px(2) + field + px(ROW_GAP)
 
 
-def _heading(part: str, prompt: PromptState, prompting: Prompting) -> None:
+def _heading(part: str, controller: PromptController, model: str) -> None:
     """The part's name and marks on the left, reset and lock on the right."""
     top, width = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
-    answer, locked = prompt.edit.a, part in prompt.edit.locked
+    blend = controller.prompt
+    answer, locked = blend.a, part in blend.locked
     widgets.label(part.replace("_", " ").capitalize(), theme.TEXT if locked else theme.MUTED)
     edited = answer is not None and part in answer.edited
-    if prompt.parts[part] != prompt.applied(part):
+    applies = controller.parts[part] == controller.applied(part)
+    if not applies:
         imgui.same_line(0, px(6))
         widgets.label("Enter applies", theme.WARNING)
     elif edited:
         imgui.same_line(0, px(6))
         widgets.label("kept" if locked else "edited", theme.ACCENT)
-    _mark_weak(part, prompt)
-    share = prompt.edit.weights[PART_NAMES.index(part)]
-    if prompt.edit.b is not None and share > 0.0:
+    if applies:
+        _mark_weak(weakly_shown(blend, part, model))
+    share = blend.weights[PART_NAMES.index(part)]
+    if blend.b is not None and share > 0.0:
         imgui.same_line(0, px(6))
         widgets.label(f"{share:.0%} of B")
     side = px(LABEL_HEIGHT + 3)
@@ -66,7 +71,7 @@ def _heading(part: str, prompt: PromptState, prompting: Prompting) -> None:
     if edited and widgets.icon_button(
         ICON.original, "reset", f"Back to what was said: “{said}”", size=LABEL_HEIGHT + 3
     ):
-        prompting.reset_part(part)
+        controller.reset_part(part)
     imgui.set_cursor_pos(imgui.ImVec2(top.x + width - side, top.y - px(2)))
     hint = (
         "Locked: the next prompt leaves these words alone"
@@ -75,14 +80,24 @@ def _heading(part: str, prompt: PromptState, prompting: Prompting) -> None:
     )
     tint = theme.ACCENT if locked else theme.MUTED
     if widgets.icon_button(ICON.lock if locked else ICON.unlock, "lock", hint, tint, size=LABEL_HEIGHT + 3):
-        prompting.toggle_lock(part)
+        controller.toggle_lock(part)
     imgui.set_cursor_pos(imgui.ImVec2(top.x, top.y + px(LABEL_HEIGHT + 2)))
 
 
-def _mark_weak(part: str, prompt: PromptState) -> None:
-    """Beside the part's name where a walk was measured to show next to nothing of its words."""
-    share = prompt.weakly_shown(part)
-    if share is None or prompt.parts[part] != prompt.applied(part):
+def weakly_shown(blend: PromptBlend, part: str, model: str) -> float | None:
+    """Share (0 to 1) of a part's words that a model, by its name, shows on a walk, where that is hardly anything.
+
+    None for the words of the walk that the program begins with: nobody asked for anything that is not shown.
+    """
+    if blend.a is None or (blend.a.prompt == DEFAULT_PROMPT and part not in blend.a.edited):
+        return None
+    share = phrase_share(getattr(blend.a.words, part), part, model)
+    return share if share is not None and share < HARDLY else None
+
+
+def _mark_weak(share: float | None) -> None:
+    """A mark after the part's name where a walk was measured to show next to nothing of its words."""
+    if share is None:
         return
     imgui.same_line(0, px(6))
     widgets.label(f"hardly shown ({share:.0%})", theme.WARNING)
@@ -96,18 +111,18 @@ def _overflows(text: str, height: float) -> bool:
     return bool(imgui.calc_text_size(text, False, width).y > height - 2 * padding.y + 1.0)
 
 
-def _field(part: str, height: float, prompt: PromptState, prompting: Prompting) -> None:
+def _field(part: str, height: float, controller: PromptController) -> None:
     field_id = imgui.get_id("##words")
     active = is_active(field_id)
     if active:
-        undo_keys(field_id, prompt.parts[part] == prompt.applied(part), prompting)
-    fill = theme.ACCENT_LOCKED if part in prompt.edit.locked else theme.FIELD
+        undo_keys(field_id, controller.parts[part] == controller.applied(part), controller.editor)
+    fill = theme.ACCENT_LOCKED if part in controller.prompt.locked else theme.FIELD
     with widgets.color(imgui.Col_.frame_bg, fill):
-        _, prompt.parts[part] = imgui.input_text_multiline(
-            "##words", prompt.parts[part], imgui.ImVec2(-1, height), WRAPPED
+        _, controller.parts[part] = imgui.input_text_multiline(
+            "##words", controller.parts[part], imgui.ImVec2(-1, height), WRAPPED
         )
     left = imgui.is_item_deactivated_after_edit()  # by Enter, or for something else
-    if not active and _overflows(prompt.parts[part], height):
-        widgets.tooltip(prompt.parts[part])
-    if left and prompt.parts[part] != prompt.applied(part):
-        prompting.submit_part(part)
+    if not active and _overflows(controller.parts[part], height):
+        widgets.tooltip(controller.parts[part])
+    if left and controller.parts[part] != controller.applied(part):
+        controller.submit_part(part)

@@ -1,15 +1,36 @@
-"""What to suggest while a prompt is typed: pure functions over the library's prompts and the user's own."""
+"""What to suggest while a prompt is typed: matches of words in the frame, nearest by meaning from a worker thread."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+
+from runtime.errors import SportError
+from viewer.jobs import Jobs, Slot
+from viewer.settings import Settings
 
 MAX_HISTORY = 50
 MAX_SUGGESTIONS = 7
 MAX_RECENT = 2  # of the user's own among the suggestions for typed words
 MIN_NEAR = 2  # lines kept for prompts that mean the like, where there are any
 MIN_SIMILARITY = 0.3  # cosine; less alike is no suggestion
+MIN_CHARACTERS = 3  # typed before the meaning is looked up
+_SLOT = Slot("suggestions")
+
+Nearest = Callable[[str], tuple[tuple[str, float], ...]]
+
+
+@dataclass
+class PromptText:
+    """What stands in a text field for a prompt, with its list of suggestions."""
+
+    text: str = ""
+    focus_requested: bool = False
+    suggesting: bool = False  # the list is open
+    picked: int = -1  # line of the list that the arrow keys chose
+    recalled: int = -1  # which of the last prompts stands in the field
+    near: tuple[tuple[str, float], ...] = ()  # the library's prompts nearest to `near_to`
+    near_to: str = ""
 
 
 @dataclass(frozen=True)
@@ -19,6 +40,55 @@ class Suggestion:
     text: str
     recent: bool = False
     similarity: float | None = None
+
+
+@dataclass
+class Suggester:
+    """Answers at once with what is known; what the worker finds is there some frames later."""
+
+    settings: Settings
+    jobs: Jobs
+    ready: tuple[str, ...] = ()  # prompts to choose from
+    library: tuple[str, ...] = ()  # prompts to suggest
+    nearest: Nearest | None = None  # of the loaded library; takes milliseconds
+    _key: object = None
+    _found: tuple[Suggestion, ...] = ()
+
+    def load_library(self, prompts: Callable[[], tuple[tuple[str, ...], tuple[str, ...]]]) -> None:
+        """Fetch the prompts to choose from and to suggest."""
+        self.jobs.submit(Slot("library"), prompts, self._take_library)
+
+    def _take_library(self, prompts: tuple[tuple[str, ...], tuple[str, ...]]) -> None:
+        self.ready, self.library = prompts
+
+    def suggestions(self, box: PromptText) -> tuple[Suggestion, ...]:
+        """The list for what stands in a field now."""
+        typed, history = box.text, self.settings.prompt_history
+        self._look_up(box, typed)
+        near = box.near if box.near_to and _continues(typed, box.near_to) else ()
+        key = (typed, near, tuple(history))
+        if key != self._key:
+            self._key = key
+            self._found = suggest(typed, self.library, history, near)
+        return self._found
+
+    def _look_up(self, box: PromptText, typed: str) -> None:
+        nearest = self.nearest
+        if nearest is None or box.near_to == typed or len(typed.strip()) < MIN_CHARACTERS:
+            return
+        if self.jobs.busy(_SLOT):
+            return  # the newest words are looked up when it is done
+
+        def work() -> tuple[tuple[str, float], ...]:
+            try:
+                return nearest(typed)
+            except SportError:  # words that no prompt may have; `Apply` says so
+                return ()
+
+        def done(near: tuple[tuple[str, float], ...]) -> None:
+            box.near, box.near_to = near, typed
+
+        self.jobs.submit(_SLOT, work, done)
 
 
 def suggest(
@@ -74,3 +144,8 @@ def remember(history: Sequence[str], prompt: str) -> list[str]:
 
 def _folded(text: str) -> str:
     return " ".join(text.casefold().split())
+
+
+def _continues(typed: str, earlier: str) -> bool:
+    """Whether what was found for `earlier` is still of use while more is typed or taken away."""
+    return typed.startswith(earlier) or earlier.startswith(typed)

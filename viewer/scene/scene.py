@@ -455,7 +455,6 @@ class Scene:
 
 def has_skin(path: Path) -> bool:
     """Whether a glTF file holds a skin; FileError when it cannot be read."""
-    from runtime.character.joint_map import joint_map_path
-from runtime.character.read import open_gltf
+    from runtime.character.read import open_gltf
 
     return bool(open_gltf(path).gltf.skins)

@@ -132,9 +132,7 @@ class Sessions:
         history = History()
         live = replace(before.live, path=(), cameras=())
         history.replace(
-            replace(
-                before, takes=(), live=live, counter=0, selected=0, reference=None, variants=()
-            )
+            replace(before, takes=(), live=live, counter=0, selected=0, reference=None, variants=())
         )
         self._use(file, history)
         file.write(history)
@@ -193,7 +191,9 @@ class Sessions:
         elif self.editor.file.flush(1.0):
             self.messages.note(f"{self.path.name} is saved; every edit is in it at once.")
         else:
-            self.messages.error(self.editor.file.problem or f"{self.path.name} is still being written.", PROBLEM)
+            self.messages.error(
+                self.editor.file.problem or f"{self.path.name} is still being written.", PROBLEM
+            )
 
     def ask_save(self) -> None:
         """Choose under which name to go on."""
@@ -289,9 +289,17 @@ class Sessions:
         camera, pose = self.scene.camera, self.scene.simulation.current
         now = camera.current
         view = {name: getattr(self.settings, name) for name in KEPT_SETTINGS}
-        place = {"x": float(pose.root_position[0]), "z": float(pose.root_position[2]), "facing": pose.root_yaw}
+        place = {
+            "x": float(pose.root_position[0]),
+            "z": float(pose.root_position[2]),
+            "facing": pose.root_yaw,
+        }
         look = {"yaw": float(now.yaw), "pitch": float(now.pitch), "distance": float(now.distance)}
-        return view | {"camera": camera.mode, "name": self.name} | {k: round(v, 3) for k, v in (place | look).items()}
+        return (
+            view
+            | {"camera": camera.mode, "name": self.name}
+            | {k: round(v, 3) for k, v in (place | look).items()}
+        )
 
     def _write_view(self, ended: bool = False) -> None:
         self._viewed, self._viewed_s = self._view(), time.monotonic()
@@ -315,7 +323,11 @@ class Sessions:
         x, z, facing = (number(name, -1e5, 1e5) for name in ("x", "z", "facing"))
         if x is not None and z is not None:
             self.scene.put_character(x, z, facing or 0.0)
-        for name, low, high in (("yaw", -1e3, 1e3), ("pitch", -MAX_PITCH, MAX_PITCH), ("distance", *DISTANCES)):
+        for name, low, high in (
+            ("yaw", -1e3, 1e3),
+            ("pitch", -MAX_PITCH, MAX_PITCH),
+            ("distance", *DISTANCES),
+        ):
             value = number(name, low, high)
             if value is not None:
                 setattr(camera.current, name, value)

@@ -210,9 +210,7 @@ class Takes:
     def _origin(self) -> Origin:
         return origin_of(self.scene.controller, self.scene.terrain_spec)
 
-    def _keep(
-        self, kind: str, cut: Callable[[str, str, Origin], Clip], recording: Recording | None
-    ) -> None:
+    def _keep(self, kind: str, cut: Callable[[str, str, Origin], Clip], recording: Recording | None) -> None:
         """Close a piece of the live take: what `cut(name, terrain, origin)` makes of the memory comes into the list."""
         name = f"{kind} {self.session.counter + 1}"
         try:
@@ -318,9 +316,7 @@ class Takes:
 
         self._open(path, False, show, selects=False)
 
-    def _open(
-        self, path: Path, keep_ground: bool, show: Callable[[int], None], selects: bool = True
-    ) -> None:
+    def _open(self, path: Path, keep_ground: bool, show: Callable[[int], None], selects: bool = True) -> None:
         load = None if keep_ground else self.scene.read_ground
 
         def opened(found: tuple[Take, str, str]) -> None:

@@ -7,14 +7,14 @@ from viewer.gl_bindings import imgui
 from viewer.gui import setting_widgets, theme, widgets
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
-from viewer.prompt.expanders import Expanders
+from viewer.prompt.language_model import LanguageModel
 
 POPUP = "who answers"
 WIDTH = 340.0  # pixels at scale 1
 _ENTER = imgui.InputTextFlags_.enter_returns_true
 
 
-def draw(expanders: Expanders, corner: imgui.ImVec2) -> None:
+def draw(model: LanguageModel, corner: imgui.ImVec2) -> None:
     """The popup, where it was opened by `imgui.open_popup(POPUP)`; its upper left corner is at `corner`."""
     space = imgui.get_io().display_size
     width = min(px(WIDTH), space.x - px(16))
@@ -27,23 +27,22 @@ def draw(expanders: Expanders, corner: imgui.ImVec2) -> None:
         return
     widgets.label("Prompts are answered by")
     options = (("library", "Library"), ("gpt", "Language model"))
-    kind = widgets.segmented("kind", options, expanders.kind)
-    if kind != expanders.kind:
-        expanders.choose(kind)
+    kind = widgets.segmented("kind", options, model.kind)
+    if kind != model.kind:
+        model.choose(kind)
     if kind == "library":
         widgets.muted("On this machine, without a key or a network.", wrap=True)
     else:
         widgets.muted(
             "Prompts are sent to the endpoint. The library answers at once and whenever it fails.", wrap=True
         )
-        _fields(expanders)
-        _test(expanders)
+        _fields(model)
+        _test(model)
     imgui.end_popup()
 
 
-def _fields(expanders: Expanders) -> None:
-    settings, expander = expanders.settings, expanders.state
-    changed = False
+def _fields(model: LanguageModel) -> None:
+    settings, changed = model.settings, False
     widgets.label("Base URL")
     done, settings.gpt_base_url = _text("##url", OPENAI_URL, settings.gpt_base_url)
     changed |= done
@@ -53,16 +52,17 @@ def _fields(expanders: Expanders) -> None:
     done, settings.gpt_model = _text("##model", DEFAULT_MODEL, settings.gpt_model)
     changed |= done
     widgets.label("API key")
-    known = expanders.key_from_environment
-    hint = "from OPENAI_API_KEY" if known else "none (endpoints of your own may need none)"
-    done, expander.key = _text("##key", hint, expander.key, imgui.InputTextFlags_.password)
+    hint = (
+        "from OPENAI_API_KEY" if model.key_from_environment else "none (endpoints of your own may need none)"
+    )
+    done, model.key = _text("##key", hint, model.key, imgui.InputTextFlags_.password)
     changed |= done
     widgets.label("The key stays in memory: no file, no log, no take has it.")
     widgets.full_width()
     setting_widgets.slider(settings, "gpt_timeout_s")
     changed |= imgui.is_item_deactivated_after_edit()
     if changed:
-        expanders.apply()
+        model.apply()
 
 
 def _text(name: str, hint: str, value: str, flags: int = 0) -> tuple[bool, str]:
@@ -71,16 +71,15 @@ def _text(name: str, hint: str, value: str, flags: int = 0) -> tuple[bool, str]:
     return bool(imgui.is_item_deactivated_after_edit()), value
 
 
-def _test(expanders: Expanders) -> None:
-    expander = expanders.state
-    imgui.begin_disabled(expander.testing)
-    text = f"{ICON.clock} Asking…" if expander.testing else f"{ICON.check} Test"
+def _test(model: LanguageModel) -> None:
+    imgui.begin_disabled(model.testing)
+    text = f"{ICON.clock} Asking…" if model.testing else f"{ICON.check} Test"
     if widgets.button(f"{text}###test", -1, "Ask the language model for one prompt", primary=True):
-        expanders.test()
+        model.test()
     imgui.end_disabled()
-    said, good = expander.report or expander.problem, expander.report_good and bool(expander.report)
-    if not said and expander.language_model:
-        said, good = f"{expander.language_model}, from the next prompt on", True
+    said, good = model.report or model.problem, model.report_good and bool(model.report)
+    if not said and model.name:
+        said, good = f"{model.name}, from the next prompt on", True
     if said:
         with widgets.color(imgui.Col_.text, theme.ACCENT if good else theme.WARNING):
             imgui.text_wrapped(f"{ICON.check if good else ICON.warning} {said}".replace("%", "%%"))

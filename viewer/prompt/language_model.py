@@ -9,23 +9,31 @@ from runtime.errors import SportError
 from runtime.prompts.expander import Expander
 from runtime.prompts.gpt.settings import GptSettings, gpt_configured
 from viewer.jobs import Jobs, Slot
-from viewer.prompt.prompting import Prompting
-from viewer.prompt.state import ExpanderState
+from viewer.prompt.prompt_controller import PromptController
 from viewer.services import LibraryLike, Loaded, Services
 from viewer.settings import Settings
 
 
 @dataclass
-class Expanders:
-    """Actions of the panel that chooses who answers. The key is read from the state, handed on, and kept nowhere else."""
+class LanguageModel:
+    """The choice of who answers. The key is held in memory, handed on, and kept nowhere else."""
 
-    state: ExpanderState
     settings: Settings
     jobs: Jobs
     services: Services
-    prompting: Prompting
+    controller: PromptController
     library: LibraryLike | None = None  # the loaded model's library expander
+    key: str = field(default="", repr=False)  # typed here: in memory only, never written
+    problem: str = ""  # why no language model can be asked though one was chosen
+    testing: bool = False
+    report: str = ""  # what the last test said
+    report_good: bool = False
     _stop: threading.Event = field(default_factory=threading.Event)
+
+    @property
+    def name(self) -> str:
+        """ "model at host" while one is asked, "" when the library answers alone."""
+        return self.controller.language_model
 
     @property
     def kind(self) -> str:
@@ -38,22 +46,21 @@ class Expanders:
         self.apply()
 
     def chosen(self) -> GptSettings | None:
-        """The language model to ask, None for the library alone; what is wrong with its settings goes to the state."""
-        expander = self.state
-        expander.problem = expander.language_model = ""
+        """The language model to ask, None for the library alone; what is wrong with its settings is the `problem`."""
+        self.problem = self.controller.language_model = ""
         if self.kind != "gpt":
             return None
         try:
             settings = self._settings()
         except SportError as error:
-            expander.problem = str(error)
+            self.problem = str(error)
             return None
-        expander.language_model = f"{settings.model} at {settings.host}"
+        self.controller.language_model = f"{settings.model} at {settings.host}"
         return settings
 
     def apply(self) -> None:
         """Put the choice and the settings into force, from the next prompt on."""
-        self.state.report = ""
+        self.report = ""
         settings, library = self.chosen(), self.library
         if library is None:
             return  # the model that is being loaded brings its library, and `use` looks at the choice again
@@ -61,32 +68,34 @@ class Expanders:
         def work() -> Expander:
             return library if settings is None else self.services.open_expander(library, settings)
 
-        self.jobs.submit(Slot("language model"), work, self.prompting.use_expander)
+        self.jobs.submit(Slot("language model"), work, self.controller.use_expander)
 
-    def use(self, loaded: Loaded, given: GptSettings | None) -> None:
-        """Let a loaded model's workers answer; they were opened to ask `given`, which may no longer be the choice."""
+    def use(self, loaded: Loaded, given: GptSettings | None, again: bool = True) -> None:
+        """Let a loaded model's workers answer; they were opened to ask `given`, which may no longer be the choice.
+
+        `again`: what the session moves by was encoded by another model.
+        """
         self.library = loaded.library
         changed = self.chosen() != given
         if changed:
             # what waits for the model must not be sent where it was chosen not to go
             for worker in loaded.prompts:
                 worker.use(loaded.library)
-        self.prompting.use(loaded.prompts)
+        self.controller.use(loaded.prompts, again)
         if changed:
             self.apply()
 
     def test(self) -> None:
         """Ask the language model one question and report."""
-        expander = self.state
-        if expander.testing:
+        if self.testing:
             return
-        expander.report = ""
+        self.report = ""
         try:
             settings = self._settings()
         except SportError as error:
-            expander.report, expander.report_good = str(error), False
+            self.report, self.report_good = str(error), False
             return
-        expander.testing = True
+        self.testing = True
         self.jobs.submit(Slot("test of the language model"), lambda: self._check(settings), self._report)
 
     def _check(self, settings: GptSettings) -> tuple[str, bool]:
@@ -96,13 +105,12 @@ class Expanders:
             return str(error), False
 
     def _report(self, outcome: tuple[str, bool]) -> None:
-        expander = self.state
-        expander.testing = False
-        expander.report, expander.report_good = outcome
+        self.testing = False
+        self.report, self.report_good = outcome
 
     def _settings(self) -> GptSettings:
         chosen = self.settings
-        return GptSettings.chosen(chosen.gpt_base_url, chosen.gpt_model, chosen.gpt_timeout_s, self.state.key)
+        return GptSettings.chosen(chosen.gpt_base_url, chosen.gpt_model, chosen.gpt_timeout_s, self.key)
 
     @property
     def key_from_environment(self) -> bool:

@@ -3,22 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 
+from runtime.prompts.gpt.settings import GptSettings
+from runtime.session.prompt_blend import Side
 from viewer.gl_bindings import imgui
 from viewer.gui import setting_widgets, theme, widgets
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
-from viewer.prompt import answer_panel, blend_panel, expander_panel, field_panel, parts_panel
-from viewer.prompt.room import PromptRoom
-from viewer.prompt.style_edit import Side
+from viewer.prompt import answer_panel, blend_panel, language_model_panel, parts_panel, prompt_field
+from viewer.prompt.language_model import LanguageModel
+from viewer.prompt.prompt_controller import PromptController
+from viewer.prompt.suggestions import Suggester
+from viewer.services import Loaded
+from viewer.settings import Settings
 
 HINT = "How should the character move?\nFor example: an exhausted soldier"
 NEAREST_ROWS = 3  # in a tall panel, else one
 TALL = 620.0  # pixels at scale 1
 MIN_LIST_HEIGHT = 150.0  # pixels at scale 1
 TOOLS_WIDTH = 3 * 26.0 + 2 * 4.0  # pixels at scale 1
+
+
+@dataclass
+class PromptRoom:
+    """What the prompt panel is drawn from."""
+
+    settings: Settings
+    controller: PromptController
+    language_model: LanguageModel
+    suggester: Suggester
+    compare: Callable[[], None]  # opens the compare view
+    model: str = ""  # the loaded one's name
+    search: str = ""
+    tab_requested: str = ""  # "blend": shown from the next frame on
+
+    def use_model(self, loaded: Loaded, given: GptSettings | None, again: bool = True) -> None:
+        """Let a loaded model answer, whose workers were opened to ask `given`.
+
+        `again`: what the session moves by was encoded by another model.
+        """
+        self.model = loaded.name
+        self.controller.even_blends.use(loaded.even_shares)
+        self.suggester.nearest = loaded.library.nearest
+        self.language_model.use(loaded, given, again)
 
 
 def panel(room: PromptRoom, shown: Callable[[], bool]) -> Panel:
@@ -30,51 +60,51 @@ def panel(room: PromptRoom, shown: Callable[[], bool]) -> Panel:
 
 
 def _begin_typing(room: PromptRoom) -> None:
-    room.state.boxes[Side.A].focus_requested = True
+    room.controller.boxes[Side.A].focus_requested = True
 
 
 def tools(room: PromptRoom) -> None:
-    """Undo, redo and who answers, beside the panel's title."""
-    prompting, stack, expander = room.prompting, room.prompting.history, room.state.expander
-    undoing, redoing = stack.undo_label or bool(room.state.asked), stack.redo_label
-    if widgets.icon_button(
-        ICON.undo, "undo", f"Undo {stack.undo_label} (Ctrl+Z)", theme.TEXT, bool(undoing), 26.0
-    ):
-        prompting.undo()
+    """Undo, redo and who answers, in the line of the panel's title."""
+    editor, model = room.controller.editor, room.language_model
+    undoing, redoing = editor.undo_label, editor.redo_label
+    active = bool(undoing or room.controller.asked)
+    if widgets.icon_button(ICON.undo, "undo", f"Undo {undoing} (Ctrl+Z)", theme.TEXT, active, 26.0):
+        editor.undo()
     imgui.same_line(0, px(4))
     if widgets.icon_button(ICON.redo, "redo", f"Redo {redoing} (Ctrl+Y)", theme.TEXT, bool(redoing), 26.0):
-        prompting.redo()
+        editor.redo()
     imgui.same_line(0, px(4))
-    hint = expander.problem or f"Who answers prompts: {expander.language_model or 'the library'}"
-    tint = theme.WARNING if expander.problem else theme.TEXT
+    hint = model.problem or f"Who answers prompts: {model.name or 'the library'}"
+    tint = theme.WARNING if model.problem else theme.TEXT
     if widgets.icon_button(ICON.gear, "who", hint, tint, size=26.0):
-        imgui.open_popup(expander_panel.POPUP)
+        imgui.open_popup(language_model_panel.POPUP)
     corner = imgui.ImVec2(
         imgui.get_window_pos().x + imgui.get_window_width() + px(8), imgui.get_window_pos().y
     )
-    expander_panel.draw(room.expanders, corner)
+    language_model_panel.draw(model, corner)
 
 
 def draw(room: PromptRoom) -> None:
     """Contents of the panel."""
-    prompt, prompting = room.state, room.prompting
+    controller, suggester = room.controller, room.suggester
     # the button below stays in reach while the list is open
-    field_panel.draw(room, Side.A, HINT, below=imgui.get_frame_height_with_spacing())
+    below = imgui.get_frame_height_with_spacing()
+    prompt_field.draw(controller, suggester, Side.A, HINT, below=below)
     _apply(room)
     rows = NEAREST_ROWS if imgui.get_window_height() >= px(TALL) else 1
-    near = answer_panel.draw(prompt.edit.a, Side.A in prompt.asked, prompt, rows)
+    near = answer_panel.draw(controller, Side.A, rows)
     if near is not None:
-        prompting.submit_prompt(near)
+        controller.submit_prompt(near)
     if not imgui.begin_tab_bar("prompt tabs"):
         return
     if widgets.tab("Body parts"):
-        _scrolling("parts", lambda: parts_panel.draw(prompt, prompting))
+        _scrolling("parts", lambda: parts_panel.draw(controller, room.model))
         imgui.end_tab_item()
-    blended = " •" if prompt.edit.blended else ""
-    wanted = imgui.TabItemFlags_.set_selected if prompt.tab_requested == "blend" else 0
+    blended = " •" if controller.prompt.blended else ""
+    wanted = imgui.TabItemFlags_.set_selected if room.tab_requested == "blend" else 0
     if widgets.tab(f"Blend{blended}###blend", wanted):
-        prompt.tab_requested = ""
-        _scrolling("blend", lambda: blend_panel.draw(room))
+        room.tab_requested = ""
+        _scrolling("blend", lambda: blend_panel.draw(controller, suggester))
         imgui.end_tab_item()
     if widgets.tab("Ready prompts"):
         _ready(room)
@@ -84,10 +114,10 @@ def draw(room: PromptRoom) -> None:
 
 def _apply(room: PromptRoom) -> None:
     """The button, how long the change takes and how far it goes."""
-    width, text = imgui.get_content_region_avail().x, room.state.boxes[Side.A].text
+    width, text = imgui.get_content_region_avail().x, room.controller.boxes[Side.A].text
     hint = "Enter in the box does the same; Ctrl+Enter begins a new line"
     if widgets.button(f"{ICON.wand} Apply", width * 0.29, hint, primary=True) and text.strip():
-        room.prompting.submit_prompt(text)
+        room.controller.submit_prompt(text)
     imgui.same_line(0, px(4))
     hint = "Seeds, blends or prompts side by side on one stick (V)"
     if widgets.button("Compare", width * 0.27, hint):
@@ -111,15 +141,14 @@ def _scrolling(name: str, contents: Callable[[], None]) -> None:
 
 def _ready(room: PromptRoom) -> None:
     """The user's last prompts and one for each style that the model knows."""
-    prompt = room.state
     widgets.full_width()
-    _, prompt.search = imgui.input_text_with_hint("##search", f"{ICON.search} Search", prompt.search)
-    words = prompt.search.lower().split()
+    _, room.search = imgui.input_text_with_hint("##search", f"{ICON.search} Search", room.search)
+    words = room.search.lower().split()
 
     def found(texts: tuple[str, ...]) -> list[str]:
         return [text for text in texts if all(word in text.lower() for word in words)]
 
-    recent, ready = found(tuple(room.settings.prompt_history)), found(prompt.ready)
+    recent, ready = found(tuple(room.settings.prompt_history)), found(room.suggester.ready)
     height = max(imgui.get_content_region_avail().y, px(MIN_LIST_HEIGHT))
     if imgui.begin_child("ready list", imgui.ImVec2(0, height)):
         if not recent and not ready:
@@ -134,10 +163,10 @@ def _ready(room: PromptRoom) -> None:
 def _choices(name: str, texts: list[str], room: PromptRoom) -> None:
     imgui.indent(px(6))  # the highlight of a row begins left of its words
     width = imgui.get_content_region_avail().x
-    shown = room.state.edit.prompt(Side.A)
+    shown = room.controller.prompt.prompt(Side.A)
     for text in texts:
         if imgui.selectable(f"{widgets.elided(text, width)}##{name}{text}", text == shown)[0]:
-            room.prompting.submit_prompt(text)
+            room.controller.submit_prompt(text)
         if imgui.calc_text_size(text).x > width:
             widgets.tooltip(text)
     imgui.unindent(px(6))

@@ -1,19 +1,17 @@
-"""A text field for a prompt: suggestions while typing, the history by arrow keys, and undo of the style."""
+"""A text field for a prompt: suggestions while typing, the last prompts by arrow keys, and undo of the session."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+from runtime.session.prompt_blend import Side
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
-from viewer.prompt.prompting import Prompting
-from viewer.prompt.room import PromptRoom
-from viewer.prompt.state import FieldState
-from viewer.prompt.style_edit import Side
-from viewer.prompt.suggester import Suggester
-from viewer.prompt.suggestions import Suggestion
+from viewer.prompt.prompt_controller import PromptController
+from viewer.prompt.suggestions import PromptText, Suggester, Suggestion
+from viewer.session.editor import Editor
 
 _SENTENCE = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.ctrl_enter_for_new_line
 WRAPPED = _SENTENCE | imgui.InputTextFlags_.word_wrap
@@ -37,18 +35,19 @@ _REPEATED = (imgui.Key.down_arrow, imgui.Key.up_arrow)
 _TAKEN = (*_REPEATED, imgui.Key.tab, imgui.Key.escape, imgui.Key.enter, imgui.Key.keypad_enter)
 
 
-def draw(room: PromptRoom, side: Side, hint: str, lines: int = 2, below: float = 0.0) -> None:
-    """A side's field; a prompt that is entered or chosen is asked.
+def draw(
+    controller: PromptController,
+    suggester: Suggester,
+    side: Side,
+    hint: str,
+    lines: int = 2,
+    below: float = 0.0,
+) -> None:
+    """A side's field; a prompt that is entered or chosen is asked. An emptied prompt B ends the blend.
 
     `below` is what the list leaves free under the field, in screen units.
     """
-    chosen = _draw(room, side, hint, lines, below)
-    if chosen is not None:
-        room.prompting.submit_prompt(chosen, side)
-
-
-def _draw(room: PromptRoom, side: Side, hint: str, lines: int, below: float) -> str | None:
-    box, suggester, name = room.state.boxes[side], room.suggester, f"##prompt {side.name}"
+    box, name = controller.boxes[side], f"##prompt {side.name}"
     if box.focus_requested:
         imgui.set_keyboard_focus_here()
     width = imgui.get_content_region_avail().x
@@ -58,9 +57,10 @@ def _draw(room: PromptRoom, side: Side, hint: str, lines: int, below: float) -> 
     found = suggester.suggestions(box) if active and box.suggesting else ()
     chosen = _keys(box, found, suggester, field_id) if active else None
     if active and chosen is None:
-        undo_keys(field_id, box.text == room.state.edit.prompt(side), room.prompting)
+        undo_keys(field_id, box.text == controller.prompt.prompt(side), controller.editor)
     before, corner = box.text, imgui.get_cursor_screen_pos()
     entered, box.text = imgui.input_text_multiline(name, box.text, size, WRAPPED)
+    left = imgui.is_item_deactivated()
     _follow(box, before, field_id)
     if not box.text and not active:
         _hint_over_item(hint)
@@ -70,8 +70,12 @@ def _draw(room: PromptRoom, side: Side, hint: str, lines: int, below: float) -> 
     if chosen is not None:
         box.text, box.suggesting = chosen, False
         imgui.internal.clear_active_id()
-        return chosen
-    return box.text if entered and box.text.strip() else None
+    elif entered and box.text.strip():
+        chosen = box.text
+    if chosen is not None:
+        controller.submit_prompt(chosen, side)
+    elif side is Side.B and left and not box.text.strip():
+        controller.drop_blend()
 
 
 def is_active(field_id: int) -> bool:
@@ -79,8 +83,8 @@ def is_active(field_id: int) -> bool:
     return bool(imgui.internal.get_active_id() == field_id)
 
 
-def undo_keys(field_id: int, unchanged: bool, prompting: Prompting) -> None:
-    """In a field where nothing was typed, Ctrl+Z takes back changes of the style; else it is the field's own."""
+def undo_keys(field_id: int, unchanged: bool, editor: Editor) -> None:
+    """In a field where nothing was typed, Ctrl+Z takes back edits of the session; else it is the field's own."""
     if not unchanged:
         return
     undo, redo = pressed_undo()
@@ -88,7 +92,7 @@ def undo_keys(field_id: int, unchanged: bool, prompting: Prompting) -> None:
         for key in (imgui.Key.z, imgui.Key.y):
             _lock(key, field_id)
         imgui.internal.clear_active_id()
-        (prompting.undo if undo else prompting.redo)()
+        (editor.undo if undo else editor.redo)()
 
 
 def pressed_undo() -> tuple[bool, bool]:
@@ -97,7 +101,7 @@ def pressed_undo() -> tuple[bool, bool]:
     return bool(imgui.is_key_chord_pressed(_UNDO)), redo
 
 
-def _keys(box: FieldState, found: Sequence[Suggestion], suggester: Suggester, field_id: int) -> str | None:
+def _keys(box: PromptText, found: Sequence[Suggestion], suggester: Suggester, field_id: int) -> str | None:
     """Arrow keys, Tab, Enter and Esc over the list of suggestions; the prompt that was chosen, else None."""
     key = imgui.Key
     if _recall(box, suggester.settings.prompt_history, field_id) or not found:
@@ -121,7 +125,7 @@ def _keys(box: FieldState, found: Sequence[Suggestion], suggester: Suggester, fi
     return None
 
 
-def _recall(box: FieldState, history: Sequence[str], field_id: int) -> bool:
+def _recall(box: PromptText, history: Sequence[str], field_id: int) -> bool:
     """Up in an empty field puts the last prompt there, further presses go back and forth; whether a key was taken."""
     up, down = imgui.is_key_pressed(imgui.Key.up_arrow), imgui.is_key_pressed(imgui.Key.down_arrow)
     begins = not box.text and box.picked < 0
@@ -135,7 +139,7 @@ def _recall(box: FieldState, history: Sequence[str], field_id: int) -> bool:
     return True
 
 
-def _put(box: FieldState, text: str, field_id: int) -> None:
+def _put(box: PromptText, text: str, field_id: int) -> None:
     """Put text into the field that has the keyboard, and the cursor at its end."""
     box.text, box.suggesting, box.picked, box.recalled = text, False, -1, -1
     state = imgui.internal.get_input_text_state(field_id)
@@ -149,7 +153,7 @@ def _lock(key: imgui.Key, field_id: int) -> None:
     imgui.internal.set_key_owner(key, owner, imgui.internal.InputFlagsPrivate_.lock_this_frame)
 
 
-def _follow(box: FieldState, before: str, field_id: int) -> None:
+def _follow(box: PromptText, before: str, field_id: int) -> None:
     """Open and close the list as the field is entered, typed into and left."""
     if imgui.is_item_activated():
         box.suggesting, box.picked, box.recalled = not box.text, -1, -1
@@ -164,7 +168,7 @@ def _follow(box: FieldState, before: str, field_id: int) -> None:
 
 
 def _list(
-    name: str, found: Sequence[Suggestion], box: FieldState, position: imgui.ImVec2, width: float
+    name: str, found: Sequence[Suggestion], box: PromptText, position: imgui.ImVec2, width: float
 ) -> str | None:
     """The list under the field; the suggestion that was clicked, else None."""
     pad, row = px(5), imgui.get_text_line_height() + px(8)
@@ -192,7 +196,7 @@ def _list(
     return chosen
 
 
-def _row(suggestion: Suggestion, i: int, box: FieldState, width: float, height: float) -> bool:
+def _row(suggestion: Suggestion, i: int, box: PromptText, width: float, height: float) -> bool:
     """One suggestion; whether it was clicked. It is taken when the button goes down: the field loses the keyboard then."""
     corner = imgui.get_cursor_screen_pos()
     imgui.invisible_button(f"##{i}", imgui.ImVec2(width, height))

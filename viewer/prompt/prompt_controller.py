@@ -1,0 +1,393 @@
+"""Words to motion: prompts, edited words, locks and blends become edits of the session, and the character's style."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+from runtime.errors import PromptError, SportError
+from runtime.prompts.answer import Request
+from runtime.prompts.blend import ALL_A, Weights
+from runtime.prompts.expander import DEFAULT_PROMPT, Expander
+from runtime.prompts.parts import PartDescriptions
+from runtime.session.prompt_blend import Answer, PromptBlend, Side
+from runtime.session.session import LIVE, NO_PROMPT, Session
+from runtime.session.session_file import SessionFile
+from runtime.skeleton import PART_NAMES
+from runtime.takes.recorder import LIVE_SECONDS
+from viewer.jobs import Jobs, Slot
+from viewer.messages import Messages
+from viewer.prompt.answers import (
+    Codes,
+    Question,
+    answer_message,
+    quoted,
+    same_answers,
+    with_better_answer,
+    with_codes,
+    with_first_answer,
+    words_of_all,
+)
+from viewer.prompt.even_blends import EvenBlends
+from viewer.prompt.suggestions import PromptText, remember
+from viewer.services import ControllerLike, PromptWorkerLike
+from viewer.session.editor import Change, Editor
+from viewer.settings import Settings
+
+CLOSE_SECONDS = 30.0
+FIRST_STYLE_SECONDS = 1.0  # of the blend from neutral to the first prompt, at most: no hand flies there
+BLOCKING_SECONDS = 60.0  # how long an offscreen run waits for an answer
+
+
+@dataclass
+class PromptController:
+    """Edits the prompt of the live character, and lets it move by what holds. Pairs are indexed by `Side`."""
+
+    editor: Editor
+    settings: Settings
+    messages: Messages
+    jobs: Jobs
+    character: Callable[[], ControllerLike | None]  # the one in use
+    mark: Callable[[PromptBlend, float], None]  # hears what comes into force, for the recorder
+    blocking: bool = False  # offscreen: an answer arrives in the same frame
+    boxes: tuple[PromptText, PromptText] = field(default_factory=lambda: (PromptText(), PromptText()))
+    parts: dict[str, str] = field(default_factory=lambda: dict.fromkeys(PART_NAMES, ""))  # the six fields
+    questions: list[Question | None] = field(default_factory=lambda: [None, None])
+    workers: tuple[PromptWorkerLike, PromptWorkerLike] | None = None  # of the model in use
+    available: bool = True  # False when the model could not be loaded
+    loading: bool = True
+    language_model: str = ""  # "model at host" while one is asked, "" when the library answers alone
+    first_error: SportError | None = None
+    _shown: PromptBlend = NO_PROMPT  # in the fields, and by which the character moves
+    _file: SessionFile | None = None  # of the session that is shown
+    _due_seconds: float | None = None  # a style waits for the character, with this transition
+    _styled: bool = False  # the character has had a style
+    _adopting: bool = False  # the character moves by the coming edit already
+    _coding: bool = False  # codes of another model are on their way
+    _numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
+
+    def __post_init__(self) -> None:
+        self.even_blends = EvenBlends(self.jobs, self._revise)
+        self._file = self.editor.file
+        self.editor.withdraw.append(self.withdraw_unanswered)
+        self.editor.followers.append(self.follow)
+
+    @property
+    def prompt(self) -> PromptBlend:
+        """What the character moves by."""
+        return self.editor.session.live.prompt
+
+    @property
+    def asked(self) -> set[Side]:
+        """Sides whose answer is on its way."""
+        return {side for side in Side if self.questions[side] is not None}
+
+    @property
+    def texts(self) -> list[str]:
+        """All that is typed into the fields."""
+        return [*(box.text for box in self.boxes), *self.parts.values()]
+
+    def applied(self, part: str) -> str:
+        """The words that a part moves by; "" before the first answer."""
+        return _words(self.prompt)[part]
+
+    # --- words
+
+    def begin(self, prompt: str | None, blend: str | None = None, weights: Weights = ALL_A) -> None:
+        """Ask for the prompts that the program starts with, the everyday walk for None."""
+        self.submit_prompt(DEFAULT_PROMPT if prompt is None else prompt, remembered=prompt is not None)
+        if blend is not None:
+            self.editor.amend(_with_prompt(lambda b: dataclasses.replace(b, weights=weights)))
+            self.submit_prompt(blend, Side.B)
+
+    def submit_prompt(self, text: str, side: Side = Side.A, remembered: bool = True) -> None:
+        """Expand a prompt and blend to it; locked and edited fields keep their words. An empty one says what is expected."""
+        self.boxes[side].text = text
+        label = f"prompt {quoted(text)}" if side is Side.A else f"prompt B {quoted(text)}"
+        self._ask(side, Question(text, label, remembered))
+
+    def submit_part(self, part: str, label: str = "") -> None:
+        """Encode one field's new words and lock them; an emptied field goes back to what the expander said."""
+        if not self.parts[part].strip():
+            self.reset_part(part)
+            return
+        try:
+            words = PartDescriptions.from_mapping(self.parts)
+        except SportError as error:
+            self.messages.error(error)
+            return
+        self.parts = dict(words.to_mapping())
+        if self.prompt.a is None or words != self.prompt.a.words:
+            self._ask(Side.A, Question(words, label or f"words of the {_named(part)}"))
+
+    def reset_part(self, part: str) -> None:
+        """Give a field the expander's words again, and release it."""
+        answer = self.prompt.a
+        if answer is not None:
+            self.parts[part] = getattr(answer.said, part)
+            self.submit_part(part, f"reset of the {_named(part)}")
+
+    def toggle_lock(self, part: str) -> None:
+        """Lock a field's words against the next prompt, and its blend against prompt B and every slider, or release them."""
+        self._do(f"lock of the {_named(part)}", lambda b: dataclasses.replace(b, locked=b.locked ^ {part}))
+
+    # --- blending
+
+    def set_weight(self, part: str, weight: float) -> None:
+        """Share of prompt B in one part that is not locked, while the mouse holds its slider."""
+        if part not in self.prompt.locked:
+            change = _with_prompt(lambda b: b.with_weight(part, weight))
+            self.editor.drag(f"blend of the {_named(part)}", change)
+
+    def set_all_weights(self, weight: float) -> None:
+        """Share of prompt B in every part that is not locked, while the mouse holds the slider."""
+        self.editor.drag("blend of all parts", _with_prompt(lambda b: b.with_all_weights(weight)))
+
+    def swap(self) -> None:
+        """Exchange prompts A and B; the character moves on as it did, and B's words become editable."""
+        if self.prompt.b is not None and not self.asked:
+            self._do("swap of A and B", PromptBlend.turned_round)
+
+    def drop_blend(self) -> None:
+        """Back to prompt A alone; parts that are locked with a share of prompt B keep it."""
+        self._withdraw(Side.B)
+        held = self.prompt.locked_on(Side.B)
+        if held and self.prompt.b is not None:
+            self._do("end of the blend", lambda b: b.with_all_weights(0.0))
+            names = ", ".join(map(_named, sorted(held)))
+            self.messages.note(f"Locked with a share of prompt B, which they keep: {names}.")
+        elif self.prompt.b is not None:
+            self._do("end of the blend", lambda b: dataclasses.replace(b, answers=(b.a, None), weights=ALL_A))
+        self.boxes[Side.B].text = self.prompt.prompt(Side.B)
+
+    def adopt(self, label: str, change: Change) -> None:
+        """A step after which the character moves by the prompt already: it is in force without a transition."""
+        self._adopting = True
+        try:
+            self.editor.do(label, change)
+        finally:
+            self._adopting = False
+
+    def _do(self, label: str, change: Callable[[PromptBlend], PromptBlend]) -> None:
+        self.editor.do(label, _with_prompt(change))
+
+    def _revise(self, change: Callable[[PromptBlend], PromptBlend]) -> None:
+        self.editor.revise(_with_prompt(change))
+
+    # --- the session changes
+
+    def follow(self, _: Session, now: Session) -> None:
+        """Put the prompt that holds now into the fields where nothing newer stands, and have the character move by it."""
+        opened, prompt, shown = self.editor.file is not self._file, now.live.prompt, self._shown
+        if prompt is shown and not opened:
+            return
+        self._shown, self._file = prompt, self.editor.file
+        for side, question in zip(Side, self.questions, strict=True):
+            if question and (opened or (question.answered and not question.held_by(prompt.answers[side]))):
+                self._give_up(side)
+        self._fill(shown, prompt, every=opened)
+        same = same_answers(shown, prompt)
+        if self._adopting:
+            self._due_seconds = None
+        elif not same or (shown.weights, shown.shares) != (prompt.weights, prompt.shares):
+            live = same and (self.editor.dragging or shown.weights == prompt.weights)
+            self._hand_over_within(LIVE_SECONDS if live else self.settings.blend_seconds)
+
+    def _hand_over_within(self, seconds: float) -> None:
+        seconds = seconds if self._styled else min(seconds, FIRST_STYLE_SECONDS)
+        self._due_seconds = max(seconds, self._due_seconds or 0.0)
+
+    def _fill(self, old: PromptBlend, new: PromptBlend, every: bool) -> None:
+        for side, box in zip(Side, self.boxes, strict=True):
+            if every or box.text == old.prompt(side):
+                box.text = new.prompt(side)
+        before, words = _words(old), _words(new)
+        self.parts = {
+            part: words[part] if every or text == before[part] else text for part, text in self.parts.items()
+        }
+
+    # --- questions
+
+    def withdraw_unanswered(self) -> bool:
+        """Take back questions that have no answer at all yet, and say so; whether there were any.
+
+        The first prompt of a session stays: without it there is nothing to move by.
+        """
+        first = self.prompt.a is None
+        sides = [side for side, q in zip(Side, self.questions, strict=True) if q and not q.answered]
+        sides = [side for side in sides if side is Side.B or not first]
+        for side in sides:
+            self._withdraw(side)
+        return bool(sides)
+
+    def _withdraw(self, side: Side) -> None:
+        """Give up a question in hand; without an answer yet it is as if it had never been asked."""
+        question = self.questions[side]
+        self._give_up(side)
+        if question is None or question.answered:
+            return
+        if question.prompt:
+            self.boxes[side].text = self.prompt.prompt(side)
+        else:
+            self.parts = _words(self.prompt)
+        self.messages.note(f"Withdrawn: {question.label}.")
+
+    def _give_up(self, side: Side) -> None:
+        self.questions[side] = None
+        if self.workers is not None:
+            self.workers[side].withdraw()
+
+    def _ask(self, side: Side, question: Question) -> None:
+        question.number = question.number or next(self._numbers)
+        self.questions[side] = question
+        if self.workers is None or self._coding:
+            return  # it waits: parts that are locked keep the codes in force
+        self.workers[side].submit(question.request)
+        deadline = time.monotonic() + BLOCKING_SECONDS
+        while self.blocking and self.questions[side] and time.monotonic() < deadline:
+            self.poll()
+            time.sleep(0.001)
+
+    def poll(self) -> None:
+        """Take answers when there are any, and hand the style to the character once; call once a frame."""
+        for side, worker in zip(Side, self.workers or (), strict=False):
+            question = self.questions[side]
+            try:
+                answer, final = worker.poll(), False
+            except SportError as error:
+                answer, final = None, True
+                self._fail(error)
+            if question is not None and answer is not None:
+                self._take(side, question, dataclasses.replace(answer, question=question.number))
+                final = answer.final
+            if final and self.questions[side] is question:
+                self.questions[side] = None
+        self.even_blends.poll(self.prompt)
+        self._hand_over()
+
+    def _take(self, side: Side, question: Question, answer: Answer) -> None:
+        """An answer comes into force: the first is a step of undo, a better one takes its place in every step.
+
+        The first prompt of all is no step: every step that has none moves by it.
+        """
+        followed = question.answered
+        if followed:
+            self._revise(lambda blend: with_better_answer(blend, side, question, answer))
+        elif side is Side.A and self.prompt.a is None:
+            self._revise(lambda b: with_first_answer(b, side, question, answer) if b.a is None else b)
+        else:
+            self._do(question.label, lambda blend: with_first_answer(blend, side, question, answer))
+        question.answered = True
+        if question.prompt:
+            self._report(side, question, answer, followed)
+
+    def _report(self, side: Side, question: Question, answer: Answer, followed: bool) -> None:
+        """Say who answered a prompt and which edited words it left alone; the first one answers without a word."""
+        if question.remembered:
+            self.settings.prompt_history = remember(self.settings.prompt_history, question.prompt)
+        if self._styled or answer.note:
+            in_force = self.prompt.answers[side]
+            kept = () if in_force is None else in_force.edited
+            model = self.language_model or "the language model"
+            self.messages.post(*answer_message(answer, quoted(question.prompt), model, followed, kept))
+
+    def _hand_over(self) -> None:
+        """Give the style that is due to the character; folding it costs about a millisecond."""
+        character = self.character()
+        if self._due_seconds is None or character is None or self._coding:
+            return
+        style = self.prompt.style()
+        if style is None:
+            return
+        seconds, self._due_seconds = self._due_seconds, None
+        self._styled = True
+        try:
+            character.set_style(style, seconds)
+        except SportError as error:
+            self._fail(error)
+            return
+        self.mark(self.prompt, seconds)
+
+    def _fail(self, error: SportError) -> None:
+        self.messages.error(error)
+        self.first_error = self.first_error or error
+
+    # --- workers
+
+    def use(self, workers: tuple[PromptWorkerLike, PromptWorkerLike], again: bool = True) -> None:
+        """Let the workers of a loaded model answer; `again`: what holds was encoded by another model."""
+        for worker in self.workers or ():
+            worker.close()
+        self.workers, self.available, self.loading = workers, True, False
+        self._hand_over_within(self.settings.blend_seconds)  # its character has had no style
+        if again:
+            self.ask_again()
+        else:
+            self._ask_waiting()
+
+    def ask_again(self) -> None:
+        """Encode the words of every step anew, as the model in use is another one; questions wait for that."""
+        words = words_of_all([step.session for step in self.editor.history.steps])
+        if self.workers is None:
+            return
+        worker, self._coding = self.workers[Side.A], True
+
+        def recode(codes: Codes) -> None:
+            self._coding = False
+            if codes:
+                self.editor.revise(lambda session: with_codes(session, codes))
+            self._ask_waiting()
+
+        self.jobs.submit(
+            Slot("prompts"), lambda: {w: worker.answer(w).z for w in words}, recode, lambda _: recode({})
+        )
+
+    def _ask_waiting(self) -> None:
+        for side, question in zip(Side, tuple(self.questions), strict=True):
+            if question is not None:
+                self._ask(side, question)
+
+    def lose_model(self) -> None:
+        """There is no model to answer."""
+        self.available = self.loading = False
+
+    def use_expander(self, expander: Expander) -> None:
+        """Let another expander answer from the next prompt on."""
+        for worker in self.workers or ():
+            worker.use(expander)
+
+    def answer(self, request: Request) -> Answer:
+        """The final answer to a prompt or six descriptions, for a take: waits, on a worker thread."""
+        if self.workers is None:
+            raise PromptError("No model is loaded that could read a prompt.", "Wait until it is there.")
+        return self.workers[Side.A].answer(request)
+
+    def close(self, seconds: float = CLOSE_SECONDS) -> bool:
+        """Stop the workers, after the text they are at; whether they have stopped within so many seconds.
+
+        A thread inside a network must not outlive the interpreter.
+        """
+        end = time.monotonic() + seconds
+        return all([worker.close(max(end - time.monotonic(), 0.0)) for worker in self.workers or ()])
+
+
+def _with_prompt(change: Callable[[PromptBlend], PromptBlend]) -> Change:
+    """A change of the live character's prompt as one of the session; the same session where it changes nothing."""
+
+    def changed(session: Session) -> Session:
+        prompt = change(session.live.prompt)
+        return session if prompt is session.live.prompt else session.with_take(LIVE, prompt=prompt)
+
+    return changed
+
+
+def _words(blend: PromptBlend) -> dict[str, str]:
+    """What each part of prompt A does; "" before its first answer."""
+    return dict.fromkeys(PART_NAMES, "") if blend.a is None else dict(blend.a.words.to_mapping())
+
+
+def _named(part: str) -> str:
+    return part.replace("_", " ")

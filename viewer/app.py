@@ -578,6 +578,7 @@ class App:
     def close(self) -> None:
         """Stop workers and close the window."""
         self.window.hide()
+        self.editor.file.close(END_S)
         self.jobs.close()
         self.language_model.close()
         stopped = self.prompting.close(CLOSE_SECONDS if self.options.offscreen else PATIENCE_S)

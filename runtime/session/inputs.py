@@ -36,13 +36,15 @@ SOURCES = ("library", "gpt", "explicit")
 
 def pack_sticks(rows: NDArray[np.float64]) -> bytes:
     """Sticks and settings of frames `(T, COLUMNS)`."""
-    return packed_table(rows.astype("<f8", copy=False))
+    return packed_table(rows.astype("<f8", copy=False)) if len(rows) else b""
 
 
 def unpack_sticks(content: bytes, count: int) -> NDArray[np.float64]:
     """What `pack_sticks` packed; ValueError for what no hand can push."""
     if len(content) != 8 * COLUMNS * count:
         raise ValueError("sticks of another length")
+    if not count:
+        return np.zeros((0, COLUMNS))
     rows = unpacked_table(content, count, np.dtype("<f8"))
     if not are_asked(rows):
         raise ValueError("a stick that no hand can push")

@@ -64,6 +64,9 @@ class Writer:
         self._run = connection.execute
         self._many = connection.executemany
         self._counted = counted
+        self.committed: list[
+            Callable[[], None]
+        ] = []  # called once all of it lasts; not where it is rolled back
 
     def put_blob(self, key: str, content: bytes) -> None:
         """Keep bytes under the hash of their content; once is enough."""
@@ -400,6 +403,8 @@ class Database:
                     work(writer)
                 work = None
                 connection.execute("COMMIT")
+                for done in writer.committed:
+                    done()
         except Exception as error:
             self._roll_back()
             if work is not None and not _of_the_disk(error):  # a defect must not hold up what others did

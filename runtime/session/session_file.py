@@ -6,12 +6,12 @@ What is submitted here returns at once; the database's own thread packs and writ
 from __future__ import annotations
 
 import json
-import re
 import threading
 import uuid
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +44,6 @@ LOADED_CLIPS = 4  # whose frames stay in memory when nothing shows them
 RECORDED_PIECE = 300  # frames that are packed as one while a recording runs
 ROW = 3 + 4 * J + 4 + 1  # numbers of a recorded frame: hips, local rotations, contacts, gait
 INPUT, TAIL = ".input", ".tail"  # of a motion's key: what drove it, and its newest frames
-_HASH = re.compile(rb"\b[0-9a-f]{32}\b")
 
 
 @dataclass
@@ -53,17 +52,16 @@ class SessionFile:
 
     database: Database
     cache: Path  # folder for the files of characters
-    _writer: DocumentWriter = field(init=False)
+    _documents: DocumentWriter = field(init=False)
     _written: dict[int, Session] = field(default_factory=dict)  # steps of the file, by their numbers
-    _stored: set[str] = field(default_factory=set)  # motions of the file
-    _characters: set[str] = field(default_factory=set)
+    _known: set[str] = field(default_factory=set)  # blobs, motions and characters that the file has
+    _fresh: set[str] = field(default_factory=set)  # those that the transaction under way adds
+    _putting: Writer | None = None  # the transaction under way
     _clips: OrderedDict[str, Clip] = field(default_factory=OrderedDict)
-    _putting: Writer | None = None  # within a transaction
-    _blobs: set[str] = field(default_factory=set)  # of the file
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def __post_init__(self) -> None:
-        self._writer = DocumentWriter(self._put)
+        self._documents = DocumentWriter(self._put)
 
     @staticmethod
     def create(path: Path, cache: Path) -> SessionFile:
@@ -109,10 +107,10 @@ class SessionFile:
         self._written = {s.number: s.session for s in history.steps}
 
         def work(writer: Writer) -> None:
-            self._putting = writer
+            self._begin(writer)
             for step in steps:
                 self._put_motions(writer, step.session)
-                writer.put_step(step.number, step.label, self._writer.session(step.session))
+                writer.put_step(step.number, step.label, self._documents.session(step.session))
             writer.drop_steps(first=last + 1)
             writer.drop_steps(before=first)
             takes = present.session.takes
@@ -122,6 +120,26 @@ class SessionFile:
             writer.set_meta("ended", "")
 
         self.database.submit(work)
+
+    def _begin(self, writer: Writer) -> None:
+        """Begin to count what a transaction adds; of one that was rolled back nothing counts."""
+        if self._putting is writer:
+            return
+        if self._fresh:
+            self._documents = DocumentWriter(self._put)
+        self._putting, self._fresh = writer, set()
+
+        def committed() -> None:
+            self._known |= self._fresh
+            self._fresh = set()
+
+        writer.committed.append(committed)
+
+    def _is_new(self, key: str) -> bool:
+        """Whether the file lacks a blob, motion or character; from now on it has it."""
+        new = key not in self._known and key not in self._fresh
+        self._fresh.add(key)
+        return new
 
     def write_view(self, view: Mapping[str, Any], ended: bool = False, picture: bytes = b"") -> None:
         """Remember how the session is looked at; `ended` as planned, with a `picture` (PNG) to know it by."""
@@ -136,21 +154,20 @@ class SessionFile:
         self.database.submit(work)
 
     def _put(self, key: str, content: bytes) -> None:
-        if key not in self._blobs and self._putting is not None:
+        if self._putting is not None and self._is_new(key):
             self._putting.put_blob(key, content)
-            self._blobs.add(key)
 
     def _put_motions(self, writer: Writer, session: Session) -> None:
         for take in session.takes:
             motion = take.made
-            if motion.key not in self._stored:
+            if self._is_new(motion.key):
                 self._put_motion(writer, motion)
             if not motion.is_stored:
-                motion.stored(self)
-        choices = [session.character, *([session.reference.character] if session.reference else [])]
-        for choice in choices:
-            if choice is not None and choice.key and choice.key not in self._characters:
-                self._put_character(choice)
+                writer.committed.append(partial(motion.stored, self))
+        reference = session.reference
+        for choice in (session.character, None if reference is None else reference.character):
+            if choice is not None and choice.key and self._is_new(f"character {choice.key}"):
+                self._put_character(writer, choice)
 
     def _put_motion(self, writer: Writer, motion: Motion) -> None:
         clip, drive = motion.clip, motion.drive
@@ -162,23 +179,31 @@ class SessionFile:
         if drive is not None:
             writer.put_motion(motion.key + INPUT, self._input(drive))
         writer.put_motion(motion.key, header_text(motion.header))
-        self._stored.add(motion.key)
 
     def _input(self, drive: Drive) -> str:
         """What drove a take, but for the sticks of its own frames."""
-        inputs = self._writer.inputs()
+        inputs = self._documents.inputs()
         lead = drive.frames.rows[: -drive.start] if drive.start else drive.frames.rows[:0]
         value = inputs.drive(drive) | {"lead": inputs.blobs.data(pack_sticks(lead)), "lead_frames": len(lead)}
         return json.dumps(value, ensure_ascii=True)
 
-    def _put_character(self, choice: CharacterChoice) -> None:
-        blobs = self._writer.inputs().blobs
+    def _put_character(self, writer: Writer, choice: CharacterChoice) -> None:
+        blobs = self._documents.inputs().blobs
         files = read_character_files(self.cache / choice.key)
         names = {name: blobs.data(content) for name, content in files.items()}
-        self._put(f"character {choice.key}", json.dumps(names).encode("ascii"))
-        self._characters.add(choice.key)
+        writer.put_blob(f"character {choice.key}", json.dumps(names).encode("ascii"))
 
     # --- recording
+
+    def mark(self, writer: Writer, key: str) -> None:
+        """The frames of a motion are in the file."""
+        self._begin(writer)
+        self._is_new(key)
+
+    def put_input(self, writer: Writer, key: str, drive: Drive) -> None:
+        """Put what drove a motion, but for the sticks of its own frames."""
+        self._begin(writer)
+        writer.put_motion(key + INPUT, self._input(drive))
 
     def begin_recording(self, header: MotionHeader) -> Recording:
         """Keep what is recorded from now on, four times a second."""
@@ -294,17 +319,27 @@ class Recording:
     _rows: list[Float32Array] = field(default_factory=list)  # of frames that are not packed as one piece yet
     _sticks: list[NDArray[np.float64]] = field(default_factory=list)
     _packed: int = 0  # frames
-    _parts: int = 0  # of the tail
 
     def add(self, rows: Float32Array, sticks: NDArray[np.float64] | None) -> None:
         """More frames `(T, 132)` as a `ClipRecorder` keeps them, with their sticks and settings `(T, 8)`."""
-        self.header = replace(self.header, frames=self.header.frames + len(rows))
-        header = self.header
+        self.header = header = replace(self.header, frames=self.header.frames + len(rows))
+        part, first = len(self._rows), self._packed
+        self._rows.append(rows)
+        self._sticks += [] if sticks is None else [sticks]
+        whole = sum(map(len, self._rows)) >= RECORDED_PIECE
+        tables, table_sticks = list(self._rows), list(self._sticks)
+        if whole:
+            self._packed += sum(map(len, tables))
+            self._rows, self._sticks = [], []
 
         def work(writer: Writer) -> None:
-            self._rows.append(rows)
-            self._sticks += [] if sticks is None else [sticks]
-            self._put(writer, rows, sticks)
+            if whole:
+                table = np.concatenate(tables)
+                known = np.concatenate(table_sticks) if len(table_sticks) == len(tables) else None
+                writer.put_frames(self.key, first, len(table), _row_piece(table, known))
+                writer.drop_frames(self.key + TAIL)
+            else:
+                writer.put_frames(self.key + TAIL, part, len(rows), _row_piece(rows, sticks))
             writer.put_motion(self.key, header_text(header, recording=True))
 
         self.file.database.submit(work)
@@ -312,39 +347,23 @@ class Recording:
     def describe(self, header: MotionHeader, drive: Drive | None) -> None:
         """What is known by now of prompts and gaits, and of what drove it; sticks are added by `add`."""
         self.header = replace(header, frames=self.header.frames)
-
-        def work(writer: Writer) -> None:
-            if drive is not None:
-                self.file._putting = writer
-                writer.put_motion(self.key + INPUT, self.file._input(drive))
-
-        self.file.database.submit(work)
+        self._put_input(drive)
 
     def finish(self, clip: Clip, drive: Drive | None) -> Motion:
         """The motion that was recorded, whose frames the file has already."""
         motion = Motion(self.key, MotionHeader.of(clip, drive), clip, drive)
-        self.file._stored.add(self.key)
+        self._put_input(drive)
 
         def work(writer: Writer) -> None:
-            self.file._putting = writer
-            if drive is not None:
-                writer.put_motion(self.key + INPUT, self.file._input(drive))
+            self.file.mark(writer, self.key)
             writer.put_motion(self.key, header_text(motion.header))
 
         self.file.database.submit(work)
         return motion
 
-    def _put(self, writer: Writer, rows: Float32Array, sticks: NDArray[np.float64] | None) -> None:
-        table = np.concatenate(self._rows)
-        if len(table) < RECORDED_PIECE:
-            writer.put_frames(self.key + TAIL, self._parts, len(rows), _row_piece(rows, sticks))
-            self._parts += 1
-            return
-        whole = np.concatenate(self._sticks) if self._sticks else None
-        writer.put_frames(self.key, self._packed, len(table), _row_piece(table, whole))
-        writer.drop_frames(self.key + TAIL)
-        self._packed += len(table)
-        self._parts, self._rows, self._sticks = 0, [], []
+    def _put_input(self, drive: Drive | None) -> None:
+        if drive is not None:
+            self.file.database.submit(partial(self.file.put_input, key=self.key, drive=drive))
 
 
 def _opened(database: Database, cache: Path) -> tuple[SessionFile, History]:
@@ -360,12 +379,14 @@ def _opened(database: Database, cache: Path) -> tuple[SessionFile, History]:
         numbers = [step.number for step in steps]
         present = numbers.index(int(at)) if at.isdecimal() and int(at) in numbers else len(steps) - 1
         history = History(steps, present)
-    for step in steps:
-        chosen = [step.session.character, step.session.reference and step.session.reference.character]
-        file._characters |= {choice.key for choice in chosen if choice}
+    motions = {key for key in database.motions() if not key.endswith(INPUT)}
     file._written = {step.number: step.session for step in steps}
-    file._stored = {key for key in database.motions() if not key.endswith(INPUT)}
-    for key in sorted(file._stored - set(known)):
+    file._known = set(motions)
+    for step in steps:
+        reference = step.session.reference
+        for choice in (step.session.character, None if reference is None else reference.character):
+            file._known |= {f"character {choice.key}"} if choice is not None and choice.key else set()
+    for key in sorted(motions - set(known)):
         header, cut_off = reader.header(database.motion(key))
         if cut_off:
             _recover(file, history, key, header)

@@ -63,9 +63,9 @@ class PathTool:
 
     @property
     def points(self) -> tuple[Waypoint, ...]:
-        """The points that were drawn; of a take without any the way that it goes."""
+        """The points that were drawn; of a take without any, while they are edited, the way that it goes."""
         take = self.take
-        if take.path or take.motion is None or not self.of_take:
+        if take.path or take.motion is None or not (self.active and self.of_take):
             return take.path
         if self._of_motion is None or self._of_motion[0] is not take.motion:
             self._of_motion = take.motion, self._way(take.motion)

@@ -26,7 +26,7 @@ def draw(tool: PathTool, draw_pins: Callable[[float], None]) -> None:
     imgui.begin_disabled(not tool.points or (tool.of_take and not tool.active))
     if tool.of_take:
         if widgets.button(
-            f"{ICON.walk} Resimulate###drive path", third, "Resimulate the take along these points"
+            "Resimulate###drive path", third, "Resimulate the take along these points"
         ):
             tool.resimulate()
     elif tool.walk is not None:

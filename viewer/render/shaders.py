@@ -17,6 +17,7 @@ from runtime.assets import PROJECT_ROOT
 from runtime.errors import DisplayError, FileError
 
 SHADER_ROOT = PROJECT_ROOT / "shaders"
+FRAME_BINDING, JOINTS_BINDING = 0, 1  # of the uniform blocks in common.glsl and skinning.glsl
 REMEDY = "Install the program again; if you edited this shader, correct that line."
 
 _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
@@ -90,7 +91,7 @@ def load_program(
     defines: Mapping[str, int] | None = None,
     root: Path = SHADER_ROOT,
 ) -> moderngl.Program:
-    """Compile and link two files of `root`; DisplayError with file, line and the compiler's words."""
+    """Compile and link two files of `root`, and bind their uniform blocks; DisplayError with file, line and the compiler's words."""
     stages = [preprocess(vertex, root, defines), preprocess(fragment, root, defines)]
     try:
         program = ctx.program(vertex_shader=stages[0].text, fragment_shader=stages[1].text)
@@ -100,4 +101,8 @@ def load_program(
         raise DisplayError(
             f"Shader {failed.origins[0][0]}: {failed.translate(log).strip()}", REMEDY
         ) from error
+    for name, binding in (("Frame", FRAME_BINDING), ("Joints", JOINTS_BINDING)):
+        block = program.get(name, None)
+        if isinstance(block, moderngl.UniformBlock):
+            block.binding = binding
     return program

@@ -20,7 +20,7 @@ NEAR_M = 0.1
 FAR_M = 300.0
 ORBIT_RADIANS_PER_PIXEL = 0.006
 FOOT_M, STANDING_M = 0.15, 2.0  # a foot over the ground, and the highest that a camera looks at a character
-MAX_LIFT_SHARE = 0.6  # of the distance, to see feet behind a step
+MAX_LIFT = 0.6  # of the distance, to see feet behind a step
 ZOOM_PER_STEP = 0.88
 STICK_TURN_SPEED = 2.6  # radians per second at full stick
 STICK_TILT_SPEED = 1.6
@@ -77,7 +77,7 @@ class Camera:
         self.pitch = pitch
         self.distance = distance
         self.fov_y = FOV_Y
-        # where the target shows, -1 (left, bottom) to 1, and the share of the window's height that the view fills:
+        # where the target shows, -1 (left, bottom) to 1, and the fraction of the window's height that the view fills:
         # panels may cover a side, and a timeline the ground
         self.shift = self.shift_up = 0.0
         self.fit = 1.0
@@ -148,13 +148,13 @@ class OrbitCamera(Camera):
         """Metres to lift the eye so that steps before the feet under the target do not hide them."""
         x, y, z = (float(v) for v in self.target)
         foot = float(terrain.height(x, z)) + FOOT_M
-        if y - foot > STANDING_M:  # the target is not somebody who stands there
+        if y - foot > STANDING_M:  # no character stands at the target
             return 0.0
         eye = super().position
         share = np.linspace(0.15, 0.9, 16)
         over = terrain.height(x + share * (eye[0] - x), z + share * (eye[2] - z)) + FOOT_M / 3
         lift = (over - foot - share * (eye[1] - foot)) / share
-        return min(float(np.max(lift)), MAX_LIFT_SHARE * self.distance)
+        return min(float(np.max(lift)), MAX_LIFT * self.distance)
 
     def keep_above(self, terrain: Terrain | None, dt: float) -> None:
         """Glide to where the boom clears the ground."""
@@ -200,7 +200,7 @@ class FollowCamera(OrbitCamera):
         return self.yaw - self._opening
 
     def open_at(self, heading: float, turn: float) -> None:
-        """Look along `heading` from `turn` radians beside; once the character walks, the camera goes behind it."""
+        """Look along `heading` from `turn` radians to the side; once the character walks, the camera goes behind it."""
         self._opening = turn
         self.yaw = math.remainder(heading + turn, math.tau)
 

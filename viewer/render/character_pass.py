@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import moderngl
 import numpy as np
@@ -20,7 +20,7 @@ MAX_JOINTS = 256  # the block in skinning.glsl
 SLOT_BYTES = MAX_JOINTS * 64
 SHADOW_CELL_M = 0.018
 NEARER_M = 0.1  # so much nearer, a ghost may hide the character
-GHOST_TINT = (0.20, 0.45, 0.80, 0.75)  # linear colour, share
+GHOST_TINT = (0.20, 0.45, 0.80, 0.75)  # linear colour, weight
 GHOST_OPACITY = 0.7
 COVERING_OPACITY = 0.35  # of all ghosts before the character together, which must not hide it
 
@@ -49,7 +49,7 @@ class CharacterDraw:
 
     pose: Pose
     opacity: float = 1.0  # less: a ghost
-    matrices: Array | None = None  # of the joints, where the pose does not tell them
+    matrices: Array | None = None  # of the joints, where they do not follow from the pose
     behind: bool = False  # a ghost that hides nothing of the solid characters
 
     @property
@@ -172,7 +172,8 @@ class CharacterPass:
         set_uniforms(self._programs["surface"], {"forward": 0.0})
 
     def _free_mesh(self) -> None:
-        for item in (*self._arrays.values(), *self._buffers):  # not their programs
+        parts: list[Any] = [*self._arrays.values(), *self._buffers]  # not their programs
+        for item in parts:
             item.release()
         self._arrays, self._buffers = {}, []
 

@@ -105,7 +105,7 @@ class Renderer:
         self.ctx.enable_only(moderngl.NOTHING)
 
     def _figures(self, figure: Figure | None) -> list[CharacterPass]:
-        """The pass of somebody of another mesh."""
+        """The pass of a figure of another mesh."""
         if figure is None:
             return []
         if self._figure is None:

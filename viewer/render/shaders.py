@@ -57,9 +57,9 @@ class ShaderSource:
 
 
 def preprocess(name: str, root: Path = SHADER_ROOT, defines: Mapping[str, int] | None = None) -> ShaderSource:
-    """Resolve includes (each file once) of `root / name`; FileError for a missing file, naming who asked for it."""
+    """Resolve includes (each file once) of `root / name`; FileError for a missing file, naming what includes it."""
     source = ShaderSource()
-    _expand(name, root, source, {name}, asked_by=name)
+    _expand(name, root, source, {name}, included_by=name)
     if not source.lines or not _VERSION.match(source.lines[0]):
         raise FileError(f"{root / name}:1: expected #version in the first line.", REMEDY)
     for key, value in (defines or {}).items():
@@ -68,12 +68,12 @@ def preprocess(name: str, root: Path = SHADER_ROOT, defines: Mapping[str, int] |
     return source
 
 
-def _expand(name: str, root: Path, source: ShaderSource, seen: set[str], asked_by: str) -> None:
+def _expand(name: str, root: Path, source: ShaderSource, seen: set[str], included_by: str) -> None:
     try:
         text = (root / name).read_text(encoding="utf-8")
     except OSError as error:
         raise FileError(
-            f"{asked_by}: the shader file {root / name} cannot be read ({error}).", REMEDY
+            f"{included_by}: the shader file {root / name} cannot be read ({error}).", REMEDY
         ) from error
     for number, line in enumerate(text.splitlines(), start=1):
         include = _INCLUDE.match(line)

@@ -55,9 +55,9 @@ def choose_beside(app: App, path: Path) -> None:
 
 def film(path: Path, size: tuple[int, int] = (64, 48), count: int = 30) -> Path:
     """Pictures whose brightness says which they are, 30 a second."""
-    with open_writer(path, size, 30.0) as writer:
+    with open_writer(path, size, 30.0) as write:
         for number in range(count):
-            writer.add(np.full((size[1], size[0], 3), 8 * number, np.uint8))
+            write(np.full((size[1], size[0], 3), 8 * number, np.uint8))
     return path
 
 

@@ -16,7 +16,7 @@ from runtime.takes.mirror import mirrored
 from runtime.terrain.height_map import Terrain
 from viewer.app import App
 from viewer.exports.state import ExportForm
-from viewer.filming.shots import camera_path
+from viewer.filming.shots import FilmOptions, camera_path
 from viewer.takes.state import ClipItem
 
 
@@ -118,7 +118,7 @@ def test_keys_of_the_camera_are_set_dragged_looked_through_and_kept(app: App, tm
     playback.playing = False
     film = app.exporting._film_options(ExportForm(camera="keyed"), item, 0.5)
     assert [key.seconds for key in film.keys] == [0.0, pytest.approx(item.camera[1].seconds - 0.5)]
-    see = camera_path("keyed", item.clip, Terrain.flat(), 60.0, 1.0, keys=item.camera)
+    see = camera_path(FilmOptions(fps=60.0, camera="keyed", keys=item.camera), item.clip, Terrain.flat())
     yaws = [see(item.clip.pose(i)).yaw for i in range(70)]
     assert yaws[:11] == pytest.approx([0.0] * 11, abs=0.05)
     assert np.abs(np.diff(yaws)).max() < 0.04

@@ -26,8 +26,7 @@ from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
 from runtime.terrain.library import load_terrain
-from viewer.live.address import Address
-from viewer.live.link import LiveLink
+from viewer.live.link import Address, LiveLink
 from viewer.messages import Messages
 
 needs_blender = pytest.mark.skipif(find_blender() is None, reason="neither bpy nor a command blender")

@@ -26,10 +26,10 @@ from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import load_terrain
-from viewer.filming.beside import film_beside
-from viewer.filming.captions import Captions, caption
-from viewer.filming.film import FilmOptions, FilmResult, count_frames, make_film
-from viewer.filming.shots import CAMERAS, VIEW, ShotView, camera_path
+from viewer.filming.captions import caption, write_caption
+from viewer.filming.film import FilmResult, count_frames, make_film
+from viewer.filming.process import film_in_process
+from viewer.filming.shots import CAMERAS, VIEW, FilmOptions, Shot, camera_path
 from viewer.filming.writers import open_writer
 from viewer.render.camera import Camera
 
@@ -102,7 +102,7 @@ def test_the_caption_is_the_prompt_in_force() -> None:
     assert caption(CLIP.prompts, 0.5) == "“proud”"
     assert caption(CLIP.prompts, 1.0) == "“drunk”"
     frame = np.full((90, 200, 3), 200, np.uint8)
-    Captions((200, 90)).write(frame, "“" + "a very long prompt " * 3 + "”")
+    write_caption(frame, "“" + "a very long prompt " * 3 + "”")
     assert (frame[60:] != 200).any(axis=-1).mean() > 0.2
     assert (frame[:45] == 200).all()
     assert (frame[:, 0] == 200).all()
@@ -136,17 +136,17 @@ def test_a_film_is_made_on_a_worker_thread_too(tmp_path: Path) -> None:
     assert len(decoded(tmp_path / "a.mp4")[0]) == done[0].frames == 10
 
 
-def test_a_film_is_made_beside_the_window_in_a_process_of_its_own(tmp_path: Path) -> None:
+def test_a_film_is_made_in_a_process_of_its_own(tmp_path: Path) -> None:
     path, seen = tmp_path / "walk.mp4", []
     take, film = prepare(CLIP, ExportOptions(), FLAT), FilmOptions(48, 32, 4.0, quality="software")
-    text = film_beside(
+    text = film_in_process(
         take, FLAT, path, ExportOptions(), film, lambda *at: seen.append(at), threading.Event()
     )
     assert seen[-1] == (6, 6)
     assert "6 frames" in text
     assert len(decoded(path)[0]) == 6
     with pytest.raises(UsageError, match="no film is written with this ending"):
-        film_beside(
+        film_in_process(
             take, FLAT, tmp_path / "nowhere" / "a.xyz", ExportOptions(), film, print, threading.Event()
         )
 
@@ -165,19 +165,18 @@ def test_a_film_whose_process_does_not_answer_is_given_up_at_once(tmp_path: Path
 
     film = FilmOptions(48, 32, 60.0, quality="software")
     take = prepare(CLIP, ExportOptions(), FLAT)
-    assert film_beside(take, FLAT, tmp_path / "a.mp4", ExportOptions(), film, stop, cancel) == ""
+    assert film_in_process(take, FLAT, tmp_path / "a.mp4", ExportOptions(), film, stop, cancel) == ""
     assert time.monotonic() - times[0] < 5.0
     assert not list(tmp_path.iterdir())
 
 
 def test_what_the_writer_meets_ends_the_film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    class Full:
-        def add(self, frame: np.ndarray) -> None:
-            raise FileError("a.mp4: no space left.", "Choose another folder.")
+    def no_space(frame: np.ndarray) -> None:
+        raise FileError("a.mp4: no space left.", "Choose another folder.")
 
     @contextmanager
-    def full(*_: Any) -> Iterator[Full]:
-        yield Full()
+    def full(*_: Any) -> Iterator[Any]:
+        yield no_space
 
     monkeypatch.setattr("viewer.filming.film.open_writer", full)
     with pytest.raises(FileError, match="no space left"):
@@ -211,21 +210,23 @@ def test_a_long_animation_is_sent_to_mp4(tmp_path: Path) -> None:
 
 
 def test_a_film_as_the_window_shows_it_keeps_its_direction_and_lens() -> None:
-    path = camera_path(VIEW, CLIP, FLAT, 30.0, 16 / 9, view=ShotView(0.7, 0.2, 5.0), fov=1.0)
+    path = camera_path(
+        FilmOptions(camera=VIEW, view=Shot(0.7, 0.2, 5.0, fixed=True), fov_degrees=60.0), CLIP, FLAT
+    )
     for seconds in (0.0, 0.5, 1.0):
         pose = CLIP.sample(seconds)
         camera = path(pose)
-        assert (camera.yaw, camera.pitch, camera.distance, camera.fov_y) == (0.7, 0.2, 5.0, 1.0)
+        assert (camera.yaw, camera.pitch, camera.distance, camera.fov_y) == (0.7, 0.2, 5.0, np.pi / 3)
         assert np.hypot(*(camera.target - pose.hips_position)[[0, 2]]) < 1.0
     with pytest.raises(UsageError, match="no such camera"):
-        camera_path(VIEW, CLIP, FLAT, 30.0, 16 / 9)
+        camera_path(FilmOptions(camera=VIEW), CLIP, FLAT)
 
 
 @pytest.mark.parametrize("name", CAMERAS)
 def test_cameras_keep_the_character_in_view(name: str) -> None:
     hills = load_terrain("hills")
     clip = Clip("up", 60.0, *walk(300, terrain=hills), terrain="hills")
-    see = camera_path(name, clip, hills, 30.0, 16 / 9)
+    see = camera_path(FilmOptions(camera=name), clip, hills)
     for k in range(150):
         pose = clip.sample(k / 30.0)
         camera = see(pose)
@@ -242,7 +243,7 @@ def test_cameras_keep_the_character_in_view(name: str) -> None:
 @pytest.mark.parametrize("name", CAMERAS)
 def test_the_camera_steps_back_from_a_tall_character(name: str) -> None:
     clip = Clip("on", 60.0, *walk(60))
-    see = camera_path(name, clip, FLAT, 30.0, 1.0, height=3.0)
+    see = camera_path(FilmOptions(500, 500, camera=name), clip, FLAT, height=3.0)
     pose = clip.sample(0.5)
     camera = see(pose)
     for height in (0.0, 3.0):
@@ -253,8 +254,8 @@ def test_the_camera_steps_back_from_a_tall_character(name: str) -> None:
 
 def test_a_writer_gives_up_what_it_began(tmp_path: Path) -> None:
     def interrupted() -> None:
-        with open_writer(tmp_path / "a.mp4", (96, 64), 30.0) as writer:
-            writer.add(np.zeros((64, 96, 3), np.uint8))
+        with open_writer(tmp_path / "a.mp4", (96, 64), 30.0) as write:
+            write(np.zeros((64, 96, 3), np.uint8))
             raise RuntimeError("power cut")
 
     with pytest.raises(RuntimeError, match="power cut"):

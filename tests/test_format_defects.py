@@ -21,7 +21,7 @@ from runtime.takes.metadata import PromptEvent
 from runtime.terrain.height_map import Terrain
 from sport import cli
 from viewer.filming.captions import caption, draw_caption
-from viewer.filming.shots import SHOTS, camera_path
+from viewer.filming.shots import SHOTS, FilmOptions, camera_path
 from viewer.filming.writers import open_writer
 
 FLAT = Terrain.flat()
@@ -160,9 +160,9 @@ def test_seconds_times_rate_are_the_frames(tmp_path: Path) -> None:
 @pytest.mark.parametrize("suffix", [".webp", ".gif"])
 def test_an_animation_lasts_as_long_as_its_frames(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"a{suffix}"
-    with open_writer(path, (16, 16), 30.0) as writer:
+    with open_writer(path, (16, 16), 30.0) as write:
         for k in range(30):
-            writer.add(np.full((16, 16, 3), 8 * k, np.uint8))
+            write(np.full((16, 16, 3), 8 * k, np.uint8))
     milliseconds = 0
     with Image.open(path) as image:
         for k in range(image.n_frames):
@@ -180,7 +180,7 @@ def test_a_caption_is_what_was_typed() -> None:
 @pytest.mark.parametrize("height", [0.0, 2.4, 3.0])
 def test_a_caption_covers_no_foot(name: str, height: float) -> None:
     clip = Clip("walk", 60.0, *walk(200))
-    see = camera_path(name, clip, FLAT, 60.0, 16 / 9, height=height)
+    see = camera_path(FilmOptions(fps=60.0, camera=name), clip, FLAT, height)
     edge = 1.0 - 2.0 * draw_caption((1280, 720), "“walk”")[1] / 720
     for k in range(len(clip)):
         camera = see(clip.pose(k))

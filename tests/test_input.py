@@ -14,10 +14,8 @@ from hypothesis import strategies as st
 from runtime.controls import Gait
 from runtime.errors import UsageError
 from viewer.input.bindings import (
-    BINDINGS,
     HOLD_SECONDS,
     JUMP_SECONDS,
-    TAKE_BINDINGS,
     Action,
     InputMapper,
     Intent,
@@ -153,13 +151,13 @@ def test_typing_does_not_drive_but_function_keys_work() -> None:
 
 
 def test_no_key_or_button_does_two_things() -> None:
-    keys = [key for binding in BINDINGS for key in binding.keys]
-    buttons = [binding.button for binding in BINDINGS if binding.button]
+    keys = [key for action in Action for key in action.keys]
+    buttons = [action.button for action in Action if action.button]
     assert len(set(keys)) == len(keys)
     assert len(set(buttons)) == len(buttons)
     assert set(buttons) <= set(BUTTONS)
-    assert {binding.action for binding in (*BINDINGS, *TAKE_BINDINGS)} == set(Action)
-    take_keys = [key for binding in TAKE_BINDINGS for key in binding.keys]
+    assert all(action.keys or action.take_key for action in Action)
+    take_keys = [action.take_key for action in Action if action.take_key]
     assert len(set(take_keys)) == len(take_keys)
 
 

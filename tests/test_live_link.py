@@ -19,8 +19,15 @@ from runtime.pose import Pose
 from runtime.skeleton import SPORT_SKELETON, J
 from runtime.terrain.height_map import Terrain
 from sport import cli
-from viewer.live.address import Address, parse_address
-from viewer.live.link import LiveLink, pose_message, skeleton_joints, skeleton_message, skeleton_number
+from viewer.live.link import (
+    Address,
+    LiveLink,
+    parse_address,
+    pose_message,
+    skeleton_joints,
+    skeleton_message,
+    skeleton_number,
+)
 from viewer.messages import Messages
 from viewer.scene.simulation import make_pose
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from test_live_link import some_pose
 
 from runtime.skeleton import SPORT_SKELETON
-from viewer.live.address import Address
+from viewer.live.link import Address
 from viewer.live.vmc import BONES, JOINTS, VmcLink, osc_bundles, vmc_messages
 from viewer.messages import Messages
 

@@ -341,11 +341,11 @@ def compare(tour: Tour) -> None:
 def film(path: Path) -> Path:
     """A second of a disc that goes to the right over stripes."""
     rows, columns = np.mgrid[:180, :320]
-    with open_writer(path, (320, 180), 30.0) as writer:
+    with open_writer(path, (320, 180), 30.0) as write:
         for number in range(30):
             disc = np.hypot(rows - 90, columns - 40 - 8 * number) < 30
             grey = np.where(disc, 240, 60 + 30 * (columns // 40 % 2))
-            writer.add(np.repeat(grey[..., None], 3, axis=2).astype(np.uint8))
+            write(np.repeat(grey[..., None], 3, axis=2).astype(np.uint8))
     return path
 
 

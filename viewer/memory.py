@@ -20,20 +20,20 @@ def give_back_large_blocks() -> None:
     glibc else raises that limit to 32 MB and makes a heap for every thread: a quarter of the memory of a long session was
     free blocks in between. Other C libraries are left as they are.
     """
-    if not sys.platform.startswith("linux"):
-        return
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
-    if mallopt is not None:
-        mallopt(_ARENA_MAX, ARENAS)
-        mallopt(_MMAP_THRESHOLD, MAPPED_BYTES)
+    _call_glibc("mallopt", _ARENA_MAX, ARENAS)
+    _call_glibc("mallopt", _MMAP_THRESHOLD, MAPPED_BYTES)
 
 
 def give_back_freed() -> None:
     """Hand what was freed in between back to the system: some milliseconds, and with glibc only."""
+    _call_glibc("malloc_trim", 0)
+
+
+def _call_glibc(name: str, *values: int) -> None:
     if sys.platform.startswith("linux"):
-        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
-        if trim is not None:
-            trim(0)
+        function = getattr(ctypes.CDLL(None), name, None)
+        if function is not None:
+            function(*values)
 
 
 def resident_mb() -> float:

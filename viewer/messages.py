@@ -8,25 +8,24 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from enum import Enum
+from enum import IntEnum
 
 from runtime.safe_read import printable
 
-NOTE_SECONDS = 8.0
 WARNING_SECONDS = 60.0
 SETTLED_SECONDS = 4.0  # what holds no longer is still there to be read
 _LOG = logging.getLogger("sport.viewer")
 
 
-class Level(Enum):
-    """How a message is meant."""
+class Level(IntEnum):
+    """How a message is meant, as a level of the log."""
 
-    NOTE = "note"
-    WARNING = "warning"
-    ERROR = "error"
+    NOTE = logging.INFO
+    WARNING = logging.WARNING
+    ERROR = logging.ERROR
 
 
-_LOG_LEVELS = {Level.NOTE: logging.INFO, Level.WARNING: logging.WARNING, Level.ERROR: logging.ERROR}
+_SHOWN_S = {Level.NOTE: 8.0, Level.WARNING: WARNING_SECONDS, Level.ERROR: math.inf}
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ class Messages:
             self.recent[-1] = message
             return
         if self.logged:
-            _LOG.log(_LOG_LEVELS[level], "%s", message.text)
+            _LOG.log(level, "%s", message.text)
         self.recent.append(message)
 
     def note(self, text: str) -> None:
@@ -82,6 +81,5 @@ class Messages:
         if not self.recent:
             return None
         last = self.recent[-1]
-        seconds = {Level.NOTE: NOTE_SECONDS, Level.WARNING: WARNING_SECONDS}.get(last.level, math.inf)
-        seconds = min(seconds, SETTLED_SECONDS) if last.settled else seconds
+        seconds = min(_SHOWN_S[last.level], SETTLED_SECONDS if last.settled else math.inf)
         return None if self.clock() - last.posted > seconds else last

@@ -48,7 +48,7 @@ class ViewOptions:
     controls: str | None = None
     keys: str = ""
     vmc: str | None = None  # the same by the VMC protocol
-    live_link: str | None = None  # where poses go, see `viewer.live.address`; None: nowhere
+    live_link: str | None = None  # where poses go, see `viewer.live.link`; None: nowhere
 
     def check(self) -> None:
         """UsageError naming the option when a value cannot be used, FileError when a file cannot be written."""

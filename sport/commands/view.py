@@ -69,7 +69,7 @@ def add(commands: Subparsers) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Open the viewer; its exit code."""
-    from viewer.live.address import parse_address
+    from viewer.live.link import parse_address
     from viewer.options import ViewOptions
 
     for flag, link in (("--live-link", options.live_link), ("--vmc", options.vmc)):

@@ -201,7 +201,7 @@ class Exporting:
     def _film_options(self, form: ExportForm, take: Take, start_s: float) -> Any:
         """The options of a film that begins at a time of a take."""
         from viewer.filming.film import FilmOptions
-        from viewer.filming.shots import KEYED, ShotView
+        from viewer.filming.shots import KEYED, Shot
 
         camera = self.scene.camera.current
         width, height = SIZES[form.size]
@@ -212,7 +212,7 @@ class Exporting:
             )
         options = FilmOptions(
             width, height, form.film_fps, form.camera, form.distance, form.captions, form.quality,
-            ShotView(camera.yaw, camera.pitch, camera.distance), form.fov_degrees, keys,
+            Shot(camera.yaw, camera.pitch, camera.distance, fixed=True), form.fov_degrees, keys,
         )  # fmt: skip
         options.check()
         return options
@@ -236,14 +236,14 @@ class Exporting:
         from dataclasses import replace
 
         from runtime.formats.prepare import on_its_ground, prepare
-        from viewer.filming.beside import film_beside
         from viewer.filming.film import film_of_take
+        from viewer.filming.process import film_in_process
 
         def progress(done: int, total: int) -> None:
             self.state.progress = (done, total)
 
         take = prepare(on_its_ground(clip), replace(export, fps=clip.fps), terrain)
-        make = film_of_take if self.jobs.blocking else film_beside
+        make = film_of_take if self.jobs.blocking else film_in_process
         return make(take, terrain, path, export, film, progress, self._cancel)
 
     # --- what becomes of it

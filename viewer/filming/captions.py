@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.takes.metadata import PromptEvent, title
-
-Frame = NDArray[np.uint8]
 
 SMALLEST = 8  # letters, pixels
 _BACK, _INK = (20, 28, 40, 170), (240, 244, 250, 255)
@@ -25,26 +24,16 @@ def caption(prompts: Sequence[PromptEvent], seconds: float) -> str:
     return f"“{title(replace(last, prompt=last.typed, typed='') if last.typed else last)}”"
 
 
-@dataclass
-class Captions:
-    """Writes captions into frames of one size; each text is drawn once and then laid over frames."""
-
-    size: tuple[int, int]  # width, height
-    _drawn: dict[str, tuple[int, int, NDArray[np.float32]]] = field(default_factory=dict)
-
-    def write(self, frame: Frame, text: str) -> None:
-        """Lay `text` over a frame `(H, W, 3)`, in place."""
-        if not text:
-            return
-        if text not in self._drawn:
-            self._drawn[text] = draw_caption(self.size, text)
-        left, top, pixels = self._drawn[text]
-        height, width = pixels.shape[:2]
-        under = frame[top : top + height, left : left + width]
-        share = pixels[..., 3:] / 255.0
-        under[:] = np.round(under * (1.0 - share) + pixels[..., :3] * share).astype(np.uint8)
+def write_caption(frame: NDArray[np.uint8], text: str) -> None:
+    """Lay `text` over a frame `(H, W, 3)`, in place."""
+    if text:
+        left, top, pixels = draw_caption((frame.shape[1], frame.shape[0]), text)
+        under = frame[top : top + pixels.shape[0], left : left + pixels.shape[1]]
+        opacity = pixels[..., 3:] / 255.0
+        under[:] = np.round(under * (1.0 - opacity) + pixels[..., :3] * opacity).astype(np.uint8)
 
 
+@lru_cache(maxsize=8)
 def draw_caption(size: tuple[int, int], text: str) -> tuple[int, int, NDArray[np.float32]]:
     """Left, top, and pixels `(h, w, 4)` of a caption for a frame: as large as fits, cut where even small letters do not."""
     from PIL import Image, ImageDraw, ImageFont

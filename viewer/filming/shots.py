@@ -1,9 +1,9 @@
-"""Cameras of films by name: what each frame is seen from."""
+"""How a film looks, and its cameras by name: what each frame is seen from."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ from viewer.render.camera import FOV_Y, Camera, FollowCamera, looked_at
 
 CameraPath = Callable[[Pose], Camera]  # called once for each frame, in their order
 
+MIN_SIDE, MAX_SIDE = 16, 4096
 USUAL_HEIGHT_M = 1.9  # of characters that the shots are for; from a taller one the camera steps back
 ORBIT_SPEED = math.radians(24.0)  # per second
 MAX_PITCH = math.radians(70.0)
@@ -25,22 +26,17 @@ CLEARANCE_M = 0.3  # of a still camera over the ground
 
 
 @dataclass(frozen=True)
-class ShotView:
-    """A direction to look from (radians) and the distance (metres)."""
-
-    yaw: float
-    pitch: float
-    distance: float
-
-
-@dataclass(frozen=True)
 class Shot:
-    """A camera that goes with the character: `turn` radians from its facing, `orbit` radians a second on top of that."""
+    """A camera that goes with the character: `turn` radians from its facing, `orbit` radians a second on top of that.
+
+    With `fixed` the turn is from +Z, whatever the character faces.
+    """
 
     turn: float
     pitch: float
     distance: float
     orbit: float = 0.0
+    fixed: bool = False
 
 
 SHOTS = {
@@ -49,126 +45,124 @@ SHOTS = {
     "side": Shot(0.5 * math.pi, 0.12, 3.9),
     "orbit": Shot(2.7, 0.2, 4.2, ORBIT_SPEED),
 }
-STILL = "still"  # stands where it sees the whole way
+STILL = "still"  # stands where it sees the whole path
 KEYED = "keyed"  # as the keys of the take show it; of the window alone
-VIEW = "view"  # as the window shows the character, going along with it; of the window alone
+VIEW = "view"  # as `FilmOptions.view` says: as the window shows the character, going along with it
 CAMERAS = (*SHOTS, STILL)
 
 
-def camera_path(
-    name: str,
-    clip: Clip,
-    terrain: Terrain,
-    fps: float,
-    aspect: float,
-    distance: float = 0.0,
-    height: float = 0.0,
-    view: ShotView | None = None,
-    fov: float = 0.0,
-    keys: Sequence[CameraKey] = (),
-) -> CameraPath:
-    """The camera `name` of `CAMERAS` for a clip of a character of a `height`; `distance` in metres, 0 for its usual one.
+@dataclass(frozen=True)
+class FilmOptions:
+    """How a film looks; `fps` is that of the film, whatever the take's."""
 
-    `view` is that of the camera `VIEW`, `keys` those of `KEYED`, `fov` the field of view from bottom to top in radians, 0 for the usual one.
-    UsageError lists the names.
-    """
-    if name == KEYED and keys:
-        path = _keyed(keys, clip, terrain, fps)
-    else:
-        path = _camera_path(name, clip, terrain, fps, aspect, distance, height, view)
-    if fov == 0.0:
-        return path
+    width: int = 1280
+    height: int = 720
+    fps: float = 30.0
+    camera: str = "front"  # one of `CAMERAS`
+    distance: float = 0.0  # metres of the camera, 0 for its usual one
+    captions: bool = True
+    quality: str = "high"  # or "software": faster without a graphics card
+    view: Shot | None = None  # of the camera "view"
+    fov_degrees: float = 0.0  # field of view from bottom to top; 0 for the usual one
+    keys: tuple[CameraKey, ...] = ()  # of the camera "keyed", in the time of the film
 
-    def with_lens(pose: Pose) -> Camera:
+    def check(self) -> None:
+        """UsageError names the option that cannot be used."""
+        if not 1.0 <= self.fps <= 60.0:
+            raise UsageError(f" {self.fps:g}: a film has 1 to 60.", "Try 30.", "fps")
+        if not all(MIN_SIDE <= side <= MAX_SIDE for side in self.size):
+            raise UsageError(
+                f" {self.width}x{self.height}: expected {MIN_SIDE} to {MAX_SIDE} pixels a side.",
+                "Try 1280x720.",
+                "size",
+            )
+        if not (self.fov_degrees == 0.0 or 5.0 <= self.fov_degrees <= 120.0):
+            raise UsageError(f" {self.fov_degrees:g}: expected 5 to 120 degrees.", "Try 38.", "fov_degrees")
+        if not (self.distance == 0.0 or 0.5 <= self.distance <= 60.0):
+            raise UsageError(f" {self.distance:g}: expected 0.5 to 60 m.", "Try 4.", "distance")
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        return self.width, self.height
+
+
+def camera_path(options: FilmOptions, clip: Clip, terrain: Terrain, height: float = 0.0) -> CameraPath:
+    """The camera of a film of a clip, of a character of a `height` in metres; UsageError lists the names."""
+    path = _path_by_name(options, clip, terrain, max(1.0, height / USUAL_HEIGHT_M))
+
+    def see(pose: Pose) -> Camera:
         camera = path(pose)
-        camera.fov_y = fov
+        camera.fov_y = math.radians(options.fov_degrees) or FOV_Y
         return camera
 
-    return with_lens
+    return see
 
 
-def _camera_path(
-    name: str,
-    clip: Clip,
-    terrain: Terrain,
-    fps: float,
-    aspect: float,
-    distance: float,
-    height: float,
-    view: ShotView | None,
-) -> CameraPath:
-    size = max(1.0, height / USUAL_HEIGHT_M)
+def _path_by_name(options: FilmOptions, clip: Clip, terrain: Terrain, size: float) -> CameraPath:
+    name = options.camera
     if name == STILL:
-        camera = _still(clip, terrain, aspect, distance, size)
+        camera = _still(options, clip, terrain, size)
         return lambda _: camera
-    if name == VIEW and view is not None:
-        return _along(view, clip, terrain, fps, distance, size)
+    if name == KEYED and options.keys:
+        return _keyed(options, clip, terrain)
+    if name == VIEW and options.view is not None:
+        return _moving(options.view, options, clip, terrain, size)
     if name not in SHOTS:
         raise UsageError(f" {name[:40]}: there is no such camera.", f"Choose {', '.join(CAMERAS)}.", "camera")
-    return _moving(SHOTS[name], clip, terrain, fps, distance, size)
+    return _moving(SHOTS[name], options, clip, terrain, size)
 
 
-def _moving(shot: Shot, clip: Clip, terrain: Terrain, fps: float, distance: float, size: float) -> CameraPath:
+def _moving(shot: Shot, options: FilmOptions, clip: Clip, terrain: Terrain, size: float) -> CameraPath:
+    """A camera that goes along."""
+    frame = 0
+
+    def aim(pose: Pose) -> float:
+        facing = 0.0 if shot.fixed else float(features.facing_yaw(pose.positions))
+        return facing + shot.turn + shot.orbit * frame / options.fps
+
     first = clip.sample(0.0)
-    camera = FollowCamera(
-        looked_at(first.hips_position, terrain, size),
-        float(features.facing_yaw(first.positions)) + shot.turn,
-        shot.pitch,
-        distance or size * shot.distance,
-    )
-    seconds = 0.0
+    away = options.distance or (shot.distance if shot.fixed else size * shot.distance)
+    camera = FollowCamera(looked_at(first.hips_position, terrain, size), aim(first), shot.pitch, away)
 
-    def next_camera(pose: Pose) -> Camera:
-        nonlocal seconds
-        yaw = float(features.facing_yaw(pose.positions)) + shot.turn + shot.orbit * seconds
+    def see(pose: Pose) -> Camera:
+        nonlocal frame
+        yaw = aim(pose)
         if shot.orbit:
             camera.yaw = yaw
-        camera.update(looked_at(pose.hips_position, terrain, size), 1.0 / fps, terrain=terrain, align_yaw=yaw)
-        seconds += 1.0 / fps
+        target = looked_at(pose.hips_position, terrain, size)
+        camera.update(target, 1.0 / options.fps, terrain=terrain, align_yaw=yaw)
+        frame += 1
         return camera
 
-    return next_camera
+    return see
 
 
-def _along(
-    view: ShotView, clip: Clip, terrain: Terrain, fps: float, distance: float, size: float
-) -> CameraPath:
-    """A camera that keeps its direction and goes along."""
-    first = looked_at(clip.sample(0.0).hips_position, terrain, size)
-    camera = FollowCamera(first, view.yaw, view.pitch, distance or view.distance)
-
-    def next_camera(pose: Pose) -> Camera:
-        camera.update(looked_at(pose.hips_position, terrain, size), 1.0 / fps, terrain=terrain)
-        return camera
-
-    return next_camera
-
-
-def _keyed(keys: Sequence[CameraKey], clip: Clip, terrain: Terrain, fps: float) -> CameraPath:
+def _keyed(options: FilmOptions, clip: Clip, terrain: Terrain) -> CameraPath:
     """A camera that goes along and looks as the keys say."""
     follow = FollowCamera(looked_at(clip.sample(0.0).hips_position, terrain))
     frame = 0
 
-    def next_camera(pose: Pose) -> Camera:
+    def see(pose: Pose) -> Camera:
         nonlocal frame
-        key = view_at(keys, frame / fps)
+        key = view_at(options.keys, frame / options.fps)
         frame += 1
-        follow.update(looked_at(pose.hips_position, terrain), 1.0 / fps)
+        follow.update(looked_at(pose.hips_position, terrain), 1.0 / options.fps)
         return Camera(follow.target + np.array([key.x, key.y, key.z]), key.yaw, key.pitch, key.distance)
 
-    return next_camera
+    return see
 
 
-def _still(clip: Clip, terrain: Terrain, aspect: float, distance: float, size: float) -> Camera:
-    """A camera beside the way, far enough to see all of it, high enough to look over the ground between."""
+def _still(options: FilmOptions, clip: Clip, terrain: Terrain, size: float) -> Camera:
+    """A camera at the side of the path, far enough to see all of it, high enough to look over the ground between."""
     path = np.asarray(clip.hips_positions, np.float64)
     low, high = path.min(axis=0), path.max(axis=0)
     target = looked_at(0.5 * (low + high), terrain, size)
     along = path[-1] - path[0]
     yaw = math.atan2(along[0], along[2]) + 0.5 * math.pi
     across = math.hypot(high[0] - low[0], high[2] - low[2]) + 1.6
-    tangent = math.tan(FOV_Y / 2)
-    away = distance or max(across / (2.0 * tangent * aspect), 2.4 * size / (2.0 * tangent))
+    tangent = 2.0 * math.tan(FOV_Y / 2)
+    away = options.distance or max(across * options.height / options.width, 2.4 * size) / tangent
     camera = Camera(target, yaw, 0.14, away)
     while camera.pitch < MAX_PITCH and not _clear(camera, terrain):
         camera.pitch += 0.03

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 MARGIN = 10.0  # all lengths at scale 1
 STATUS_HEIGHT = 30.0
@@ -11,7 +11,7 @@ SCENE_MIN_WIDTH = 240.0  # of the free view between the columns
 TIMELINE_HEIGHT = 202.0  # two rows of buttons, the ruler and the tracks
 TRACKS_HEIGHT = 89.0  # of that, the tracks
 MORE_TRACK_HEIGHT = 18.4  # more, for each track of a body part or of pins
-TALL_FROM, TALL_TO, TALLER = 700.0, 1000.0, 0.6  # in views of such heights the tracks grow by this share
+TALL_FROM, TALL_TO, TALLER = 700.0, 1000.0, 0.6  # in views of such heights the tracks grow by this fraction
 MAX_TIMELINE_SHARE = 0.45  # of the height above the status line
 SCENE_PANEL_HEIGHT = 384.0  # with its sections folded; they scroll where there is no more room
 CLIPS_MIN_HEIGHT, CLIPS_MAX_HEIGHT = 210.0, 460.0
@@ -37,13 +37,13 @@ class Layout:
     """
 
     status: Rect
-    prompt: Rect | None
-    scene: Rect | None
-    clips: Rect | None
-    tabs: Rect | None
-    right_tabs: Rect | None
-    transport: Rect | None
     view: Rect  # what stays free for the character
+    transport: Rect | None = None
+    prompt: Rect | None = None
+    scene: Rect | None = None
+    clips: Rect | None = None
+    tabs: Rect | None = None
+    right_tabs: Rect | None = None
 
 
 def arrange(
@@ -63,33 +63,38 @@ def arrange(
     m, status_height = MARGIN * scale, STATUS_HEIGHT * scale
     status = Rect(0.0, max(height - status_height, 0.0), width, min(status_height, height))
     column_height = height - status_height - 2 * m
-    full = Rect(0.0, 0.0, width, max(height - status_height, 1.0))
-    if not panels or column_height < 80 * scale:
-        bar = _timeline(full, scale, more_tracks) if transport else None
-        return Layout(status, None, None, None, None, None, bar, full)
-    if width < (LEFT_WIDTH + RIGHT_WIDTH + SCENE_MIN_WIDTH + 4 * MARGIN) * scale:
-        tabs_width = min(LEFT_WIDTH * scale, width - 2 * m)
-        tabs = Rect(m, m, tabs_width, column_height)
-        view = Rect(tabs_width + 2 * m, 0.0, max(width - tabs_width - 2 * m, 1.0), full.height)
-        bar = _timeline(view, scale, more_tracks) if transport else None
-        return Layout(status, None, None, None, tabs, None, bar, view)
-    prompt = Rect(m, m, LEFT_WIDTH * scale, min(column_height, PROMPT_MAX_HEIGHT * scale))
-    right = width - m - RIGHT_WIDTH * scale
-    view = Rect(prompt.x + prompt.width, 0.0, right - prompt.x - prompt.width, full.height)
+    view = Rect(0.0, 0.0, width, max(height - status_height, 1.0))
+    columns: dict[str, Rect] = {}
+    if panels and column_height >= 80 * scale:
+        narrow = width < (LEFT_WIDTH + RIGHT_WIDTH + SCENE_MIN_WIDTH + 4 * MARGIN) * scale
+        left = Rect(m, m, min(LEFT_WIDTH * scale, width - 2 * m), column_height)
+        right = Rect(width - m - RIGHT_WIDTH * scale, m, RIGHT_WIDTH * scale, column_height)
+        if narrow:
+            columns = {"tabs": left}
+            x = left.width + 2 * m
+            view = Rect(x, 0.0, max(width - x, 1.0), view.height)
+        else:
+            prompt = replace(left, height=min(column_height, PROMPT_MAX_HEIGHT * scale))
+            columns = {"prompt": prompt, **_divided(right, scale, scene_height)}
+            view = Rect(m + left.width, 0.0, right.x - m - left.width, view.height)
     bar = _timeline(view, scale, more_tracks) if transport else None
-    most = column_height - m - CLIPS_MIN_HEIGHT * scale
+    return Layout(status, view, bar, **columns)
+
+
+def _divided(column: Rect, scale: float, scene_height: float) -> dict[str, Rect]:
+    """The panels of the right column: one over the other, or as tabs where it is too low for that."""
+    m = MARGIN * scale
+    most = column.height - m - CLIPS_MIN_HEIGHT * scale
     if most < SCENE_PANEL_HEIGHT * scale:
-        right_tabs = Rect(right, m, RIGHT_WIDTH * scale, column_height)
-        return Layout(status, prompt, None, None, None, right_tabs, bar, view)
-    scene_height = min(scene_height or SCENE_PANEL_HEIGHT * scale, most)
-    scene = Rect(right, m, RIGHT_WIDTH * scale, scene_height)
-    rest = column_height - m - scene_height
-    clips = Rect(right, scene.y + scene_height + m, scene.width, min(rest, CLIPS_MAX_HEIGHT * scale))
-    return Layout(status, prompt, scene, clips, None, None, bar, view)
+        return {"right_tabs": column}
+    scene = replace(column, height=min(scene_height or SCENE_PANEL_HEIGHT * scale, most))
+    rest = column.height - m - scene.height
+    clips = Rect(column.x, scene.y + scene.height + m, column.width, min(rest, CLIPS_MAX_HEIGHT * scale))
+    return {"scene": scene, "clips": clips}
 
 
 def framing(layout: Layout, covered: float = 0.0) -> tuple[float, float, float]:
-    """Middle of the free view, from -1 (left, bottom of the window) to 1, and the share of the height that it fills.
+    """Middle of the free view, from -1 (left, bottom of the window) to 1, and the fraction of the height that it fills.
 
     So much of the view's left side is `covered`, unless hardly anything is left of it. 0 to the side where hardly
     anything is free.
@@ -101,8 +106,8 @@ def framing(layout: Layout, covered: float = 0.0) -> tuple[float, float, float]:
     across = across if layout.view.width >= least else 0.0
     if layout.transport is None:
         return across, 0.0, 1.0
-    share = layout.transport.y / max(height, 1.0)
-    return across, 1.0 - share, share
+    above = layout.transport.y / max(height, 1.0)
+    return across, 1.0 - above, above
 
 
 def _timeline(view: Rect, scale: float, more_tracks: int) -> Rect | None:

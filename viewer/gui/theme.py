@@ -53,7 +53,6 @@ class Icons:
     back: str = "\uf053"
     on: str = "\uf054"
     plus: str = "\u002b"
-    parts: str = "\uf0c9"
     walk: str = "\uf554"
     loop: str = "\uf363"
     record: str = "\uf111"

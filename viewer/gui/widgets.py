@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 from viewer.gl_bindings import imgui
@@ -17,19 +17,41 @@ TOOLTIP_LENGTH = 360  # characters
 TOOLTIP_EDGE = 40.0  # a column is at most so far from the edge of the window
 
 
+_PRIMARY: dict[int, Color] = {
+    imgui.Col_.button: theme.ACCENT,
+    imgui.Col_.button_hovered: theme.ACCENT_HOVER,
+    imgui.Col_.button_active: theme.ACCENT,
+    imgui.Col_.text: theme.ON_ACCENT,
+}
+_HOVER: Color = (1.0, 1.0, 1.0, 0.05)
+_BARE_SLIDER: dict[int, Color] = {
+    imgui.Col_.frame_bg: theme.CLEAR,
+    imgui.Col_.frame_bg_hovered: _HOVER,
+    imgui.Col_.frame_bg_active: _HOVER,
+    imgui.Col_.slider_grab: theme.CLEAR,
+    imgui.Col_.slider_grab_active: theme.CLEAR,
+}
+
+
 def px(length: float) -> float:
     """A length at scale 1 in screen units."""
     return length * imgui.get_style().font_scale_dpi
 
 
 @contextmanager
-def color(role: int, value: Color) -> Iterator[None]:
-    """Draw with another colour for one role."""
-    imgui.push_style_color(role, imgui.ImVec4(*value))
+def colors(values: Mapping[int, Color]) -> Iterator[None]:
+    """Draw with other colours for some roles."""
+    for role, value in values.items():
+        imgui.push_style_color(role, imgui.ImVec4(*value))
     try:
         yield
     finally:
-        imgui.pop_style_color()
+        imgui.pop_style_color(len(values))
+
+
+def color(role: int, value: Color) -> AbstractContextManager[None]:
+    """Draw with another colour for one role."""
+    return colors({role: value})
 
 
 def muted(text: str, wrap: bool = False) -> None:
@@ -58,7 +80,7 @@ def heading(fonts: theme.Fonts, icon: str, text: str) -> None:
 
 
 def tooltip(text: str) -> None:
-    """Explain the item before, when the mouse rests on it: beside its panel, so that it covers no other field."""
+    """Explain the item before, when the mouse rests on it: next to its panel, so that it covers no other field."""
     if text and imgui.is_item_hovered(
         imgui.HoveredFlags_.delay_normal | imgui.HoveredFlags_.allow_when_disabled
     ):
@@ -72,7 +94,7 @@ def tooltip(text: str) -> None:
 
 
 def _place_beside() -> float:
-    """Put the next window into the view beside the item's column; the width of its text.
+    """Put the next window into the view next to the item's column; the width of its text.
 
     That of a bar along the bottom, as the timeline, stands over the bar. Of what lies in no column at the left or right
     the tooltip stays at the mouse.
@@ -136,29 +158,18 @@ def packed(value: Color) -> int:
     return int(imgui.get_color_u32(imgui.ImVec4(*value)))
 
 
-def button(text: str, width: float = 0.0, hint: str = "", primary: bool = False, height: float = 0.0) -> bool:
+def button(text: str, width: float = 0.0, hint: str = "", primary: bool = False) -> bool:
     """A button; `primary` is filled with the accent, width -1 takes the rest of the line."""
-    if not primary:
-        clicked = bool(imgui.button(text, imgui.ImVec2(width, height)))
-    else:
-        with (
-            color(imgui.Col_.button, theme.ACCENT),
-            color(imgui.Col_.button_hovered, theme.ACCENT_HOVER),
-            color(imgui.Col_.button_active, theme.ACCENT),
-            color(imgui.Col_.text, theme.ON_ACCENT),
-        ):
-            clicked = bool(imgui.button(text, imgui.ImVec2(width, height)))
+    with colors(_PRIMARY if primary else {}):
+        clicked = bool(imgui.button(text, imgui.ImVec2(width, 0)))
     tooltip(hint)
     return clicked
 
 
 def toggle(text: str, on: bool, width: float, hint: str = "") -> bool:
     """A button that stays lit while `on`; answers the new state."""
-    text_color = theme.ACCENT if on else theme.MUTED
-    with (
-        color(imgui.Col_.button, theme.ACCENT_DIM if on else theme.FIELD),
-        color(imgui.Col_.text, text_color),
-    ):
+    ground, ink = (theme.ACCENT_DIM, theme.ACCENT) if on else (theme.FIELD, theme.MUTED)
+    with colors({imgui.Col_.button: ground, imgui.Col_.text: ink}):
         clicked = imgui.button(text, imgui.ImVec2(width, 0))
     tooltip(hint)
     return on != bool(clicked)
@@ -180,14 +191,7 @@ def slider(
     for end, fill in ((corner.x + width, theme.FIELD), (right, theme.ACCENT_FILL)):
         if end > corner.x + 1:
             drawing.add_rect_filled(corner, imgui.ImVec2(end, corner.y + height), packed(fill), rounding)
-    hover = (1.0, 1.0, 1.0, 0.05)
-    with (
-        color(imgui.Col_.frame_bg, theme.CLEAR),
-        color(imgui.Col_.frame_bg_hovered, hover),
-        color(imgui.Col_.frame_bg_active, hover),
-        color(imgui.Col_.slider_grab, theme.CLEAR),
-        color(imgui.Col_.slider_grab_active, theme.CLEAR),
-    ):
+    with colors(_BARE_SLIDER):
         changed, value = imgui.slider_float(name, value, low, high, text, flags)
     return bool(changed), float(value)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
-from enum import Enum, auto
+from enum import Enum
 
 from runtime.controls import Controls, Gait
 from viewer.input.gamepad import GamepadState, radial_dead_zone
@@ -52,116 +52,73 @@ class Keyboard:
 
 
 class Action(Enum):
-    """Everything a key or button can do; HELD actions act while down, the others once per press."""
+    """Everything a key or button can do, each with what triggers it: any of `keys`, or the pad's `button`.
 
-    FORWARD = auto()
-    BACK = auto()
-    LEFT = auto()
-    RIGHT = auto()
-    JOG = auto()
-    STRAFE = auto()
-    LOOK_LEFT = auto()
-    LOOK_RIGHT = auto()
-    LOOK_UP = auto()
-    LOOK_DOWN = auto()
-    ZOOM_IN = auto()
-    ZOOM_OUT = auto()
-    JUMP = auto()
-    CROUCH = auto()
-    RECORD = auto()
-    SAVE_LAST = auto()
-    PLAY = auto()
-    FRAME_BACK = auto()
-    FRAME_ON = auto()
-    FIRST_FRAME = auto()
-    LAST_FRAME = auto()
-    RESET = auto()
-    CAMERA = auto()
-    FRAME = auto()
-    FRONT = auto()
-    SIDE = auto()
-    THREE_QUARTERS = auto()
-    FEET = auto()
-    HELP = auto()
-    TRAJECTORY = auto()
-    SKELETON = auto()
-    CONTACTS = auto()
-    GRID = auto()
-    PANELS = auto()
-    FULLSCREEN = auto()
-    SCREENSHOT = auto()
-    PROMPT = auto()
-    COMPARE = auto()
-    CANCEL = auto()
-    NEXT_PANEL = auto()
+    While a take plays `take_key` comes before the keys. HELD actions act while down, the others once per press.
+    """
+
+    def __init__(self, keys: str, button: str = "", take_key: str = "") -> None:
+        self.keys = tuple(keys.split())
+        self.button = button
+        self.take_key = take_key
+
+    FORWARD = "w"
+    LEFT = "a"
+    BACK = "s"
+    RIGHT = "d"
+    JOG = "shift"
+    STRAFE = "x alt", "left_bumper"
+    LOOK_LEFT = "q left"
+    LOOK_RIGHT = "e right"
+    LOOK_UP = "up"
+    LOOK_DOWN = "down"
+    ZOOM_IN = "page_up equal", "dpad_up"
+    ZOOM_OUT = "page_down minus", "dpad_down"
+    JUMP = "space", "a"
+    CROUCH = "c", "b"
+    RECORD = "r", "y"
+    SAVE_LAST = "t", "x"
+    PLAY = "p", "", "space"
+    FRAME_BACK = "comma", "", "left"
+    FRAME_ON = "period", "", "right"
+    FIRST_FRAME = "", "", "home"
+    LAST_FRAME = "", "", "end"
+    RESET = "home", "left_thumb"
+    CAMERA = "f", "right_thumb"
+    FRAME = "0"
+    FRONT = "1"
+    SIDE = "2"
+    THREE_QUARTERS = "3"
+    FEET = "4"
+    HELP = "f1", "start"
+    TRAJECTORY = "f2"
+    SKELETON = "f3"
+    CONTACTS = "f4"
+    GRID = "f5"
+    PANELS = "f10", "back"
+    FULLSCREEN = "f11"
+    SCREENSHOT = "f12"
+    PROMPT = "enter"
+    COMPARE = "v"
+    CANCEL = "escape"
+    NEXT_PANEL = "f6 tab"
 
 
 # Views of the character, in the order of `viewer.stage.views.VIEWS`.
 VIEW_ACTIONS = (Action.FRONT, Action.SIDE, Action.THREE_QUARTERS, Action.FEET)
-
-
-@dataclass(frozen=True)
-class Binding:
-    """One action and what triggers it: any of `keys`, or the pad's `button`."""
-
-    action: Action
-    keys: tuple[str, ...] = ()
-    button: str = ""
-
-
-BINDINGS = (
-    Binding(Action.FORWARD, ("w",)),
-    Binding(Action.LEFT, ("a",)),
-    Binding(Action.BACK, ("s",)),
-    Binding(Action.RIGHT, ("d",)),
-    Binding(Action.JOG, ("shift",)),
-    Binding(Action.STRAFE, ("x", "alt"), "left_bumper"),
-    Binding(Action.LOOK_LEFT, ("q", "left")),
-    Binding(Action.LOOK_RIGHT, ("e", "right")),
-    Binding(Action.LOOK_UP, ("up",)),
-    Binding(Action.LOOK_DOWN, ("down",)),
-    Binding(Action.ZOOM_IN, ("page_up", "equal"), "dpad_up"),
-    Binding(Action.ZOOM_OUT, ("page_down", "minus"), "dpad_down"),
-    Binding(Action.JUMP, ("space",), "a"),
-    Binding(Action.CROUCH, ("c",), "b"),
-    Binding(Action.RECORD, ("r",), "y"),
-    Binding(Action.SAVE_LAST, ("t",), "x"),
-    Binding(Action.PLAY, ("p",)),
-    Binding(Action.FRAME_BACK, ("comma",)),
-    Binding(Action.FRAME_ON, ("period",)),
-    Binding(Action.RESET, ("home",), "left_thumb"),
-    Binding(Action.CAMERA, ("f",), "right_thumb"),
-    Binding(Action.FRAME, ("0",)),
-    Binding(Action.FRONT, ("1",)),
-    Binding(Action.SIDE, ("2",)),
-    Binding(Action.THREE_QUARTERS, ("3",)),
-    Binding(Action.FEET, ("4",)),
-    Binding(Action.HELP, ("f1",), "start"),
-    Binding(Action.TRAJECTORY, ("f2",)),
-    Binding(Action.SKELETON, ("f3",)),
-    Binding(Action.CONTACTS, ("f4",)),
-    Binding(Action.GRID, ("f5",)),
-    Binding(Action.PANELS, ("f10",), "back"),
-    Binding(Action.FULLSCREEN, ("f11",)),
-    Binding(Action.SCREENSHOT, ("f12",)),
-    Binding(Action.PROMPT, ("enter",)),
-    Binding(Action.COMPARE, ("v",)),
-    Binding(Action.CANCEL, ("escape",)),
-    Binding(Action.NEXT_PANEL, ("f6", "tab")),
-)
+_TAKE_KEYS = frozenset(action.take_key for action in Action) - {""}
 
 BUTTON_NAMES = {
     "a": "A", "b": "B", "x": "X", "y": "Y", "left_bumper": "Left shoulder", "right_bumper": "Right shoulder",
     "back": "Back", "start": "Start", "left_thumb": "Left stick press", "right_thumb": "Right stick press",
     "dpad_up": "D-pad up", "dpad_down": "D-pad down", "dpad_left": "D-pad left", "dpad_right": "D-pad right",
 }  # fmt: skip
-PAD_ACTIONS = tuple(binding.action for binding in BINDINGS if binding.button)
 
 
 def pad_buttons(changes: str = "") -> dict[Action, str]:
-    """The pad's button of each of `PAD_ACTIONS`; `changes` is text such as "jump=x crouch=a", where what is none is passed over."""
-    buttons = {binding.action: binding.button for binding in BINDINGS if binding.button}
-    by_name = {action.name.lower(): action for action in PAD_ACTIONS}
+    """The pad's button of each action that has one; `changes` is text such as "jump=x crouch=a", where what is none is passed over."""
+    buttons = {action: action.button for action in Action if action.button}
+    by_name = {action.name.lower(): action for action in buttons}
     for change in changes.split():
         name, _, button = change.partition("=")
         if name in by_name and button in BUTTON_NAMES:
@@ -178,16 +135,6 @@ def changed_buttons(changes: str, action: Action, button: str) -> str:
     buttons[action] = button
     return " ".join(f"{a.name.lower()}={b}" for a, b in buttons.items() if before[a] != b)
 
-
-# Before those above while a take plays.
-TAKE_BINDINGS = (
-    Binding(Action.PLAY, ("space",)),
-    Binding(Action.FRAME_BACK, ("left",)),
-    Binding(Action.FRAME_ON, ("right",)),
-    Binding(Action.FIRST_FRAME, ("home",)),
-    Binding(Action.LAST_FRAME, ("end",)),
-)
-_TAKE_KEYS = frozenset(key for binding in TAKE_BINDINGS for key in binding.keys)
 
 # What the help overlay prints: heading, then rows of (what, keyboard and mouse, gamepad).
 HELP: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
@@ -304,10 +251,10 @@ class InputMapper:
         fresh = buttons - self._last_buttons
         self._last_buttons = buttons
         from_keys = [
-            b.action
+            action
             for key in keys
-            for b in (TAKE_BINDINGS if take and key in _TAKE_KEYS else BINDINGS)
-            if key in b.keys
+            for action in Action
+            if (key == action.take_key if take and key in _TAKE_KEYS else key in action.keys)
         ]
         from_pad = [action for action, button in bound.items() if button in fresh]
         return tuple(from_keys + from_pad)
@@ -340,17 +287,19 @@ class InputMapper:
 def _held_actions(held: Set[str], pad: GamepadState | None, bound: Mapping[Action, str]) -> frozenset[Action]:
     buttons = pad.buttons if pad is not None else frozenset()
     by_pad = [action for action, button in bound.items() if button in buttons]
-    return frozenset([*by_pad, *(b.action for b in BINDINGS if not held.isdisjoint(b.keys))])
+    return frozenset([*by_pad, *(a for a in Action if not held.isdisjoint(a.keys))])
 
 
 def _key_axes(held: frozenset[Action]) -> tuple[tuple[float, float], tuple[float, float]]:
     """move and look of the held keys; diagonals keep unit length."""
-    x = float((Action.RIGHT in held) - (Action.LEFT in held))
-    y = float((Action.FORWARD in held) - (Action.BACK in held))
+
+    def axis(towards: Action, back: Action) -> float:
+        return float((towards in held) - (back in held))
+
+    x, y = axis(Action.RIGHT, Action.LEFT), axis(Action.FORWARD, Action.BACK)
     length = max(math.hypot(x, y), 1.0)
-    look_x = float((Action.LOOK_RIGHT in held) - (Action.LOOK_LEFT in held))
-    look_y = float((Action.LOOK_UP in held) - (Action.LOOK_DOWN in held))
-    return (x / length, y / length), (look_x, look_y)
+    look = axis(Action.LOOK_RIGHT, Action.LOOK_LEFT), axis(Action.LOOK_UP, Action.LOOK_DOWN)
+    return (x / length, y / length), look
 
 
 def to_controls(intent: Intent, heading: float) -> Controls:

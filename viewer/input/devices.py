@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from runtime.errors import UsageError
-from viewer.input.bindings import BINDINGS, InputMapper, Intent, Keyboard
+from viewer.input.bindings import Action, InputMapper, Intent, Keyboard
 from viewer.input.gamepad import GamepadSource
 from viewer.settings import Settings
 
@@ -76,7 +76,7 @@ class Devices:
     @staticmethod
     def acts_alone(name: str) -> bool:
         """Whether a letter does something in the view."""
-        return len(name) == 1 and any(name in binding.keys for binding in BINDINGS)
+        return len(name) == 1 and any(name in action.keys for action in Action)
 
     def play_script(self, time_s: float) -> None:
         """Press and release the keys that the script holds at this time."""

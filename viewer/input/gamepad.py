@@ -12,6 +12,7 @@ BUTTONS = (
     "left_thumb", "right_thumb", "dpad_up", "dpad_right", "dpad_down", "dpad_left",
 )  # fmt: skip
 MAX_MAPPING_BYTES = 4_000_000
+FULL = 0.95  # length of a stick that is all the way out
 _REST = 0.3  # a raw axis counts once it was seen this near its middle: dead and shifted axes never do
 _RELEASED = -0.7  # a raw trigger counts once it was seen below: what rests in its middle there is none
 
@@ -29,7 +30,7 @@ class GamepadState:
 
     @property
     def touched(self) -> bool:
-        """Whether somebody is holding it: any button, trigger or stick out of its rest."""
+        """Whether it is held: any button, trigger or stick out of its rest."""
         axes = (*self.left, *self.right, self.left_trigger, self.right_trigger)
         return bool(self.buttons) or any(abs(a) > 0.4 for a in axes)
 
@@ -41,13 +42,13 @@ class GamepadSource(Protocol):
         """The pad in use, or None without one."""
 
 
-def radial_dead_zone(stick: tuple[float, float], dead: float, full: float = 0.95) -> tuple[float, float]:
-    """A stick (x, y) whose length below `dead` is 0 and rises evenly to 1 at `full`; the direction is kept."""
+def radial_dead_zone(stick: tuple[float, float], dead: float) -> tuple[float, float]:
+    """A stick (x, y) whose length below `dead` is 0 and rises evenly to 1 at `FULL`; the direction is kept."""
     x, y = stick
     length = math.hypot(x, y)
     if not math.isfinite(length) or length <= dead:
         return 0.0, 0.0
-    scale = min((length - dead) / max(full - dead, 1e-6), 1.0) / length
+    scale = min((length - dead) / max(FULL - dead, 1e-6), 1.0) / length
     return x * scale, y * scale
 
 

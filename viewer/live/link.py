@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import socket
 import struct
 import time
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from ipaddress import ip_address
 
 import numpy as np
 
 from runtime.errors import SportError, UsageError
 from runtime.pose import Pose
 from runtime.skeleton import SPORT_SKELETON, Skeleton
-from viewer.live.address import Address, parse_address
 from viewer.messages import Messages
 
 MAGIC = b"SPRT"
@@ -24,6 +25,49 @@ _HEADER = struct.Struct("<4sBBHII")  # magic, version, kind, joints, sequence, s
 _ROOT = struct.Struct("<d3f")  # seconds, position of the uppermost joint
 _JOINT = struct.Struct("<h3fB")  # parent, offset, bytes of the name
 _SEQUENCES = 1 << 32
+ANNOUNCE_S = 1.0  # a receiver that comes later knows the skeleton after so long
+STEP_S = 1.0 / 60.0  # between poses of the simulation
+DEFAULT_HOST, DEFAULT_PORT = "127.0.0.1", 9763
+_FORM = "Write an IP address and a port, such as 127.0.0.1:9763."
+
+
+@dataclass(frozen=True)
+class Address:
+    """An IP address and a UDP port."""
+
+    host: str = DEFAULT_HOST
+    port: int = DEFAULT_PORT
+
+    @property
+    def loopback(self) -> bool:
+        """Whether what is sent there stays on this computer."""
+        return ip_address(self.host).is_loopback
+
+    def __str__(self) -> str:
+        return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
+
+
+def parse_address(text: str, port_number: int = DEFAULT_PORT, flag: str = "--live-link") -> Address:
+    """The address of "HOST:PORT", "HOST", "PORT", ":PORT" or ""; HOST is an IP address or localhost.
+
+    `port_number` is that of a text without one, `flag` the argument that it came from. UsageError.
+    """
+    text = text.strip()
+    if text.isdigit():
+        host, port = "", text
+    elif text.startswith("["):
+        host, _, rest = text[1:].partition("]")
+        port = rest.removeprefix(":")
+    else:
+        host, _, port = text.partition(":")
+    host = DEFAULT_HOST if host in ("", "localhost") else host
+    try:
+        address = Address(str(ip_address(host)), int(port) if port else port_number)
+    except ValueError:
+        raise UsageError(f"{flag} {text[:60]}: not an address.", _FORM) from None
+    if not 1 <= address.port <= 65535:
+        raise UsageError(f"{flag} {text[:60]}: expected a port of 1 to 65535.", _FORM)
+    return address
 
 
 def skeleton_joints(skeleton: Skeleton) -> bytes:
@@ -53,10 +97,6 @@ def pose_message(pose: Pose, skeleton: int, sequence: int, seconds: float) -> by
     return header + _ROOT.pack(seconds, *(float(v) for v in pose.hips_position)) + rotations.tobytes()
 
 
-ANNOUNCE_S = 1.0  # a receiver that comes later knows the skeleton after so long
-STEP_S = 1.0 / 60.0  # between poses of the simulation
-
-
 @dataclass
 class LiveLink:
     """Off until `start`. `sent` and `dropped` count poses: one that the system does not take at once is dropped."""
@@ -71,17 +111,17 @@ class LiveLink:
     _joints: bytes = b""
     _size: float = 1.0
     _motion_s: float = 0.0  # of what was sent
-    _announced_s: float = 0.0
+    _announced_s: float = -math.inf
 
     @property
     def on(self) -> bool:
         """Whether poses are sent."""
         return self._socket is not None
 
-    def begin(self, asked: str | None) -> None:
+    def begin(self, typed: str | None) -> None:
         """Start at an address as it was typed; None leaves the link off. UsageError."""
-        if asked is not None:
-            self.start(parse_address(asked, self.address.port, f"--{self.name.lower().replace(' ', '-')}"))
+        if typed is not None:
+            self.start(parse_address(typed, self.address.port, f"--{self.name.lower().replace(' ', '-')}"))
 
     def start(self, address: Address | None = None) -> None:
         """Send from now on; UsageError when there is no way to that address."""
@@ -95,7 +135,7 @@ class LiveLink:
         self._socket.setblocking(False)  # a full buffer must not hold up a frame
         self._joints, self._size = skeleton_joints(SPORT_SKELETON), 1.0
         self.sent = self.dropped = 0
-        self._motion_s, self._announced_s = 0.0, self.clock() - ANNOUNCE_S
+        self._motion_s, self._announced_s = 0.0, -math.inf
         if self.address.loopback:
             self.messages.note(f"{self.name}: poses go to {self.address}.")
         else:
@@ -127,7 +167,7 @@ class LiveLink:
             return
         if size != self._size:
             self._joints, self._size = skeleton_joints(scaled(SPORT_SKELETON, size)), size
-            self._announced_s = self.clock() - ANNOUNCE_S
+            self._announced_s = -math.inf
         now, number = self.clock(), skeleton_number(self._joints)
         if now - self._announced_s >= ANNOUNCE_S:
             count = len(SPORT_SKELETON)
@@ -145,7 +185,7 @@ class LiveLink:
             return False
         try:
             self._socket.sendto(data, (self.address.host, self.address.port))
-        except (BlockingIOError, ConnectionError):  # no room, or nobody listens there
+        except (BlockingIOError, ConnectionError):  # no room, or no program listens there
             return False
         except OSError as error:
             self.stop()

@@ -16,8 +16,7 @@ from runtime.arrays import Array
 from runtime.formats.engines import ENGINES
 from runtime.pose import Pose
 from runtime.skeleton import SPORT_SKELETON
-from viewer.live.address import Address
-from viewer.live.link import STEP_S, LiveLink
+from viewer.live.link import STEP_S, Address, LiveLink
 
 VMC_PORT = 39539
 MAX_BYTES = 1400  # of a datagram that no network splits
@@ -44,12 +43,12 @@ def osc_message(address: str, *values: str | int | float) -> bytes:
         data = value.encode("utf-8") + b"\0"
         return data + b"\0" * (-len(data) % 4)
 
-    tags = "".join("s" if isinstance(v, str) else "i" if isinstance(v, int) else "f" for v in values)
+    tags = ["s" if isinstance(v, str) else "i" if isinstance(v, int) else "f" for v in values]
     packed = [
-        text(v) if isinstance(v, str) else struct.pack(">i" if isinstance(v, int) else ">f", v)
-        for v in values
+        text(v) if isinstance(v, str) else struct.pack(f">{tag}", v)
+        for tag, v in zip(tags, values, strict=True)
     ]
-    return text(address) + text("," + tags) + b"".join(packed)
+    return text(address) + text("," + "".join(tags)) + b"".join(packed)
 
 
 def osc_bundles(messages: Sequence[bytes]) -> list[bytes]:

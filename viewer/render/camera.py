@@ -7,6 +7,7 @@ pitch is how far the view looks down. Cameras are right-handed, OpenGL clip spac
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,7 +21,7 @@ NEAR_M = 0.1
 FAR_M = 300.0
 ORBIT_RADIANS_PER_PIXEL = 0.006
 FOOT_M, STANDING_M = 0.15, 2.0  # a foot over the ground, and the highest that a camera looks at a character
-MAX_LIFT_SHARE = 0.6  # of the distance, to see feet behind a step
+MAX_LIFT = 0.6  # of the distance, to see feet behind a step
 ZOOM_PER_STEP = 0.88
 STICK_TURN_SPEED = 2.6  # radians per second at full stick
 STICK_TILT_SPEED = 1.6
@@ -62,25 +63,23 @@ def perspective(fov_y: float, aspect: float, near: float, far: float) -> Array:
     return m
 
 
+@dataclass(eq=False)
 class Camera:
     """A view of the world: what the renderer and the controls need to know, whatever moves it."""
 
-    def __init__(
-        self,
-        target: Array | tuple[float, float, float] = (0.0, 0.9, 0.0),
-        yaw: float = math.pi,
-        pitch: float = 0.2,
-        distance: float = 4.5,
-    ) -> None:
-        self.target: Array = np.array(target, float)
-        self.yaw = yaw
-        self.pitch = pitch
-        self.distance = distance
-        self.fov_y = FOV_Y
-        # where the target shows, -1 (left, bottom) to 1, and the share of the window's height that the view fills:
-        # panels may cover a side, and a timeline the ground
-        self.shift = self.shift_up = 0.0
-        self.fit = 1.0
+    target: Array = field(default_factory=lambda: np.array([0.0, 0.9, 0.0]))
+    yaw: float = math.pi
+    pitch: float = 0.2
+    distance: float = 4.5
+    fov_y: float = FOV_Y
+    # where the target shows, -1 (left, bottom) to 1, and the fraction of the window's height that the view fills:
+    # panels may cover a side, and a timeline the ground
+    shift: float = 0.0
+    shift_up: float = 0.0
+    fit: float = 1.0
+
+    def __post_init__(self) -> None:
+        self.target = np.array(self.target, float)
 
     @property
     def forward(self) -> Array:
@@ -120,12 +119,13 @@ class OrbitCamera(Camera):
     MIN_PITCH, MAX_PITCH = math.radians(-20.0), math.radians(88.0)
     MIN_DISTANCE, MAX_DISTANCE = 0.6, 60.0
     CLEARANCE_M = ORBIT_CLEARANCE_M
-    _lift_m = _lift_velocity = 0.0
+    _lift_m: Array = np.zeros(())
+    _lift_velocity: Array = np.zeros(())
 
     @property
     def position(self) -> Array:
         """Eye position `(3,)` in metres, lifted where the ground would hide the target."""
-        return super().position + np.array([0.0, self._lift_m, 0.0])
+        return super().position + np.array([0.0, float(self._lift_m), 0.0])
 
     def orbit(self, dx_px: float, dy_px: float) -> None:
         """Drag the scene by pixels: right turns it to the right, down shows it from above."""
@@ -148,13 +148,13 @@ class OrbitCamera(Camera):
         """Metres to lift the eye so that steps before the feet under the target do not hide them."""
         x, y, z = (float(v) for v in self.target)
         foot = float(terrain.height(x, z)) + FOOT_M
-        if y - foot > STANDING_M:  # the target is not somebody who stands there
+        if y - foot > STANDING_M:  # no character stands at the target
             return 0.0
         eye = super().position
         share = np.linspace(0.15, 0.9, 16)
         over = terrain.height(x + share * (eye[0] - x), z + share * (eye[2] - z)) + FOOT_M / 3
         lift = (over - foot - share * (eye[1] - foot)) / share
-        return min(float(np.max(lift)), MAX_LIFT_SHARE * self.distance)
+        return min(float(np.max(lift)), MAX_LIFT * self.distance)
 
     def keep_above(self, terrain: Terrain | None, dt: float) -> None:
         """Glide to where the boom clears the ground."""
@@ -164,16 +164,16 @@ class OrbitCamera(Camera):
             points = self.target - share[:, None] * self.distance * self.forward
             ground = terrain.height(points[:, 0], points[:, 2]) + self.CLEARANCE_M
             goal = max(0.0, float(np.max((ground - points[:, 1]) / share)), self._lift_over_feet(terrain))
-        lift, velocity = spring(
-            np.array(self._lift_m), np.array(self._lift_velocity), np.array(goal), LIFT_HALF_LIFE, dt
+        self._lift_m, self._lift_velocity = spring(
+            self._lift_m, self._lift_velocity, np.array(goal), LIFT_HALF_LIFE, dt
         )
-        self._lift_m, self._lift_velocity = float(lift), float(velocity)
         if terrain is not None:  # never inside the ground, however fast it rises
             eye = self.position
-            floor = float(terrain.height(eye[0], eye[2])) + 0.3 * self.CLEARANCE_M
-            self._lift_m += max(0.0, floor - float(eye[1]))
+            floor = terrain.height(eye[0], eye[2]) + 0.3 * self.CLEARANCE_M
+            self._lift_m = self._lift_m + np.maximum(0.0, floor - eye[1])
 
 
+@dataclass(eq=False)
 class FollowCamera(OrbitCamera):
     """Follows a moving target with critically damped springs, rotated by the right stick, kept above the terrain."""
 
@@ -181,18 +181,13 @@ class FollowCamera(OrbitCamera):
     MIN_DISTANCE, MAX_DISTANCE = 1.5, 15.0
     CLEARANCE_M = GROUND_CLEARANCE_M
 
-    def __init__(
-        self,
-        target: Array | tuple[float, float, float] = (0.0, 0.9, 0.0),
-        yaw: float = 0.0,
-        pitch: float = 0.22,
-        distance: float = 4.0,
-    ) -> None:
-        super().__init__(target, yaw, pitch, distance)
-        self._target_velocity: Array = np.zeros(3)
-        self._turn: Array = np.zeros(2)  # yaw and pitch speed, radians per second
-        self._turn_velocity: Array = np.zeros(2)
-        self._opening = 0.0  # radians that an opening view is turned from behind the character
+    yaw: float = 0.0
+    pitch: float = 0.22
+    distance: float = 4.0
+    _target_velocity: Array = field(default_factory=lambda: np.zeros(3))
+    _turn: Array = field(default_factory=lambda: np.zeros(2))  # yaw and pitch speed, radians per second
+    _turn_velocity: Array = field(default_factory=lambda: np.zeros(2))
+    _opening: float = 0.0  # radians that an opening view is turned from behind the character
 
     @property
     def heading(self) -> float:
@@ -200,7 +195,7 @@ class FollowCamera(OrbitCamera):
         return self.yaw - self._opening
 
     def open_at(self, heading: float, turn: float) -> None:
-        """Look along `heading` from `turn` radians beside; once the character walks, the camera goes behind it."""
+        """Look along `heading` from `turn` radians to the side; once the character walks, the camera goes behind it."""
         self._opening = turn
         self.yaw = math.remainder(heading + turn, math.tau)
 

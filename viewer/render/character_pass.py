@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import moderngl
 import numpy as np
@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 from runtime.errors import FileError
 from runtime.pose import Pose
-from viewer.render.gl import JOINTS_BINDING, bind_blocks, set_uniforms
+from viewer.render.gl import release, set_uniforms
 from viewer.render.quality import Quality
-from viewer.render.shaders import load_program
+from viewer.render.shaders import JOINTS_BINDING, load_program
 
 MAX_JOINTS = 256  # the block in skinning.glsl
 SLOT_BYTES = MAX_JOINTS * 64
 SHADOW_CELL_M = 0.018
 NEARER_M = 0.1  # so much nearer, a ghost may hide the character
-GHOST_TINT = (0.20, 0.45, 0.80, 0.75)  # linear colour, share
+GHOST_TINT = (0.20, 0.45, 0.80, 0.75)  # linear colour, weight
 GHOST_OPACITY = 0.7
 COVERING_OPACITY = 0.35  # of all ghosts before the character together, which must not hide it
 
@@ -49,7 +49,7 @@ class CharacterDraw:
 
     pose: Pose
     opacity: float = 1.0  # less: a ghost
-    matrices: Array | None = None  # of the joints, where the pose does not tell them
+    matrices: Array | None = None  # of the joints, where they do not follow from the pose
     behind: bool = False  # a ghost that hides nothing of the solid characters
 
     @property
@@ -66,8 +66,8 @@ class CharacterPass:
         self._self_shadow = quality.self_shadow
         defines = {"SELF_SHADOW": int(quality.self_shadow), "SHADOW_TAPS": quality.shadow_taps}
         self._programs = {
-            "surface": bind_blocks(load_program(ctx, "character.vert", "character.frag", defines)),
-            "depth": bind_blocks(load_program(ctx, "shadow_character.vert", "depth_only.frag")),
+            "surface": load_program(ctx, "character.vert", "character.frag", defines),
+            "depth": load_program(ctx, "shadow_character.vert", "depth_only.frag"),
         }
         self._joints = ctx.buffer(reserve=SLOT_BYTES, dynamic=True)
         self._mesh: SkinnedMesh | None = None
@@ -85,22 +85,21 @@ class CharacterPass:
             )
         self._free_mesh()
         self._mesh = mesh
-        columns = [mesh.positions, mesh.normals, mesh.colors, mesh.joint_weights]
-        floats = np.concatenate([np.asarray(c, np.float32) for c in columns], axis=1)
-        names = ("in_position", "in_normal", "in_color", "in_weights")
+        floats = np.concatenate([mesh.positions, mesh.normals, mesh.colors, mesh.joint_weights], axis=1)
         casters = mesh.triangles if self._self_shadow else coarse_triangles(mesh.positions, mesh.triangles)
-        self._buffers = [
-            self._ctx.buffer(np.ascontiguousarray(floats).tobytes()),
-            self._ctx.buffer(np.ascontiguousarray(mesh.joint_indices, np.uint8).tobytes()),
-            self._ctx.buffer(np.ascontiguousarray(mesh.triangles, np.uint32).tobytes()),
-            self._ctx.buffer(np.ascontiguousarray(casters, np.uint32).tobytes()),
-        ]
-        surface = (self._buffers[0], "3f4 3f4 3f4 4f4", *names)
-        depth = (self._buffers[0], "3f4 24x 4f4", "in_position", "in_weights")
-        joints_content = (self._buffers[1], "4u1", "in_joints")
-        for name, content, indices in (("surface", surface, 2), ("depth", depth, 3)):
+        contents = (
+            (floats, np.float32),
+            (mesh.joint_indices, np.uint8),
+            (mesh.triangles, np.uint32),
+            (casters, np.uint32),
+        )
+        self._buffers = [self._ctx.buffer(values.astype(kind).tobytes()) for values, kind in contents]
+        vertices, joint_indices, triangles, shadow_triangles = self._buffers
+        surface = (vertices, "3f4 3f4 3f4 4f4", "in_position", "in_normal", "in_color", "in_weights")
+        depth = (vertices, "3f4 24x 4f4", "in_position", "in_weights")
+        for name, content, indices in (("surface", surface, triangles), ("depth", depth, shadow_triangles)):
             self._arrays[name] = self._ctx.vertex_array(
-                self._programs[name], [content, joints_content], self._buffers[indices], index_element_size=4
+                self._programs[name], [content, (joint_indices, "4u1", "in_joints")], indices
             )
 
     def prepare(self, draws: list[CharacterDraw]) -> None:
@@ -120,11 +119,14 @@ class CharacterPass:
         self._joints.bind_to_uniform_block(JOINTS_BINDING, offset=slot * SLOT_BYTES, size=SLOT_BYTES)
         self._arrays[name].render(moderngl.TRIANGLES)
 
-    def draw_depth(self) -> None:
-        """Draw the solid characters into the shadow map that is bound."""
+    def _render_solid(self, name: str) -> None:
         for slot, draw in enumerate(self._draws):
             if not draw.ghost:
-                self._render("depth", slot)
+                self._render(name, slot)
+
+    def draw_depth(self) -> None:
+        """Draw the solid characters into the shadow map that is bound."""
+        self._render_solid("depth")
 
     def draw(self, shadow_map: moderngl.Texture, on_top: bool = False) -> None:
         """Draw the solid characters; `on_top` also where something hides them."""
@@ -133,9 +135,7 @@ class CharacterPass:
         shadow_map.use(0)
         values = {"tint": (0.0, 0.0, 0.0, 0.0), "opacity": 1.0, "shadow_map": 0}
         set_uniforms(self._programs["surface"], values)
-        for slot, draw in enumerate(self._draws):
-            if not draw.ghost:
-                self._render("surface", slot)
+        self._render_solid("surface")
 
     def draw_ghosts(self, target: moderngl.Framebuffer) -> None:
         """Draw the translucent characters: first their depth, then only their nearest surface."""
@@ -167,25 +167,20 @@ class CharacterPass:
         self._ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         self._ctx.depth_func = "<"
         _mask_colors(target, False)
-        for slot, draw in enumerate(self._draws):
-            if not draw.ghost:
-                self._render("surface", slot)
+        self._render_solid("surface")
         _mask_colors(target, True)
         set_uniforms(self._programs["surface"], {"forward": 0.0})
 
     def _free_mesh(self) -> None:
-        for array in self._arrays.values():
-            array.release()
-        for buffer in self._buffers:
-            buffer.release()
+        parts: list[Any] = [*self._arrays.values(), *self._buffers]  # not their programs
+        for item in parts:
+            item.release()
         self._arrays, self._buffers = {}, []
 
     def release(self) -> None:
         """Free the GPU objects."""
         self._free_mesh()
-        self._joints.release()
-        for program in self._programs.values():
-            program.release()
+        release(self._joints, *self._programs.values())
 
 
 def _mask_colors(target: moderngl.Framebuffer, written: bool) -> None:

@@ -5,19 +5,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import moderngl
 import numpy as np
 
 from runtime.arrays import Array
 from runtime.pose import Pose
 from viewer.render.camera import Camera, look_at
-from viewer.render.gl import FRAME_BINDING
 
 SUN_DIRECTION = np.array([0.480, 0.768, 0.424])  # unit, towards the sun; 50 degrees high
 FOG_BEGIN_M, FOG_END_M = 7.0, 46.0
 SHADOW_MARGIN_M = 0.35  # flesh around joints
 GROUND_MARGIN_M = 0.45  # darkness around feet and bodies
 SHADOW_REACH_M = 9.0  # of terrain shadows around the character
+UNIFORM_BYTES = 2 * 64 + 7 * 16  # two matrices and seven vectors
 
 
 @dataclass(frozen=True)
@@ -90,11 +89,7 @@ def _shadow_points(poses: list[Pose]) -> Array:
 
 def _fit_shadow(poses: list[Pose], focus: Array, reach_m: float, texels: int) -> Array:
     """World to shadow map `(4, 4)` in 0..1 around the poses."""
-    points = (
-        np.concatenate([pose.positions for pose in poses]).astype(float)
-        if poses
-        else focus[None].astype(float)
-    )
+    points = np.concatenate([pose.positions for pose in poses] or [focus[None]]).astype(float)
     centre = 0.5 * (points.min(0) + points.max(0))
     radius = float(np.max(np.linalg.norm(points - centre, axis=1))) + SHADOW_MARGIN_M
     radius = max(math.ceil(radius * 4) / 4, reach_m)  # rarely another scale: edges do not shimmer
@@ -108,19 +103,3 @@ def _fit_shadow(poses: list[Pose], focus: Array, reach_m: float, texels: int) ->
     clip = np.diag([0.5 / radius, 0.5 / radius, -0.5 / depth, 1.0])
     clip[:3, 3] = 0.5
     return clip @ m
-
-
-class FrameUniforms:
-    """The uniform block on the GPU."""
-
-    def __init__(self, ctx: moderngl.Context) -> None:
-        self._buffer = ctx.buffer(reserve=2 * 64 + 7 * 16, dynamic=True)
-
-    def write(self, frame: RenderFrame) -> None:
-        """Upload and bind the frame's constants for all following passes."""
-        self._buffer.write(frame.uniforms)
-        self._buffer.bind_to_uniform_block(FRAME_BINDING)
-
-    def release(self) -> None:
-        """Free the buffer."""
-        self._buffer.release()

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from typing import Any
 
 import moderngl
 
-FRAME_BINDING = 0  # uniform block `Frame` of common.glsl
-JOINTS_BINDING = 1  # uniform block `Joints` of skinning.glsl
+from viewer.render.shaders import load_program
 
 
-def bind_blocks(program: moderngl.Program) -> moderngl.Program:
-    """Connect the uniform blocks that a program has to their shared binding points."""
-    for name, binding in (("Frame", FRAME_BINDING), ("Joints", JOINTS_BINDING)):
-        block = program.get(name, None)
-        if isinstance(block, moderngl.UniformBlock):
-            block.binding = binding
-    return program
+def screen_triangle(ctx: moderngl.Context, fragment: str) -> moderngl.VertexArray:
+    """One triangle over the whole frame, at the far plane, with a fragment shader; render 3 vertices."""
+    return ctx.vertex_array(load_program(ctx, "sky.vert", fragment), [])
 
 
 def set_uniforms(program: moderngl.Program, values: Mapping[str, object]) -> None:
@@ -46,3 +42,12 @@ def shown_size(framebuffer: moderngl.Framebuffer) -> tuple[int, int]:
     """Pixels that are drawn into: of a window's own framebuffer `size` stays what it was when the window opened."""
     _, _, width, height = framebuffer.viewport
     return width, height
+
+
+def release(*objects: Any) -> None:
+    """Free GPU objects, and the programs of vertex arrays; None is passed over."""
+    for item in objects:
+        if isinstance(item, moderngl.VertexArray):
+            item.program.release()
+        if item is not None:
+            item.release()

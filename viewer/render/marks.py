@@ -54,6 +54,7 @@ SPEED_COLORS = (
 FAST_MPS = 4.0  # metres per second of the last of them
 
 CONTACT_JOINTS = ("LeftFoot", "LeftToeBase", "RightFoot", "RightToeBase")  # in the order of Pose.contacts
+CONTACT_INDICES = [SPORT_SKELETON.index(name) for name in CONTACT_JOINTS]
 SOLE_HEIGHTS = np.array([ANKLE_HEIGHT, TOE_HEIGHT, ANKLE_HEIGHT, TOE_HEIGHT], np.float32)
 
 
@@ -70,19 +71,15 @@ def make_strokes(
 
 def trajectory_strokes(trajectory: TrajectoryOverlay, terrain: Terrain) -> Strokes:
     """A dot per sample with a tick where it faces, laid on the terrain: past grey, future blue."""
-    x, z = np.asarray(trajectory.positions, np.float32)[:, [0, 2]].T
-    ends = np.stack([x, z], -1) + TICK_LENGTH_M * np.asarray(trajectory.directions, np.float32)
+    places = np.asarray(trajectory.positions, np.float32)[:, [0, 2]]
+    ends = places + TICK_LENGTH_M * np.asarray(trajectory.directions, np.float32)
     past = np.asarray(trajectory.past, bool)[:, None]
     color = np.where(past, (*PAST, 0.65), (*FUTURE, 0.95)).astype(np.float32)
-    dots, tips = _on_terrain(x, z, terrain), _on_terrain(ends[:, 0], ends[:, 1], terrain)
+    dots, tips = _on_terrain(places, terrain), _on_terrain(ends, terrain)
     strokes = np.concatenate(
-        [
-            make_strokes(dots, tips, TICK_RADIUS_M, color),
-            make_strokes(dots, dots, DOT_RADIUS_M, color),
-        ]
+        [make_strokes(dots, tips, TICK_RADIUS_M, color), make_strokes(dots, dots, DOT_RADIUS_M, color)]
     )
-    strokes["normal"] = np.tile(terrain.normal(x, z, reach_m=0.15), (2, 1))
-    return strokes
+    return _laid(strokes, "start", terrain, 0.15)
 
 
 def path_strokes(path: PathOverlay, terrain: Terrain) -> Strokes:
@@ -90,62 +87,55 @@ def path_strokes(path: PathOverlay, terrain: Terrain) -> Strokes:
     corners = np.asarray(path.points, np.float32)
     lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
     even = np.linspace(0.0, lengths[-1], 2 + int(lengths[-1] / PATH_STEP_M))
-    x, z = (np.interp(even, lengths, corners[:, k]) for k in (0, 1))
-    line, dots = _on_terrain(x, z, terrain), _on_terrain(corners[:, 0], corners[:, 1], terrain)
-    strokes = np.concatenate(
-        [
-            make_strokes(line[:-1], line[1:], PATH_RADIUS_M, (*FUTURE, 0.8)),
-            make_strokes(dots, dots, 2.4 * DOT_RADIUS_M, (*FUTURE, 1.0)),
-        ]
-    )
+    places = np.stack([np.interp(even, lengths, corners[:, k]) for k in (0, 1)], -1)
+    line, dots = _on_terrain(places, terrain), _on_terrain(corners, terrain)
+    legs = make_strokes(line[:-1], line[1:], PATH_RADIUS_M, (*FUTURE, 0.8))
+    points = make_strokes(dots, dots, 2.4 * DOT_RADIUS_M, (*FUTURE, 1.0))
     if path.selected >= 0:
-        strokes["radius"][len(line) - 1 + path.selected, 0] = 3.6 * DOT_RADIUS_M
-    places = strokes["end"]
-    strokes["normal"] = terrain.normal(places[:, 0], places[:, 2], reach_m=0.15)
-    return strokes
+        points["radius"][path.selected, 0] = 3.6 * DOT_RADIUS_M
+    return _laid(np.concatenate([legs, points]), "end", terrain, 0.15)
 
 
 def contact_strokes(pose: Pose, terrain: Terrain) -> Strokes:
     """A ring on the ground under each heel and toe, filled and green while it bears the character."""
-    joints = [SPORT_SKELETON.index(name) for name in CONTACT_JOINTS]
-    x, z = pose.positions[joints][:, [0, 2]].T
-    places = _on_terrain(x, z, terrain)
-    share = np.clip(pose.contacts, 0.0, 1.0)[:, None]
-    color = np.array(FREE) + (np.array(TOUCHING) - np.array(FREE)) * share
-    ring = make_strokes(
-        places, places, CONTACT_RADIUS_M, np.hstack([color, 0.4 + 0.6 * share]), hole=0.8 * CONTACT_RADIUS_M
-    )
-    fill = make_strokes(places, places, 0.8 * CONTACT_RADIUS_M, np.hstack([color, 0.45 * share]))
-    strokes = np.concatenate([fill, ring])
-    strokes["normal"] = np.tile(terrain.normal(x, z), (2, 1))
-    return strokes
+    places = _on_terrain(pose.positions[CONTACT_INDICES][:, [0, 2]], terrain)
+    size, hole = CONTACT_RADIUS_M, 0.8 * CONTACT_RADIUS_M
+    ring = make_strokes(places, places, size, _contact_colors(pose, 0.4, 0.6), hole)
+    fill = make_strokes(places, places, hole, _contact_colors(pose, 0.0, 0.45))
+    return _laid(np.concatenate([fill, ring]), "start", terrain)
 
 
 def contact_dots(pose: Pose, pixel_scale: float) -> Strokes:
     """A dot over everything at each heel and toe, green while it bears the character."""
-    joints = [SPORT_SKELETON.index(name) for name in CONTACT_JOINTS]
-    places = pose.positions[joints] - SOLE_HEIGHTS[:, None] * (0.0, 1.0, 0.0)
-    share = np.clip(pose.contacts, 0.0, 1.0)[:, None]
-    color = np.hstack([np.array(FREE) + (np.array(TOUCHING) - np.array(FREE)) * share, 0.55 + 0.45 * share])
-    size = 1.3 * JOINT_RADIUS_PX * pixel_scale
+    places, size = _soles(pose), 1.3 * JOINT_RADIUS_PX * pixel_scale
     rim = make_strokes(places, places, size + OUTLINE_PX * pixel_scale, OUTLINE)
-    return np.concatenate([rim, make_strokes(places, places, size, color)])
+    return np.concatenate([rim, make_strokes(places, places, size, _contact_colors(pose, 0.55, 0.45))])
+
+
+def _soles(pose: Pose) -> Array:
+    """The ground contacts `(4, 3)` under the joints, in the order of `Pose.contacts`."""
+    return pose.positions[CONTACT_INDICES] - SOLE_HEIGHTS[:, None] * (0.0, 1.0, 0.0)
+
+
+def _contact_colors(pose: Pose, opacity: float, more: float) -> Array:
+    """Colours `(4, 4)` from free to bearing; so much `more` opaque while it bears."""
+    bearing = np.clip(pose.contacts, 0.0, 1.0)[:, None]
+    color = np.array(FREE) + (np.array(TOUCHING) - np.array(FREE)) * bearing
+    return np.hstack([color, opacity + more * bearing])
 
 
 def skeleton_strokes(pose: Pose, pixel_scale: float) -> Strokes:
     """Bones and joints over everything: left teal, right orange, the middle dark, with a light outline."""
-    bones = _visible_bones()
-    child, parent = bones[:, 0], bones[:, 1]
-    colors = _joint_colors()
+    child, parent = _visible_bones().T
+    colors = _joint_colors()[child]
     start, end = pose.positions[parent], pose.positions[child]
-    joints = pose.positions[child]
     bone, dot, rim = (size * pixel_scale for size in (BONE_RADIUS_PX, JOINT_RADIUS_PX, OUTLINE_PX))
     return np.concatenate(
         [
             make_strokes(start, end, bone + rim, OUTLINE),
-            make_strokes(joints, joints, dot + rim, OUTLINE),
-            make_strokes(start, end, bone, colors[child]),
-            make_strokes(joints, joints, dot, colors[child]),
+            make_strokes(end, end, dot + rim, OUTLINE),
+            make_strokes(start, end, bone, colors),
+            make_strokes(end, end, dot, colors),
         ]
     )
 
@@ -179,18 +169,25 @@ def pin_strokes(pins: PinOverlay, pixel_scale: float) -> Strokes:
 
 def feet_of(poses: list[Pose]) -> Array:
     """What darkens the ground close by, `(n, 2, 4)`: per foot its heel and radius, its toe and strength; then bodies."""
-    joints = [SPORT_SKELETON.index(name) for name in CONTACT_JOINTS]
     rows = []
     for pose in poses:
-        soles = pose.positions[joints] - SOLE_HEIGHTS[:, None] * (0.0, 1.0, 0.0)
-        for heel, toe in (soles[:2], soles[2:]):
+        for heel, toe in _soles(pose).reshape(2, 2, 3):
             rows.append([[*heel, FOOT_RADIUS_M], [*toe, FOOT_STRENGTH]])
         rows.append([[*pose.root_position, BODY_RADIUS_M], [*pose.root_position, BODY_STRENGTH]])
     return np.array(rows, np.float32).reshape(-1, 2, 4)
 
 
-def _on_terrain(x: Array, z: Array, terrain: Terrain) -> Array:
+def _on_terrain(places: Array, terrain: Terrain) -> Array:
+    """Points `(n, 3)` of the ground at `places` `(n, 2)`, x and z."""
+    x, z = places.T
     return np.stack([x, terrain.height(x, z), z], -1)
+
+
+def _laid(strokes: Strokes, place: str, terrain: Terrain, reach_m: float = 0.05) -> Strokes:
+    """The strokes, each laid on the ground as it slopes at its `place` ("start" or "end")."""
+    at = strokes[place]
+    strokes["normal"] = terrain.normal(at[:, 0], at[:, 2], reach_m=reach_m)
+    return strokes
 
 
 def _visible_bones() -> NDArray[np.int64]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import moderngl
 
-from viewer.render.gl import bind_blocks
+from viewer.render.gl import release
 from viewer.render.marks import STROKE, Strokes
 from viewer.render.shaders import load_program
 
@@ -16,29 +16,23 @@ class OverlayPass:
         self._ctx = ctx
         self._strokes = ctx.buffer(reserve=STROKE.itemsize, dynamic=True)
         layout = (self._strokes, "3f4 3f4 3f4 2f4 4f4 /i", *(f"in_{name}" for name in STROKE.names or ()))
-        screen_layout = (
-            self._strokes,
-            "3f4 3f4 12x 2f4 4f4 /i",
-            "in_start",
-            "in_end",
-            "in_radius",
-            "in_color",
+        top_layout = (self._strokes, "3f4 3f4 12x 2f4 4f4 /i", "in_start", "in_end", "in_radius", "in_color")
+        on_ground, on_top = (
+            load_program(ctx, "stroke.vert", "stroke.frag", {"ON_GROUND": flag}) for flag in (1, 0)
         )
-        self._on_ground = bind_blocks(load_program(ctx, "stroke.vert", "stroke.frag", {"ON_GROUND": 1}))
-        self._on_top = bind_blocks(load_program(ctx, "stroke.vert", "stroke.frag", {"ON_GROUND": 0}))
-        self._ground_array = ctx.vertex_array(self._on_ground, [layout])
-        self._top_array = ctx.vertex_array(self._on_top, [screen_layout])
+        self._on_ground = ctx.vertex_array(on_ground, [layout])
+        self._on_top = ctx.vertex_array(on_top, [top_layout])
 
     def draw_on_ground(self, strokes: Strokes) -> None:
         """Draw strokes whose radii are metres, hidden by what stands before them."""
         self._ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
         self._ctx.depth_func = "<="
-        self._draw(self._ground_array, strokes)
+        self._draw(self._on_ground, strokes)
 
     def draw_on_top(self, strokes: Strokes) -> None:
         """Draw strokes whose radii are pixels, over everything."""
         self._ctx.enable_only(moderngl.BLEND)
-        self._draw(self._top_array, strokes)
+        self._draw(self._on_top, strokes)
 
     def _draw(self, array: moderngl.VertexArray, strokes: Strokes) -> None:
         if len(strokes):
@@ -49,6 +43,4 @@ class OverlayPass:
 
     def release(self) -> None:
         """Free the GPU objects."""
-        parts = (self._ground_array, self._top_array, self._on_ground, self._on_top, self._strokes)
-        for part in parts:
-            part.release()
+        release(self._on_ground, self._on_top, self._strokes)

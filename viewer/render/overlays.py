@@ -49,7 +49,7 @@ class PinOverlay:
 
 @dataclass(frozen=True)
 class Figure:
-    """Somebody of another mesh: `matrices` `(K, 4, 4)` of its joints, and the pose of ours that casts its shadow.
+    """A character of another mesh: `matrices` `(K, 4, 4)` of its joints, and the pose of ours that casts its shadow.
 
     A ghost is translucent; what is `on_top` nothing hides. Neither casts a shadow.
     """
@@ -74,8 +74,7 @@ class Overlays:
     trails: TrailOverlay | None = None
     pins: PinOverlay | None = None
     ghosts: list[Pose] = field(default_factory=list)  # translucent, for comparison
-    frames: list[Pose] = field(
-        default_factory=list
-    )  # the same at other times: they hide nothing of the character
+    # the same at other times: they hide nothing of the character
+    frames: list[Pose] = field(default_factory=list)
     extra_poses: list[Pose] = field(default_factory=list)  # drawn like the main character
     figure: Figure | None = None

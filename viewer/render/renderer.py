@@ -15,8 +15,8 @@ from viewer.render.character_pass import (
     SkinnedMesh,
     ghost_draws,
 )
-from viewer.render.frame import SHADOW_MARGIN_M, SHADOW_REACH_M, FrameUniforms, RenderFrame, make_frame
-from viewer.render.gl import shown_size
+from viewer.render.frame import SHADOW_MARGIN_M, SHADOW_REACH_M, UNIFORM_BYTES, RenderFrame, make_frame
+from viewer.render.gl import release, screen_triangle, shown_size
 from viewer.render.marks import (
     REFERENCE_HEIGHT_PX,
     contact_dots,
@@ -31,7 +31,7 @@ from viewer.render.marks import (
 from viewer.render.overlay_pass import OverlayPass
 from viewer.render.overlays import Figure, Overlays
 from viewer.render.quality import Quality, choose_quality
-from viewer.render.sky_pass import SkyPass
+from viewer.render.shaders import FRAME_BINDING
 from viewer.render.targets import SceneTarget, ShadowMap
 from viewer.render.terrain_pass import TerrainPass
 
@@ -47,10 +47,10 @@ class Renderer:
     def __init__(self, ctx: moderngl.Context, quality: Quality | None = None) -> None:
         self.ctx = ctx
         self.quality = quality or choose_quality(ctx)
-        self._frame = FrameUniforms(ctx)
+        self._uniforms = ctx.buffer(reserve=UNIFORM_BYTES, dynamic=True)  # of the frame, for all passes
         self._scene = SceneTarget(ctx, self.quality)
         self._shadow_map = ShadowMap(ctx, self.quality.shadow_map_size)
-        self._sky = SkyPass(ctx)
+        self._sky = screen_triangle(ctx, "sky.frag")
         self._terrain = TerrainPass(ctx, self.quality)
         self._characters = CharacterPass(ctx, self.quality)
         self._figure: CharacterPass | None = None  # of another mesh, once there is one
@@ -78,7 +78,8 @@ class Renderer:
         scene = self._scene.begin(shown_size(target))
         reach = SHADOW_REACH_M if self.quality.terrain_casts_shadow else 0.0
         frame = make_frame(camera, scene.size, standing, reach, self.quality.shadow_map_size)
-        self._frame.write(frame)
+        self._uniforms.write(frame.uniforms)
+        self._uniforms.bind_to_uniform_block(FRAME_BINDING)
         self._terrain.prepare(frame, np.array([camera.target[0], camera.target[2]]))
         draws = [CharacterDraw(p) for p in solid] + ghost_draws(overlays.ghosts, pose, camera.position)
         draws += [CharacterDraw(p, GHOST_OPACITY, behind=True) for p in overlays.frames]
@@ -93,7 +94,7 @@ class Renderer:
             characters.draw(self._shadow_map.texture)
         self._terrain.draw(frame, overlays.show_grid)
         self._terrain.draw_shadows(frame, scene, self._shadow_map.texture, feet_of(standing))
-        self._sky.draw()
+        self._draw_sky()
         self._draw_ground_overlays(scene, pose, overlays)
         for characters in reversed(passes):  # the character's own last: nothing is drawn over it afterwards
             characters.draw_ghosts(scene)
@@ -104,7 +105,7 @@ class Renderer:
         self.ctx.enable_only(moderngl.NOTHING)
 
     def _figures(self, figure: Figure | None) -> list[CharacterPass]:
-        """The pass of somebody of another mesh."""
+        """The pass of a figure of another mesh."""
         if figure is None:
             return []
         if self._figure is None:
@@ -127,6 +128,12 @@ class Renderer:
             self.ctx.polygon_offset = 1.0, 2.0  # the ground must not shade itself
             self._terrain.draw_depth(frame)
             self.ctx.polygon_offset = 0.0, 0.0
+
+    def _draw_sky(self) -> None:
+        """Fill what nothing else has covered: from the horizon, which is also the colour of the fog, to the zenith."""
+        self.ctx.enable_only(moderngl.DEPTH_TEST)
+        self.ctx.depth_func = "<="
+        self._sky.render(moderngl.TRIANGLES, vertices=3)
 
     def _draw_ground_overlays(
         self, scene: moderngl.Framebuffer, pose: Pose | None, overlays: Overlays
@@ -155,7 +162,5 @@ class Renderer:
 
     def release(self) -> None:
         """Free all GPU objects."""
-        passes = (self._sky, self._terrain, self._characters, self._overlays, self._figure)
-        for part in (*passes, self._frame, self._scene, self._shadow_map):
-            if part is not None:
-                part.release()
+        release(self._uniforms, self._sky, self._scene, self._shadow_map)
+        release(self._terrain, self._characters, self._figure, self._overlays)

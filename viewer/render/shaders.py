@@ -17,6 +17,7 @@ from runtime.assets import PROJECT_ROOT
 from runtime.errors import DisplayError, FileError
 
 SHADER_ROOT = PROJECT_ROOT / "shaders"
+FRAME_BINDING, JOINTS_BINDING = 0, 1  # of the uniform blocks in common.glsl and skinning.glsl
 REMEDY = "Install the program again; if you edited this shader, correct that line."
 
 _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
@@ -56,9 +57,9 @@ class ShaderSource:
 
 
 def preprocess(name: str, root: Path = SHADER_ROOT, defines: Mapping[str, int] | None = None) -> ShaderSource:
-    """Resolve includes (each file once) of `root / name`; FileError for a missing file, naming who asked for it."""
+    """Resolve includes (each file once) of `root / name`; FileError for a missing file, naming what includes it."""
     source = ShaderSource()
-    _expand(name, root, source, {name}, asked_by=name)
+    _expand(name, root, source, {name}, included_by=name)
     if not source.lines or not _VERSION.match(source.lines[0]):
         raise FileError(f"{root / name}:1: expected #version in the first line.", REMEDY)
     for key, value in (defines or {}).items():
@@ -67,12 +68,12 @@ def preprocess(name: str, root: Path = SHADER_ROOT, defines: Mapping[str, int] |
     return source
 
 
-def _expand(name: str, root: Path, source: ShaderSource, seen: set[str], asked_by: str) -> None:
+def _expand(name: str, root: Path, source: ShaderSource, seen: set[str], included_by: str) -> None:
     try:
         text = (root / name).read_text(encoding="utf-8")
     except OSError as error:
         raise FileError(
-            f"{asked_by}: the shader file {root / name} cannot be read ({error}).", REMEDY
+            f"{included_by}: the shader file {root / name} cannot be read ({error}).", REMEDY
         ) from error
     for number, line in enumerate(text.splitlines(), start=1):
         include = _INCLUDE.match(line)
@@ -90,7 +91,7 @@ def load_program(
     defines: Mapping[str, int] | None = None,
     root: Path = SHADER_ROOT,
 ) -> moderngl.Program:
-    """Compile and link two files of `root`; DisplayError with file, line and the compiler's words."""
+    """Compile and link two files of `root`, and bind their uniform blocks; DisplayError with file, line and the compiler's words."""
     stages = [preprocess(vertex, root, defines), preprocess(fragment, root, defines)]
     try:
         program = ctx.program(vertex_shader=stages[0].text, fragment_shader=stages[1].text)
@@ -100,4 +101,8 @@ def load_program(
         raise DisplayError(
             f"Shader {failed.origins[0][0]}: {failed.translate(log).strip()}", REMEDY
         ) from error
+    for name, binding in (("Frame", FRAME_BINDING), ("Joints", JOINTS_BINDING)):
+        block = program.get(name, None)
+        if isinstance(block, moderngl.UniformBlock):
+            block.binding = binding
     return program

@@ -6,9 +6,8 @@ import math
 
 import moderngl
 
-from viewer.render.gl import scissored, set_uniforms, shown_size
+from viewer.render.gl import release, scissored, screen_triangle, set_uniforms, shown_size
 from viewer.render.quality import Quality
-from viewer.render.shaders import load_program
 
 
 class ShadowMap:
@@ -23,8 +22,7 @@ class ShadowMap:
 
     def release(self) -> None:
         """Free the GPU objects."""
-        self.framebuffer.release()
-        self.texture.release()
+        release(self.framebuffer, self.texture)
 
 
 class SceneTarget:
@@ -35,89 +33,65 @@ class SceneTarget:
         self._quality = quality
         self._samples = min(quality.msaa, ctx.max_samples)
         self._softens = quality.smooth_edges and not self._samples
+        self._stretch = screen_triangle(ctx, "stretch.frag")
+        self._smooth_edges = screen_triangle(ctx, "smooth_edges.frag")
         self._shown_size = (0, 0)
-        self._scene: moderngl.Framebuffer | None = None
-        self._resolved: moderngl.Framebuffer | None = None  # its colour alone, one sample a pixel
-        self._picture: moderngl.Texture | None = None  # that colour, to read
-        self._softened: moderngl.Framebuffer | None = None  # the same with softened edges, to be stretched
-        self._soft_picture: moderngl.Texture | None = None
-        self._attachments: list[moderngl.Texture | moderngl.Renderbuffer] = []
-        self._programs = [
-            load_program(ctx, "sky.vert", name) for name in ("stretch.frag", "smooth_edges.frag")
-        ]
-        self._stretch, self._soften_array = (ctx.vertex_array(program, []) for program in self._programs)
+        self._make_images((1, 1))
+
+    def _make_images(self, shown_size: tuple[int, int]) -> None:
+        self._shown_size = shown_size
+        size = scene_size(shown_size, self._quality)
+        self._picture = self._ctx.texture(size, 4)  # the scene's colour, one sample a pixel
+        self._resolved = self._ctx.framebuffer([self._picture])
+        # the same with softened edges, to be stretched
+        self._softened_picture = self._ctx.texture(size if self._softens else (1, 1), 4)
+        self._softened = self._ctx.framebuffer([self._softened_picture])
+        self._depth = self._ctx.depth_renderbuffer(size, samples=self._samples)
+        self._color = self._ctx.renderbuffer(size, 4, samples=self._samples) if self._samples else None
+        self._scene = self._ctx.framebuffer([self._color or self._picture], self._depth)
 
     def begin(self, shown_size: tuple[int, int]) -> moderngl.Framebuffer:
         """The scene's framebuffer for a frame of `shown_size` pixels, made anew when the size has changed."""
-        if self._scene is None or shown_size != self._shown_size:
-            self._free()
-            self._shown_size = shown_size
-            size = scene_size(shown_size, self._quality)
-            self._picture = self._ctx.texture(size, 4)
-            depth = self._ctx.depth_renderbuffer(size, samples=self._samples)
-            color = self._ctx.renderbuffer(size, 4, samples=self._samples) if self._samples else self._picture
-            self._attachments = [self._picture, depth, *([color] if self._samples else [])]
-            self._scene = self._ctx.framebuffer([color], depth)
-            self._resolved = self._ctx.framebuffer([self._picture])
-            if self._softens and size != shown_size:
-                self._soft_picture = self._ctx.texture(size, 4)
-                self._attachments.append(self._soft_picture)
-                self._softened = self._ctx.framebuffer([self._soft_picture])
+        if shown_size != self._shown_size:
+            self._free_images()
+            self._make_images(shown_size)
         return self._scene
 
     def present(self, target: moderngl.Framebuffer, edges: tuple[int, int, int, int]) -> None:
         """Copy or stretch the scene into `target`; soften edges in the scene's pixels `edges` (x, y, w, h)."""
-        assert self._scene is not None
-        assert self._resolved is not None
-        assert self._picture is not None
         if self._samples:
             self._ctx.copy_framebuffer(self._resolved, self._scene)
         softens = self._softens and edges[2] * edges[3] > 0
-        if self._scene.size == shown_size(
-            target
-        ):  # not from the scene itself: its depth might not fit the target's
-            self._ctx.copy_framebuffer(target, self._resolved)
-            if softens:
-                self._soften_into(target, edges)
-            target.use()
-            return
-        picture = self._picture
-        if softens and self._softened is not None:  # before it is stretched, or every step would be larger
-            self._ctx.copy_framebuffer(self._softened, self._resolved)
-            self._soften_into(self._softened, edges)
-            assert self._soft_picture is not None
-            picture = self._soft_picture
+        fits = self._scene.size == shown_size(target)
+        flat = target if fits else self._softened  # before it is stretched, or every step would be larger
+        if fits or softens:  # not from the scene itself: its depth might not fit the target's
+            self._ctx.copy_framebuffer(flat, self._resolved)
+        if softens:
+            self._soften_into(flat, edges)
         target.use()
-        self._ctx.enable_only(moderngl.NOTHING)
-        picture.use(0)
-        self._stretch.render(moderngl.TRIANGLES, vertices=3)
+        if not fits:
+            self._ctx.enable_only(moderngl.NOTHING)
+            (self._softened_picture if softens else self._picture).use(0)
+            self._stretch.render(moderngl.TRIANGLES, vertices=3)
 
     def _soften_into(self, target: moderngl.Framebuffer, edges: tuple[int, int, int, int]) -> None:
         """Draw the picture with softened edges into the pixels `edges` of a target of its size."""
-        assert self._picture is not None
         target.use()
         self._ctx.enable_only(moderngl.NOTHING)
         self._picture.use(0)
         width, height = shown_size(target)
-        set_uniforms(self._programs[1], {"texel": (1 / width, 1 / height)})
+        set_uniforms(self._smooth_edges.program, {"texel": (1 / width, 1 / height)})
         with scissored(target, edges):
-            self._soften_array.render(moderngl.TRIANGLES, vertices=3)
+            self._smooth_edges.render(moderngl.TRIANGLES, vertices=3)
 
-    def _free(self) -> None:
-        for framebuffer in (self._scene, self._resolved, self._softened):
-            if framebuffer is not None:
-                framebuffer.release()
-        self._softened = None
-        for attachment in self._attachments:
-            attachment.release()
+    def _free_images(self) -> None:
+        release(self._scene, self._resolved, self._softened)
+        release(self._picture, self._softened_picture, self._depth, self._color)
 
     def release(self) -> None:
         """Free the GPU objects."""
-        self._free()
-        for array in (self._stretch, self._soften_array):
-            array.release()
-        for program in self._programs:
-            program.release()
+        self._free_images()
+        release(self._stretch, self._smooth_edges)
 
 
 def scene_size(shown_size: tuple[int, int], quality: Quality) -> tuple[int, int]:

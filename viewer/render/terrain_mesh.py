@@ -27,9 +27,8 @@ MAX_CELLS = 1024  # per side of the window
 WINDOW_M = 64.0  # what the window covers at least, where the terrain is as large
 HAZE_M = 25.0
 APRON_M = 150.0  # how far the ring lies outside, beyond all fog
-# relief: heights over the mean around them, at the size of edges and at that of hollows; each with what is full
-EDGE_M, EDGE_FULL_M, EDGE_SHARE = 0.07, 0.05, 0.30
-HOLLOW_M, HOLLOW_FULL_M, HOLLOW_SHARE = 0.60, 0.10, 0.45
+# heights over the mean around them, metres: at the size of edges and at that of hollows, each with what is full and its weight
+RELIEF = ((0.07, 0.05, 0.30), (0.60, 0.10, 0.45))
 
 
 @dataclass(frozen=True)
@@ -61,12 +60,9 @@ class TerrainWindow:
         """How much lighter (edges, crests) or darker (hollows) each vertex is than level ground, `(nx + 2, nz + 2)`."""
         h = self.heights
         relief = np.zeros(h.shape, np.float32)
-        for size, full, share in (
-            (EDGE_M, EDGE_FULL_M, EDGE_SHARE),
-            (HOLLOW_M, HOLLOW_FULL_M, HOLLOW_SHARE),
-        ):
+        for size, full, weight in RELIEF:
             apart = (h - _mean_around(h, max(round(size / self.cell_m), 1))) / full
-            relief += share * np.clip(apart, -1.0, 1.0)
+            relief += weight * np.clip(apart, -1.0, 1.0)
         return relief.astype(np.float16)
 
     @cached_property
@@ -173,9 +169,8 @@ def _apron_pattern(level: int, side: int, row: int) -> Indices:
     near = start + k * along
     far = near + out
     quads = np.stack([near[:-1], far[:-1], far[1:], near[:-1], far[1:], near[1:]], -1)
-    return (
-        quads.ravel().astype(np.int64).astype(np.uint32)
-    )  # wraps below zero; the sum with the tile's base is right
+    # wraps below zero; the sum with the tile's base is right
+    return quads.ravel().astype(np.int64).astype(np.uint32)
 
 
 class TerrainMesh:
@@ -210,13 +205,13 @@ class TerrainMesh:
                 return levels
             pixels *= 1.4
 
-    def visible(self, view_projection: Array, reach: float = 0.0) -> NDArray[np.bool_]:
-        """Tiles that touch the view frustum; `reach` metres are added around each."""
+    def visible(self, view_projection: Array) -> NDArray[np.bool_]:
+        """Tiles that touch the view frustum."""
         planes = np.concatenate(
             [view_projection[3] + view_projection[:3], view_projection[3] - view_projection[:3]]
         )
         normal = planes[:, None, None, :3]
-        corner = np.where(normal > 0, self._high + reach, self._low - reach)
+        corner = np.where(normal > 0, self._high, self._low)
         return np.all(np.sum(normal * corner, -1) + planes[:, None, None, 3] >= 0, axis=0)
 
     def touching(self, low: Array, high: Array) -> NDArray[np.bool_]:

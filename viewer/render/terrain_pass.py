@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 from runtime.terrain.height_map import Terrain
 from viewer.render.frame import SHADOW_REACH_M, RenderFrame
-from viewer.render.gl import bind_blocks, scissored, set_uniforms
+from viewer.render.gl import release, scissored, set_uniforms
 from viewer.render.quality import Quality
 from viewer.render.shaders import load_program
 from viewer.render.terrain_mesh import APRON_M, Levels, TerrainMesh, cut_window
@@ -33,9 +33,9 @@ class TerrainPass:
         self._max_triangles = 2 * quality.grid_resolution**2
         taps = {"SHADOW_TAPS": quality.shadow_taps}
         self._programs = {
-            "surface": bind_blocks(load_program(ctx, "terrain.vert", "terrain.frag")),
-            "depth": bind_blocks(load_program(ctx, "shadow_terrain.vert", "depth_only.frag")),
-            "shadow": bind_blocks(load_program(ctx, "terrain.vert", "ground_shadow.frag", taps)),
+            "surface": load_program(ctx, "terrain.vert", "terrain.frag"),
+            "depth": load_program(ctx, "shadow_terrain.vert", "depth_only.frag"),
+            "shadow": load_program(ctx, "terrain.vert", "ground_shadow.frag", taps),
         }
         self._indices = ctx.buffer(reserve=4, dynamic=True)
         self._vertices: moderngl.Buffer | None = None
@@ -43,8 +43,8 @@ class TerrainPass:
         self._terrain: Terrain | None = None
         self._level = 0.0, 1.0  # see terrain.frag
         self._mesh: TerrainMesh | None = None
-        self._levels: Levels = np.zeros((2, 0, 0), np.int64)
-        self._visible: NDArray[np.bool_] = np.zeros((0, 0), np.bool_)
+        self._levels: Levels
+        self._visible: NDArray[np.bool_]
 
     def set_terrain(self, terrain: Terrain) -> None:
         """Show another height map from the next frame on."""
@@ -79,19 +79,18 @@ class TerrainPass:
         packed["height"] = window.heights.ravel()
         packed["slope"] = window.slopes.reshape(-1, 2)
         packed["relief"][:, 0] = window.relief.ravel()
-        for array in self._arrays.values():
-            array.release()
-        if self._vertices is not None:
-            self._vertices.release()
+        for old in (*self._arrays.values(), self._vertices):  # not their programs
+            if old is not None:
+                old.release()
         self._vertices = self._ctx.buffer(packed.tobytes())
+        uniforms = {
+            "grid_origin": window.origin,
+            "grid_cell": window.cell_m,
+            "grid_size": window.heights.shape,
+            "apron": APRON_M,
+            "level": self._level,
+        }
         for name, program in self._programs.items():
-            uniforms = {
-                "grid_origin": window.origin,
-                "grid_cell": window.cell_m,
-                "grid_size": window.heights.shape,
-                "apron": APRON_M,
-                "level": self._level,
-            }
             set_uniforms(program, uniforms)
             self._arrays[name] = self._ctx.vertex_array(
                 program, [(self._vertices, *LAYOUTS[name])], self._indices, index_element_size=4
@@ -110,10 +109,8 @@ class TerrainPass:
             return
         self._ctx.enable_only(moderngl.DEPTH_TEST)
         self._ctx.depth_func = "<"
-        set_uniforms(
-            self._programs["surface"],
-            {"grid_strength": 1.0 if show_grid else 0.0, "metres": terrain.unit_m},
-        )
+        values = {"grid_strength": float(show_grid), "metres": terrain.unit_m}
+        set_uniforms(self._programs["surface"], values)
         tiles = mesh.indices(self._levels, self._visible)
         self._draw("surface", np.concatenate([tiles, mesh.apron_indices(self._levels)]))
 
@@ -149,6 +146,4 @@ class TerrainPass:
 
     def release(self) -> None:
         """Free the GPU objects."""
-        for item in (*self._arrays.values(), *self._programs.values(), self._indices, self._vertices):
-            if item is not None:
-                item.release()
+        release(*self._arrays.values(), *self._programs.values(), self._indices, self._vertices)

@@ -1,4 +1,4 @@
-"""A reel: the same stick in six styles, every moment of it from the side and from the front, beside raw capture.
+"""A reel: the same stick in six styles, every moment of it from the side and from the front, next to raw capture.
 
 python -m viewer.tools.reel --out DIR [--data RAW]      # a contact sheet and a BVH for each style, and one of the captures
 
@@ -18,8 +18,11 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 from runtime.atomic import check_target
 from runtime.errors import UsageError, run_command
+from runtime.pose import Pose
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
+from viewer.render.camera import Camera, looked_at
+from viewer.tools.contact_sheet import draw_row, save_sheet
 
 SCRIPT = (
     "stand 1.5; walk 3; stand 2.5; walk 2; walk@90 2; walk 2; jog 2.5; stand 3; walk 2; jump 2; jog 2; jump 2"
@@ -80,45 +83,37 @@ def heading(hips: Array) -> float:
 
 def draw_rows(clip: Clip, terrain: Terrain, seconds: float, yaw: float) -> NDArray[np.uint8]:
     """The frames of a moment from every view, a row each."""
-    from viewer.filming.studio import studio
-    from viewer.render.camera import Camera, looked_at
+    moments = [seconds + k * INTERVAL_S for k in range(COLUMNS)]
 
-    poses = [clip.sample(seconds + k * INTERVAL_S) for k in range(COLUMNS)]
-    with studio(CELL, terrain) as draw:
-        rows = [
-            np.concatenate(
-                [draw(Camera(looked_at(p.hips_position, terrain), yaw + turn, 0.1, 3.4), p) for p in poses], 1
-            )
-            for _, turn in VIEWS
-        ]
-    return np.concatenate(rows)
+    def row(turn: float) -> NDArray[np.uint8]:
+        def see(pose: Pose) -> Camera:
+            return Camera(looked_at(pose.hips_position, terrain), yaw + turn, 0.1, 3.4)
+
+        return draw_row(clip, terrain, moments, see, CELL)
+
+    return np.concatenate([row(turn) for _, turn in VIEWS])
 
 
-def sheet(rows: Sequence[tuple[str, NDArray[np.uint8]]]) -> NDArray[np.uint8]:
-    """Titled rows, one below the other."""
-    from viewer.tools.contact_sheet import label_rows
-
+def save_rows(path: Path, rows: Sequence[tuple[str, NDArray[np.uint8]]]) -> None:
+    """Write titled rows, one below the other."""
     labels = [f"{title}, {view}" for title, _ in rows for view, _ in VIEWS]
-    return label_rows(np.concatenate([drawn for _, drawn in rows]), labels)
+    save_sheet(path, [drawn for _, drawn in rows], labels)
 
 
-def of_style(prompt: str, seed: int, out: Path, terrain: Terrain) -> None:
-    """Write the clip and the sheet of a style."""
+def of_style(prompt: str, seed: int, out: Path, terrain: Terrain) -> Path:
+    """Write the clip and the sheet of a style; the sheet's path."""
     from runtime.formats.bvh_clip import save_bvh
     from runtime.generate import generate_clip
-    from viewer.render.offscreen import save_png
 
     clip = generate_clip(prompt, terrain, controls=SCRIPT, seed=seed)
-    name = "_".join(prompt.split())
-    save_bvh(clip, out / f"{name}.bvh")
-    rows = [(f"{prompt}: {m.title}", draw_rows(clip, terrain, m.seconds, 0.0)) for m in MOMENTS]
-    save_png(sheet(rows), out / f"{name}.png")
+    path = save_bvh(clip, out / f"{'_'.join(prompt.split())}.bvh").with_suffix(".png")
+    save_rows(path, [(f"{prompt}: {m.title}", draw_rows(clip, terrain, m.seconds, 0.0)) for m in MOMENTS])
+    return path
 
 
 def of_captures(data: Path, out: Path, terrain: Terrain) -> None:
     """Write the sheet of the captures below `data`; UsageError where none of them is there."""
     from runtime.formats.reference import open_take
-    from viewer.render.offscreen import save_png
 
     rows = []
     for moment in MOMENTS:
@@ -130,7 +125,7 @@ def of_captures(data: Path, out: Path, terrain: Terrain) -> None:
             rows.append((f"{path.stem}: {moment.title}", drawn))
     if not rows:
         raise UsageError(f"--data {data}: none of the captures is there.", "Give the unpacked accad.")
-    save_png(sheet(rows), out / "captures.png")
+    save_rows(out / "captures.png", rows)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -147,8 +142,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     check_target(args.out / "captures.png")
     terrain = load_terrain("flat")
     for prompt in args.prompts:
-        of_style(prompt, args.seed, args.out, terrain)
-        print(args.out / f"{'_'.join(prompt.split())}.png")
+        print(of_style(prompt, args.seed, args.out, terrain))
     if args.data is not None:
         of_captures(args.data, args.out, terrain)
     return 0

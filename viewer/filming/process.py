@@ -8,6 +8,7 @@ import os
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ POLL_S = 0.1
 KILL_S = 0.2  # that a cancelled film may take to clean up by itself
 
 
-def film_beside(
+def film_in_process(
     take: PreparedTake,
     terrain: Terrain,
     path: Path,
@@ -35,9 +36,8 @@ def film_beside(
     """As `film_of_take`, in another process; waits for it. SportError also when that process was ended from outside."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    process = context.Process(
-        target=_work, args=(theirs, take, terrain, path, export, film), name="sport-film", daemon=True
-    )
+    make = partial(film_of_take, take, terrain, path, export, film)
+    process = context.Process(target=_work, args=(theirs, make), name="sport-film", daemon=True)
     process.start()
     theirs.close()
     try:
@@ -75,20 +75,13 @@ def _follow(pipe: Connection, progress: Progress, cancel: threading.Event, kill:
             return str(value)
 
 
-def _work(
-    pipe: Connection,
-    take: PreparedTake,
-    terrain: Terrain,
-    path: Path,
-    export: ExportOptions,
-    film: FilmOptions,
-) -> None:
+def _work(pipe: Connection, make: Callable[[Progress, threading.Event], str]) -> None:
     """The other process; when the window's is gone, the film is given up."""
     if hasattr(os, "nice"):
         os.nice(NICENESS)
     cancel = threading.Event()
 
-    def tell(kind: str, value: Any) -> None:
+    def report(kind: str, value: Any) -> None:
         try:
             pipe.send((kind, value))
         except OSError:
@@ -97,12 +90,10 @@ def _work(
     def progress(done: int, total: int) -> None:
         if pipe.poll():
             cancel.set()
-        tell("progress", (done, total))
+        report("progress", (done, total))
 
     with contextlib.suppress(KeyboardInterrupt):  # Ctrl+C reaches both; the window's process decides
         try:
-            text = film_of_take(take, terrain, path, export, film, progress, cancel)
+            report("done", make(progress, cancel))
         except Exception as error:  # raised again where the film was wanted
-            tell("failed", error)
-        else:
-            tell("done", text)
+            report("failed", error)

@@ -77,6 +77,7 @@ __all__ = ["App", "ViewOptions", "run"]
 
 TITLE = "SPORT viewer"
 PICTURE_WIDTH = 256  # pixels
+MEMORY_S = 3.0  # of the live character, for ghosts and trails
 # A pause (a dragged window, a suspended laptop) is not simulated, but frames that are always long are: pictures are
 # dropped and the motion keeps its time.
 LONGEST_PAUSE_S, LONGEST_FRAME_S = 0.25, 1.0
@@ -236,7 +237,7 @@ class App:
             compare_panel.panel(compare),
             scene_panel.panel(
                 self.scene, self.takes, self.path, self.open_files, self._browse_all,
-                lambda width: pin_card.draw_live(pins, width),
+                lambda width: pin_card.draw_live(pins, self.camera_keys.add, width),
             ),
             takes_panel.panel(self.takes, references, export, self.sessions),
             transport.panel(editing, pins, self.camera_keys, references),
@@ -444,10 +445,13 @@ class App:
         frames: list[Pose] = []
         over: list[Pose] = []
         trails = None
-        if playback is not None and settings.show_ghosts:
-            frames = ghosts(playback, round(settings.ghost_frames))
-        if playback is not None and settings.show_trails:
-            trails = self.trails.around(playback)
+        around = playback
+        if around is None and (settings.show_ghosts or settings.show_trails) and not others:
+            around = self.takes.memory(MEMORY_S)
+        if around is not None and settings.show_ghosts:
+            frames = ghosts(around, round(settings.ghost_frames))
+        if around is not None and settings.show_trails:
+            trails = self.trails.around(around)
         figure, references = None, self.references
         compared = None if playback is None else references.pose(playback)
         if playback is not None and compared is not None:

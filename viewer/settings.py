@@ -110,7 +110,7 @@ class Settings:
         False, label="Contacts", hint="Which heels and toes stand on the ground (F4)"
     )
     show_ghosts: bool = specified(
-        False, label="Ghosts", hint="Poses of the take before and after the one shown"
+        False, label="Ghosts", hint="Poses before the one shown, of a take also after it"
     )
     show_trails: bool = specified(
         False, label="Trails", hint="Lines of hands, feet, head and hips, blue where slow, red where fast"

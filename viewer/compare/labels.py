@@ -1,3 +1,5 @@
-
 from viewer.gui.panels import Panel, PanelPlace
-def panel(view): return Panel("Compare", PanelPlace.LEFT, lambda _: None, shown=lambda: False)
+
+
+def panel(view):
+    return Panel("Compare", PanelPlace.LEFT, lambda _: None, shown=lambda: False)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.errors import SportError
-from runtime.pose import Pose
-from runtime.session.session import Take
+from runtime.pose import FPS, Pose
+from runtime.session.session import LIVE, Take
 from runtime.takes.camera_keys import MAX_KEYS, CameraKey, view_at, with_key
 from runtime.terrain.height_map import Terrain
 from viewer.edit.track_drawing import draw_rect, new_row, take_mouse
@@ -46,35 +46,37 @@ class CameraKeys:
         return () if self.take is None else self.take.cameras
 
     def add(self) -> None:
-        """Key the view as it is at the frame shown."""
-        take, playback = self.take, self.takes.playback
-        if take is None or playback is None or len(take.cameras) >= MAX_KEYS:
+        """Key the view as it is at the frame shown, or now: keys of the live character go into what is recorded."""
+        playback, take = self.takes.playback, self.take or self.editor.session.live
+        if len(take.cameras) >= MAX_KEYS:
             return
-        camera, pose = self.control.current, playback.pose()
-        offset = np.zeros(3)
+        scene = self.takes.scene
+        if playback is None:
+            seconds, fps, pose, terrain = scene.now, float(FPS), scene.simulation.current, scene.terrain
+        else:
+            fps, pose, terrain = playback.clip.fps, playback.pose(), playback.terrain
+            seconds = playback.frame / fps
+        camera, offset = self.control.current, np.zeros(3)
         if self.control.mode == "orbit":
-            offset = np.asarray(camera.target) - looked_at(pose.hips_position, playback.terrain)
+            offset = np.asarray(camera.target) - looked_at(pose.hips_position, terrain)
         x, y, z = (float(v) for v in offset)
         try:
-            key = CameraKey(
-                playback.frame / playback.clip.fps, camera.yaw, camera.pitch, camera.distance, x, y, z
-            )
+            key = CameraKey(seconds, camera.yaw, camera.pitch, camera.distance, x, y, z)
         except SportError as error:
             self.editor.messages.error(error)
             return
-        keys = with_key(take.cameras, key, playback.clip.fps)
+        keys = with_key(take.cameras, key, fps)
         self._put(f"camera key of {take.title}", keys)
-        self.through = len(keys) > 1
+        self.through = playback is not None and len(keys) > 1
         self.editor.messages.note(
             f"{take.title}: {len(keys)} camera key{'s' * (len(keys) > 1)}."
             " A film with the camera “keyed” looks through them."
         )
 
     def _put(self, label: str, keys: tuple[CameraKey, ...], held: bool = False) -> None:
-        take = self.take
-        if take is not None:
-            change = self.editor.drag if held else self.editor.do
-            change(label, lambda session: session.with_take(take.number, cameras=keys))
+        number = LIVE if self.take is None else self.take.number
+        change = self.editor.drag if held else self.editor.do
+        change(label, lambda session: session.with_take(number, cameras=keys))
 
     def remove(self, index: int) -> None:
         """Take a key away."""

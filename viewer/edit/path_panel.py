@@ -25,9 +25,7 @@ def draw(tool: PathTool, draw_pins: Callable[[float], None]) -> None:
     imgui.same_line(0, px(4))
     imgui.begin_disabled(not tool.points or (tool.of_take and not tool.active))
     if tool.of_take:
-        if widgets.button(
-            "Resimulate###drive path", third, "Resimulate the take along these points"
-        ):
+        if widgets.button("Resimulate###drive path", third, "Resimulate the take along these points"):
             tool.resimulate()
     elif tool.walk is not None:
         if widgets.button(f"{ICON.stop} Stop###walk path", third, "Give the stick back"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from runtime.takes.pins import Pin, Pinned
@@ -26,7 +27,7 @@ def panel(pins: Pins) -> Panel:
     )  # fmt: skip
 
 
-def draw_live(pins: Pins, width: float) -> None:
+def draw_live(pins: Pins, key_camera: Callable[[], None], width: float) -> None:
     """A button for what the live character holds; chosen parts are pinned where they are, and dragged in the view."""
     held = [pin.what for pin in pins.pins] if pins.live else []
     imgui.begin_disabled(not pins.live)
@@ -38,6 +39,9 @@ def draw_live(pins: Pins, width: float) -> None:
         for what in LIVE:
             if imgui.menu_item(str(what).capitalize(), "", what in held)[0]:
                 pins.toggle_live(what)
+        imgui.separator()
+        if imgui.menu_item("Key the camera", "", False)[0]:
+            key_camera()
         imgui.end_popup()
 
 

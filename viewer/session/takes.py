@@ -166,6 +166,18 @@ class Takes:
             header = replace(recording.header, prompts=self.recorder.events(begin))
             recording.describe(header, self.drives.cut(begin))
 
+    def memory(self, seconds: float) -> Playback | None:
+        """The last seconds of the live character as a take at its last frame; None before there are any."""
+        if not self.recorder.seconds:
+            return None
+        clip = self.recorder.last(seconds)
+        pins = live_pins.of_take(
+            self.session.live.poses.pins, self.recorder.next_frame - len(clip), len(clip)
+        )
+        take = Take(motion=Motion.of(clip), poses=PoseEdits(pins))
+        ground = self.scene.terrain
+        return Playback(take, take.clip, ground, ground, time_s=clip.seconds, playing=False)
+
     @property
     def recording(self) -> bool:
         """Whether a take is being recorded."""
@@ -223,7 +235,13 @@ class Takes:
         drive = self.drives.cut(first)
         motion = Motion.of(clip, drive) if recording is None else recording.finish(clip, drive)
         pins = live_pins.of_take(self.session.live.poses.pins, first, len(clip))
-        take = Take(motion=motion, poses=PoseEdits(pins), ground=self.scene.ground)
+        begin = first / clip.fps
+        cameras = tuple(
+            replace(key, seconds=key.seconds - begin)
+            for key in self.session.live.cameras
+            if 0.0 <= key.seconds - begin <= clip.seconds
+        )
+        take = Take(motion=motion, poses=PoseEdits(pins), cameras=cameras, ground=self.scene.ground)
         self.editor.do(f"recording of {name}", lambda session: edits.with_new_take(session, take))
         self.messages.note(f"{name}: {clip.seconds:.1f} s in the list of takes.")
 

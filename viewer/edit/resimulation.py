@@ -67,7 +67,7 @@ class Resimulation:
     shown: object = None  # the prompt's span in the fields
     prompt: str = ""
     parts: dict[str, str] = field(default_factory=dict)
-    _tracks: tuple[Motion, bool, Tracks] | None = None
+    _tracks: Tracks | None = None
     _left_out: int = 0  # changed plants that the take has no steps for; written by the worker
 
     @property
@@ -117,11 +117,10 @@ class Resimulation:
         take, playback = self.take, self.playback
         if take is None or playback is None:
             return None
-        known = self._tracks
-        if known is None or known[0] is not take.motion or known[1] != take.mirrored:
-            drive = None if take.mirrored else take.made.drive
-            known = self._tracks = take.made, take.mirrored, tracks_of(take.driven, drive)
-        return known[2]
+        clip = playback.clip
+        if self._tracks is None or self._tracks.clip is not clip:
+            self._tracks = tracks_of(clip, playback.drive)
+        return self._tracks
 
     # --- prompts
 

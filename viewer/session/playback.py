@@ -11,6 +11,7 @@ import numpy as np
 from runtime.pose import Pose
 from runtime.session.session import Take
 from runtime.takes.clip import Clip
+from runtime.takes.drive import Drive
 from runtime.takes.pinned import pinned
 from runtime.takes.pose_edits import PoseEdits
 from runtime.terrain.height_map import Terrain
@@ -24,6 +25,7 @@ class Playback:
     clip: Clip  # its frames, of which a pin that is dragged may be newer
     terrain: Terrain  # its own, or the live one
     live: Terrain  # the one under the live character when it began to play
+    drive: Drive | None = None  # what drove it; None where that is not known, and of a mirror image
     time_s: float = 0.0
     playing: bool = True
     loop: bool = True
@@ -100,10 +102,10 @@ class Playback:
             wanted %= self.frames
         self.seek(wanted)
 
-    def show(self, take: Take, clip: Clip) -> None:
+    def show(self, take: Take, clip: Clip, drive: Drive | None) -> None:
         """The frames of the take after an edit, at the same time."""
         self.take = self.shown = take
-        self.clip = clip
+        self.clip, self.drive = clip, drive
         self.time_s = min(self.time_s, (self.frames - 1) / clip.fps)
 
     def pose(self) -> Pose:

@@ -19,7 +19,7 @@ from runtime.session.prompt_blend import PromptBlend
 from runtime.session.session import LIVE, MIN_FRAMES, Ground, Session, Take
 from runtime.session.session_file import Recording
 from runtime.takes.clip import Clip
-from runtime.takes.drive import DriveRecorder, StyleChange
+from runtime.takes.drive import Drive, DriveRecorder, StyleChange
 from runtime.takes.metadata import Origin, gait_of, origin_of
 from runtime.takes.pose_edits import PoseEdits
 from runtime.takes.recorder import ClipRecorder
@@ -111,14 +111,12 @@ class Takes:
         shown = playback.shown
         if (take.motion, take.mirrored, take.poses) == (shown.motion, shown.mirrored, shown.poses):
             playback.shown = take
-        elif not take.poses:
-            playback.show(take, take.driven)
         elif not self.editor.dragging:
-            self.jobs.submit(SHOWING, lambda: take.clip, partial(self._show, playback, take))
+            self.jobs.submit(SHOWING, partial(_loaded, take), partial(self._show, playback, take))
 
-    def _show(self, playback: Playback, take: Take, clip: Clip) -> None:
+    def _show(self, playback: Playback, take: Take, loaded: tuple[Clip, Drive | None]) -> None:
         if self.playback is playback and playback.take == take:
-            playback.show(take, clip)
+            playback.show(take, *loaded)
 
     # --- recording
 
@@ -364,26 +362,26 @@ class Takes:
         if take is None or take.motion is None:
             return
 
-        def begin(clip: Clip) -> None:
-            now = self.session.take(number)
+        def begin(loaded: tuple[Clip, Drive | None]) -> None:
+            now, (clip, drive) = self.session.take(number), loaded
             if now is None:
                 return
             live = self.scene.terrain
             ground = live if now.ground is None else now.ground.terrain
-            self.playback = Playback(now, clip, ground, live)
+            self.playback = Playback(now, clip, ground, live, drive)
             self.select(number)
             if now != take:
                 self.playback.shown = take
                 self._refresh(self.playback, now)
 
-        self.jobs.submit(PLAYING, lambda: take.clip, begin)
+        self.jobs.submit(PLAYING, partial(_loaded, take), begin)
 
     def ground_to_show(self) -> Ground:
         """The ground to draw: that of the take that plays, in the frame that is shown, or the live one."""
         playback = self.playback
         if playback is None:
             return self.scene.ground
-        take, drive = playback.take, playback.take.made.drive if not playback.take.mirrored else None
+        take, drive = playback.take, playback.drive
         spec = take.made.header.terrain if take.ground is None else take.ground.spec
         if playback.live is not self.scene.terrain:  # another one was chosen meanwhile: it is shown on that
             playback.terrain, spec = self.scene.terrain, self.scene.terrain_spec
@@ -511,6 +509,11 @@ class Takes:
             self.messages.note(f"Saved {len(paths)} takes in {folder}")
 
         self.jobs.submit(EXPORT_ALL, work, done, writing="the export of all takes")
+
+
+def _loaded(take: Take) -> tuple[Clip, Drive | None]:
+    """The frames of a take as they are shown, and what drove it; on any thread, FileError."""
+    return take.clip, None if take.mirrored else take.made.drive
 
 
 def _content(take: Take) -> tuple[object, ...]:

@@ -25,7 +25,6 @@ HEAVY = (
     "pygltflib",
     "PIL",
     "scipy",
-    "skimage",
     "matplotlib",
     "torch",
     "onnx",

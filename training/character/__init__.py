@@ -1,1 +1,0 @@
-"""Builds the shipped mannequin from an implicit surface: `python -m training.character.build --out FILE.glb`."""

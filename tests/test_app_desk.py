@@ -132,9 +132,9 @@ def test_the_export_window_writes_what_the_command_writes(start: Start, tmp_path
     app.state.settings.export_folder = str(tmp_path)
     record(app, 40)
     click_on(app, "##more formats")
-    form = app.state.desk.exports.form
+    exports = app.state.desk.exports
     app.desk.exporting.choose_format(".bvh")
-    form.fps, form.rest_frame, form.ground = 30, True, ".obj"
+    exports.choose(fps=30.0, rest_frame=True, ground=".obj")
     run(app, 3)
     click_on(app, "##export now")
     run(app, 2)
@@ -143,7 +143,7 @@ def test_the_export_window_writes_what_the_command_writes(start: Start, tmp_path
     assert "21 frames at 30 fps" in app.state.desk.exports.report
     assert app.state.takes.items[0].exported == tmp_path / "take-1.bvh"
     assert app.state.takes.items[0].saved is None  # half the frames
-    form.in_place = True
+    exports.choose(in_place=True)
     click_on(app, "##export now")
     run(app, 2)
     assert "In place with a ground beside it" in app.state.desk.exports.report
@@ -171,7 +171,7 @@ def test_a_film_shows_its_progress_and_can_be_given_up(
     app.state.takes.playback.trim_out(19)  # type: ignore[union-attr]
     app.desk.exporting.open()
     app.desk.exporting.choose_format(".mp4")
-    app.state.desk.exports.form.camera = "side"
+    app.state.desk.exports.choose(camera="side")
     app.desk.exporting.export()
     ((path, options, count),) = asked
     assert (path, options.camera, options.size, count) == (tmp_path / "take-1.mp4", "side", (1280, 720), 20)

@@ -16,6 +16,7 @@ from viewer_fakes import FakeController
 
 from runtime.controls import Controls
 from runtime.errors import UsageError
+from runtime.options import spec_of
 from runtime.terrain.height_map import Terrain
 from viewer.app import simulated_seconds
 from viewer.gui.layout import Rect, arrange, framing
@@ -23,7 +24,7 @@ from viewer.gui.status import Stats
 from viewer.gui.widgets import clock
 from viewer.input.bindings import Action
 from viewer.messages import Messages
-from viewer.settings import Settings, config_directory, load_settings, save_settings, spec_of
+from viewer.settings import Settings, config_directory, load_settings, save_settings
 from viewer.stage.simulation import MAX_STEPS, Simulation, interpolate
 from viewer.takes.playback import Playback
 from viewer.takes.takes import export_target, file_stem, free_path

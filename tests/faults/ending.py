@@ -108,7 +108,7 @@ def _into(state: str, app: Any, folder: Path) -> Any:
         while app.takes.recorder.take_seconds < 2.0:
             yield
     elif state == "film under way":
-        app.desk.exporting.state.form.suffix = ".mp4"
+        app.desk.exporting.state.choose(suffix=".mp4")
         app.desk.exporting.propose()
         app.desk.exporting.export()
         while app.desk.exporting.state.progress[0] < 10:

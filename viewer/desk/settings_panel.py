@@ -7,6 +7,7 @@ from pathlib import Path
 
 from runtime.assets import model_folder, shipped_models
 from runtime.motion.model_files import read_metadata
+from runtime.options import spec_of
 from runtime.safe_read import printable
 from viewer.desk.desk import Desk
 from viewer.gl_bindings import imgui
@@ -16,7 +17,7 @@ from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
 from viewer.input.bindings import BUTTON_NAMES, changed_buttons, pad_buttons
-from viewer.settings import Settings, spec_of
+from viewer.settings import Settings
 
 FREE, BOUND = "free to publish with credits", "non-commercial"
 WIDTH = 470.0  # pixels at scale 1

@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from runtime.arrays import Array
+if TYPE_CHECKING:
+    from runtime.arrays import Array
 
 FPS = 60  # frames a second, of the network and of every clip
 DT = 1.0 / FPS  # seconds of a frame
+MAX_FPS = 1000.0  # of a clip from a file, or of an export
+VIDEO_RATES = (24000 / 1001, 24.0, 25.0, 30000 / 1001, 30.0, 48.0, 50.0, 60000 / 1001, 60.0, 120.0)
+
+
+def video_rate(fps: float) -> float:
+    """The frame rate of video that a rounded rate stands for (29.97 is 30000 / 1001), else the rate to a thousandth."""
+    nearest = min(VIDEO_RATES, key=lambda rate: abs(fps - rate))
+    return nearest if abs(fps - nearest) < 2e-4 * nearest else float(round(fps, 3))
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import NoReturn
 
 from runtime.errors import UsageError, run_command
 from sport.commands import bench, convert, generate, study, training, view
+from sport.commands.arguments import export_arguments
 
 _DESCRIPTION = "Type a prompt, drive the character over uneven ground, take home the clip as BVH."
 _EXAMPLES = """examples:
@@ -23,14 +24,6 @@ _EXAMPLES = """examples:
   sport bench --json bench.json
   sport train all --preset compact --data DIR --out DIR     needs pip install -e '.[train]'
 """
-# parameters of functions whose argument on the command line has another name
-_FLAGS = {
-    "transition_seconds": "transition",
-    "start_s": "range",
-    "ground": "ground-out",
-    "engine": "for",
-    "with_takes": "with-take",
-}
 MAX_MESSAGE = 400  # characters of what a parser says
 
 
@@ -55,7 +48,9 @@ def _with_flag(error: UsageError) -> UsageError:
     """The error with the argument's name in place of the parameter's."""
     if not error.parameter:
         return error
-    flag = "--" + _FLAGS.get(error.parameter, error.parameter).replace("_", "-")
+    options = {field.name: spec.flag for field, spec in export_arguments()}
+    named = "transition" if error.parameter == "transition_seconds" else error.parameter.replace("_", "-")
+    flag = options.get(error.parameter, f"--{named}")
     return UsageError(error.problem.removeprefix(error.parameter), error.remedy, flag)
 
 

@@ -11,7 +11,7 @@ from runtime.errors import UsageError
 from sport.commands.arguments import blend_weights
 
 if TYPE_CHECKING:
-    from runtime.formats.prepare import ExportOptions
+    from runtime.formats.options import ExportOptions
     from runtime.motion.stick_script import StickScript
 
 MAX_VARIANTS = 1000
@@ -33,7 +33,7 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
     controls, seconds = _controls(options)
     if any(out.suffix.lower() == ".bvh" for out in outputs):
         check_bvh_length(seconds, export.fps)
-    check_outputs(outputs, export, options)
+    check_outputs(outputs, export)
     terrain = load_terrain(options.terrain)
     if terrain.note:
         note(terrain.note)
@@ -67,7 +67,7 @@ def write_clips(options: argparse.Namespace, tools: Tools | None = None) -> None
         if not format_of(out).film:
             clip = clip.resampled(export.fps)
             clip = clip.trim(0, min(max(round(seconds * export.fps), 1), len(clip)) - 1)
-        write_take(clip, out, export, options, terrain)
+        write_take(clip, out, export, terrain)
 
 
 def _size_of(export: ExportOptions) -> float:

@@ -120,7 +120,7 @@ def test_what_became_of_an_export_is_in_view(start: Start, tmp_path: Path, size:
     run(app, 3)
     click_on(app, "##export now")
     run(app, 5)
-    exports = app.state.desk.exports
+    exports = app.exporting.state
     assert exports.report_good, exports.report
     window, size_y = imgui.internal.find_window_by_name("Export##overlay"), imgui.get_io().display_size.y
     assert window.pos.y + window.size.y <= size_y - STATUS_HEIGHT, "the status line can be read"
@@ -132,9 +132,9 @@ def test_the_export_window_writes_what_the_command_writes(start: Start, tmp_path
     app.settings.export_folder = str(tmp_path)
     record(app, 40)
     click_on(app, "##more formats")
-    form = app.exporting.state.form
+    exports = app.exporting.state
     app.exporting.choose_format(".bvh")
-    form.fps, form.rest_frame, form.ground = 30, True, ".obj"
+    exports.choose(fps=30.0, rest_frame=True, ground=".obj")
     run(app, 3)
     click_on(app, "##export now")
     run(app, 2)
@@ -143,7 +143,7 @@ def test_the_export_window_writes_what_the_command_writes(start: Start, tmp_path
     assert "21 frames at 30 fps" in app.exporting.state.report
     assert app.editor.session.takes[0].exported == tmp_path / "take-1.bvh"
     assert app.editor.session.takes[0].saved is None  # half the frames
-    form.in_place = True
+    exports.choose(in_place=True)
     click_on(app, "##export now")
     run(app, 2)
     assert "In place with a ground beside it" in app.exporting.state.report
@@ -171,7 +171,7 @@ def test_a_film_shows_its_progress_and_can_be_given_up(
     app.takes.playback.trim_out(19)  # type: ignore[union-attr]
     app.exporting.open()
     app.exporting.choose_format(".mp4")
-    app.exporting.state.form.camera = "side"
+    app.exporting.state.choose(camera="side")
     app.exporting.export()
     ((path, options, count),) = asked
     assert (path, options.camera, options.size, count) == (tmp_path / "take-1.mp4", "side", (1280, 720), 20)

@@ -36,12 +36,11 @@ def export(app: App, folder: Path, suffix: str, **form: object) -> Path:
     if app.exporting.state.form.suffix != suffix:
         click_on(app, "##export format")
         click_on(app, FORMATS[suffix].name)
-    for name, value in form.items():
-        setattr(app.exporting.state.form, name, value)
+    app.exporting.state.choose(**form)
     run(app, 2)
     click_on(app, "##export now")
     run(app, 2)
-    report = app.state.desk.exports
+    report = app.exporting.state
     assert report.report_good, report.report
     return folder / f"take-1{suffix}"
 
@@ -101,3 +100,26 @@ def test_a_format_that_lacks_its_program_says_so_in_the_window(
     assert "SPORT_BLENDER" in app.exporting.state.missing
     app.exporting.choose_format(".glb")
     assert app.exporting.state.missing == ""
+
+
+def test_any_export_can_be_cancelled_while_it_is_written(start: Start, tmp_path: Path) -> None:
+    app = start(services=REAL)
+    exporting = app.exporting
+    app.settings.export_folder = str(tmp_path)
+    run(app, FRAMES)
+    app.takes.save_last()
+    load = exporting._ground_of(app.editor.session.takes[0])
+
+    def cancelled_meanwhile() -> object:
+        exporting.cancel()
+        return load()
+
+    for suffix in (".glb", ".bvh"):
+        exporting.choose_format(suffix)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(type(exporting), "_ground_of", lambda self, item: cancelled_meanwhile)
+            exporting.export()
+        assert app.exporting.state.writing == f"last-seconds-1{suffix}"
+        assert app.exporting.state.report == "Cancelled: nothing was written."
+        assert list(tmp_path.iterdir()) == []
+    assert not exporting.busy

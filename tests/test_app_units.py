@@ -16,6 +16,7 @@ from viewer_fakes import FakeController
 
 from runtime.controls import Controls
 from runtime.errors import UsageError
+from runtime.options import spec_of
 from runtime.terrain.height_map import Terrain
 from viewer.app import simulated_seconds
 from viewer.gui.layout import Rect, arrange, framing
@@ -26,7 +27,7 @@ from viewer.messages import Messages
 from viewer.scene.simulation import MAX_STEPS, Simulation, interpolate
 from viewer.session.playback import Playback
 from viewer.session.takes import export_target, file_stem, free_path
-from viewer.settings import Settings, config_directory, load_settings, save_settings, spec_of
+from viewer.settings import Settings, config_directory, load_settings, save_settings
 
 
 def test_settings_survive_and_damage_is_named(tmp_path: Path) -> None:

@@ -61,8 +61,8 @@ def files(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Pat
     rig = RIGS["mixamo"](folder / "rig.glb")
     made = {"cm": folder / "walk.bvh", "m": folder / "m" / "walk.bvh", "glb": folder / "own.glb", "rig": rig}
     ground = folder / "walk-ground.obj", folder / "m" / "ground.glb"
-    save_motion(clip, made["cm"], ExportOptions(fps=30.0), HILLS, ground[0])
-    save_motion(clip, made["m"], ExportOptions(fps=60.0, unit="m"), HILLS, ground[1])
+    save_motion(clip, made["cm"], ExportOptions(fps=30.0, ground_out=ground[0]), HILLS)
+    save_motion(clip, made["m"], ExportOptions(fps=60.0, unit="m", ground_out=ground[1]), HILLS)
     save_motion(
         clip, made["glb"], ExportOptions(fps=30.0, character=rig, with_ground=True, fit_to_motion=True), HILLS
     )

@@ -16,7 +16,8 @@ from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.formats.prepare import ExportOptions, prepare
 from runtime.formats.reference import load_reference_bvh
 from runtime.formats.table import save_motion
-from runtime.takes.clip import Clip, video_rate
+from runtime.pose import video_rate
+from runtime.takes.clip import Clip
 from runtime.takes.metadata import PromptEvent
 from runtime.terrain.height_map import Terrain
 from sport import cli

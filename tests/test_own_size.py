@@ -140,7 +140,7 @@ def test_files_hold_metres_of_the_character(body: Path, tmp_path: Path) -> None:
     ours = np.linalg.norm(clip.hips_positions[-1, [0, 2]] - clip.hips_positions[0, [0, 2]])
     assert walked == pytest.approx(ours * character.size, rel=0.02)
     fitted = replace(options, fit_to_motion=True)
-    save_glb(prepare(replace(clip, size=1.0), fitted, None), tmp_path / "fit.glb", fitted)
+    save_glb(prepare(replace(clip, size=1.0), fitted, None), tmp_path / "fit.glb", fitted, None)
     shown = play(tmp_path / "fit.glb").joints()
     assert np.linalg.norm(shown["LeftLeg"][0, :3, 3] - shown["LeftUpLeg"][0, :3, 3]) == pytest.approx(
         thigh / character.size, rel=1e-3
@@ -167,8 +167,9 @@ def test_the_ground_stays_as_it_is(tmp_path: Path) -> None:
     assert np.allclose(seen.height(x / 0.5, z / 0.5) * 0.5, hills.height(x, z), atol=1e-5)
     assert np.allclose(seen.normal(x / 0.5, z / 0.5, 0.1), hills.normal(x, z, 0.05), atol=1e-4)
     take = prepare(replace(stepping(), size=0.5), ExportOptions(), hills)
-    save_ground(tmp_path / "small.obj", hills, take)
-    save_ground(tmp_path / "plain.obj", hills, prepare(stepping(), ExportOptions(), hills))
+    metres = ExportOptions(unit="m")
+    save_ground(take, tmp_path / "small.obj", metres, hills)
+    save_ground(prepare(stepping(), ExportOptions(), hills), tmp_path / "plain.obj", metres, hills)
     tops = [np.loadtxt([line[2:] for line in path.read_text().splitlines() if line.startswith("v ")])
             for path in (tmp_path / "small.obj", tmp_path / "plain.obj")]  # fmt: skip
     assert np.allclose(tops[0].min(0), tops[1].min(0), atol=1e-3)

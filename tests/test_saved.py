@@ -138,7 +138,7 @@ class Desk(RuleBasedStateMachine):
     def export_from_the_window(self, index: int, first: int, name: str, suffix: str, place: bool) -> None:
         if self.choose(index, first):
             self.exporting.choose_format(suffix)
-            self.exporting.state.form.in_place = place
+            self.exporting.state.choose(in_place=place)
             self.exporting.propose()
             if name:
                 self.exporting.state.path = str(self.folder / "clips" / name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from runtime.errors import FileError, UsageError
 from runtime.formats import fbx
 from runtime.formats.glb import MANNEQUIN
 from runtime.formats.prepare import ExportOptions, prepare
-from runtime.formats.table import save_motion
+from runtime.formats.table import ExportCancelled, save_motion
 from runtime.takes.clip import Clip
 from runtime.terrain.height_map import Terrain
 
@@ -133,3 +134,22 @@ def test_a_blender_that_fails_is_named_and_leaves_nothing(
     with pytest.raises(FileError, match="did not run"):
         save_motion(CLIP, tmp_path / "a.fbx", ExportOptions(), Terrain.flat())
     assert not list(tmp_path.glob("*.fbx"))
+
+
+def test_a_blender_that_is_not_wanted_any_more_is_ended(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    script = tmp_path / "python-slow"
+    script.write_text(f"#!/bin/sh\necho $$ > {tmp_path}/begun\nexec sleep 60\n")
+    script.chmod(0o755)
+    monkeypatch.setenv("SPORT_BLENDER", str(script))
+
+    def check() -> None:
+        if (tmp_path / "begun").is_file():
+            raise ExportCancelled("cancelled")
+
+    begun = time.monotonic()
+    with pytest.raises(ExportCancelled):
+        save_motion(CLIP, tmp_path / "a.fbx", ExportOptions(), Terrain.flat(), check)
+    assert time.monotonic() - begun < 30.0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["begun", "python-slow"]

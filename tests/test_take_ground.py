@@ -44,13 +44,12 @@ def heights_under(mesh: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
 def test_feet_stand_on_the_ground_beside_the_take(
     clip: Clip, tmp_path: Path, suffix: str, unit: str, scale: float, at_origin: bool
 ) -> None:
-    options = ExportOptions(unit=unit, at_origin=at_origin)
     target = tmp_path / f"ground{suffix}"
-    take, ground = save_motion(clip, tmp_path / "take.bvh", options, HILLS, target)
-    assert ground.path == target
-    assert unit in ground.text
+    options = ExportOptions(unit=unit, at_origin=at_origin, ground_out=target)
+    _, ground = save_motion(clip, tmp_path / "take.bvh", options, HILLS)
+    assert ground == f"{target}: ground hills in {unit}"
     mesh = trimesh.load(str(target), force="mesh", process=False)
-    back = load_clip_bvh(take.path)
+    back = load_clip_bvh(tmp_path / "take.bvh")
     hips = back.hips_positions[::40].astype(float) * scale
     wanted = HILLS.height(clip.hips_positions[::40, 0], clip.hips_positions[::40, 2])
     over = clip.hips_positions[::40, 1] - wanted
@@ -86,9 +85,11 @@ def test_a_level_ground_is_two_triangles_and_a_large_one_is_cut(
 
 def test_no_ground_beside_a_take_that_does_not_go_over_it(clip: Clip, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="in_place"):
-        save_motion(clip, tmp_path / "t.bvh", ExportOptions(in_place=True), HILLS, tmp_path / "g.obj")
-    with pytest.raises(UsageError, match=r"ground .*expected \.obj or \.glb"):
-        save_motion(clip, tmp_path / "t.bvh", ExportOptions(), HILLS, tmp_path / "g.stl")
+        save_motion(
+            clip, tmp_path / "t.bvh", ExportOptions(in_place=True, ground_out=tmp_path / "g.obj"), HILLS
+        )
+    with pytest.raises(UsageError, match=r"ground_out .*expected \.obj or \.glb"):
+        save_motion(clip, tmp_path / "t.bvh", ExportOptions(ground_out=tmp_path / "g.stl"), HILLS)
     with pytest.raises(UsageError, match=r"\.glb, \.fbx, \.usdz, \.usd have it"):
         save_motion(clip, tmp_path / "t.bvh", ExportOptions(with_ground=True), HILLS)
 

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from runtime.atomic import check_target
 from runtime.errors import UsageError
+from runtime.options import spec_of, specified
 from runtime.prompts.blend import ALL_A, Weights
-from viewer.settings import CAMERAS, QUALITIES, VIEWS, spec_of, specified
+from viewer.settings import CAMERAS, QUALITIES, VIEWS
 
 SIDES = (64, 8192)  # pixels
 

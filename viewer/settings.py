@@ -5,10 +5,9 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import json
-import math
 import os
 import reprlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,50 +16,16 @@ from runtime.atomic import write_atomic
 from runtime.errors import FileError
 from runtime.file_lock import open_locked
 from runtime.motion.controller import TEMPERATURE
+from runtime.options import spec_of, specified
 from runtime.prompts.gpt.settings import has_credentials
 from runtime.safe_read import is_text, parse_json, read_bounded
 
 MAX_BYTES = 1_000_000
-LARGEST = 1e300  # of a number: what no float can hold is refused, as NaN is
 MAX_LIST = 50  # entries of a list
 MAX_TEXT = 4096  # characters of a text
 FILE_NAME = "settings.json"
 LOCK_NAME = "settings.lock"
 MAPPINGS_NAME = "gamecontrollerdb.txt"
-
-
-@dataclass(frozen=True)
-class Spec:
-    """What a value may be, and how it is asked for: by a widget of a panel, or by a `flag` of the command line."""
-
-    low: float = -math.inf
-    high: float = math.inf
-    choices: Mapping[Any, str] | None = None  # allowed value: its name in the panel
-    label: str = ""  # of the widget; a format with the number where there is one
-    hint: str = ""
-    factor: float = 1.0  # the widget shows the value times this
-    whole: bool = False  # the widget rounds what it shows to a whole number
-    logarithmic: bool = False
-    speed: float = 0.01  # of dragging, per pixel
-    flag: str = ""
-    unit: str = ""
-
-    def allows(self, value: Any) -> bool:
-        """Whether a text or a number may be used."""
-        if self.choices is not None:
-            return value in self.choices
-        return isinstance(value, str) or (abs(value) < LARGEST and self.low <= value <= self.high)
-
-
-def specified(default: Any, low: float = -math.inf, high: float = math.inf, **spec: Any) -> Any:
-    """A field of a dataclass with its `Spec`."""
-    return field(default=default, metadata={"spec": Spec(low, high, **spec)})
-
-
-def spec_of(owner: Any, name: str) -> Spec:
-    """The `Spec` of a dataclass' field; one without has no limits."""
-    spec: Spec = owner.__dataclass_fields__[name].metadata.get("spec", Spec())
-    return spec
 
 
 QUALITIES = {"": "Automatic", "fast": "Fast", "software": "Software", "high": "High"}

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from runtime.atomic import atomic_path, write_atomic
 from runtime.controls import Gait
 from runtime.errors import UsageError
-from runtime.formats.prepare import PreparedTake
+from runtime.formats.prepare import Check, PreparedTake
 from runtime.formats.sidecar import markers
 from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
@@ -83,13 +83,14 @@ def _phase(contact: NDArray[np.floating]) -> NDArray[np.float32]:
     return phase
 
 
-def save_npz(take: PreparedTake, path: Path) -> None:
+def save_npz(take: PreparedTake, path: Path, options: object, terrain: object, check: Check) -> None:
     """Write the arrays of `take_arrays` as a compressed archive; FileError."""
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **take_arrays(take))  # type: ignore[arg-type]
+        check()
 
 
-def save_csv(take: PreparedTake, path: Path) -> None:
+def save_csv(take: PreparedTake, path: Path, options: object, terrain: object, check: Check) -> None:
     """Write a row a frame: time, root, contacts, phase, gait, prompt, joint positions and rotations; FileError."""
     columns, words = take_columns(take)
     table = np.column_stack([values for _, values in columns])
@@ -97,6 +98,7 @@ def save_csv(take: PreparedTake, path: Path) -> None:
     for row, gait, prompt in zip(table.tolist(), *words, strict=True):
         quoted = prompt.replace('"', '""')
         lines.append(",".join("" if v != v else f"{v:.7g}" for v in row) + f',{gait},"{quoted}"')
+    check()
     write_atomic(path, "\n".join(lines) + "\n")
 
 
@@ -110,7 +112,7 @@ def check_parquet(path: Path) -> None:
         )
 
 
-def save_parquet(take: PreparedTake, path: Path) -> None:
+def save_parquet(take: PreparedTake, path: Path, options: object, terrain: object, check: Check) -> None:
     """Write the columns of `save_csv` as Parquet, numbers as float32; UsageError without pandas, FileError."""
     check_parquet(path)
     import pandas
@@ -121,6 +123,7 @@ def save_parquet(take: PreparedTake, path: Path) -> None:
     frame.attrs = {"fps": take.clip.fps, "name": take.clip.name}
     with atomic_path(path) as temporary:
         frame.to_parquet(temporary, index=False)
+        check()
 
 
 def take_columns(take: PreparedTake) -> tuple[list[tuple[str, NDArray[Any]]], tuple[list[str], list[str]]]:

@@ -12,11 +12,13 @@ from runtime.arrays import Array
 from runtime.atomic import write_atomic, write_new
 from runtime.errors import FileError, UsageError
 from runtime.formats.bvh import BvhMotion, check_size, format_bvh, read_bvh
-from runtime.formats.prepare import ROTATION_ORDERS, UNITS_PER_METRE, ExportOptions, PreparedTake
+from runtime.formats.options import ROTATION_ORDERS, UNITS_PER_METRE, ExportOptions
+from runtime.formats.prepare import Check, PreparedTake
 from runtime.formats.sidecar import read_metadata, write_sidecar
+from runtime.pose import MAX_FPS, video_rate
 from runtime.safe_read import printable
 from runtime.skeleton import SPORT_SKELETON, J, Skeleton
-from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, Clip, video_rate
+from runtime.takes.clip import MAX_DISTANCE_M, Clip
 from runtime.takes.metadata import gait_numbers
 from runtime.takes.root import RootTrack
 
@@ -73,10 +75,14 @@ def save_bvh(
     return _write(at_rate, Path(path), _text(at_rate, unit, order), new)
 
 
-def save_take_bvh(take: PreparedTake, path: Path, options: ExportOptions) -> None:
+def save_take_bvh(
+    take: PreparedTake, path: Path, options: ExportOptions, terrain: object, check: Check
+) -> None:
     """Write a prepared take as BVH; with a root on the ground the hips have position channels too. FileError."""
     root = take.root if options.ground_root else None
-    _write(take.clip, path, _text(take.clip, options.unit, options.euler_order, root))
+    text = _text(take.clip, options.unit, options.euler_order, root)
+    check()
+    _write(take.clip, path, text)
 
 
 def _write(clip: Clip, path: Path, text: str, new: bool = False) -> Path:

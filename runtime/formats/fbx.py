@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,11 +16,12 @@ from runtime.atomic import atomic_path
 from runtime.errors import FileError, UsageError
 from runtime.formats.engines import engine_of
 from runtime.formats.glb import save_glb
-from runtime.formats.prepare import ExportOptions, PreparedTake
+from runtime.formats.options import ExportOptions
+from runtime.formats.prepare import Check, PreparedTake, go_on
 from runtime.terrain.height_map import Terrain
 
 BLENDER_VARIABLE = "SPORT_BLENDER"
-TIMEOUT_S = 600.0
+TIMEOUT_S, POLL_S = 600.0, 0.05
 _SCRIPT = Path(__file__).with_name("blender_fbx.py")
 
 
@@ -54,33 +56,39 @@ def check_fbx(path: Path) -> list[str]:
     return command
 
 
-def save_fbx(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None = None) -> None:
+def save_fbx(
+    take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None, check: Check = go_on
+) -> None:
     """Write a prepared take as FBX; UsageError without Blender, FileError when it fails."""
     command = check_fbx(path)
     with tempfile.TemporaryDirectory(prefix="sport-fbx-") as folder, atomic_path(path) as target:
         glb, fbx = Path(folder) / "take.glb", Path(folder) / "take.fbx"
-        save_glb(take, glb, replace(options, plain=True), terrain)
+        save_glb(take, glb, replace(options, plain=True), terrain, check)
         unit = engine_of(options.engine).fbx_unit if options.engine else "m"
         separator = ["--"] if len(command) > 1 else []
-        arguments = [
-            *command,
-            str(_SCRIPT),
-            *separator,
-            str(glb),
-            str(fbx),
-            repr(take.clip.fps),
-            unit,
-            take.clip.name,
-        ]
-        try:
-            done = subprocess.run(
-                arguments, capture_output=True, text=True, errors="replace", timeout=TIMEOUT_S, check=False
-            )
-        except (OSError, subprocess.TimeoutExpired) as error:
-            raise FileError(
-                f"{path}: {command[0]} did not run ({error}).", "Write a .glb instead."
-            ) from error
-        if done.returncode or not fbx.is_file():
-            said = (done.stderr or done.stdout).strip().splitlines() or ["it said nothing"]
+        facts = [str(glb), str(fbx), repr(take.clip.fps), unit, take.clip.name]
+        done, said = _run(
+            [*command, str(_SCRIPT), *separator, *facts], Path(folder) / "said.txt", path, check
+        )
+        if not done or not fbx.is_file():
             raise FileError(f"{path}: Blender wrote no FBX ({said[-1][:200]}).", "Write a .glb instead.")
         target.write_bytes(fbx.read_bytes())
+
+
+def _run(command: list[str], log: Path, path: Path, check: Check) -> tuple[bool, list[str]]:
+    """Whether a command ended well, and the lines that it said; it is killed where `check` ends the export. FileError."""
+    end = time.monotonic() + TIMEOUT_S
+    try:
+        with log.open("wb") as file, subprocess.Popen(command, stdout=file, stderr=file) as process:
+            try:
+                while process.poll() is None:
+                    if time.monotonic() > end:
+                        raise subprocess.TimeoutExpired(command[0], TIMEOUT_S)
+                    check()
+                    time.sleep(POLL_S)
+            finally:
+                process.kill()
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise FileError(f"{path}: {command[0]} did not run ({error}).", "Write a .glb instead.") from error
+    said = log.read_text(errors="replace").strip().splitlines()
+    return process.returncode == 0, said or ["it said nothing"]

@@ -26,7 +26,8 @@ from runtime.formats.glb_skeleton import (
     written,
 )
 from runtime.formats.ground import MARGIN_M, add_ground
-from runtime.formats.prepare import ExportOptions, PreparedTake, prepare
+from runtime.formats.options import ExportOptions
+from runtime.formats.prepare import Check, PreparedTake, go_on, prepare
 from runtime.formats.sidecar import take_extras
 from runtime.skeleton import SPORT_SKELETON
 from runtime.takes.clip import Clip
@@ -38,18 +39,23 @@ CHUNK = 1800  # frames worked on at once, so that an hour does not fill the memo
 STILL = 1e-6  # metres: a joint that moves less against its parent has no translation track
 
 
-def save_glb(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None = None) -> None:
+def save_glb(
+    take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None, check: Check = go_on
+) -> None:
     """Write a prepared take as GLB with the character of `options`, and with the `terrain` where they ask for it.
 
     FileError when the character cannot be used or the file not be written.
     """
-    glb_document(take, options, terrain)[0].save(path)
+    buffer, _ = glb_document(take, options, terrain, check)
+    check()
+    buffer.save(path)
 
 
 def glb_document(
     take: PreparedTake,
     options: ExportOptions,
     terrain: Terrain | None,
+    check: Check = go_on,
     ground_vertices: int | None = None,
     ground_margin_m: float = MARGIN_M,
 ) -> tuple[GlbBuffer, int]:
@@ -67,7 +73,7 @@ def glb_document(
     takes = [take, *(_other(other, options, terrain) for other in options.with_takes)]
     buffer.gltf.animations = []
     for one, name in zip(takes, _names([one.clip.name for one in takes]), strict=True):
-        _animate(rig, buffer, one, name)
+        _animate(rig, buffer, one, name, check)
     if options.engine is not None and options.humanoid_names:
         rename_bones(rig, engine_of(options.engine))
     if options.animation_only:
@@ -107,14 +113,14 @@ def _drop_meshes(buffer: GlbBuffer) -> None:
     gltf.skins = []
 
 
-def _animate(rig: Rig, buffer: GlbBuffer, take: PreparedTake, name: str) -> None:
+def _animate(rig: Rig, buffer: GlbBuffer, take: PreparedTake, name: str, check: Check) -> None:
     """Add the take as an animation to the document."""
     import pygltflib as g
 
     nodes = buffer.gltf.nodes
     animated = [*rig.joints, *([rig.root_node] if rig.root_node not in (-1, *rig.joints) else [])]
     scales = {node: set_local(nodes[node], local_rest(rig, node))[1] for node in animated}
-    tracks = _tracks(rig, take, scales)
+    tracks = _tracks(rig, take, scales, check)
     frames = len(take.clip)
     times = buffer.add((np.arange(frames) / take.clip.fps).astype(np.float32)[:, None], bounds=True)
     animation = g.Animation(name=name, extras={"sport": take_extras(take)})
@@ -137,10 +143,13 @@ def _animate(rig: Rig, buffer: GlbBuffer, take: PreparedTake, name: str) -> None
     buffer.gltf.animations.append(animation)
 
 
-def _tracks(rig: Rig, take: PreparedTake, scales: dict[int, Array]) -> dict[int, tuple[Array, Array]]:
+def _tracks(
+    rig: Rig, take: PreparedTake, scales: dict[int, Array], check: Check
+) -> dict[int, tuple[Array, Array]]:
     """Translations `(T, 3)` and quaternions `(T, 4)` against the parent of every animated node, float32."""
     parts: dict[int, list[tuple[Array, Array]]] = {node: [] for node in scales}
     for start in range(0, len(take.clip), CHUNK):
+        check()
         frames = slice(start, min(start + CHUNK, len(take.clip)))
         worlds = joint_worlds(rig, take, frames)
         for node in scales:

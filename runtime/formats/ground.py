@@ -11,13 +11,13 @@ from runtime.arrays import Array
 from runtime.atomic import write_atomic
 from runtime.errors import FileError, UsageError
 from runtime.formats.glb_buffer import ARRAY_BUFFER, ELEMENT_BUFFER, GlbBuffer
-from runtime.formats.prepare import UNITS_PER_METRE, PreparedTake
+from runtime.formats.options import UNITS_PER_METRE, ExportOptions
+from runtime.formats.prepare import Check, PreparedTake, go_on
 from runtime.takes.clip import Clip
 from runtime.takes.metadata import UNKNOWN
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import TERRAIN_NAMES, load_terrain
 
-GROUND_SUFFIXES = (".obj", ".glb")
 MAX_VERTICES = 500_000  # of a larger ground only the part about the take is written
 MARGIN_M = 10.0  # around the take, in that case
 LEVEL_M = 1e-5  # a ground whose heights differ by less is one quad
@@ -94,28 +94,28 @@ def _near(axis: Array, take: PreparedTake, component: int, margin_m: float) -> s
     return slice(first, last)
 
 
-def save_ground(path: Path, terrain: Terrain, take: PreparedTake, unit: str = "m") -> Path:
-    """Write the ground as OBJ or GLB; `unit` is that of the take beside it. UsageError for another ending."""
-    suffix = path.suffix.lower()
-    if suffix not in GROUND_SUFFIXES:
-        raise UsageError(
-            f"{path}: a ground is written as {' or '.join(GROUND_SUFFIXES)}.", "Choose one of them."
-        )
-    if suffix == ".obj":
+def save_ground(
+    take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None, check: Check = go_on
+) -> str:
+    """Write the ground of a take as OBJ or GLB in the unit of the options, and say so. UsageError without one."""
+    if terrain is None:
+        raise UsageError(f"{path}: the take has no ground.", "Choose one with --terrain.")
+    check()
+    scale = UNITS_PER_METRE[options.unit] * take.clip.size
+    if path.suffix.lower() == ".obj":
         vertices, triangles = ground_mesh(terrain, take)
-        scaled = vertices * (UNITS_PER_METRE[unit] * take.clip.size)
-        lines = [f"# ground {terrain.name}, {unit}, Y up", f"o ground_{Path(terrain.name).stem}"]
-        lines += [f"v {x:.6g} {y:.6g} {z:.6g}" for x, y, z in scaled.tolist()]
+        lines = [f"# ground {terrain.name}, {options.unit}, Y up", f"o ground_{Path(terrain.name).stem}"]
+        lines += [f"v {x:.6g} {y:.6g} {z:.6g}" for x, y, z in (vertices * scale).tolist()]
         lines += [f"f {a} {b} {c}" for a, b, c in (triangles + 1).tolist()]
         write_atomic(path, "\n".join(lines) + "\n")
-        return path
-    import pygltflib as g
+    else:
+        import pygltflib as g
 
-    buffer = GlbBuffer(g.GLTF2(asset=g.Asset(version="2.0", generator="SPORT viewer")))
-    buffer.gltf.scenes, buffer.gltf.scene = [g.Scene(name="ground", nodes=[])], 0
-    add_ground(buffer, terrain, take, UNITS_PER_METRE[unit] * take.clip.size)
-    buffer.save(path)
-    return path
+        buffer = GlbBuffer(g.GLTF2(asset=g.Asset(version="2.0", generator="SPORT viewer")))
+        buffer.gltf.scenes, buffer.gltf.scene = [g.Scene(name="ground", nodes=[])], 0
+        add_ground(buffer, terrain, take, scale)
+        buffer.save(path)
+    return f"{path}: ground {terrain.name} in {options.unit}"
 
 
 def add_ground(
@@ -129,9 +129,11 @@ def add_ground(
     """Add the ground as a node of its own to a document's scene."""
     import pygltflib as g
 
+    from runtime.character.mesh import vertex_normals
+
     gltf = buffer.gltf
     vertices, triangles = ground_mesh(terrain, take, most, margin_m)
-    normals = _normals(vertices, triangles)
+    normals = vertex_normals(vertices, triangles)
     attributes = g.Attributes(
         POSITION=buffer.add(vertices, ARRAY_BUFFER, bounds=True), NORMAL=buffer.add(normals, ARRAY_BUFFER)
     )
@@ -143,9 +145,3 @@ def add_ground(
     node = g.Node(name="Ground", mesh=len(gltf.meshes) - 1, scale=None if scale == 1.0 else [scale] * 3)
     gltf.nodes.append(node)
     gltf.scenes[gltf.scene or 0].nodes.append(len(gltf.nodes) - 1)
-
-
-def _normals(vertices: Array, triangles: NDArray[np.uint32]) -> Array:
-    from runtime.character.mesh import vertex_normals
-
-    return vertex_normals(vertices, triangles)

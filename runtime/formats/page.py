@@ -15,7 +15,8 @@ from runtime.assets import asset_path
 from runtime.atomic import write_atomic
 from runtime.formats.arrays import foot_contacts
 from runtime.formats.glb import glb_document
-from runtime.formats.prepare import ExportOptions, PreparedTake
+from runtime.formats.options import ExportOptions
+from runtime.formats.prepare import Check, PreparedTake, go_on
 from runtime.formats.sidecar import markers
 from runtime.safe_read import printable
 from runtime.terrain.height_map import Terrain
@@ -23,11 +24,13 @@ from runtime.terrain.height_map import Terrain
 GROUND_VERTICES, GROUND_MARGIN_M = 24_000, 5.0  # of the ground about the take: a page stays small
 
 
-def save_page(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None = None) -> None:
+def save_page(
+    take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None, check: Check = go_on
+) -> None:
     """Write the page; the take lies on its `terrain` where it goes over it. FileError."""
     ground = terrain is not None and take.clip.placed is not None
     options = replace(options, with_ground=ground)
-    buffer, hips = glb_document(take, options, terrain, GROUND_VERTICES, GROUND_MARGIN_M)
+    buffer, hips = glb_document(take, options, terrain, check, GROUND_VERTICES, GROUND_MARGIN_M)
     contacts = foot_contacts(take.clip) > 0.5
     feet = np.stack([contacts[:, :2].any(axis=1), contacts[:, 2:].any(axis=1)], axis=1) @ np.array([1, 2])
     facts = {
@@ -52,4 +55,5 @@ def save_page(take: PreparedTake, path: Path, options: ExportOptions, terrain: T
     for piece in pieces[1:]:
         name, _, rest = piece.partition("}}")
         text += parts[name] + rest
+    check()
     write_atomic(path, text)

@@ -16,9 +16,10 @@ from runtime.character.tree import JointTree
 from runtime.errors import FileError
 from runtime.formats.bvh import BvhMotion, read_bvh
 from runtime.formats.bvh_clip import OtherSkeleton, clip_of_motion, nearest_unit
+from runtime.pose import MAX_FPS, video_rate
 from runtime.safe_read import printable
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON, J
-from runtime.takes.clip import MAX_DISTANCE_M, MAX_FPS, Clip, video_rate
+from runtime.takes.clip import MAX_DISTANCE_M, Clip
 from runtime.takes.own_skeleton import MAX_POINTS, OwnSkeleton
 
 UPRIGHT = 0.3  # share of a body's extent that its head is above its feet in a rest pose that is one

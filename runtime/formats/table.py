@@ -1,167 +1,85 @@
-"""The one table of formats: what a file's ending says is written, with which options, and by what.
+"""The one table of formats: what a file's ending says is written, and by what; their options are in `runtime.formats.options`.
 
 Command, window, batch and `convert` go by it. Films are in it too, but they are drawn by `viewer.filming`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import importlib
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from runtime.errors import UsageError
+from runtime.errors import SportError, UsageError
+from runtime.formats.options import ExportOptions, ExportSpec
+from runtime.options import spec_of
 
 if TYPE_CHECKING:
-    from runtime.formats.prepare import ExportOptions, PreparedTake
+    from runtime.formats.prepare import Check, PreparedTake
     from runtime.takes.clip import Clip
     from runtime.terrain.height_map import Terrain
 
-Writer = Callable[["PreparedTake", Path, "ExportOptions", "Terrain | None"], str]
 
-
-def _write_bvh(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None) -> str:
-    from runtime.formats.bvh_clip import save_take_bvh
-
-    save_take_bvh(take, path, options)
-    return describe(take, path)
-
-
-def _write_glb(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None) -> str:
-    from runtime.formats.glb import save_glb
-
-    save_glb(take, path, options, terrain)
-    return describe(take, path)
-
-
-def _write_fbx(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None) -> str:
-    from runtime.formats.fbx import save_fbx
-
-    save_fbx(take, path, options, terrain)
-    return describe(take, path)
-
-
-def _check_fbx(path: Path) -> None:
-    from runtime.formats.fbx import check_fbx
-
-    check_fbx(path)
-
-
-def _write_usd(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None) -> str:
-    from runtime.formats.usd import save_usd
-
-    save_usd(take, path, options, terrain)
-    return describe(take, path)
-
-
-def _check_usd(path: Path) -> None:
-    from runtime.formats.usd import check_usd
-
-    check_usd(path)
-
-
-def _write_npz(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None) -> str:
-    from runtime.formats.arrays import save_npz
-
-    save_npz(take, path)
-    return describe(take, path)
-
-
-def _write_csv(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None) -> str:
-    from runtime.formats.arrays import save_csv
-
-    save_csv(take, path)
-    return describe(take, path)
-
-
-def _write_parquet(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None) -> str:
-    from runtime.formats.arrays import save_parquet
-
-    save_parquet(take, path)
-    return describe(take, path)
-
-
-def _check_parquet(path: Path) -> None:
-    from runtime.formats.arrays import check_parquet
-
-    check_parquet(path)
-
-
-def _write_page(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None) -> str:
-    from runtime.formats.page import save_page
-
-    save_page(take, path, options, terrain)
-    return describe(take, path)
-
-
-def _write_ground(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None) -> str:
-    from runtime.formats.ground import save_ground
-
-    if terrain is None:
-        raise UsageError(f"{path}: the take has no ground.", "Choose one with --terrain.")
-    save_ground(path, terrain, take, options.unit)
-    return f"{path}: ground {terrain.name} in {options.unit}"
-
-
-MOTION = frozenset({"fps", "loop", "strides", "in_place", "ground_root", "at_origin", "rest_frame"})
-CHARACTER = frozenset({"character", "joint_map", "fit_to_motion"})
-# without effect on a format that lacks them: a command may write several files, and only some have them
-INDIFFERENT = frozenset({"fps", "unit", "euler_order", "start_s", "end_s", *CHARACTER})
+class ExportCancelled(SportError):
+    """The user has stopped an export; nothing was written."""
 
 
 @dataclass(frozen=True)
 class Format:
-    """A format of a take: its ending, its name in the window, what the file is, and what it can do.
+    """A format of a take: its ending, its name in the window, and what the file is.
 
-    `options` are the fields of `ExportOptions` that change the file. `keeps_motion`: the take can be read or played
-    from it, so that it counts as saved. `check` says before the work what is missing. `write` is None for a film.
-    `write` returns a sentence about the file. `ignores` are options that change nothing here and are no mistake.
+    `write` names a function of `runtime.formats` that writes a take, with the ending at its end; "" for a film. `check`
+    names one that says before the work what is missing. `keeps_motion`: the take can be read or played from the file, so
+    that it counts as saved.
     """
 
     suffix: str
     name: str
     text: str
-    options: frozenset[str]
-    write: Writer | None = None
-    check: Callable[[Path], None] = lambda path: None
+    write: str = ""
+    check: str = ""
     keeps_motion: bool = False
-    ignores: frozenset[str] = frozenset()
+
+    @property
+    def options(self) -> frozenset[str]:
+        """The fields of `ExportOptions` that change the file."""
+        names = (entry.name for entry in fields(ExportOptions))
+        return frozenset(name for name in names if self.suffix in spec_of(ExportOptions, name).formats)
 
     @property
     def film(self) -> bool:
         """Whether it is drawn, by `viewer.filming`."""
-        return self.write is None
+        return not self.write
+
+    def check_program(self, path: Path) -> None:
+        """UsageError says which program or library is missing that writes this format."""
+        if self.check:
+            _function(self.check)(path)
 
 
-_ARRAYS = frozenset({"fps", "loop", "strides", "in_place", "at_origin"})
-_FILM = frozenset({"loop", "strides"}) | CHARACTER
-_SKINNED = MOTION | CHARACTER | {"with_ground", "engine", "humanoid_names", "animation_only", "with_takes"}
-_USD = MOTION | CHARACTER | {"with_ground", "animation_only"}
 _TABLE = (
-    Format(".bvh", "BVH: motion", "motion of the 31-joint skeleton", MOTION | {"unit", "euler_order"}, _write_bvh, keeps_motion=True),
-    Format(".glb", "GLB: character with motion", "character with motion (glTF binary)", _SKINNED, _write_glb, keeps_motion=True),
-    Format(".fbx", "FBX: through Blender", "character with motion, through Blender", _SKINNED, _write_fbx, _check_fbx, keeps_motion=True),
-    Format(".usdz", "USDZ: character with motion", "character with motion and textures (UsdSkel, packed)", _USD, _write_usd, _check_usd),
-    Format(".usd", "USD: character with motion", "the same without textures, one binary layer", _USD, _write_usd, _check_usd),
-    Format(".html", "HTML: page to look at", "page with character and ground, plays in any browser", MOTION | CHARACTER | {"with_takes"}, _write_page),
-    Format(".npz", "NPZ: arrays", "positions, rotations, root, contacts, phase as NumPy arrays", _ARRAYS, _write_npz, ignores=MOTION),
-    Format(".csv", "CSV: table", "the same, a row a frame", _ARRAYS, _write_csv, ignores=MOTION),
-    Format(".parquet", "Parquet: table", "the same, through pandas", _ARRAYS, _write_parquet, _check_parquet, ignores=MOTION),
-    Format(".mp4", "MP4: film", "film (H.264)", _FILM),
-    Format(".png", "PNG: numbered frames", "film as numbered frames, name_00000.png and on", _FILM),
-    Format(".webp", "WebP: animation", "animated WebP", _FILM),
-    Format(".gif", "GIF: animation", "animated GIF", _FILM),
-    Format(".obj", "OBJ: the ground alone", "ground under the take", frozenset({"unit", "at_origin"}), _write_ground, ignores=MOTION - {"in_place"}),
+    Format(".bvh", "BVH: motion", "motion of the 31-joint skeleton", "bvh_clip.save_take_bvh", keeps_motion=True),
+    Format(".glb", "GLB: character with motion", "character with motion (glTF binary)", "glb.save_glb", keeps_motion=True),
+    Format(".fbx", "FBX: through Blender", "character with motion, through Blender", "fbx.save_fbx", "fbx.check_fbx", True),
+    Format(".usdz", "USDZ: character with motion", "character with motion and textures (UsdSkel, packed)", "usd.save_usd", "usd.check_usd"),
+    Format(".usd", "USD: character with motion", "the same without textures, one binary layer", "usd.save_usd", "usd.check_usd"),
+    Format(".html", "HTML: page to look at", "page with character and ground, plays in any browser", "page.save_page"),
+    Format(".npz", "NPZ: arrays", "positions, rotations, root, contacts, phase as NumPy arrays", "arrays.save_npz"),
+    Format(".csv", "CSV: table", "the same, a row a frame", "arrays.save_csv"),
+    Format(".parquet", "Parquet: table", "the same, through pandas", "arrays.save_parquet", "arrays.check_parquet"),
+    Format(".mp4", "MP4: film", "film (H.264)"),
+    Format(".png", "PNG: numbered frames", "film as numbered frames, name_00000.png and on"),
+    Format(".webp", "WebP: animation", "animated WebP"),
+    Format(".gif", "GIF: animation", "animated GIF"),
+    Format(".obj", "OBJ: the ground alone", "ground under the take", "ground.save_ground"),
 )  # fmt: skip
 FORMATS = {format.suffix: format for format in _TABLE}
 
 
-@dataclass(frozen=True)
-class Written:
-    """A file that was written, and a sentence about it."""
-
-    path: Path
-    text: str
+def _function(name: str) -> Any:
+    """A function of `runtime.formats`, whose module is imported only now."""
+    module, _, function = name.partition(".")
+    return getattr(importlib.import_module(f"runtime.formats.{module}"), function)
 
 
 def format_of(path: Path) -> Format:
@@ -176,61 +94,60 @@ def format_of(path: Path) -> Format:
     raise UsageError(f"{path}: {what}.", f"Choose {known}.")
 
 
-def check_export(path: Path, options: ExportOptions, ground: Path | None = None) -> None:
+def check_export(path: Path, options: ExportOptions) -> None:
     """What can be known to be wrong before a take is made: options, endings, a missing Blender. UsageError."""
-    from runtime.formats.ground import GROUND_SUFFIXES
-
     options.check()
     format = format_of(path)
-    for option in fields(options):
-        if (
-            option.name not in format.options | format.ignores | INDIFFERENT
-            and getattr(options, option.name) != option.default
-        ):
-            able = ", ".join(f.suffix for f in _TABLE if option.name in f.options)
-            beside = " Write the ground beside it with --ground-out." if option.name == "with_ground" else ""
+    for entry in fields(ExportOptions):
+        spec = spec_of(ExportOptions, entry.name)
+        refuses = isinstance(spec, ExportSpec) and format.suffix not in spec.formats | spec.ignored_by
+        if refuses and getattr(options, entry.name) != entry.default:
+            able = ", ".join(suffix for suffix in FORMATS if suffix in spec.formats)
+            beside = " Write the ground beside it with --ground-out." if entry.name == "with_ground" else ""
             raise UsageError(
                 f": nothing that a {format.suffix} file has; {able} have it.",
                 f"Leave it out.{beside}",
-                option.name,
+                entry.name,
             )
-    format.check(path)
-    if ground is not None and ground.suffix.lower() not in GROUND_SUFFIXES:
-        raise UsageError(
-            f" {ground}: expected {' or '.join(GROUND_SUFFIXES)}.", "Choose one of them.", "ground"
-        )
-    if ground is not None and options.in_place:
-        raise UsageError(
-            " with a ground beside it: the take does not go over it.", "Leave one of the two out.", "in_place"
-        )
+    format.check_program(path)
 
 
 def save_motion(
-    clip: Clip, path: Path, options: ExportOptions, terrain: Terrain | None = None, ground: Path | None = None
-) -> list[Written]:
-    """Write a take as its ending says (no film: `viewer.filming`), and its `ground` beside it.
+    clip: Clip,
+    path: Path,
+    options: ExportOptions,
+    terrain: Terrain | None = None,
+    check: Check = lambda: None,
+) -> list[str]:
+    """Write a take as its ending says (no film: `viewer.filming`), and its ground beside it; a sentence about each file.
 
-    `terrain` is what it was made on; without one, the ground is the level of its lowest sole. UsageError or FileError.
+    `terrain` is what it was made on; without one, the ground is the level of its lowest sole. `check` may
+    end it at many places by an exception: no file is there then. UsageError or FileError.
     """
     from runtime.formats.prepare import prepare
 
-    check_export(path, options, ground)
+    check_export(path, options)
     format = format_of(path)
-    if format.write is None:
+    if format.film:
         raise UsageError(f"{path}: a film is drawn, not written.", "Choose .bvh, .glb or .fbx.")
     take = prepare(clip, options, terrain)
-    written = [Written(path, format.write(take, path, options, terrain))]
-    if ground is not None:
-        unit = options.unit if format.suffix == ".bvh" else "m"
-        written.append(save_ground_beside(take, ground, terrain, unit))
-    return written
+    check()
+    said = _function(format.write)(take, path, options, terrain, check)
+    written = [said or describe(take, path)]
+    return written + save_ground_beside(
+        take, options, terrain, options.unit if format.suffix == ".bvh" else "m"
+    )
 
 
-def save_ground_beside(take: PreparedTake, path: Path, terrain: Terrain | None, unit: str = "m") -> Written:
-    """Write the ground of a prepared take in a unit; UsageError where it has none."""
-    from runtime.formats.prepare import ExportOptions
+def save_ground_beside(
+    take: PreparedTake, options: ExportOptions, terrain: Terrain | None, unit: str = "m"
+) -> list[str]:
+    """Write the ground of a prepared take in a unit where the options ask for it; UsageError where it has none."""
+    from runtime.formats.ground import save_ground
 
-    return Written(path, _write_ground(take, path, ExportOptions(unit=unit), terrain))
+    if options.ground_out is None:
+        return []
+    return [save_ground(take, options.ground_out, ExportOptions(unit=unit), terrain)]
 
 
 def describe(take: PreparedTake, path: Path) -> str:

@@ -22,7 +22,8 @@ from runtime.character.nodes import ancestors, node_world_matrices
 from runtime.character.read import Entry, GltfFile, buffer_view_bytes, open_gltf, read_accessor
 from runtime.errors import FileError, UsageError
 from runtime.formats.glb import glb_document
-from runtime.formats.prepare import ExportOptions, PreparedTake
+from runtime.formats.options import ExportOptions
+from runtime.formats.prepare import Check, PreparedTake, go_on
 from runtime.terrain.height_map import Terrain
 
 ROOT = "/take"
@@ -38,7 +39,9 @@ def check_usd(path: Path) -> None:
         )
 
 
-def save_usd(take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None = None) -> None:
+def save_usd(
+    take: PreparedTake, path: Path, options: ExportOptions, terrain: Terrain | None, check: Check = go_on
+) -> None:
     """Write a prepared take as `.usd` (one layer) or `.usdz` (with its textures inside).
 
     UsageError without the library, FileError when the character cannot be used or the file not be written.
@@ -49,11 +52,12 @@ def save_usd(take: PreparedTake, path: Path, options: ExportOptions, terrain: Te
     with tempfile.TemporaryDirectory(prefix="sport-usd-") as name, atomic_path(path) as target:
         folder = Path(name)
         glb, layer, packed = folder / "take.glb", folder / "take.usdc", folder / "take.usdz"
-        document, _ = glb_document(take, replace(options, plain=True), terrain)
+        document, _ = glb_document(take, replace(options, plain=True), terrain, check)
         document.save(glb)
         textures = folder if path.suffix.lower() == ".usdz" else None
         try:
             _Stage(open_gltf(glb), layer, take, textures).write()
+            check()
             if textures is not None and not UsdUtils.CreateNewUsdzPackage(str(layer), str(packed)):
                 raise FileError(f"{path}: the package was not written.", "Write a .usd instead.")
         except Tf.ErrorException as error:

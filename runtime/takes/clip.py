@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.errors import UsageError
-from runtime.pose import Pose
+from runtime.pose import MAX_FPS, Pose
 from runtime.skeleton import SPORT_SKELETON, J
 from runtime.takes.metadata import UNKNOWN, UNMOVED, Origin, PromptEvent, describe, gait_seconds
 
-MAX_FPS = 1000.0
-VIDEO_RATES = (24000 / 1001, 24.0, 25.0, 30000 / 1001, 30.0, 48.0, 50.0, 60000 / 1001, 60.0, 120.0)
 MAX_NORM_ERROR = 0.01  # of a quaternion
 MIN_SIZE, MAX_SIZE = 0.05, 20.0  # of a body, in ours
 MAX_DISTANCE_M = 100_000.0  # of a clip's hips from the origin; float32 is then 8 mm fine
@@ -150,12 +148,6 @@ def _cubic(t: Array, has_before: NDArray[np.bool_], has_after: NDArray[np.bool_]
     alone = ~has_before & ~has_after
     weights[alone] = np.stack([0.0 * t, 1.0 - t, t, 0.0 * t], axis=-1)[alone]
     return weights
-
-
-def video_rate(fps: float) -> float:
-    """The frame rate of video that a rounded rate stands for (29.97 is 30000 / 1001), else the rate to a thousandth."""
-    nearest = min(VIDEO_RATES, key=lambda rate: abs(fps - rate))
-    return nearest if abs(fps - nearest) < 2e-4 * nearest else float(round(fps, 3))
 
 
 def are_poses(hips: Array, rotations: Array, contacts: Array) -> bool:

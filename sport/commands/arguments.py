@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from dataclasses import Field, fields
 
 from runtime.assets import model_folder, shipped_models
 from runtime.errors import UsageError
+from runtime.formats.options import FILMS, ExportOptions, ExportSpec
+from runtime.formats.table import FORMATS
+from runtime.options import spec_of
 
+OUT_HELP = "file to write; its ending says what: " + ", ".join(FORMATS)
 Subparsers = argparse._SubParsersAction  # what `add_subparsers` returns
 
 
@@ -39,11 +45,38 @@ def blend_weights(options: argparse.Namespace) -> tuple[float, ...]:
     return parse_weights("0.5" if options.blend_weights is None else options.blend_weights)
 
 
-def size(text: str | None) -> tuple[int | None, int | None]:
-    """Width and height in pixels of "1280x720", None twice without text; UsageError shows the form."""
-    if text is None:
-        return None, None
+def size(text: str) -> tuple[int, int]:
+    """Width and height in pixels of "1280x720"; UsageError shows the form."""
     parts = text.lower().split("x")
     if len(parts) != 2 or not all(part.isdigit() for part in parts):
         raise UsageError(f"--size {text}: expected WIDTHxHEIGHT in pixels.", "Write 1280x720.")
     return int(parts[0]), int(parts[1])
+
+
+def export_arguments() -> Iterator[tuple[Field[object], ExportSpec]]:
+    """The options of an export that have an argument."""
+    for field in fields(ExportOptions):
+        spec = spec_of(ExportOptions, field.name)
+        if isinstance(spec, ExportSpec) and spec.flag:
+            yield field, spec
+
+
+def add_export_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments that every export has; None, or False of a flag, where one is not given."""
+    take = parser.add_argument_group("form of the take")
+    film = parser.add_argument_group("form of a film")
+    for field, spec in export_arguments():
+        group = film if spec.formats == FILMS else take
+        if isinstance(field.default, bool):
+            group.add_argument(spec.flag, dest=spec.argument, action="store_true", help=spec.help)
+            continue
+        several = isinstance(field.default, tuple)
+        group.add_argument(
+            spec.flag,
+            dest=spec.argument,
+            action="append" if several else "store",
+            type=spec.parse,
+            metavar=spec.metavar or None,
+            choices=None if spec.metavar else tuple(spec.choices or ()),
+            help=spec.help,
+        )

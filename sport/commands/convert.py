@@ -7,8 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from runtime.errors import UsageError
-from sport.commands.arguments import Subparsers
-from sport.commands.export_arguments import OUT_HELP, add_export_arguments
+from sport.commands.arguments import OUT_HELP, Subparsers, add_export_arguments
 
 
 def add(commands: Subparsers) -> None:
@@ -45,9 +44,9 @@ def run(options: argparse.Namespace) -> int:
     if options.unit is None:
         export = replace(export, unit=opened.unit)
     terrain = ground_of(clip, options.take, options.terrain)
-    check_outputs(options.out, export, options)
+    check_outputs(options.out, export)
     if terrain.note:
         note(terrain.note)
     for out in options.out:
-        write_take(clip, out, export, options, terrain)
+        write_take(clip, out, export, terrain)
     return 0

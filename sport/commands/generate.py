@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runtime.errors import UsageError
-from sport.commands.arguments import Subparsers, add_blend, add_model
-from sport.commands.export_arguments import OUT_HELP, add_export_arguments
+from sport.commands.arguments import OUT_HELP, Subparsers, add_blend, add_export_arguments, add_model
 
 if TYPE_CHECKING:
     from sport.batch.plan import RowParser

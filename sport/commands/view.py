@@ -75,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
     for flag, link in (("--live-link", options.live_link), ("--vmc", options.vmc)):
         if link is not None:
             parse_address(link, flag=flag)
-    width, height = size(options.size)
+    width, height = (None, None) if options.size is None else size(options.size)
     view_options = ViewOptions(
         offscreen=options.offscreen,
         frames=options.frames,

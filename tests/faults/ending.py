@@ -108,7 +108,7 @@ def _into(state: str, app: Any, folder: Path) -> Any:
         while app.takes.recorder.take_seconds < 2.0:
             yield
     elif state == "film under way":
-        app.exporting.state.form.suffix = ".mp4"
+        app.exporting.state.choose(suffix=".mp4")
         app.exporting.propose()
         app.exporting.export()
         while app.exporting.state.progress[0] < 10:
@@ -118,14 +118,13 @@ def _into(state: str, app: Any, folder: Path) -> Any:
         yield
     elif state == "blends measured":
         from runtime.session.prompt_blend import Side
-        from viewer.jobs import Slot
 
         for k in range(10):
             app.prompting.submit_prompt(f"a drunk man number {k}", Side.B)
             while app.prompting.state.asked:
                 yield
             yield
-        while not app.jobs.busy(Slot("blend")):
+        while not app.jobs.busy("blend"):
             yield
     elif state == "a project saved":
         app.sessions.save_as(folder / "project.sport")

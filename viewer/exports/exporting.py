@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from runtime.errors import SportError, UsageError
 from runtime.formats.engines import ENGINES
-from runtime.formats.prepare import ExportOptions
-from runtime.formats.table import FORMATS
+from runtime.formats.options import ExportOptions
+from runtime.formats.table import FORMATS, ExportCancelled, check_export, save_motion
+from runtime.options import spec_of
 from runtime.safe_read import printable
 from runtime.session.session import Take
 from runtime.terrain.height_map import Terrain
-from viewer.exports.state import SIZES, ExportForm, ExportState
+from viewer.exports.state import ExportForm, ExportState
 from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
@@ -26,22 +27,6 @@ if TYPE_CHECKING:
     from runtime.takes.clip import Clip
 
 SLOT = Slot("export", "one take by its window")
-# options by the names of the window
-NAMES = {
-    "fps": "Frames a second",
-    "unit": "Unit",
-    "start_s": "Range",
-    "strides": "Strides",
-    "in_place": "In place",
-    "ground_root": "Root on the ground",
-    "at_origin": "At the origin",
-    "rest_frame": "Rest pose first",
-    "ground": "Ground",
-    "size": "Size",
-    "distance": "Distance",
-    "camera": "Camera",
-    "fov_degrees": "Field of view",
-}
 
 
 @dataclass
@@ -83,10 +68,10 @@ class Exporting:
 
     def choose_format(self, suffix: str) -> None:
         """Write another format; a path that was typed keeps its name."""
-        typed = self.state.path != self._proposed
-        self.state.form.suffix, self.state.missing = suffix, ""
+        typed, self.state.missing = self.state.path != self._proposed, ""
+        self.state.choose(suffix=suffix)
         try:
-            FORMATS[suffix].check(Path(f"take{suffix}"))
+            FORMATS[suffix].check_program(Path(f"take{suffix}"))
         except UsageError as error:
             self.state.missing = str(error).partition(": ")[2]
         if typed:
@@ -99,7 +84,7 @@ class Exporting:
 
         def chosen(path: Path) -> None:
             if path.suffix.lower() in FORMATS:
-                self.state.form.suffix = path.suffix.lower()
+                self.state.choose(suffix=path.suffix.lower())
             self.state.path = printable(path)
 
         suffix = self.state.form.suffix
@@ -116,9 +101,9 @@ class Exporting:
         if take is None or self.busy:
             return
         try:
-            path = self._path()
-            form = replace(self.state.form)
-            work, held = self._work(take, path, form), self._held(take, form)
+            path, form = self._path(), self.state.form
+            options = self._options(form, take, path)
+            work, held = self._work(take, path, form, options), _held(take, form, options)
         except SportError as error:
             self.messages.error(_named(error))
             self._failed(_named(error))
@@ -127,10 +112,12 @@ class Exporting:
         def named() -> str:
             try:
                 return work()
+            except ExportCancelled:
+                return ""
             except UsageError as error:
                 raise _named(error) from error
 
-        self.state.report, self.state.progress = "", (0, 0)
+        self.state.report, self.state.progress, self.state.writing = "", (0, 0), path.name
         self._cancel.clear()
         self.jobs.submit(
             SLOT,
@@ -142,8 +129,13 @@ class Exporting:
         )
 
     def cancel(self) -> None:
-        """Give up the film that is being made; nothing of it stays."""
+        """Give up the file that is being written; nothing of it stays."""
         self._cancel.set()
+
+    def _check(self) -> None:
+        """Called on the worker: ends an export that was cancelled."""
+        if self._cancel.is_set():
+            raise ExportCancelled("The export was cancelled.")
 
     def _path(self) -> Path:
         form = self.state.form
@@ -157,54 +149,43 @@ class Exporting:
             raise UsageError(f"Export: {path} is a folder.", "Add the name of a file.")
         return path if path.suffix.lower() == form.suffix else path.with_name(path.name + form.suffix)
 
-    def _work(self, take: Take, path: Path, form: ExportForm) -> Callable[[], str]:
+    def _work(self, take: Take, path: Path, form: ExportForm, options: ExportOptions) -> Callable[[], str]:
         """What the worker does, with everything it needs; UsageError for options that do not go together."""
-        from runtime.formats.table import check_export, save_motion
-
-        options = self._options(form, take)
-        beside = path.with_name(f"{path.stem}-ground{form.ground}") if form.ground.startswith(".") else None
-        if form.format.film:
-            film, film_ground = self._film_options(form, take, options.start_s), self._ground_of(take)
-            return lambda: self._film(_named_clip(take), film_ground(), path, options, film)
-        check_export(path, options, beside)
         ground = self._ground_of(take)
-        return lambda: " ".join(
-            w.text for w in save_motion(_named_clip(take), path, options, ground(), beside)
-        )
+        if form.format.film:
+            film = self._film_options(form, take, options.start_s)
+            return lambda: self._film(_named_clip(take), ground(), path, options, film)
+        check_export(path, options)
+        return lambda: " ".join(save_motion(_named_clip(take), path, options, ground(), self._check))
 
-    def _options(self, form: ExportForm, take: Take) -> ExportOptions:
-        """The options of the form that its format has."""
-        start, end, fps = 0.0, None, take.made.header.fps
-        if form.trimmed and take.trimmed:
-            start, end = (frame / fps for frame in take.range)
-        chosen: dict[str, Any] = {
+    def _options(self, form: ExportForm, take: Take, path: Path) -> ExportOptions:
+        """The options of the form that its format has, for a take that goes to a path."""
+        fps = take.made.header.fps
+        chosen: dict[str, Any] = {name: getattr(form, name) for name in form.format.options} | {
             "fps": form.fps or fps,
-            "euler_order": form.euler_order or None,
-            "engine": form.engine or None,
-            "humanoid_names": form.humanoid_names and bool(form.engine) and bool(ENGINES[form.engine].bones),
+            "strides": form.strides if form.loop else 1,
+            "humanoid_names": form.humanoid_names and bool(form.engine and ENGINES[form.engine].bones),
             "with_ground": form.ground == "inside",
             "character": self.scene.character_path if form.own_character else None,
+            "fit_to_motion": self.scene.settings.fit_to_motion,
         }
-        names = ("unit", "animation_only", "in_place", "ground_root", "at_origin", "rest_frame", "loop")
-        chosen["strides"] = form.strides if form.loop else 1
-        chosen |= {name: getattr(form, name) for name in names}
-        has = form.format.options
-        options = ExportOptions(
-            start_s=start,
-            end_s=end,
-            fit_to_motion=self.scene.settings.fit_to_motion,
-            **{name: value for name, value in chosen.items() if name in has},
-        )
+        chosen = {name: value for name, value in chosen.items() if form.has(name)}
+        if form.trimmed and take.trimmed:
+            first, last = take.range
+            chosen |= {"start_s": first / fps, "end_s": last / fps}
+        if form.has("ground") and form.ground.startswith("."):
+            chosen["ground_out"] = path.with_name(f"{path.stem}-ground{form.ground}")
+        options = ExportOptions(**chosen)
         options.check()
         return options
 
     def _film_options(self, form: ExportForm, take: Take, start_s: float) -> Any:
         """The options of a film that begins at a time of a take."""
         from viewer.filming.film import FilmOptions
-        from viewer.filming.shots import KEYED, Shot
+        from viewer.filming.shots import KEYED, ShotView
 
         camera = self.scene.camera.current
-        width, height = SIZES[form.size]
+        width, height = (int(side) for side in form.size.split("x"))
         keys = tuple(replace(key, seconds=max(key.seconds - start_s, 0.0)) for key in take.cameras)
         if form.camera == KEYED and not keys:
             raise UsageError(
@@ -212,7 +193,7 @@ class Exporting:
             )
         options = FilmOptions(
             width, height, form.film_fps, form.camera, form.distance, form.captions, form.quality,
-            Shot(camera.yaw, camera.pitch, camera.distance, fixed=True), form.fov_degrees, keys,
+            ShotView(camera.yaw, camera.pitch, camera.distance), form.fov_degrees, keys,
         )  # fmt: skip
         options.check()
         return options
@@ -233,8 +214,6 @@ class Exporting:
 
     def _film(self, clip: Clip, terrain: Terrain, path: Path, export: ExportOptions, film: Any) -> str:
         """Make a film on the worker; "" when it was given up."""
-        from dataclasses import replace
-
         from runtime.formats.prepare import on_its_ground, prepare
         from viewer.filming.film import film_of_take
         from viewer.filming.process import film_in_process
@@ -247,16 +226,6 @@ class Exporting:
         return make(take, terrain, path, export, film, progress, self._cancel)
 
     # --- what becomes of it
-
-    def _held(self, take: Take, form: ExportForm) -> Take | None:
-        """The take that a BVH of this form holds as it is; None for any other file."""
-        options = self._options(form, take)
-        changed = (
-            options.in_place or options.ground_root or options.at_origin or options.rest_frame or options.loop
-        )
-        if form.suffix != ".bvh" or changed or options.fps < take.made.header.fps:
-            return None
-        return take if form.trimmed else replace(take, trim=None)
 
     def _done(self, take: Take, held: Take | None, path: Path, text: str) -> None:
         if not text:
@@ -273,6 +242,16 @@ class Exporting:
         self.state.report, self.state.report_good = printable(error), False
 
 
+def _held(take: Take, form: ExportForm, options: ExportOptions) -> Take | None:
+    """The take that a BVH of this form holds as it is; None for any other file."""
+    changes = replace(
+        options, fps=ExportOptions.fps, unit="cm", euler_order=None, ground_out=None, start_s=0.0, end_s=None
+    )
+    if form.suffix != ".bvh" or changes != ExportOptions() or options.fps < take.made.header.fps:
+        return None
+    return take if form.trimmed else replace(take, trim=None)
+
+
 def _named_clip(take: Take) -> Clip:
     return replace(take.clip, name=take.title)
 
@@ -281,5 +260,8 @@ def _named(error: SportError) -> SportError:
     """The same mistake by the names of the window."""
     if not isinstance(error, UsageError) or not error.parameter:
         return error
-    name = NAMES.get(error.parameter, error.parameter.replace("_", " ").capitalize())
+    known = error.parameter in ExportOptions.__dataclass_fields__
+    name = (known and spec_of(ExportOptions, error.parameter).label) or error.parameter.replace(
+        "_", " "
+    ).capitalize()
     return UsageError(name + error.problem.removeprefix(error.parameter), error.remedy)

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 from runtime.formats.engines import ENGINES
-from runtime.formats.prepare import ROTATION_ORDERS
-from runtime.formats.table import FORMATS
-from runtime.takes.clip import VIDEO_RATES
+from runtime.options import spec_of
 from viewer.exports.exporting import Exporting
-from viewer.exports.state import GROUNDS, SIZES, ExportForm
-from viewer.filming.shots import CAMERAS, KEYED, VIEW
+from viewer.exports.state import ExportState
 from viewer.gl_bindings import imgui
 from viewer.gui import overlay, theme, widgets
 from viewer.gui.panels import Panel, PanelPlace
@@ -20,10 +16,12 @@ from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
 
 WIDTH = 470.0  # pixels at scale 1
-MOTION_RATES = (*((rate, f"{rate:.4g} fps") for rate in VIDEO_RATES),)
-FILM_RATES = ((15.0, "15 fps"), *((rate, f"{rate:.4g} fps") for rate in VIDEO_RATES if rate <= 60.0))
-MAX_DISTANCE_M = 20.0
-LEAST_FOV_DEGREES, MAX_FOV_DEGREES = 15.0, 90.0
+LISTS = ("fps", "unit", "euler_order", "engine", "ground", "film_fps", "size", "camera")
+SLIDERS = (("distance", 0.5, "%.1f m"), ("fov_degrees", 15.0, "%.0f degrees"))  # the least value, the text
+TOGGLES = (
+    "in_place", "ground_root", "at_origin", "rest_frame", "animation_only", "humanoid_names", "captions", "quality",
+    "loop", "trimmed", "own_character",
+)  # fmt: skip
 
 
 def panel(exporting: Exporting, fonts: Fonts) -> Panel:
@@ -49,31 +47,19 @@ def draw(exporting: Exporting, fonts: Fonts) -> None:
         widgets.muted(widgets.elided(f"{take.title}: {length}", imgui.get_content_region_avail().x))
         imgui.begin_disabled(exporting.busy)
         _target(exporting)
-        form = state.form
-        _film(form) if form.format.film else _motion(form)
-        _common(exporting, form, take.trimmed)
+        _lists_and_sliders(state)
+        _toggles(exporting, take.trimmed)
         imgui.end_disabled()
         _end(exporting)
     if closed[0]:
         state.open = False
 
 
-def _rate(label: str, rates: Sequence[tuple[float, str]], chosen: float) -> float:
-    return float(str(overlay.combo(label, rates, chosen)))
-
-
-def _set(form: ExportForm, name: str, value: Any) -> None:
-    setattr(form, name, value)
-
-
 def _target(exporting: Exporting) -> None:
     state = exporting.state
-    overlay.row("Format")
-    chosen = str(
-        overlay.combo("##export format", [(f.suffix, f.name) for f in FORMATS.values()], state.form.suffix)
-    )
+    chosen = _list(state, "suffix", "##export format")
     if chosen != state.form.suffix:
-        exporting.choose_format(chosen)
+        exporting.choose_format(str(chosen))
     overlay.row("File")
     side = imgui.get_frame_height()
     imgui.set_next_item_width(imgui.get_content_region_avail().x - side - px(4))
@@ -84,106 +70,61 @@ def _target(exporting: Exporting) -> None:
         exporting.browse()
 
 
-TOGGLES = (
-    ("In place", "in_place", "The way over the ground is taken out; the heading stays"),
-    ("Root on the ground", "ground_root", "A root joint on the ground, above the hips"),
-    ("At the origin", "at_origin", "Begin at the origin on height 0, facing +Z"),
-    ("Rest pose first", "rest_frame", "Frame 0 is the rest pose"),
-    ("Animation only", "animation_only", "The skeleton and its motion, without meshes"),
-    ("Humanoid names", "humanoid_names", "Bones named as in the humanoid of that program"),
-)
-
-
-def _motion(form: ExportForm) -> None:
-    """The options that the format has."""
-    has = form.format.options
-    if "fps" in has:
-        overlay.row("Frames a second")
-        form.fps = _rate("##export rate", ((0.0, "as the take"), *MOTION_RATES), form.fps)
-    if "unit" in has:
-        overlay.row("Unit")
-        units = (("cm", "Centimetres"), ("m", "Metres"))
-        form.unit = str(overlay.combo("##export unit", units, form.unit))
-    if "euler_order" in has:
-        overlay.row(
-            "Rotations", "YXZ at hips and root keeps a reader that interpolates angles steady in any heading"
-        )
-        orders = (("", "YXZ at the hips, ZYX else"), *((order, order) for order in ROTATION_ORDERS))
-        form.euler_order = str(overlay.combo("##export order", orders, form.euler_order))
-    if "engine" in has:
-        overlay.row("For", "Unit, scale, root joint and names of takes as that program expects them")
-        engines = (("", "any program"), *((name, name.capitalize()) for name in ENGINES))
-        form.engine = str(overlay.combo("##export engine", engines, form.engine))
-    if form.format.keeps_motion or "with_ground" in has:
-        overlay.row("Ground", "As a second node of the file, or as a file beside it, in the same coordinates")
-        inside = "with_ground" in has
-        grounds = [(key, text) for key, text in GROUNDS.items() if inside or key != "inside"]
-        form.ground = form.ground if inside or form.ground != "inside" else ""
-        form.ground = str(overlay.combo("##export ground", grounds, form.ground))
-
-
-def _switches(form: ExportForm) -> list[tuple[str, bool, str, Callable[[bool], None]]]:
-    """What the format can leave out or add."""
-    has = () if form.format.film else form.format.options
-    return [
-        (text, getattr(form, name), hint, partial(_set, form, name))
-        for text, name, hint in TOGGLES
-        if name in has and (name != "humanoid_names" or (form.engine and ENGINES[form.engine].bones))
+def _list(state: ExportState, name: str, widget: str) -> object:
+    """A row with the choices of an option; the chosen one."""
+    spec = spec_of(state.form, name)
+    overlay.row(spec.label, spec.hint)
+    choices = [
+        (value, text)
+        for value, text in (spec.choices or {}).items()
+        if value != "inside" or state.form.has("with_ground")
     ]
+    return overlay.combo(widget, choices, getattr(state.form, name))
 
 
-def _film(form: ExportForm) -> None:
-    overlay.row("Frames a second")
-    form.film_fps = _rate("##film rate", FILM_RATES, form.film_fps)
-    overlay.row("Size")
-    form.size = str(overlay.combo("##film size", [(size, size) for size in SIZES], form.size))
-    overlay.row("Camera")
-    cameras = [
-        (VIEW, "As in the window, going along"),
-        (KEYED, "Keyed on the timeline"),
-        *((name, name.capitalize()) for name in CAMERAS),
-    ]
-    form.camera = str(overlay.combo("##film camera", cameras, form.camera))
-    overlay.row("Distance")
-    text = "%.1f m" if form.distance else "as usual"
-    moved, distance = widgets.slider("##film distance", form.distance, 0.0, MAX_DISTANCE_M, text)
-    if moved:
-        form.distance = distance if distance >= 0.5 else 0.0
-    overlay.row("Field of view", "From the bottom to the top; wider shows more around")
-    text = "%.0f degrees" if form.fov_degrees else "as usual"
-    moved, degrees = widgets.slider("##film fov", form.fov_degrees, 0.0, MAX_FOV_DEGREES, text)
-    if moved:
-        form.fov_degrees = degrees if degrees >= LEAST_FOV_DEGREES else 0.0
-    overlay.toggles(
-        (
-            ("Captions", form.captions, "The prompts under the film", partial(_set, form, "captions")),
-            (
-                "High quality",
-                form.quality == "high",
-                "Off: faster without a graphics card",
-                lambda on: _set(form, "quality", "high" if on else "software"),
-            ),
-        )
-    )
+def _lists_and_sliders(state: ExportState) -> None:
+    """The options that the format has, but for those that are on or off."""
+    if state.form.ground == "inside" and not state.form.has("with_ground"):
+        state.choose(ground="")
+    for name in filter(state.form.has, LISTS):
+        state.choose(**{name: _list(state, name, f"##export {name}")})
+    for name, least, text in SLIDERS:
+        if state.form.has(name):
+            spec, value = spec_of(state.form, name), getattr(state.form, name)
+            overlay.row(spec.label, spec.hint)
+            moved, value = widgets.slider(
+                f"##export {name}", value, spec.low, spec.high, text if value else "as usual"
+            )
+            if moved:
+                state.choose(**{name: value if value >= least else 0.0})
 
 
-def _common(exporting: Exporting, form: ExportForm, trimmed: bool) -> None:
-    entries = _switches(form)
-    if "loop" in form.format.options:
-        hint = "Only the best cycle of a steady walk; its seam is reported"
-        entries.append(("Loop", form.loop, hint, partial(_set, form, "loop")))
-    if trimmed:
-        hint = "Only what lies between the trim marks of the timeline"
-        entries.append(("Trimmed range", form.trimmed, hint, partial(_set, form, "trimmed")))
+def _toggles(exporting: Exporting, trimmed: bool) -> None:
+    """What is on or off, and the strides of a loop."""
+    state, form = exporting.state, exporting.state.form
     own = exporting.scene.character_path
-    if own is not None and "character" in form.format.options:
-        hint = f"{own.name} in the place of the mannequin"
-        entries.append(("My character", form.own_character, hint, partial(_set, form, "own_character")))
+    hidden = {
+        "humanoid_names": not (form.engine and ENGINES[form.engine].bones),
+        "trimmed": not trimmed,
+        "own_character": own is None,
+    }
+    entries: list[tuple[str, bool, str, Callable[[bool], None]]] = []
+    for name in filter(form.has, TOGGLES):
+        spec, value = spec_of(form, name), getattr(form, name)
+        if hidden.get(name):
+            continue
+        hint = f"{own.name} in the place of the mannequin" if own and name == "own_character" else spec.hint
+        entries.append((spec.label, value in (True, "high"), hint, partial(_set, state, name)))
     if entries:
         overlay.toggles(entries)
-    if form.loop and "loop" in form.format.options:
-        overlay.row("Strides of the loop", "A stride is a step with each foot")
-        form.strides = int(widgets.segmented("strides", [(n, str(n)) for n in (1, 2, 3, 4, 8)], form.strides))
+    if state.form.loop and state.form.has("loop"):
+        spec = spec_of(form, "strides")
+        overlay.row(spec.label, spec.hint)
+        state.choose(strides=widgets.segmented("strides", list((spec.choices or {}).items()), form.strides))
+
+
+def _set(state: ExportState, name: str, on: bool) -> None:
+    state.choose(**{name: ("high" if on else "software") if name == "quality" else on})
 
 
 def _end(exporting: Exporting) -> None:
@@ -195,10 +136,8 @@ def _end(exporting: Exporting) -> None:
         share, text = (done / total, f"{done} of {total} frames") if total else (0.0, "Exporting…")
         imgui.progress_bar(share, imgui.ImVec2(-px(90), 0), text)
         imgui.same_line(0, px(4))
-        imgui.begin_disabled(not state.form.format.film)
-        if widgets.button("Cancel##cancel export", -1, "Give it up; nothing of it stays"):
+        if widgets.button("Cancel##cancel export", -1, "Cancel; no file is kept"):
             exporting.cancel()
-        imgui.end_disabled()
     elif state.missing:
         with widgets.color(imgui.Col_.text, theme.ERROR):
             imgui.text_wrapped(state.missing)

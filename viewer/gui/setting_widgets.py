@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from runtime.options import spec_of
 from viewer.gl_bindings import imgui
 from viewer.gui import widgets
-from viewer.settings import Settings, spec_of
+from viewer.settings import Settings
 
 
 def slider(settings: Settings, name: str) -> None:

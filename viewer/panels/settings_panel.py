@@ -9,6 +9,7 @@ from pathlib import Path
 
 from runtime.assets import DEFAULT_MODEL, model_folder, model_name, shipped_models
 from runtime.motion.model_files import read_metadata
+from runtime.options import spec_of
 from runtime.safe_read import printable
 from viewer.gl_bindings import imgui
 from viewer.gui import overlay, setting_widgets, theme, widgets
@@ -21,7 +22,7 @@ from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.panels.guide import Guide
 from viewer.scene.scene import Scene
-from viewer.settings import Settings, spec_of
+from viewer.settings import Settings
 
 FREE, BOUND = "free to publish with credits", "non-commercial"
 WIDTH = 470.0  # pixels at scale 1

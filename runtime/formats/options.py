@@ -1,0 +1,213 @@
+"""The options of an export, each declared once: its argument of the command line, its widget in the window, its formats.
+
+Nothing heavy is imported: `sport --help` reads this file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from runtime.errors import UsageError
+from runtime.formats.engines import ENGINES, engine_of
+from runtime.options import Spec
+from runtime.pose import MAX_FPS, VIDEO_RATES
+
+SKINNED = frozenset({".glb", ".fbx"})
+SCENES = SKINNED | {".usdz", ".usd"}
+BODIES = SCENES | {".html"}
+MOTION = BODIES | {".bvh"}
+ARRAYS = frozenset({".npz", ".csv", ".parquet"})
+FILMS = frozenset({".mp4", ".png", ".webp", ".gif"})
+GROUND = frozenset({".obj"})
+ALL = MOTION | ARRAYS | FILMS | GROUND
+
+GROUND_SUFFIXES = (".obj", ".glb")
+UNITS_PER_METRE = {"cm": 100.0, "m": 1.0}
+ROTATION_ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
+MAX_STRIDES = 16  # of a loop
+RATES = {rate: f"{rate:.4g} fps" for rate in VIDEO_RATES}
+CAMERAS = {
+    "view": "As in the window, going along",
+    "keyed": "Keyed on the timeline",
+    **{name: name.capitalize() for name in ("front", "follow", "side", "orbit", "still")},
+}
+
+
+@dataclass(frozen=True)
+class ExportSpec(Spec):
+    """A `Spec` with an argument: `help`, `metavar`, what `parse`s it, and `dest`, its name where the flag is another.
+
+    A format that is neither in `formats` nor in `ignored_by` refuses a value other than the default.
+    """
+
+    help: str = ""
+    metavar: str = ""
+    parse: Callable[[str], Any] = str
+    dest: str = ""
+    ignored_by: frozenset[str] = ALL
+
+    @property
+    def argument(self) -> str:
+        """The name of the parsed argument, and of the column of a batch."""
+        return self.dest or self.flag.removeprefix("--").replace("-", "_")
+
+
+def option(default: Any, formats: frozenset[str] = frozenset(), flag: str = "", **spec: Any) -> Any:
+    """A field of a dataclass with its `ExportSpec`."""
+    return field(default=default, metadata={"spec": ExportSpec(formats=formats, flag=flag, **spec)})
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """Options of an export; `unit` concerns BVH and the ground beside it, GLB and FBX are in metres.
+
+    `start_s` and `end_s` (None: to the last frame) are one argument. `character` None is the mannequin, `engine` None
+    any program. `plain`, without an argument: joints without scales, and one node above them.
+    """
+
+    fps: float = option(
+        60.0, MOTION | ARRAYS, "--fps", parse=float, metavar="F", label="Frames a second",
+        choices={0.0: "as the take", **RATES},
+        help="frames a second, 29.97 for example (default: 60 or the take's own, films 30)",
+    )  # fmt: skip
+    unit: str = option(
+        "cm", GROUND | {".bvh"}, "--unit", metavar="UNIT", label="Unit",
+        choices={"cm": "Centimetres", "m": "Metres"}, help="of BVH: cm or m (default: cm, or the take's own)",
+    )  # fmt: skip
+    euler_order: str | None = option(
+        None, frozenset({".bvh"}), "--euler-order", metavar="ORDER", label="Rotations",
+        choices={None: "YXZ at the hips, ZYX else", **{order: order for order in ROTATION_ORDERS}},
+        hint="YXZ at hips and root keeps a reader that interpolates angles steady in any heading",
+        help="of BVH, such as ZXY (default: YXZ for root and hips, ZYX for the others)",
+    )  # fmt: skip
+    character: Path | None = option(
+        None, BODIES | FILMS, "--character", parse=Path, metavar="GLB",
+        help="skinned character of GLB, FBX and film",
+    )  # fmt: skip
+    fit_to_motion: bool = option(
+        False, BODIES | FILMS, "--fit-to-motion",
+        help="the character gets the size of the motion; otherwise it keeps its own, and steps and speed follow it",
+    )  # fmt: skip
+    joint_map: Path | None = option(
+        None, BODIES | FILMS, "--joint-map", parse=Path, metavar="JSON",
+        help="names of its joints, in place of the file beside it",
+    )  # fmt: skip
+    engine: str | None = option(
+        None, SKINNED, "--for", dest="engine", ignored_by=frozenset(), metavar="ENGINE", label="For",
+        choices={None: "any program", **{name: name.capitalize() for name in ENGINES}},
+        hint="Unit, scale, root joint and names of takes as that program expects them",
+        help="GLB or FBX as unreal, unity, godot, maya or blender takes it",
+    )  # fmt: skip
+    humanoid_names: bool = option(
+        False, SKINNED, "--humanoid-names", ignored_by=frozenset(), label="Humanoid names",
+        hint="Bones named as in the humanoid of that program", help="bones named as in the engine's humanoid",
+    )  # fmt: skip
+    animation_only: bool = option(
+        False, SCENES, "--animation-only", ignored_by=frozenset(), label="Animation only",
+        hint="The skeleton and its motion, without meshes", help="GLB or FBX without meshes",
+    )  # fmt: skip
+    with_takes: tuple[Path, ...] = option(
+        (), SKINNED | {".html"}, "--with-take", ignored_by=frozenset(), parse=Path, metavar="BVH",
+        help="a further take in the same GLB or FBX",
+    )  # fmt: skip
+    start_s: float = option(
+        0.0, flag="--range", metavar="A:B", label="Range", help="only these seconds, e.g. 2:6.5"
+    )
+    end_s: float | None = option(None)
+    loop: bool = option(
+        False, MOTION | ARRAYS | FILMS, "--loop", ignored_by=GROUND, label="Loop",
+        hint="Only the best cycle of a steady walk; its seam is reported",
+        help="only the best cycle of a steady walk, without a seam",
+    )  # fmt: skip
+    strides: int = option(
+        1, MOTION | ARRAYS | FILMS, "--strides", ignored_by=GROUND, parse=int, metavar="N", label="Strides of the loop",
+        choices={count: str(count) for count in (1, 2, 3, 4, 8)},
+        hint="A stride is a step with each foot", help="of the loop (default: 1)",
+    )  # fmt: skip
+    in_place: bool = option(
+        False, MOTION | ARRAYS, "--in-place", ignored_by=frozenset(), label="In place",
+        hint="The way over the ground is taken out; the heading stays", help="take the way over the ground out",
+    )  # fmt: skip
+    ground_root: bool = option(
+        False, MOTION, "--ground-root", ignored_by=ARRAYS | GROUND, label="Root on the ground",
+        hint="A root joint on the ground, above the hips", help="a root joint on the ground, above the hips",
+    )  # fmt: skip
+    at_origin: bool = option(
+        False, MOTION | ARRAYS | GROUND, "--at-origin", ignored_by=frozenset(), label="At the origin",
+        hint="Begin at the origin on height 0, facing +Z", help="begin at the origin, facing +Z",
+    )  # fmt: skip
+    rest_frame: bool = option(
+        False, MOTION, "--rest-frame", ignored_by=ARRAYS | GROUND, label="Rest pose first",
+        hint="Frame 0 is the rest pose", help="the rest pose as first frame",
+    )  # fmt: skip
+    with_ground: bool = option(
+        False, SCENES, "--with-ground", ignored_by=frozenset(), help="the ground as a second node (GLB, FBX)"
+    )
+    ground_out: Path | None = option(
+        None, flag="--ground-out", parse=Path, metavar="FILE", label="Ground",
+        help="the ground beside the take: .obj or .glb",
+    )  # fmt: skip
+    film_fps: float = option(
+        30.0, FILMS, label="Frames a second",
+        choices={15.0: "15 fps", **{rate: text for rate, text in RATES.items() if rate <= 60.0}},
+    )  # fmt: skip
+    size: str = option(
+        "1280x720", FILMS, "--size", metavar="WxH", label="Size", help="pixels (default: 1280x720)",
+        choices={size: size for size in ("640x360", "1280x720", "1920x1080", "1080x1080")},
+    )  # fmt: skip
+    camera: str = option(
+        "front", FILMS, "--camera", metavar="NAME", label="Camera", choices=CAMERAS,
+        help="front (default), follow, side, orbit or still",
+    )  # fmt: skip
+    distance: float = option(
+        0.0, FILMS, "--distance", parse=float, metavar="M", label="Distance", low=0.0, high=20.0,
+        help="of the camera, metres",
+    )  # fmt: skip
+    fov_degrees: float = option(
+        0.0, FILMS, label="Field of view", low=0.0, high=90.0,
+        hint="From the bottom to the top; wider shows more around",
+    )  # fmt: skip
+    captions: bool = option(
+        True, FILMS, "--no-captions", label="Captions", hint="The prompts under the film",
+        help="leave the prompts out",
+    )  # fmt: skip
+    quality: str = option(
+        "high", FILMS, "--quality", choices={"high": "High quality", "software": "Software"},
+        label="High quality", hint="Off: faster without a graphics card", help="rendering (default: high)",
+    )  # fmt: skip
+    plain: bool = option(False)
+
+    @property
+    def rooted(self) -> bool:
+        """Whether there is a root joint on the ground: by itself, or since the engine wants it."""
+        return self.ground_root or (self.engine is not None and engine_of(self.engine).ground_root)
+
+    def check(self) -> None:
+        """UsageError names the option that cannot be used."""
+        bones = engine_of(self.engine).bones if self.engine is not None else {}
+        order, end = str(self.euler_order or "XYZ"), "" if self.end_s is None else f"{self.end_s:g}"
+        ending = ".obj" if self.ground_out is None else self.ground_out.suffix.lower()
+        beside = " beside it" if self.ground_out is not None else ""
+        strides = 1 <= self.strides <= MAX_STRIDES and (self.strides == 1 or self.loop)
+        for usable, name, problem, remedy in (
+            (bones or not self.humanoid_names, "humanoid_names", ": these names are those of an engine.",
+             "Add --for unreal, unity, godot or maya."),
+            (1.0 <= self.fps <= MAX_FPS, "fps", f" {self.fps:g}: expected 1 to {MAX_FPS:.0f} frames per second.",
+             "Try 60 or 30."),
+            (self.unit in UNITS_PER_METRE, "unit", f" {self.unit}: expected cm or m.", "Choose one of the two."),
+            (order.upper() in ROTATION_ORDERS, "euler_order", f" {order[:20]}: unknown.",
+             f"Choose {', '.join(ROTATION_ORDERS)}."),
+            (self.start_s >= 0.0 and (self.end_s is None or self.end_s > self.start_s), "start_s",
+             f" {self.start_s:g}:{end}: expected 0 or more, and an end after the start.", "Write seconds, such as 2:6.5."),
+            (strides, "strides", f" {self.strides}: expected 1 to {MAX_STRIDES}, of a loop.",
+             "Add --loop, or leave it out."),
+            (ending in GROUND_SUFFIXES, "ground_out", f" {self.ground_out}: expected {' or '.join(GROUND_SUFFIXES)}.",
+             "Choose one of them."),
+            (not (self.in_place and (beside or self.with_ground)), "in_place",
+             f" with a ground{beside}: the character would not move over it.", "Leave one of the two out."),
+        ):  # fmt: skip
+            if not usable:
+                raise UsageError(problem, remedy, name)

@@ -1,0 +1,60 @@
+"""What the value of an option may be, and how it is chosen: declared once, with the field of a dataclass that holds it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from runtime.safe_read import is_text
+
+LARGEST = 1e300  # of a number: what no float can hold is refused, as NaN is
+MAX_TEXT = 4096  # characters of a text
+
+
+@dataclass(frozen=True)
+class Spec:
+    """What a value may be, and how it is chosen: by a widget of a panel, or by a `flag` of the command line."""
+
+    low: float = -math.inf
+    high: float = math.inf
+    choices: Mapping[Any, str] | None = None  # allowed value: its name in the panel
+    label: str = ""  # of the widget; a format with the number where there is one
+    hint: str = ""
+    factor: float = 1.0  # the widget shows the value times this
+    whole: bool = False  # the widget rounds what it shows to a whole number
+    logarithmic: bool = False
+    speed: float = 0.01  # of dragging, per pixel
+    flag: str = ""
+    unit: str = ""
+    formats: frozenset[str] = frozenset()  # endings of the files that have it
+
+    def allows(self, value: Any) -> bool:
+        """Whether a text or a number may be used."""
+        if self.choices is not None:
+            return value in self.choices
+        return isinstance(value, str) or (abs(value) < LARGEST and self.low <= value <= self.high)
+
+    def read(self, value: Any, default: Any) -> Any:
+        """An untrusted value of JSON as the type of `default`, where it may be used; else the default."""
+        if self.choices is None and isinstance(default, bool):
+            return value if isinstance(value, bool) else default
+        text = is_text(value) and len(value) < MAX_TEXT and "\0" not in value
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if self.choices is not None:
+            known = (text or number or value is None) and value in self.choices
+            return next(choice for choice in self.choices if choice == value) if known else default
+        fits = text if isinstance(default, str) else number
+        return type(default)(value) if fits and self.allows(value) else default
+
+
+def specified(default: Any, low: float = -math.inf, high: float = math.inf, **spec: Any) -> Any:
+    """A field of a dataclass with its `Spec`."""
+    return field(default=default, metadata={"spec": Spec(low, high, **spec)})
+
+
+def spec_of(owner: Any, name: str) -> Spec:
+    """The `Spec` of a dataclass' field; one without has no limits."""
+    spec: Spec = owner.__dataclass_fields__[name].metadata.get("spec", Spec())
+    return spec

@@ -182,7 +182,7 @@ class Exporting:
     def _film_options(self, form: ExportForm, take: Take, start_s: float) -> Any:
         """The options of a film that begins at a time of a take."""
         from viewer.filming.film import FilmOptions
-        from viewer.filming.shots import KEYED, ShotView
+        from viewer.filming.shots import KEYED, Shot
 
         camera = self.scene.camera.current
         width, height = (int(side) for side in form.size.split("x"))
@@ -193,7 +193,7 @@ class Exporting:
             )
         options = FilmOptions(
             width, height, form.film_fps, form.camera, form.distance, form.captions, form.quality,
-            ShotView(camera.yaw, camera.pitch, camera.distance), form.fov_degrees, keys,
+            Shot(camera.yaw, camera.pitch, camera.distance, fixed=True), form.fov_degrees, keys,
         )  # fmt: skip
         options.check()
         return options

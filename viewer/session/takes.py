@@ -428,7 +428,8 @@ class Takes:
 
     def saved(self, take: Take) -> Path | None:
         """The BVH of this run that holds what the take keeps; None where there is none any more."""
-        found = (path for path, held in self._files.items() if _content(held) == _content(take))
+        content = _content(take)
+        found = (path for path, held in self._files.items() if held.motion and _content(held) == content)
         return next((path for path in found if path.is_file()), None)
 
     def exported(self, take: Take) -> Path | None:

@@ -272,7 +272,11 @@ class Sessions:
 
     @property
     def _is_empty(self) -> bool:
-        return self.path is None and not self.editor.history.steps[1:]
+        """Whether the session is untitled and never held anything that took work; prompts are in their own history."""
+        sessions = [step.session for step in self.editor.history.steps]
+        return self.path is None and not any(
+            s.takes or s.live.path or s.live.poses or s.live.cameras or s.variants for s in sessions
+        )
 
     def _remember(self, path: Path) -> None:
         text = str(path.absolute())

@@ -11,18 +11,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from app_driver import Start, message, run
+from app_driver import Start, click_on, message, run
 from viewer_fakes import fake_services
 
 from runtime.errors import FileError
 from runtime.formats.bvh import read_bvh
 from runtime.formats.bvh_clip import load_clip_bvh
 from runtime.motion.controller import TEMPERATURE
+from runtime.session.session_file import SessionFile
 from viewer import app as app_module
 from viewer.app import App
 from viewer.input.bindings import Action
 from viewer.options import ViewOptions
-from viewer.session.takes import Takes
+from viewer.session.sessions import Sessions
 
 
 def record(app: App, frames: int = 30) -> None:
@@ -41,26 +42,23 @@ def test_record_play_trim_export(start: Start, tmp_path: Path) -> None:
     app = start()
     run(app, 2)
     record(app)
-    clips = app.state.takes
-    assert [item.name for item in clips.items] == ["Take 1"]
-    take = clips.items[0].clip
+    assert [take.title for take in app.editor.session.takes] == ["Take 1"]
+    take = app.editor.session.takes[0].clip
     shown = app.scene.renderer.poses  # what the screen showed is what the take holds
     starts = [i for i, pose in enumerate(shown) if np.array_equal(pose.hips_position, take.hips_positions[0])]
     assert starts
     for i in range(len(take)):
         assert np.array_equal(shown[starts[-1] + i].hips_position, take.hips_positions[i])
 
-    app.takes.play(0)
-    assert clips.playback is not None
-    clips.playback.seek(5)
-    clips.playback.trim_in()
-    clips.playback.seek(20)
-    clips.playback.trim_out()
-    run(app)
-    clips.export_path = str(tmp_path / "new folder" / "walk")
+    app.takes.play(1)
+    app.takes.playback.seek(5)
+    click_on(app, "[ In")
+    app.takes.playback.seek(20)
+    click_on(app, "Out ]")
+    app.takes.export_path = str(tmp_path / "new folder" / "walk")
     app.takes.export()
     run(app)
-    assert clips.items[0].exported == tmp_path / "new folder" / "walk.bvh"
+    assert app.takes.saved(app.editor.session.takes[0]) == tmp_path / "new folder" / "walk.bvh"
     motion = read_bvh(tmp_path / "new folder" / "walk.bvh")
     assert len(motion.positions) == 16
     assert motion.fps == pytest.approx(60.0, abs=1e-3)
@@ -109,7 +107,7 @@ def test_a_failing_export_keeps_the_clip(start: Start, tmp_path: Path) -> None:
     run(app)
     assert str(blocked) in message(app)
     assert len(app.editor.session.takes) == 1
-    assert app.editor.session.takes[0].saved is None
+    assert app.takes.saved(app.editor.session.takes[0]) is None
     app.takes.export_path = ""
     app.takes.export()
     assert "path is empty" in message(app)
@@ -119,7 +117,7 @@ def test_an_earlier_file_is_overwritten_only_when_its_path_was_typed(start: Star
     earlier = tmp_path / "take-1.bvh"  # of another session
     earlier.write_text("earlier", encoding="utf-8")
     app = start()
-    clips = app.state.takes
+    clips = app.takes
     app.settings.export_folder = str(tmp_path)
     run(app, 2)
     record(app)
@@ -130,9 +128,9 @@ def test_an_earlier_file_is_overwritten_only_when_its_path_was_typed(start: Star
     run(app)
     assert (earlier.read_text("utf-8"), own.read_text("utf-8")) == ("earlier", "of a viewer beside this one")
     own = tmp_path / "take-1-3.bvh"
-    assert clips.items[0].saved == own
+    assert clips.saved(app.editor.session.takes[0]) == own
     record(app)  # selects the new take
-    app.takes.select(0)
+    app.takes.select(1)
     assert clips.export_path == str(own)  # its own file of this session: written again without a new name
     app.takes.export()
     run(app)
@@ -144,7 +142,7 @@ def test_an_earlier_file_is_overwritten_only_when_its_path_was_typed(start: Star
     clips.export_path = str(own)  # typed: once proposed, but not what is proposed now
     app.takes.export()
     run(app)
-    assert clips.items[0].saved == own
+    assert clips.saved(app.editor.session.takes[0]) == own
 
 
 def test_a_trimmed_file_is_not_written_over_the_one_it_was_opened_from(start: Start, tmp_path: Path) -> None:
@@ -154,14 +152,12 @@ def test_a_trimmed_file_is_not_written_over_the_one_it_was_opened_from(start: St
     original = tmp_path / "take-1.bvh"
     app.takes.export_path = str(original)
     app.takes.export()
-    app.takes.remove(0)
+    app.takes.remove(1)
     before = original.read_bytes()
     app.takes.open(original)
     run(app)
-    playback = app.takes.playback
-    assert playback is not None
-    playback.seek(10)
-    playback.trim_out()
+    app.takes.playback.seek(10)
+    click_on(app, "Out ]")
     app.takes.export()
     run(app)
     assert original.read_bytes() == before
@@ -182,36 +178,42 @@ def test_moving_leaves_the_playback_and_nothing_else_does(start: Start) -> None:
     app = start()
     run(app, 2)
     record(app)
-    app.takes.play(0)
+    app.takes.play(1)
     run(app, 3)
     assert app.takes.playback is not None
     app.window.inject_key("w", True)
     run(app)
     assert app.takes.playback is None
-    app.takes.play(0)  # with the key still held the clip plays on
+    app.takes.play(1)  # with the key still held the clip plays on
     run(app, 3)
     assert app.takes.playback is not None
 
 
-def test_unsaved_takes_are_rescued_when_the_program_ends(start: Start, tmp_path: Path) -> None:
+def kept(folder: Path) -> list[str]:
+    """Titles of the takes in the one untitled session of a folder."""
+    (path,) = (folder / "sessions").glob("*.sport")
+    file, history = SessionFile.read(path, folder / "characters")
+    file.close()
+    return [take.title for take in history.present.session.takes]
+
+
+def test_the_file_has_every_take_and_the_one_still_recorded_when_the_program_ends(
+    start: Start, tmp_path: Path
+) -> None:
     app = start()
-    app.settings.export_folder = str(tmp_path / "clips")
     run(app, 2)
     record(app)
     app.takes.toggle_recording()
-    run(app, 5)  # a take that is still running
-    written = app.takes.rescue()
-    assert [path.name for path in written] == ["take-1.bvh", "take-2.bvh"]
-    assert all(path.is_file() for path in written)
-    assert app.takes.rescue() == []
+    run(app, 5)
+    app.interrupt()
+    assert app.end() == 0
+    assert kept(tmp_path / "config") == ["Take 1", "Take 2"]
+    assert not list(tmp_path.rglob("*.bvh"))
 
 
-def test_a_defect_does_not_cost_the_take(
-    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_defect_does_not_cost_the_take(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def frame(app: App) -> None:
         if app.frames_shown == 0:
-            app.settings.export_folder = str(tmp_path / "clips")
             app.takes.toggle_recording()
         if app.frames_shown == 10:
             raise ZeroDivisionError
@@ -221,7 +223,7 @@ def test_a_defect_does_not_cost_the_take(
     monkeypatch.setattr(App, "frame", frame)
     with pytest.raises(ZeroDivisionError):
         app_module.run(ViewOptions(offscreen=True, frames=20, terrain="flat"), fake_services(), tmp_path)
-    assert (tmp_path / "clips" / "take-1.bvh").is_file()
+    assert kept(tmp_path) == ["Take 1"]
 
 
 @pytest.fixture(params=["SIGTERM", "SIGHUP", "SIGINT"])
@@ -249,24 +251,23 @@ def test_a_signal_ends_the_run_and_does_not_cost_the_take(
         nonlocal frames
         frames = app.frames_shown
         if frames == 0:
-            app.settings.export_folder = str(tmp_path / "clips")
             app.takes.toggle_recording()
         if frames == 10:
             os.kill(os.getpid(), ending_signal)
         draw(app)
 
-    def rescue(takes: Takes, until: float | None = None) -> list[Path]:
+    def finish(sessions: Sessions, keep: bool, seconds: float) -> None:
         if ending_signal != signal.SIGINT:  # closing a terminal sends it more than once
             os.kill(os.getpid(), ending_signal)
-        return write(takes, until)
+        write(sessions, keep, seconds)
 
-    draw, write = App.frame, Takes.rescue
+    draw, write = App.frame, Sessions.finish
     monkeypatch.setattr(App, "frame", frame)
-    monkeypatch.setattr(Takes, "rescue", rescue)
+    monkeypatch.setattr(Sessions, "finish", finish)
     options = ViewOptions(offscreen=True, frames=200, terrain="flat")
     assert app_module.run(options, fake_services(), tmp_path) == 0
     assert frames == 10
-    assert (tmp_path / "clips" / "take-1.bvh").is_file()
+    assert kept(tmp_path) == ["Take 1"]
 
 
 def test_a_screenshot_that_fails_costs_neither_takes_nor_settings(start: Start, tmp_path: Path) -> None:
@@ -274,12 +275,11 @@ def test_a_screenshot_that_fails_costs_neither_takes_nor_settings(start: Start, 
     blocked = tmp_path / "file"
     blocked.write_text("", encoding="utf-8")
     app.options = dataclasses.replace(app.options, offscreen=False, screenshot=blocked / "shot.png")
-    app.settings.export_folder = str(tmp_path / "clips")
     run(app, 2)
     record(app)
     with pytest.raises(FileError, match=r"shot\.png"):
         app.end()
-    assert (tmp_path / "clips" / "take-1.bvh").is_file()
+    assert kept(tmp_path / "config") == ["Take 1"]
     assert (tmp_path / "config" / "settings.json").is_file()
 
 
@@ -287,13 +287,18 @@ def test_every_clip_panel_state_can_be_drawn(start: Start) -> None:
     app = start()
     run(app, 2)
     record(app)
-    app.takes.play(0)
+    app.takes.play(1)
     app.actions[Action.HELP]()
     app.takes.toggle_recording()
     run(app, 2)
-    app.takes.remove(0)
+    app.takes.toggle_recording()
+    app.takes.play(2)
     run(app, 2)
-    assert app.editor.session.takes == []
+    assert len(app.editor.session.takes) == 2
+    for number in (1, 2):
+        app.takes.remove(number)
+        run(app, 2)
+    assert app.editor.session.takes == ()
     assert app.takes.playback is None
 
 

@@ -174,7 +174,8 @@ class Sessions:
         count = len(history.present.session.takes)
         text = said or f"{self.name}: {count} take{'s' * (count != 1)}."
         recovered = history.present.label.startswith("recovery of ") and not said
-        more = f" {history.present.label.capitalize()}: it was cut off." if recovered else ""
+        label = history.present.label
+        more = f" {label[:1].upper()}{label[1:]}: it was cut off." if recovered else ""
         (self.messages.warn if said or more else self.messages.note)(text + more)
 
     def open_last(self) -> None:

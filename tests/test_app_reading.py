@@ -47,15 +47,15 @@ def test_a_ground_without_end_is_cancelled_and_another_one_loads(
     endless.stage.load_terrain("endless.npy")
     time.sleep(0.01)
     shown: list[str] = []
-    real = status._reading
+    real = status._doing
 
-    def pressed(name: str, width: float) -> bool:
-        shown.append(name)
-        return real(name, width) or len(shown) == 3
+    def pressed(text: str, width: float, can_end: bool) -> bool:
+        shown.append(text)
+        return real(text, width, can_end) or len(shown) == 3
 
-    monkeypatch.setattr(status, "_reading", pressed)
+    monkeypatch.setattr(status, "_doing", pressed)
     run(endless, 3)
-    assert shown == ["endless.npy"] * 3
+    assert shown == ["Reading endless.npy"] * 3
     assert "Stopped reading endless.npy" in message(endless)
     assert endless.scene.loading == ""
     assert endless.scene.terrain is before
@@ -115,15 +115,15 @@ def test_a_character_or_clip_without_end_is_cancelled_and_the_next_one_is_read(
     )
     try:
         app.open_files([Path(name)])
-        run_until(app, lambda: app.jobs.reading() == name and begun == [name])
+        run_until(app, lambda: app.jobs.shown()[0] == f"Reading {name}" and begun == [name])
         run(app, 2)
         assert len(app.scene.renderer.poses) > drawn_before  # it goes on walking meanwhile
-        monkeypatch.setattr(status, "_reading", lambda *_: True)  # the button is pressed
+        monkeypatch.setattr(status, "_doing", lambda *_: True)  # the button is pressed
         run(app, 2)
         assert f"Stopped reading {name}" in message(app)
-        assert app.jobs.reading() == ""
+        assert app.jobs.shown() == ("", None)
         app.open_files([Path(name.replace("endless", "other"))])
-        monkeypatch.setattr(status, "_reading", lambda *_: False)
+        monkeypatch.setattr(status, "_doing", lambda *_: False)
         run_until(app, lambda: "read to its end" in message(app))
         never.set()  # what was cancelled comes to its end, and nobody hears of it
         run(app, 3)
@@ -143,4 +143,4 @@ def test_a_pipe_that_nobody_writes_is_refused_without_waiting(
     app.open_files([tmp_path / name])
     run(app, 2)
     assert name in message(app)
-    assert app.jobs.reading() == ""
+    assert app.jobs.shown() == ("", None)

@@ -35,6 +35,7 @@ from viewer.exports import panel as exports_panel
 from viewer.exports.exporting import Exporting
 from viewer.gl_bindings import glfw, imgui
 from viewer.gui.dialogs import DialogKind, Dialogs
+from viewer.gui.focus import Use
 from viewer.gui.panels import Panel
 from viewer.gui.theme import Fonts, load_fonts
 from viewer.input.bindings import Action, Intent, to_controls
@@ -144,6 +145,7 @@ class App:
         self._trimmed_mb = 0.0  # held after freed memory was last given back
         self._was_moving = False
         self._ctrl = False  # is down
+        self._waiting: list[tuple[str, bool]] = []  # keys that came before it was sure whose they are
         # Enter was pressed in the view: letters that follow within a slow frame are the field's
         self._field_asked = False
         self._interval_s = 0.0  # since the frame before, by the clock
@@ -352,6 +354,10 @@ class App:
         window.begin_frame(dt if self.options.offscreen else None)
         if self._typing or not self.shell.focus.in_view:
             window.take_input(self.shell.draw_at)
+        if self.shell.focus.use is not Use.UNSURE:
+            waiting, self._waiting = self._waiting, []
+            for name, down in waiting:
+                self._take_key(name, down)
         intent = self._read_devices(dt)
         self._act(intent)
         self._poll(dt, intent)
@@ -511,16 +517,21 @@ class App:
     # --- events
 
     def _on_key(self, name: str, down: bool) -> bool:
-        """Function keys act always, Escape unless a field is typed into, all others while the view has the keys.
+        """Whether a key acts; after a click keys wait until it is sure who has them."""
+        if self._waiting or self.shell.focus.use is Use.UNSURE:
+            self._waiting.append((name, down))
+            return False
+        return self._take_key(name, down)
 
-        Whether this one does.
-        """
-        typing = self._typing or self._field_asked
-        acts = self.shell.focus.in_view or (name == "escape" and not typing)
+    def _take_key(self, name: str, down: bool) -> bool:
+        """Function keys act always, all others while the view has the keys. Whether this one does."""
+        typing, focus = self._typing or self._field_asked, self.shell.focus
+        acts = focus.in_view
         self.devices.keyboard.key(name, down, typing or not acts)
         self._ctrl = down if name == "ctrl" else self._ctrl
-        if down and not acts and not typing and not self._ctrl and self.devices.acts_alone(name):
-            self.messages.note("A panel has the keys: Esc or a click on the view gives them back.")
+        refused = down and not acts and not typing and not self._ctrl and focus.use is Use.NONE
+        if refused and self.devices.acts_alone(name):
+            self.shell.refuse_key()
         self._field_asked = self._field_asked or (down and acts and not typing and name == "enter")
         return down and acts and not typing
 
@@ -537,6 +548,7 @@ class App:
         if not focused:
             self.devices.keyboard.release_all()
             self._ctrl = False
+            self._waiting.clear()
 
     # --- the end
 

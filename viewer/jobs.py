@@ -45,6 +45,7 @@ class _Job:
     reading: str = ""  # what is read: it can be cancelled, and the end of the program does not wait for it
     writing: str = ""  # what is written: the end of the program waits for it
     cancel: Callable[[], None] | None = None  # ends it early
+    doing: str = ""  # words of the status line
     begun: float = field(default_factory=time.monotonic)
     dropped: bool = False  # its result comes no more
 
@@ -80,17 +81,18 @@ class Jobs:
         reading: str = "",
         writing: str = "",
         cancel: Callable[[], None] | None = None,
+        doing: str = "",
     ) -> None:
         """Run `work` on a thread, then `done(result)` here; a failure is posted and given to `failed`.
 
         `reading` is the name of a file that is read: `cancel_reading` ends that. `writing` says what is written, in words for
-        the user. `cancel` makes a job that runs end early.
+        the user. `cancel` makes a job that runs end early. `doing` is what the status line says of it.
         """
         before = [job.future for job in self._jobs if job.slot == slot and job.writing]
         if not writing:
             self._drop([job for job in self._jobs if job.slot == slot and not job.writing])
         future: Future[Any] = Future()
-        self._jobs.append(_Job(slot, future, done, failed, reading, writing, cancel))
+        self._jobs.append(_Job(slot, future, done, failed, reading, writing, cancel, doing))
         if writing:
             _own_thread("sport writing", future, lambda: (wait(before), work())[1])
         elif reading:
@@ -118,11 +120,15 @@ class Jobs:
             if not job.future.cancel() and job.cancel is not None:
                 job.cancel()
 
-    def reading(self) -> str:
-        """The file that has been read for longest, once that takes a while; "" for none."""
+    def shown(self) -> tuple[str, Callable[[], None] | None]:
+        """What the status line says is read or made, once that takes a while, and what ends it early; "" for nothing."""
         late = time.monotonic() - PATIENCE_S
-        waiting = (job for job in self._jobs if job.reading and not job.dropped)
-        return next((job.reading for job in waiting if job.begun < late), "")
+        for job in self._jobs:
+            if job.begun < late and not job.dropped and job.reading:
+                return f"Reading {job.reading}", self.cancel_reading
+            if job.begun < late and not job.dropped and job.doing:
+                return job.doing, job.cancel
+        return "", None
 
     def cancel_reading(self) -> None:
         """Drop what is being read: its result comes no more."""

@@ -71,9 +71,11 @@ class Messages:
         self.post(str(problem) or type(problem).__name__, Level.ERROR, topic)
 
     def settle(self, topic: object) -> None:
-        """What was said about a topic holds no longer: it went well since."""
+        """What was said about a topic holds no longer: it went well since. A note goes at once."""
         if self.recent and self.recent[-1].topic == topic:
-            self.recent[-1] = replace(self.recent[-1], settled=True)
+            last = self.recent.pop()
+            if last.level is not Level.NOTE:
+                self.recent.append(replace(last, settled=True))
 
     @property
     def current(self) -> Message | None:

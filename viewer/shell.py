@@ -12,7 +12,7 @@ from viewer.edit.resimulation import Resimulation
 from viewer.edit.tracks import lanes
 from viewer.gl_bindings import imgui
 from viewer.gui import help, status, theme, widgets
-from viewer.gui.focus import Focus, close_innermost, is_drawn
+from viewer.gui.focus import OVER, Focus, Use, is_drawn
 from viewer.gui.layout import Layout, Rect, arrange, framing
 from viewer.gui.panels import FIXED, Panel, PanelPlace, draw_tabs, draw_titled, draw_window
 from viewer.gui.system_fonts import SystemFonts
@@ -21,11 +21,12 @@ from viewer.gui.widgets import px
 from viewer.input.bindings import Action
 from viewer.input.devices import KEYBOARD
 from viewer.jobs import Jobs
-from viewer.messages import Messages
+from viewer.messages import Level, Messages
 from viewer.scene.scene import Scene
 from viewer.settings import Settings
 
 _STATUS = FIXED | imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
+_KEYS = "keys"  # topic of messages
 _COLUMNS = (PanelPlace.LEFT, PanelPlace.RIGHT_TOP, PanelPlace.RIGHT_BOTTOM)
 
 
@@ -65,6 +66,14 @@ class Shell:
     def __post_init__(self) -> None:
         self._system_fonts = SystemFonts(self.fonts.regular)
 
+        def close_help() -> bool:
+            self.state.help_open = False
+            return True
+
+        shown = lambda: self.state.help_open  # noqa: E731
+        controls = Panel("Controls", PanelPlace.WINDOW, lambda _: self._help(), shown=shown, close=close_help)
+        self.panels = [*self.panels, controls]
+
     @property
     def actions(self) -> dict[Action, Callable[[], None]]:
         """What keys and buttons do here."""
@@ -72,7 +81,6 @@ class Shell:
             Action.HELP: self._toggle_help,
             Action.PANELS: self._toggle_panels,
             Action.PROMPT: self.focus_prompt,
-            Action.CANCEL: self._cancel,
             Action.NEXT_PANEL: self._next_panel,
         }
 
@@ -88,35 +96,30 @@ class Shell:
         for panel in self.panels:
             if panel.begin_typing is not None and panel.shown():
                 panel.begin_typing()
-                self.focus.expect_field()
 
     def _next_panel(self) -> None:
         """Give the keys to the next panel; after the last one to the view."""
-        window = imgui.get_current_context().nav_window
-        now = "" if window is None else window.root_window.name
         drawn = [name for name in self._windows if is_drawn(name)]
-        after = drawn.index(now) + 1 if now in drawn else 0
-        if after < len(drawn):
-            self.focus.give_to(drawn[after])
-        else:
-            self.focus.give_to_view()
+        after = drawn.index(self.focus.holder) + 1 if self.focus.holder in drawn else 0
+        self.focus.give_to(drawn[after] if after < len(drawn) else "")
 
     def _cancel(self) -> None:
-        """Leave the innermost thing that is open."""
-        if close_innermost():
-            return
-        if self.state.help_open:
-            self.state.help_open = False
-        elif any(
-            panel.close()
-            for panel in reversed(self.panels)
-            if panel.close and panel.place is PanelPlace.WINDOW
-        ):
-            return
-        elif not self.focus.in_view:
-            self.focus.give_to_view()
+        """Close the window in front, else take the keys from a panel, else close what is open in the view."""
+        if self.focus.windows:
+            front = self.focus.windows[-1].removesuffix(OVER)
+            any(panel.close() for panel in self.panels if panel.close and panel.name == front)
+        elif self.focus.holder:
+            self.focus.give_to("")
         else:
-            any(panel.close() for panel in reversed(self.panels) if panel.close)
+            inside = (p for p in reversed(self.panels) if p.place is not PanelPlace.WINDOW)
+            any(panel.close() for panel in inside if panel.close)
+
+    def refuse_key(self) -> None:
+        """Say who has the keys, until that is so no longer."""
+        who = self.focus.holder.removesuffix(OVER) if self.focus.holder in self.focus.windows else "A panel"
+        self.messages.post(
+            f"{who} has the keys: Esc or a click on the view gives them back.", Level.NOTE, _KEYS
+        )
 
     def arrange(self, scale: float) -> None:
         """Fit the panels to the window for a UI scale; call before `draw`, within an ImGui frame."""
@@ -150,7 +153,9 @@ class Shell:
         return self._layout.view.width / max(size.y, 1.0)
 
     def draw(self) -> None:
-        """Draw every panel."""
+        """Draw every panel, and act on Esc where ImGui has not."""
+        if imgui.is_key_pressed(imgui.Key.escape, False) and self.focus.use is not Use.OPEN:
+            self._cancel()
         layout = self._layout
         self._cover_scripts()
         self._windows = []
@@ -173,9 +178,13 @@ class Shell:
         self._draw_at_place(PanelPlace.WINDOW, layout.view)
         if self.state.crouching and not self.editing.takes.recording:
             widgets.sign(layout.view, f"{ICON.person} Crouching (C stands up)", theme.TEXT)
-        if self.state.help_open and help.draw(self.fonts, self.settings.pad_buttons):
+        self.focus.update()
+        if self.focus.in_view:
+            self.messages.settle(_KEYS)
+
+    def _help(self) -> None:
+        if help.draw(self.fonts, self.settings.pad_buttons):
             self.state.help_open = False
-        self.focus.update((*self._windows, "Status"))
 
     def _draw_at_place(self, place: PanelPlace, rect: Rect) -> None:
         for panel in self.panels:
@@ -226,8 +235,9 @@ class Shell:
         draw_window("Status", layout.status, self._status_line, _STATUS)
 
     def _status_line(self) -> None:
-        if status.draw(self.messages.current, self._facts(), printable(self.jobs.reading())):
-            self.jobs.cancel_reading()
+        doing, cancel = self.jobs.shown()
+        if status.draw(self.messages.current, self._facts(), printable(doing), cancel is not None) and cancel:
+            cancel()
         imgui.pop_style_var(2)
 
     def _facts(self) -> list[tuple[str, str]]:

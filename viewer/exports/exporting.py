@@ -125,7 +125,8 @@ class Exporting:
             lambda text: self._done(take, held, path, text),
             self._failed,
             writing=f"the export of {take.title}",
-            cancel=self.cancel,
+            cancel=self.cancel if form.format.film else None,
+            doing=f"Exporting {take.title}",
         )
 
     def cancel(self) -> None:

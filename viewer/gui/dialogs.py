@@ -13,6 +13,7 @@ from typing import Any
 from runtime.safe_read import printable
 from viewer.gl_bindings import imgui
 from viewer.gui import widgets
+from viewer.gui.focus import OVER
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.widgets import px
 from viewer.messages import Messages
@@ -102,19 +103,14 @@ class Dialogs:
         if answer:
             question.done(Path(answer))
 
-    def close(self) -> None:
-        """Ask no more."""
-        self.question = None
+    def close(self) -> bool:
+        """Ask no more; whether there was a question."""
+        asked, self.question = self.question, None
+        return asked is not None
 
     def panel(self) -> Panel:
         """The line to type into, as a window of the shell."""
-
-        def cancel() -> bool:
-            typed = self.question is not None and self.question.native is None
-            self.question = None if typed else self.question
-            return typed
-
-        return Panel("Path", PanelPlace.WINDOW, lambda _: self.draw(), close=cancel)
+        return Panel("Path", PanelPlace.WINDOW, lambda _: self.draw(), close=self.close)
 
     def draw(self) -> None:
         """The line to type into, where the system has no dialog."""
@@ -125,9 +121,9 @@ class Dialogs:
         center = imgui.ImVec2(size.x / 2, size.y / 2)
         imgui.set_next_window_pos(center, imgui.Cond_.always, imgui.ImVec2(0.5, 0.5))
         imgui.set_next_window_size(imgui.ImVec2(min(px(WIDTH), size.x - px(20)), 0))
-        imgui.set_next_window_focus()
         flags = imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_title_bar
-        imgui.begin("path dialog", None, flags | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_resize)
+        imgui.begin(f"Path{OVER}", None, flags | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_resize)
+        imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
         imgui.text_unformatted(question.title)
         chosen = self._field(question)
         imgui.end()

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
+from viewer.gui.focus import OVER
 from viewer.gui.layout import STATUS_HEIGHT
 from viewer.gui.theme import ICON, Fonts
 from viewer.gui.widgets import px
@@ -30,7 +31,7 @@ def window(fonts: Fonts, name: str, icon: str, width: float) -> Iterator[list[bo
         | imgui.WindowFlags_.no_saved_settings
     )
     imgui.push_style_color(imgui.Col_.window_bg, imgui.ImVec4(*theme.PANEL[:3], 1.0))
-    imgui.begin(f"{name}##overlay", None, flags)
+    imgui.begin(f"{name}{OVER}", None, flags)
     closed = [_title(fonts, name, icon)]
     try:
         yield closed

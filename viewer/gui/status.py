@@ -40,10 +40,13 @@ class Stats:
         self.steps_per_s += (steps / interval_s - self.steps_per_s) * share
 
 
-def draw(message: Message | None, facts: list[tuple[str, str]], reading: str = "") -> bool:
+def draw(
+    message: Message | None, facts: list[tuple[str, str]], doing: str = "", can_end: bool = False
+) -> bool:
     """The line: a message, and facts with their hints, which drop off from the left where the message needs their room.
 
-    The last fact stays. In place of the message what is being `reading`, with a button; whether that was pressed.
+    The last fact stays. Before the message what the program is `doing`, with a button where it can be ended; whether that
+    was pressed.
     """
     width = imgui.get_content_region_avail().x
     gap = px(18)
@@ -52,9 +55,13 @@ def draw(message: Message | None, facts: list[tuple[str, str]], reading: str = "
     while len(facts) > 1 and _width(facts, gap) > width - wanted:
         facts.pop(0)
     facts_width = _width(facts, gap)
-    cancelled = bool(reading) and _reading(reading, width - facts_width - gap)
-    if not reading:
-        _message(message, width - facts_width - gap)
+    begin, room = imgui.get_cursor_pos_x(), width - facts_width - gap
+    cancelled = bool(doing) and _doing(doing, room / 2 if message else room, can_end)
+    if doing and message:
+        imgui.same_line(0, gap)
+        room -= imgui.get_cursor_pos_x() - begin
+    if message or not doing:
+        _message(message, room)
     imgui.same_line(width - facts_width + imgui.get_style().window_padding.x)
     for i, (text, hint) in enumerate(facts):
         if i:
@@ -68,11 +75,13 @@ def _width(facts: list[tuple[str, str]], gap: float) -> float:
     return sum(imgui.calc_text_size(text).x for text, _ in facts) + gap * max(len(facts) - 1, 0)
 
 
-def _reading(name: str, width: float) -> bool:
+def _doing(text: str, width: float, can_end: bool) -> bool:
     room = width - imgui.calc_text_size("Cancel").x - px(60)
-    imgui.text_unformatted(f"{ICON.clock} {widgets.elided(f'Reading {name}…', room)}")
+    imgui.text_unformatted(f"{ICON.clock} {widgets.elided(f'{text}…', room)}")
+    if not can_end:
+        return False
     imgui.same_line(0, px(10))
-    return imgui.small_button("Cancel##reading")
+    return imgui.small_button("Cancel##doing")
 
 
 def _message(message: Message | None, width: float) -> None:

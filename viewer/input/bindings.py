@@ -100,7 +100,6 @@ class Action(Enum):
     SCREENSHOT = "f12"
     PROMPT = "enter"
     COMPARE = "v"
-    CANCEL = "escape"
     NEXT_PANEL = "f6 tab"
 
 

@@ -154,5 +154,5 @@ class Dialogs:
                 return None
             return path or None
         imgui.same_line(0, px(4))
-        left = widgets.button("Cancel###dialog cancel", half) or imgui.is_key_pressed(imgui.Key.escape)
-        return "" if left else None
+        escaped = imgui.is_window_focused() and imgui.is_key_pressed(imgui.Key.escape)
+        return "" if widgets.button("Cancel###dialog cancel", half) or escaped else None

@@ -50,7 +50,7 @@ def _dimmed_background(size: imgui.ImVec2) -> bool:
     imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
     imgui.push_style_var(imgui.StyleVar_.window_border_size, 0.0)
     imgui.begin("help background", None, flags)
-    clicked = imgui.is_window_hovered() and imgui.is_mouse_clicked(0)
+    clicked = imgui.is_window_hovered() and any(map(imgui.is_mouse_clicked, range(3)))
     imgui.end()
     imgui.pop_style_var(2)
     imgui.pop_style_color()

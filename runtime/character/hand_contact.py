@@ -9,6 +9,7 @@ from runtime.arrays import AnyArray
 from runtime.character.body_surface import BodySurface
 from runtime.character.skinned_mesh import SkinnedMesh
 from runtime.character.two_bones import bend
+from runtime.easing import smoothstep
 from runtime.skeleton import SPORT_SKELETON
 
 ANCHORS = tuple(SPORT_SKELETON.index(name) for name in ("Hips", "Spine1", "Head"))
@@ -48,8 +49,7 @@ def reach(positions: AnyArray, anchors: AnyArray, arm: tuple[int, ...]) -> AnyAr
 
 def ramp(value: AnyArray, none: float, full: float) -> AnyArray:
     """0 at `none`, 1 at `full`, smooth between."""
-    t = np.clip((value - none) / (full - none), 0.0, 1.0)
-    return np.asarray(t * t * (3.0 - 2.0 * t))
+    return smoothstep((value - none) / (full - none))
 
 
 ROUNDS = 4  # of turning and of pushing: what leaves one part may still be in the next

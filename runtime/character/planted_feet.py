@@ -15,6 +15,7 @@ from runtime import rotations
 from runtime.arrays import AnyArray
 from runtime.character.skinned_mesh import SkinnedMesh
 from runtime.character.two_bones import bend
+from runtime.easing import smoothstep
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
 
 LEGS = tuple(
@@ -123,8 +124,7 @@ def _flat_toes(foot: AnyArray, toes: AnyArray) -> AnyArray:
     """Toes that bend up under a heel that rises: those of the motion hardly do, and longer ones would go into the ground."""
     pitch, own = (np.arcsin(np.clip(rotations.rotate(q, KNEE)[..., 1], -1.0, 1.0)) for q in (foot, toes))
     wanted = np.minimum(pitch + TOE_BEND, 0.0)
-    share = np.clip((HEEL_DOWN - pitch) / (HEEL_DOWN - HEEL_UP), 0.0, 1.0)
-    up = share * share * (3.0 - 2.0 * share) * np.maximum(wanted - own, 0.0)
+    up = smoothstep((HEEL_DOWN - pitch) / (HEEL_DOWN - HEEL_UP)) * np.maximum(wanted - own, 0.0)
     axis = rotations.rotate(foot, np.array([1.0, 0.0, 0.0]))
     return rotations.multiply(rotations.from_axis_angle(axis, -up), toes)
 

@@ -18,9 +18,10 @@ from runtime import rotations
 from runtime.arrays import Array, Flags
 from runtime.controls import STAND_SPEED
 from runtime.crossing.climb import Climb, Descend
-from runtime.crossing.keyed_pose import CrossingPose, smooth
+from runtime.crossing.keyed_pose import CrossingPose
 from runtime.crossing.leap import Leap, LeapStart, takeoff_m
 from runtime.crossing.steps import PlannedSteps
+from runtime.easing import smooth
 from runtime.feet.ik import LEG_FEET, solve_legs
 from runtime.feet.leg_scalar import damp
 from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS

@@ -14,8 +14,9 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.controls import Gait
-from runtime.crossing.keyed_pose import ARMS, bend_trunk, quaternions, smooth
+from runtime.crossing.keyed_pose import ARMS, bend_trunk, quaternions
 from runtime.crossing.steps import PlannedSteps
+from runtime.easing import smooth
 from runtime.feet.leg_scalar import (
     LegPose,
     Quaternion,

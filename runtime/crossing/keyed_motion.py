@@ -19,8 +19,8 @@ from runtime.crossing.keyed_pose import (
     quaternions,
     shoulder_frame,
     slerp,
-    smooth,
 )
+from runtime.easing import smooth
 from runtime.feet.leg_scalar import (
     LegPose,
     Quaternion,

@@ -91,12 +91,6 @@ class Track:
         return [a * p + b * q + c * m + d * n for p, q, m, n in zip(*rows, strict=True)]
 
 
-def smooth(value: float) -> float:
-    """0 below 0, 1 above 1, smooth between."""
-    u = min(1.0, max(0.0, value))
-    return u * u * (3.0 - 2.0 * u)
-
-
 def beyond(distance: float, easy: float, slack: float) -> float:
     """How far (metres) to come nearer so that `distance` becomes at most `easy + slack`; begins without a kink."""
     over = max(distance - easy, 0.0)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.crossing.keyed_pose import CrossingPose
+from runtime.easing import smoothstep
 from runtime.feet.ik import LEG_FEET, LEG_SHINS, LEG_THIGHS, solve_legs
 from runtime.pose import FPS
 from runtime.skeleton import ANKLE_HEIGHT, SPORT_SKELETON, TOE_HEIGHT
@@ -155,9 +156,9 @@ class Leap:
         """Height of the hips over those of the incoming pose: the new ground, a flight's arc, and legs that reach."""
         t, end = self._t, self.stride.seconds
         up = (
-            _smooth((t - land) / (0.4 * end))
+            smoothstep((t - land) / (0.4 * end))
             if self.beyond > 0.0
-            else _smooth((t - 0.8 * off) / (land - 0.7 * off))
+            else smoothstep((t - 0.8 * off) / (land - 0.7 * off))
         )
         if self._fall:
             up = np.clip((t - off) / max(land - off, 1e-3), 0.0, 1.0) ** 2
@@ -179,7 +180,7 @@ class Leap:
         most = sliding_window_view(np.pad(lower, 3, mode="edge"), 7).max(-1)
         kernel = np.hanning(15)
         spread = np.convolve(np.pad(most, 7, mode="edge"), kernel / kernel.sum(), mode="valid")
-        fade = _smooth(np.minimum(t - t[0], end - t) / 0.15)
+        fade = smoothstep(np.minimum(t - t[0], end - t) / 0.15)
         return rise - spread * fade
 
     def root_z(self, t: float) -> float:
@@ -219,8 +220,8 @@ class _FootPlan:
         if not inner.any():
             return
         first, last = float(u[inner][0]), float(u[inner][-1])
-        up = _smooth(u / max(first, STEEPEST))
-        down = _smooth((1.0 - u) / max(1.0 - last, STEEPEST))
+        up = smoothstep(u / max(first, STEEPEST))
+        down = smoothstep((1.0 - u) / max(1.0 - last, STEEPEST))
         self.ankle = self.ankle + np.outer(float(lack[inner].max()) * np.minimum(up, down), [0.0, 1.0, 0.0])
 
 
@@ -239,13 +240,15 @@ def _foot_plan(
     level = float(np.arctan2(TOE[1], TOE[2]))
     pitch0 = float(level - np.arctan2(ahead[1], np.hypot(ahead[0], ahead[2])))
     u = np.clip((t - off) / max(land - off, 1e-3), 0.0, 1.0)
-    flat = _smooth((t - t[0]) / FLATTEN_S)
-    heel_off = _smooth((t - 0.35 * off) / (0.65 * off)) if pitch0 < 0.3 else np.ones(len(t))
+    flat = smoothstep((t - t[0]) / FLATTEN_S)
+    heel_off = smoothstep((t - 0.35 * off) / (0.65 * off)) if pitch0 < 0.3 else np.ones(len(t))
     standing = pitch0 * (1.0 - flat) if pitch0 < 0.3 else np.full(len(t), pitch0)
-    standing = standing + (TOE_OFF - standing) * heel_off * _smooth((t - t[0]) / max(off - t[0], 1e-3))
-    swung = TOE_OFF + (LANDING - TOE_OFF) * _smooth(u / 0.8)
-    rolled = TOE_OFF * _smooth((t - rolls) / (1.6 * (t[-1] - rolls))) if rolls < t[-1] else np.zeros(len(t))
-    landed = LANDING * (1.0 - _smooth((t - land) / FLATTEN_S)) + rolled
+    standing = standing + (TOE_OFF - standing) * heel_off * smoothstep((t - t[0]) / max(off - t[0], 1e-3))
+    swung = TOE_OFF + (LANDING - TOE_OFF) * smoothstep(u / 0.8)
+    rolled = (
+        TOE_OFF * smoothstep((t - rolls) / (1.6 * (t[-1] - rolls))) if rolls < t[-1] else np.zeros(len(t))
+    )
+    landed = LANDING * (1.0 - smoothstep((t - land) / FLATTEN_S)) + rolled
     pitch = np.where(t < off, standing, np.where(t < land, swung, landed))
     ankle = _planned_ankle(
         t, off, land, u, pitch, yaw, start, np.array([goal[0], goal[1] + ANKLE_HEIGHT, goal[2]])
@@ -268,18 +271,12 @@ def _planned_ankle(
     held = np.array([start[0], down, start[2]]) + toe[0]
     held[1] = max(held[1], TOE_HEIGHT) if pitch[0] >= 0.3 else TOE_HEIGHT
     over = held - toe  # the toe stays where it is
-    settle = (start - over[0]) * (1.0 - _smooth((t - t[0]) / FLATTEN_S))[:, None]
+    settle = (start - over[0]) * (1.0 - smoothstep((t - t[0]) / FLATTEN_S))[:, None]
     standing = over + settle
     leaves = standing[min(int(np.searchsorted(t, off)), len(t) - 1)]
     eased = (u**3 * (10.0 - 15.0 * u + 6.0 * u**2))[:, None]
     swung = leaves + (goal - leaves) * eased + LIFT_M * np.outer(np.sin(np.pi * u) ** 2, [0.0, 1.0, 0.0])
     return np.where((t < off)[:, None], standing, np.where((t < land)[:, None], swung, goal))
-
-
-def _smooth(share: Array) -> Array:
-    """From 0 to 1 as `share` does, with no speed at both ends."""
-    s = np.clip(share, 0.0, 1.0)
-    return s * s * (3.0 - 2.0 * s)
 
 
 def _pitched(pitch: Array) -> Array:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 
+from runtime.easing import smooth
 from runtime.feet.leg_scalar import LegPose, Vector, damp
 from runtime.feet.planted_foot import PlantedFoot, span, straightness
 from runtime.feet.settings import SETTINGS, FootLockSettings
@@ -65,5 +66,4 @@ def rise_for(hip: Vector, ankle: Vector, spans: float) -> float:
 
 def _straight(share: float, s: FootLockSettings) -> float:
     """0 for a bent to 1 for a straight leg that spans `share` of its length."""
-    t = min(max((share - s.bent_span) / (s.straight_span - s.bent_span), 0.0), 1.0)
-    return t * t * (3.0 - 2.0 * t)
+    return smooth((share - s.bent_span) / (s.straight_span - s.bent_span))

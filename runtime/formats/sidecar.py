@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.atomic import write_atomic
+from runtime.checked import number_field, text_field
 from runtime.controls import Gait
 from runtime.errors import FileError
 from runtime.formats.bvh import MAX_FILE_BYTES
@@ -28,9 +29,7 @@ from runtime.takes.metadata import (
     PromptEvent,
     event_from,
     gait_changes,
-    number_field,
     origin_from,
-    text_field,
     title,
 )
 

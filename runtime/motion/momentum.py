@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Array
 from runtime.controls import Gait
+from runtime.easing import smoothstep
 from runtime.motion.features import FPS, GAITS
 
 TO_WALK = 0.72  # seconds from rest to the walking speed of a neutral body, and back
@@ -99,5 +100,4 @@ def labels(speeds: Array, now: Array, gait: NDArray[np.integer], jog_from: Array
 def _over(speeds: Array, threshold: Array | float) -> Array:
     """0 below to 1 above a threshold, over a third of it to both sides."""
     # a body that jumps without a stick has a threshold of 0
-    t = np.clip(1.5 * (speeds / np.maximum(threshold, 1e-6) - 1.0) + 0.5, 0.0, 1.0)
-    return np.asarray(t * t * (3.0 - 2.0 * t))
+    return smoothstep(1.5 * (speeds / np.maximum(threshold, 1e-6) - 1.0) + 0.5)

@@ -17,6 +17,7 @@ from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
+from runtime.checked import read_number
 from runtime.crossing.crossing import is_possible
 from runtime.crossing.jump import Jump
 from runtime.errors import FileError, ModelError
@@ -170,7 +171,7 @@ def _written(style: StyleMix | Style, arrays: list[np.ndarray]) -> dict[str, Any
 
 def _codes(tree: Any, arrays: list[np.ndarray]) -> StyleCodes:
     limits = (("seconds", LONGEST_BLEND_S), ("progress", 1.0), ("strength", LARGEST_STRENGTH))
-    numbers = [_number(tree[name], most) for name, most in limits]
+    numbers = [read_number(tree[name], most) for name, most in limits]
     if (numbers[1] < 1.0 and numbers[0] <= 0.0) or numbers[1] < 0.0:
         raise ValueError("a blend that takes no time")
     start = tree["start"]
@@ -184,30 +185,26 @@ def _folded(tree: Any, arrays: list[np.ndarray]) -> Style:
     if any(array.dtype != np.float32 or not (np.abs(array) <= LARGEST_CODE).all() for array in folded):
         raise ValueError("weights that no style has")
     z, front_bias, content_weight, content_bias, rest = folded
-    walk, jog = (_number(tree[name], FASTEST) for name in ("walk_speed", "jog_speed"))
+    walk, jog = (read_number(tree[name], FASTEST) for name in ("walk_speed", "jog_speed"))
     made = Style(z, front_bias, content_weight, content_bias, walk, jog, rest)
     if tree.get("beside") is None:  # so are all of older states, which know no mirror
         return replace(made, mirrored=tree.get("mirrored") is True)
     beside = _folded(tree["beside"] | {"beside": None}, arrays)
-    limbs = tuple(_number(share, LARGEST_SHARE) for share in tree["limbs"])
+    limbs = tuple(read_number(share, LARGEST_SHARE) for share in tree["limbs"])
     if len(limbs) != LIMBS:
         raise ValueError("limbs that no body has")
     return replace(made, mirrored=tree["mirrored"] is True, beside=beside, limbs=limbs)
 
 
 def _mix(tree: Any, arrays: list[np.ndarray]) -> StyleMix:
-    codes, shares = arrays[int(tree["codes"])], [_number(share, LARGEST_SHARE) for share in tree["shares"]]
+    codes, shares = (
+        arrays[int(tree["codes"])],
+        [read_number(share, LARGEST_SHARE) for share in tree["shares"]],
+    )
     fits = codes.dtype == np.float32 and codes.ndim == 3 and len(codes) == len(shares)
     if not fits or not 1 <= len(codes) <= MOST_CODES or not (np.abs(codes) <= LARGEST_CODE).all():
         raise ValueError("codes that no style has")
     return StyleMix(tuple(shares), tuple(codes))
-
-
-def _number(value: Any, most: float) -> float:
-    number = float(value)
-    if not abs(number) <= most:
-        raise ValueError("a number that no style has")
-    return number
 
 
 def _arrays(data: bytes) -> dict[str, np.ndarray]:

@@ -6,9 +6,11 @@ import json
 import math
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, field, fields, replace
+from functools import partial
 from typing import Any
 
 from runtime.character.shape import BodyShape
+from runtime.checked import read_number, read_text, read_whole
 from runtime.controls import Gait
 from runtime.errors import FileError, SportError
 from runtime.motion.point_path import MAX_POINTS, Waypoint
@@ -35,6 +37,7 @@ from runtime.takes.pose_edits import NO_EDITS, read_edits
 MAX_TAKES, MAX_VARIANTS = 10_000, 9
 MAX_FRAMES = 2_000_000  # of a take: nine hours
 MAX_TEXT = 4096  # characters of a name
+_text = partial(read_text, longest=MAX_TEXT)
 MAX_ITEMS = 400_000  # values of one text
 TAKE_BYTES = 20_000  # of a take in memory without its frames, about
 Json = Any
@@ -182,7 +185,7 @@ class DocumentReader:
         numbers = [take.number for take in takes]
         if len(set(numbers)) < len(numbers) or any(take.motion is None for take in takes) or 0 in numbers:
             raise ValueError("takes without numbers of their own")
-        counter, selected = _count(value["counter"]), _count(value["selected"])
+        counter, selected = read_whole(value["counter"]), read_whole(value["selected"])
         model = value["model"]
         return Session(
             takes=takes,
@@ -190,11 +193,14 @@ class DocumentReader:
             ground=self._ground(value["ground"]),
             character=_read_character(value["character"]),
             model=ModelName(
-                _text(model["folder"]), _text(model["name"]), _text(model["sha256"]), _count(model["seed"])
+                _text(model["folder"]),
+                _text(model["name"]),
+                _text(model["sha256"]),
+                read_whole(model["seed"]),
             ),
             reference=None if value["reference"] is None else _read_reference(value["reference"]),
             variants=tuple(
-                Variant(_count(number), inputs.prompt(prompt), _count(seed))
+                Variant(read_whole(number), inputs.prompt(prompt), read_whole(seed))
                 for number, prompt, seed in value["variants"]
             ),
             counter=max(counter, *numbers, 0),
@@ -214,24 +220,24 @@ class DocumentReader:
         trim = value["trim"]
         if trim is not None:
             first, last = trim
-            trim = _count(first), _count(last)
+            trim = read_whole(first), read_whole(last)
             if trim[0] >= trim[1]:
                 raise ValueError("a trim that keeps nothing")
         prompt = value["prompt"]
         return Take(
-            number=_count(value["number"]),
+            number=read_whole(value["number"]),
             motion=None if value["motion"] is None else self.motion(_text(value["motion"])),
             name=_text(value["name"]),
             trim=trim,
             poses=NO_EDITS if value["poses"] is None else read_edits(value["poses"]),
             cameras=tuple(read_key(key) for key in value["cameras"]),
             path=tuple(
-                Waypoint(_number(x), _number(z), _number(speed), Gait(gait))
+                Waypoint(read_number(x), read_number(z), read_number(speed), Gait(gait))
                 for x, z, speed, gait in value["path"]
             ),
             **({} if prompt is None else {"prompt": InputReader(self.blobs).prompt(prompt)}),
             mirrored=value["mirrored"] is True,
-            color=_count(value["color"]),
+            color=read_whole(value["color"]),
             recorded=value["recorded"] is True,
             ground=self._ground(value["ground"]),
             own=self._own(value["own"]),
@@ -261,10 +267,10 @@ class DocumentReader:
 
 def _read_header(value: Json) -> tuple[MotionHeader, bool]:
     fps, frames, placed, size = (
-        _number(value["fps"]),
-        _count(value["frames"]),
+        read_number(value["fps"]),
+        read_whole(value["frames"]),
         value["placed"],
-        _number(value["size"]),
+        read_number(value["size"]),
     )
     if not 0.0 < fps <= MAX_FPS or frames > MAX_FRAMES or not MIN_SIZE <= size <= MAX_SIZE:
         raise ValueError(f"a motion of {frames} frames at {fps:g}")
@@ -272,7 +278,7 @@ def _read_header(value: Json) -> tuple[MotionHeader, bool]:
         replace(event_from(event), words=read_words_text(event["words"])) for event in value["prompts"]
     )
     if placed is not None:
-        yaw, x, y, z = (_number(part) for part in placed)
+        yaw, x, y, z = (read_number(part) for part in placed)
         placed = yaw, x, y, z
     header = MotionHeader(
         name=_text(value["name"]),
@@ -281,7 +287,7 @@ def _read_header(value: Json) -> tuple[MotionHeader, bool]:
         terrain=_text(value["terrain"]),
         prompts=prompts,
         origin=origin_from(value["origin"]),
-        gait_seconds=tuple((_text(name), _number(seconds)) for name, seconds in value["gait_seconds"]),
+        gait_seconds=tuple((_text(name), read_number(seconds)) for name, seconds in value["gait_seconds"]),
         placed=placed,
         size=size,
         has_gaits=value["has_gaits"] is True,
@@ -291,10 +297,10 @@ def _read_header(value: Json) -> tuple[MotionHeader, bool]:
 
 
 def _read_reference(value: Json) -> Reference:
-    numbers = {f.name: _number(value[f.name]) for f in fields(Reference) if f.type == "float"}
+    numbers = {f.name: read_number(value[f.name]) for f in fields(Reference) if f.type == "float"}
     character = value["character"]
     return Reference(
-        take=_count(value["take"]),
+        take=read_whole(value["take"]),
         video=_text(value["video"]),
         look=_text(value["look"]),
         character=None if character is None else _read_character(character),
@@ -304,7 +310,7 @@ def _read_reference(value: Json) -> Reference:
 
 
 def _read_character(value: Json) -> CharacterChoice:
-    shape = BodyShape(**{name: _number(share) for name, share in value["shape"].items()})
+    shape = BodyShape(**{name: read_number(share) for name, share in value["shape"].items()})
     shape.check()
     key = _text(value["key"])
     if key and not safe_name(key):
@@ -318,24 +324,6 @@ def _read_character(value: Json) -> CharacterChoice:
 def _label(text: str) -> str:
     """Text as `_text` reads it."""
     return printable(text).replace("\0", "\ufffd")[:MAX_TEXT]
-
-
-def _text(value: Json) -> str:
-    if not is_text(value) or "\0" in value or len(value) > MAX_TEXT:
-        raise ValueError("expected text")
-    return value
-
-
-def _number(value: Json) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= 1e9:
-        raise ValueError(f"{str(value)[:20]}: expected a number")
-    return float(value)
-
-
-def _count(value: Json) -> int:
-    if type(value) is not int or not 0 <= value < 1 << 62:
-        raise ValueError(f"{str(value)[:20]}: expected a whole number")
-    return value
 
 
 def read_view(text: str) -> dict[str, Any]:

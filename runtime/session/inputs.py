@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.checked import read_number, read_text, read_whole
 from runtime.errors import FileError
 from runtime.motion.snapshot import Snapshot
 from runtime.motion.style_mix import StyleMix
 from runtime.prompts.parts import PartDescriptions
-from runtime.safe_read import is_text, parse_json, printable
+from runtime.safe_read import parse_json, printable
 from runtime.session.blobs import REMEDY, BlobReader, BlobWriter, Once
 from runtime.session.frames import packed_table, unpacked_table
 from runtime.session.prompt_blend import Answer, PromptBlend
@@ -22,6 +23,7 @@ from runtime.takes.clip import MAX_DISTANCE_M, MAX_SIZE, MIN_SIZE
 from runtime.takes.drive import Change, Drive, GroundChange, Keyframe, Restart, StyleChange
 from runtime.takes.driven_frames import COLUMNS, DrivenFrames, are_asked
 from runtime.takes.metadata import PromptEvent, event_from
+from runtime.takes.plants import MAX_FRAME
 from runtime.terrain.files import MAX_HEIGHT_M
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.mesh import MAX_SIDE
@@ -138,22 +140,22 @@ class InputReader:
             self.blobs.budget.spend(STATE_BYTES)
             return Snapshot.from_bytes(self.blobs.data(number), f"{self.blobs.path}: keyframe {frame}")
 
-        return Keyframe(_whole(frame), self.blobs.once("state", number, made))
+        return Keyframe(read_whole(frame, -MAX_FRAME), self.blobs.once("state", number, made))
 
     def _change(self, value: Json) -> Change:
         frame, change = value
-        return replace(self._read_change(change), frame=_whole(frame))
+        return replace(self._read_change(change), frame=read_whole(frame, -MAX_FRAME))
 
     def _read_change(self, value: Json) -> Change:
         """A change of JSON, as if at frame 0."""
         self.blobs.budget.spend(CHANGE_BYTES)
         if "restart" in value:
-            x, z, yaw = (_number(v, MAX_DISTANCE_M) for v in value["restart"])
+            x, z, yaw = (read_number(v, MAX_DISTANCE_M) for v in value["restart"])
             return Restart(0, x, z, yaw)
         if "ground" in value:
-            return GroundChange(0, _text(value["name"]), self.ground(value["ground"]))
-        seconds = _number(value["seconds"], 1e6)
-        words = {"prompt": _text(value["prompt"]), "typed": _text(value["typed"])}
+            return GroundChange(0, read_text(value["name"]), self.ground(value["ground"]))
+        seconds = read_number(value["seconds"], 1e6)
+        words = {"prompt": read_text(value["prompt"]), "typed": read_text(value["typed"])}
         checked = event_from({**words, "transition_seconds": value["transition"]})
         event = PromptEvent(
             0.0, checked.prompt, checked.transition_seconds, read_words_text(value["words"]), checked.typed
@@ -167,7 +169,7 @@ class InputReader:
             return self._finite(self.blobs.array(value, "<f4", CODE))
         number, shares = value
         codes = self._finite(self.blobs.array(number, "<f4", (len(shares), *CODE)))
-        mixed = tuple(_number(share, 1.0) for share in shares)
+        mixed = tuple(read_number(share, 1.0) for share in shares)
         if not mixed or min(mixed) < 0.0 or abs(sum(mixed) - 1.0) > 1e-3:
             raise ValueError("shares of styles that are no mix")
         return StyleMix(mixed, tuple(codes))
@@ -175,30 +177,34 @@ class InputReader:
     def prompt(self, value: Json) -> PromptBlend:
         """An answered prompt, or a blend of two."""
         a, b = (None if entry is None else self._answer(entry) for entry in value["answers"])
-        weights = tuple(_number(weight, 1.0) for weight in value["weights"])
+        weights = tuple(read_number(weight, 1.0) for weight in value["weights"])
         if len(weights) != len(PART_NAMES) or min(weights) < 0.0:
             raise ValueError("weights of a blend that are none")
         return PromptBlend((a, b), weights, frozenset(p for p in value["locked"] if p in PART_NAMES))
 
     def _answer(self, value: Json) -> Answer:
         z = self._finite(self.blobs.array(value["z"], "<f4", CODE))
-        nearest = tuple((_text(text), float(share)) for text, share in value["nearest"][:MAX_NEAREST])
+        nearest = tuple((read_text(text), float(share)) for text, share in value["nearest"][:MAX_NEAREST])
         if value["source"] not in SOURCES:
             raise ValueError("an answer of no known source")
         said, words = (PartDescriptions.from_mapping(value[name]) for name in ("said", "words"))
-        return Answer(_text(value["prompt"]), said, words, z, value["source"], nearest, _text(value["note"]))
+        return Answer(
+            read_text(value["prompt"]), said, words, z, value["source"], nearest, read_text(value["note"])
+        )
 
     def ground(self, value: Json) -> Terrain:
         """A ground; FileError for one on which no one can stand."""
         heights = self.blobs.array(value["heights"], "<f4", (None, None))
-        cell, path = _number(value["cell_m"], 1000.0), self.blobs.path
+        cell, path = read_number(value["cell_m"], 1000.0), self.blobs.path
         if not _is_ground(heights) or cell < 1e-4:
             raise FileError(f"{path}: a ground of {heights.shape[0]} x {heights.shape[1]} samples.", REMEDY)
-        origin = (_number(value["x"], MAX_DISTANCE_M), _number(value["z"], MAX_DISTANCE_M))
-        unit = _number(value["unit_m"], MAX_SIZE)
+        origin = (read_number(value["x"], MAX_DISTANCE_M), read_number(value["z"], MAX_DISTANCE_M))
+        unit = read_number(value["unit_m"], MAX_SIZE)
         if unit < MIN_SIZE:
             raise FileError(f"{path}: a ground for a body of {unit:g} times our size.", REMEDY)
-        made = lambda: Terrain(_text(value["name"]), heights, cell, origin, _text(value["note"]), unit)  # noqa: E731
+        made = lambda: Terrain(
+            read_text(value["name"]), heights, cell, origin, read_text(value["note"]), unit
+        )  # noqa: E731
         return self.blobs.once("ground", json.dumps(value, sort_keys=True), made)
 
     def _finite(self, values: Any) -> Any:
@@ -214,25 +220,7 @@ def _is_ground(heights: Any) -> bool:
 
 def read_words_text(value: Json) -> str:
     """The JSON text of a prompt's words, or ""."""
-    text = _text(value)
+    text = read_text(value)
     if text and not isinstance(parse_json(text), dict):
         raise ValueError("words that are none")
     return text
-
-
-def _whole(value: Json) -> int:
-    if type(value) is not int or abs(value) > 1 << 40:
-        raise ValueError(f"{str(value)[:20]} is no frame")
-    return value
-
-
-def _number(value: Json, limit: float) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= limit:
-        raise ValueError(f"{str(value)[:20]}: expected a number up to {limit:g}")
-    return float(value)
-
-
-def _text(value: Json) -> str:
-    if not is_text(value) or "\0" in value:
-        raise ValueError("expected text")
-    return value

@@ -8,6 +8,7 @@ import numpy as np
 
 from runtime import rotations
 from runtime.arrays import Array
+from runtime.easing import smoothstep
 from runtime.errors import UsageError
 from runtime.feet.ik import LEG_FEET, LEG_SHINS, LEG_THIGHS, LEG_TOES, solve_legs
 from runtime.feet.skating import SOLE_POINTS
@@ -169,7 +170,7 @@ def close_seam(cycle: Clip, root: RootTrack) -> Clip:
     hips, local = np.array(cycle.hips_positions, np.float64), np.array(cycle.local_rotations, np.float64)
     positions, world = cycle.world()
     n = len(cycle) - 1
-    body = _ease(np.arange(n + 1) / n)
+    body = smoothstep(np.arange(n + 1) / n)
     turn = rotations.from_yaw(root.yaw[-1] - root.yaw[0])  # of the first frame into the place of the last
 
     def goal(points: Array) -> Array:
@@ -205,11 +206,6 @@ def _take_back(solved: Array, eased: Array, local: Array) -> None:
     solved[:, _LEGS] = rotations.multiply(solved[:, _LEGS], change)
 
 
-def _ease(t: Array) -> Array:
-    t = np.clip(t, 0.0, 1.0)
-    return t * t * (3.0 - 2.0 * t)
-
-
 def _toward(q: Array, wanted: Array, share: Array) -> Array:
     """Rotations `(T, n, 4)` with what the last frame lacks to `wanted` `(n, 4)` added by `share` `(T, n)`, from the right."""
     lacks = rotations.to_rotation_vector(rotations.multiply(rotations.inverse(q[-1]), wanted))
@@ -231,4 +227,4 @@ def _swing_ease(positions: Array, ankle: int, toe: int) -> Array:
     ends = np.flatnonzero(~moving[1:] & moving[:-1])
     longest = int(np.argmax(ends - starts)) if len(starts) else -1
     first, last = (starts[longest], ends[longest]) if longest >= 0 else (0, len(speed))
-    return _ease((np.arange(len(positions)) - first) / max(last - first, 1))
+    return smoothstep((np.arange(len(positions)) - first) / max(last - first, 1))

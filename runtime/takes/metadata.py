@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.checked import number_field, text_field
 from runtime.controls import Controls, Gait
 from runtime.errors import SportError
 from runtime.safe_read import is_text, printable
 
 MAX_EVENTS = 10_000
-MAX_NUMBER = 1e18
 
 
 @dataclass(frozen=True)
@@ -167,19 +167,3 @@ def origin_from(value: dict[str, Any]) -> Origin:
             if math.isfinite(number):
                 found[field.name] = int(value[field.name]) if whole else number
     return Origin(**found)
-
-
-def text_field(value: Mapping[str, Any], field: str, default: str) -> str:
-    """A field that is text, else the default."""
-    found = value.get(field, default)
-    return found if is_text(found) else default
-
-
-def number_field(value: Mapping[str, Any], field: str, default: float) -> float:
-    """A field that is a finite number within `MAX_NUMBER`, else the default."""
-    found = value.get(field, default)
-    try:
-        number = float(found) if isinstance(found, int | float) and not isinstance(found, bool) else default
-    except OverflowError:
-        return default
-    return number if abs(number) <= MAX_NUMBER else default

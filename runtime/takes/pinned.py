@@ -12,6 +12,7 @@ import numpy as np
 
 from runtime import rotations
 from runtime.arrays import Array
+from runtime.easing import smoothstep
 from runtime.feet.ik import LEG_FEET, LEG_TOES, solve_legs, two_bone
 from runtime.skeleton import ANKLE_HEIGHT, PART_JOINTS, REST_HIPS_HEIGHT, SPORT_SKELETON
 from runtime.takes.clip import Clip
@@ -291,8 +292,7 @@ def _turn(frames: _Frames, world: Array, chain: Sequence[tuple[int, float]], tur
 
 def _falls(value: Array, begins: float, ends: float) -> Array:
     """1 up to `begins`, smoothly down to 0 at `ends`."""
-    t = np.clip((value - begins) / (ends - begins), 0.0, 1.0)
-    return 1.0 - t * t * (3.0 - 2.0 * t)
+    return 1.0 - smoothstep((value - begins) / (ends - begins))
 
 
 def _relative(parent: Array, world: Array) -> Array:

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,6 +14,8 @@ from typing import Any
 import numpy as np
 
 from runtime.arrays import Array
+from runtime.checked import read_number
+from runtime.easing import smootherstep
 from runtime.errors import UsageError
 
 DEFAULT_EASE_S = 0.3
@@ -69,8 +70,8 @@ class Pin:
 
     def weights(self, seconds: Array) -> Array:
         """How far the pin holds at times `(T,)`: 1 from `start` to `end`, smoothly to 0 within the eases."""
-        rise = _smooth((seconds - (self.start - self.ease_in)) / max(self.ease_in, 1e-6))
-        fall = _smooth(((self.end + self.ease_out) - seconds) / max(self.ease_out, 1e-6))
+        rise = smootherstep((seconds - (self.start - self.ease_in)) / max(self.ease_in, 1e-6))
+        fall = smootherstep(((self.end + self.ease_out) - seconds) / max(self.ease_out, 1e-6))
         held = (seconds >= self.start - 1e-9) & (seconds <= self.end + 1e-9)
         return np.where(held, 1.0, np.where(seconds < self.start, rise, fall))
 
@@ -96,12 +97,12 @@ def read_pin(value: Mapping[str, Any]) -> Pin:
     """A pin of `Pin.to_json`; KeyError, TypeError, ValueError or UsageError for what is none."""
 
     def triple(entry: Sequence[Any]) -> tuple[float, float, float]:
-        x, y, z = (_number(part) for part in entry)
+        x, y, z = (read_number(part) for part in entry)
         return x, y, z
 
     rail = value["rail"]
     start, end, ease_in, ease_out, of = (
-        _number(value[name]) for name in ("start", "end", "ease_in", "ease_out", "of")
+        read_number(value[name]) for name in ("start", "end", "ease_in", "ease_out", "of")
     )
     what, along = Pinned(value["what"]), value["along"] is True
     held = None if rail is None else triple(rail)
@@ -153,17 +154,5 @@ def _parse(entry: str) -> Pin:
     )
 
 
-def _smooth(t: Array) -> Array:
-    """0 to 1 with no slope, and no acceleration, at both ends (Perlin 2002)."""
-    t = np.clip(t, 0.0, 1.0)
-    return t * t * t * (t * (6.0 * t - 15.0) + 10.0)
-
-
 def _triple(point: Sequence[float]) -> str:
     return " ".join(f"{value:g}" for value in point)
-
-
-def _number(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ValueError(f"{str(value)[:20]}: expected a number")
-    return float(value)

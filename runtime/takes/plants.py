@@ -14,6 +14,7 @@ import numpy as np
 
 from runtime import rotations
 from runtime.arrays import Array
+from runtime.easing import smoothstep
 from runtime.errors import UsageError
 from runtime.feet.ik import LEG_FEET, LEG_THIGHS, LEG_TOES, solve_legs
 from runtime.takes.clip import Clip
@@ -157,8 +158,7 @@ def _put_down(path: Array, turns: Array, new: Frames) -> tuple[Array, Array]:
     flat = rotations.from_yaw(np.arctan2(facing[0], facing[2]))
     frames = np.arange(len(path))
     away = np.maximum(np.maximum(first - frames, frames - (end - 1)), 0) / EASE_FRAMES
-    weight = np.clip(1.0 - away, 0.0, 1.0)
-    weight = weight * weight * (3.0 - 2.0 * weight)
+    weight = smoothstep(1.0 - away)
     path = path + weight[:, None] * (place - path)
     return path, rotations.slerp(turns, np.broadcast_to(flat, turns.shape), weight)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from runtime.arrays import Array
+from runtime.easing import smoothstep
 from runtime.errors import TerrainError
 from runtime.terrain.courses import (
     CELL_M,
@@ -177,8 +178,7 @@ def _terrain(name: str, heights: Array, cell: float) -> Terrain:
 
 
 def _smoothstep(low: float, high: float, v: Array) -> Array:
-    t = np.clip((v - low) / (high - low), 0.0, 1.0)
-    return t * t * (3.0 - 2.0 * t)
+    return smoothstep((v - low) / (high - low))
 
 
 def _level_start(heights: Array, x: Array, z: Array) -> Array:

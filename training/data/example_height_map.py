@@ -9,6 +9,7 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.assets import PROJECT_ROOT
+from runtime.easing import smoothstep
 from runtime.terrain.files import write_height_png
 
 
@@ -25,8 +26,7 @@ def example_heights(n: int = 401) -> Array:
 
 
 def _smoothstep(low: float, high: float, v: Array) -> Array:
-    t = np.clip((v - low) / (high - low), 0.0, 1.0)
-    return t * t * (3.0 - 2.0 * t)
+    return smoothstep((v - low) / (high - low))
 
 
 def main() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.arrays import Array
+from runtime.easing import smoothstep
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
 from training.data.foot_cleaning import bridge, stretches
 from training.data.height_patches import CELL_M, FLAT_MARGIN_M, Patches, grid_under
@@ -38,7 +39,7 @@ def fit_around_steps(
     """Patches for a clip on level ground: one level, the others random relief that meets every footstep."""
     origin, shape = grid_under(positions, FLAT_MARGIN_M)
     distance, _ = _nearest_step(positions, contacts, origin, shape, CELL_M)
-    weight = _ease((distance - _CLEAR_M) / _BLEND_M)
+    weight = smoothstep((distance - _CLEAR_M) / _BLEND_M)
     heights = np.zeros((1 + EXTRA_PATCHES, *shape))
     for patch in heights[1:]:
         relief = sum(
@@ -111,7 +112,7 @@ def _level_under_feet(
             i, j = np.round((middle - origin) / _RELIEF_CELL_M).astype(int)
             level[start:end, 2 * side : 2 * side + 2] = heights[i, j]
     distance, (frame, joint) = _nearest_step(positions, contacts, origin, heights.shape, _RELIEF_CELL_M)
-    weight = _ease((distance - 0.12) / 0.12)
+    weight = smoothstep((distance - 0.12) / 0.12)
     return heights * weight + level[frame, joint] * (1.0 - weight)
 
 
@@ -157,8 +158,3 @@ def _nearest_step(
     distance, (i, j) = distance_transform_edt(owner < 0, return_indices=True)
     nearest = owner[i, j]
     return distance * cell, (frame[nearest], joint[nearest])
-
-
-def _ease(x: Array) -> Array:
-    x = np.clip(x, 0.0, 1.0)
-    return x * x * (3.0 - 2.0 * x)

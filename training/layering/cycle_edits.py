@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.arrays import Array
+from runtime.easing import smoothstep
 from runtime.skeleton import SPORT_SKELETON
 from training.frames import smooth
 from training.layering.catalog import PartEdit
@@ -141,8 +142,7 @@ def _early(standing: NDArray[np.bool_]) -> Array:
     """Of every swing: nothing in its first third, one from two thirds on."""
     result = np.zeros(len(standing))
     for a, b in swings(standing):
-        x = np.clip(((np.arange(a, b) - a + 0.5) / (b - a) - 0.3) / 0.35, 0.0, 1.0)
-        result[a:b] = x * x * (3.0 - 2.0 * x)
+        result[a:b] = smoothstep(((np.arange(a, b) - a + 0.5) / (b - a) - 0.3) / 0.35)
     return result
 
 

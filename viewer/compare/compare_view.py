@@ -1,21 +1,403 @@
+"""The compare view: variants of the prompt move on one stick, and one of them becomes the live character."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from runtime.controls import Controls
+from runtime.motion.snapshot import take_snapshot
+from runtime.pose import Pose
+from runtime.session.prompt_blend import Answer, PromptBlend, Side
+from runtime.session.session import LIVE, Session, Variant
+from runtime.terrain.height_map import Terrain
+from viewer.compare.lineup import centre_of, distance_to, names, places
+from viewer.edit.path import PathTool
+from viewer.input.bindings import Action
+from viewer.jobs import Slot
+from viewer.messages import Messages
+from viewer.prompt.answers import quoted, same_answers
+from viewer.prompt.prompt_controller import PromptController
+from viewer.scene.camera_control import CameraControl
+from viewer.scene.scene import Scene
+from viewer.scene.simulation import STEP_SECONDS, interpolate
+from viewer.services import ControllerLike, CrowdLike
+from viewer.session.editor import Change, Editor
+from viewer.session.takes import Takes
+from viewer.settings import Settings
+
+FEWEST, MOST = 2, 9
+FIRST_COUNT = 3  # variants of a view that was just opened
+MAX_STEPS = 15  # per displayed frame
+LOWEST_PITCH = 0.3  # rad; from lower, a second row hides behind the first
+GLIDE_HALF_LIFE = 0.25  # seconds, of target and distance
+_LOG = logging.getLogger("sport.viewer")
+
+
+@dataclass
 class CompareView:
-    open = False
-    steps = 0
+    """While it is open, the stick drives the session's variants in place of the live character, who waits."""
 
-    def __init__(self, *a):
-        pass
+    editor: Editor
+    settings: Settings
+    messages: Messages
+    scene: Scene
+    takes: Takes
+    path: PathTool
+    prompting: PromptController
+    hovered: int = -1  # index of the variant under the mouse
+    focus_requested: bool = False
+    texts: dict[int, str] = field(default_factory=dict)  # typed into the fields, by the variants' numbers
+    asked: set[int] = field(default_factory=set)  # variants whose text has no answer yet
+    members: list[ControllerLike] = field(default_factory=list)
+    steps: int = 0  # of the last frame
+    poses: list[Pose] = field(default_factory=list)  # after the last step, one for each variant
+    _standing: tuple[Variant, ...] = ()  # whom the members move as
+    _before: list[Pose] = field(default_factory=list)
+    _crowd: CrowdLike | None = None
+    _live: ControllerLike | None = None
+    _ground: Terrain | None = None
+    _left_s: float = 0.0
+    _camera: tuple[str, float, float] = ("follow", 0.0, 0.0)  # mode, distance, pitch before it was opened
+    _zoom: float = 1.0  # of the user, over the distance that shows all
+    _distance: float = 0.0  # given to the camera last; 0 before
 
-    def toggle(self):
-        pass
+    def __post_init__(self) -> None:
+        self.editor.followers.append(self.follow)
+        self.editor.withdraw.append(self._withdraw)
 
-    def close(self):
-        pass
+    @property
+    def open(self) -> bool:
+        """Whether it is shown in place of the live character."""
+        return bool(self.members)
 
-    def shown(self, x):
-        return []
+    @property
+    def variants(self) -> tuple[Variant, ...]:
+        """Who is compared."""
+        return self.editor.session.variants
 
-    def advance(self, dt, c):
-        return False
+    @property
+    def titles(self) -> list[str]:
+        """What stands over each: its prompt, with the seed where others have the same."""
+        return [name + seed for name, seed in names(self.variants)]
 
-    def frame_all(self, *a):
-        pass
+    @property
+    def actions(self) -> dict[Action, Callable[[], None]]:
+        """What keys and buttons do here."""
+        reset = lambda: (self.line_up if self.open else self.scene.reset_character)()  # noqa: E731
+        return {Action.COMPARE: self.toggle, Action.RESET: reset}
+
+    # --- who is compared
+
+    def toggle(self) -> None:
+        """Open it with the variants of the prompt that were kept, else with new ones; or close it."""
+        if self.open:
+            self.close()
+        elif any(same_answers(variant.prompt, self.prompting.prompt) for variant in self.variants):
+            self._open()
+        elif self.prompting.prompt.blended:
+            self.blends()
+        else:
+            self.seeds()
+
+    @property
+    def _count(self) -> int:
+        return len(self._standing) or FIRST_COUNT
+
+    @property
+    def _seed(self) -> int:
+        return 0 if self.scene.controller is None else self.scene.controller.seed
+
+    def seeds(self) -> None:
+        """The live prompt with as many seeds."""
+        blend = self.prompting.prompt
+        self._compare(
+            f"variants of {quoted(blend.prompt(Side.A))}",
+            [(blend, self._seed + k) for k in range(self._count)],
+        )
+
+    def blends(self) -> None:
+        """Steps from prompt A to prompt B."""
+        blend, last = self.prompting.prompt, self._count - 1
+        shares = [(k / last,) * len(blend.weights) for k in range(self._count)]
+        label = f"steps from {quoted(blend.prompt(Side.A))} to {quoted(blend.prompt(Side.B))}"
+        self._compare(label, [(replace(blend, weights=share), self._seed) for share in shares])
+
+    def last_prompts(self) -> None:
+        """The live prompt and the ones typed before it, which answer one after the other."""
+        blend = self.prompting.prompt
+        texts = [text for text in self.settings.prompt_history if text != blend.prompt(Side.A)]
+        texts = texts[: self._count - 1]
+        first = self._next_number
+        if self._compare("comparison of the last prompts", [(blend, self._seed)] * (len(texts) + 1)):
+            for number, text in enumerate(texts, first + 1):
+                self._ask(number, text, self.editor.revise)  # no step: the variants wait for it
+
+    @property
+    def _next_number(self) -> int:
+        """A number that no variant of any step has."""
+        steps = self.editor.history.steps
+        return 1 + max((v.number for step in steps for v in step.session.variants), default=0)
+
+    def _compare(self, label: str, moves: Sequence[tuple[PromptBlend, int]]) -> bool:
+        """New variants by prompt and seed, as a step; whether there is a model to move them, and enough to compare."""
+        if not self._ready:
+            return False
+        if len(moves) < FEWEST:
+            self.messages.warn("There is nothing to compare with yet: type another prompt.")
+            return False
+        variants = tuple(Variant(number, *move) for number, move in enumerate(moves, self._next_number))
+        self.editor.do(label, lambda session: replace(session, variants=variants))
+        if not self.open:
+            self._open()
+        return True
+
+    def add(self) -> None:
+        """One more with the live prompt and the next seed."""
+        if len(self.variants) < MOST:
+            seed = max((variant.seed for variant in self.variants), default=self._seed - 1) + 1
+            more = Variant(self._next_number, self.prompting.prompt, seed)
+            label = f"variant {len(self.variants) + 1} added"
+            self.editor.do(label, lambda session: replace(session, variants=(*session.variants, more)))
+
+    def remove(self, index: int) -> None:
+        """One less; two stay."""
+        if len(self.variants) > FEWEST:
+            rest = self.variants[:index] + self.variants[index + 1 :]
+            self.editor.do(f"variant {index + 1} removed", lambda session: replace(session, variants=rest))
+
+    def reseed(self, index: int, seed: int) -> None:
+        """Another seed for one of them, while the mouse or a key holds its field."""
+        change = _with_variant(self.variants[index].number, lambda v: replace(v, seed=max(seed, 0)))
+        self.editor.drag(f"seed of variant {index + 1}", change)
+
+    def ask(self, index: int, text: str) -> None:
+        """Another prompt for one of them; its answer is a step."""
+        label = f"prompt {quoted(text)} of variant {index + 1}"
+        self._ask(self.variants[index].number, text, partial(self.editor.do, label))
+
+    def _ask(self, number: int, text: str, put: Callable[[Change], object]) -> None:
+        self.texts[number] = text
+        self.asked.add(number)
+
+        def answered(answer: Answer) -> None:
+            if number in self.asked:
+                self._forget(number)
+                put(_with_variant(number, lambda v: replace(v, prompt=PromptBlend((answer, None)))))
+
+        self.prompting.jobs.submit(
+            Slot("variant", number),
+            lambda: self.prompting.answer(text),
+            answered,
+            lambda _: self._forget(number),
+        )
+
+    def _forget(self, number: int) -> None:
+        self.asked.discard(number)
+        self.texts.pop(number, None)
+
+    def _withdraw(self) -> bool:
+        """Take back the prompts of variants that have no answer yet, and say so; whether there were any."""
+        asked = tuple(self.asked)
+        for number in asked:
+            self.messages.note(f"Withdrawn: prompt {quoted(self.texts[number])}.")
+            self._forget(number)
+        return bool(asked)
+
+    # --- opening and closing
+
+    @property
+    def _ready(self) -> bool:
+        """Whether a model and a prompt are there; else it is said."""
+        ready = self.scene.controller is not None and self.prompting.prompt.a is not None
+        if not ready:
+            self.messages.warn("The compare view needs a model and a prompt: wait until they are there.")
+        return ready
+
+    def follow(self, before: Session, now: Session) -> None:
+        """Let those move that the session has now; without any it closes."""
+        standing = self._standing
+        if not self.open or now.variants == standing:
+            return
+        if len(now.variants) < FEWEST:
+            self.close()
+        elif [v.number for v in now.variants] != [v.number for v in standing]:
+            self._stand()
+        else:
+            self._standing = now.variants
+            for i, (new, old) in enumerate(zip(now.variants, standing, strict=True)):
+                if new.prompt != old.prompt:
+                    self.members[i].set_style(new.prompt.style(), self.settings.blend_seconds)
+                if new.seed != old.seed:
+                    self._restart(i, new.seed)
+
+    def _restart(self, index: int, seed: int) -> None:
+        """Another seed for one of them, from now on, where it stands."""
+        member, pose = self.members[index], self.poses[index]
+        member.seed = seed
+        member.reset(float(pose.root_position[0]), float(pose.root_position[2]), pose.root_yaw)
+
+    def _open(self) -> None:
+        """Show the session's variants; whatever else was going on ends."""
+        if not self._ready:
+            return
+        self.takes.close_playback()
+        self.path.stop()
+        self.path.active = False
+        if self.takes.recording:
+            self.takes.end_recording()
+            self.messages.note("The recording ended where the compare view was opened, and is in the list.")
+        camera = self.scene.camera
+        self._live = self.scene.controller
+        self._camera = camera.mode, camera.current.distance, camera.current.pitch
+        self._zoom, self._distance, self._left_s = 1.0, 0.0, 0.0
+        camera.use("orbit")
+        camera.orbit.pitch = max(camera.orbit.pitch, LOWEST_PITCH)
+        self._stand()
+
+    def _stand(self) -> None:
+        """Put a character for each variant into a line where the former ones are."""
+        if self._live is None:
+            return
+        centre, yaw = self._middle()
+        self._end_crowd()
+        self._standing, self.hovered = self.variants, -1
+        self.members = [self._live.twin() for _ in self._standing]
+        for member, variant in zip(self.members, self._standing, strict=True):
+            member.seed = variant.seed
+            member.set_terrain(self.scene.terrain)
+            member.set_style(variant.prompt.style(), 0.0)
+        self._crowd = self.scene.services.make_crowd(self.members)
+        self._ground = self.scene.terrain
+        self._place(centre, yaw)
+
+    def close(self, note: str = "") -> None:
+        """Back to the live character, where it was; the session keeps the variants. Nothing happens where it is closed."""
+        if not self.open:
+            return
+        self._end_crowd()
+        self._standing, self._live = (), None
+        self.members, self.poses, self._before = [], [], []
+        self._look_at_live()
+        if note:
+            self.messages.note(note)
+
+    def _look_at_live(self) -> None:
+        self.scene.camera.come_back(*self._camera, self.scene.simulation.current)
+
+    def _end_crowd(self) -> None:
+        if self._crowd is not None:
+            self._crowd.close()
+        self._crowd = None
+
+    def keep(self, index: int) -> None:
+        """Let one of them be the live character: it goes on from here, and its prompt is the live one, as a step."""
+        variant, title = self.variants[index], self.titles[index]
+        snapshot, pose = take_snapshot(self.members[index]), self.poses[index]  # type: ignore[arg-type]
+        before = self.prompting.prompt
+        self.close()
+        self.scene.go_on_from(snapshot, pose)
+        self._look_at_live()
+        blend = replace(variant.prompt, locked=before.locked)
+        if blend != before:
+            self.prompting.adopt(f"choice of “{title}”", lambda s: s.with_take(LIVE, prompt=blend))
+            self.takes.mark_style(blend, 0.0, holds=True)
+        self.messages.note(f"Kept: {title}.")
+
+    # --- moving
+
+    def line_up(self) -> None:
+        """Put all of them into a line again where they are, across the view."""
+        self._place(*self._middle())
+
+    def _middle(self) -> tuple[tuple[float, float], float]:
+        poses = self.poses or [self.scene.simulation.current]
+        x, _, z = centre_of(poses)
+        return (float(x), float(z)), poses[0].root_yaw
+
+    def _place(self, centre: tuple[float, float], yaw: float) -> None:
+        spots = places(len(self.members), centre, self.scene.camera.current.yaw)
+        for member, (x, z) in zip(self.members, spots, strict=True):
+            member.reset(x, z, yaw)
+        self._step(Controls())
+        self._before = self.poses
+
+    def advance(self, seconds: float, controls: Controls) -> bool:
+        """Let time pass for all, and whether it is open; it closes when a recording or another model begins."""
+        if not self.open:
+            return False
+        if self.scene.controller is not self._live:
+            self.close("Compare view closed: another model moves the character.")
+        elif self.takes.recording:
+            self.close("Compare view closed: recording started.")
+        if self._crowd is None:
+            return False
+        if self.scene.terrain is not self._ground:
+            self._ground = self.scene.terrain
+            self._crowd.set_terrain(self._ground)
+        for member in self.members:
+            member.temperature, member.strength = self.settings.temperature, self.settings.strength
+            member.response = self.settings.response
+        self._left_s += seconds
+        steps = int(self._left_s / STEP_SECONDS + 1e-6)
+        self._left_s = min(max(self._left_s - steps * STEP_SECONDS, 0.0), STEP_SECONDS)
+        self.steps = min(steps, MAX_STEPS)
+        for _ in range(self.steps):
+            self._step(controls)
+        return self.open
+
+    def _step(self, controls: Controls) -> None:
+        if self._crowd is None:
+            return
+        begin = time.perf_counter()
+        try:
+            poses = self._crowd.step(controls)
+        except Exception as error:  # a foreign network may fail in any way; the window must live on
+            _LOG.exception("the compare view failed")
+            self.close()
+            self.messages.error(f"Compare view closed: the model failed ({error}).")
+            return
+        ms, simulation = (time.perf_counter() - begin) * 1e3, self.scene.simulation
+        simulation.model_ms += 0.05 * (ms - simulation.model_ms)
+        self._before, self.poses = self.poses, poses
+        fault = next((member.message for member in self.members if member.message), "")
+        if fault:
+            self.messages.error(fault)
+
+    def shown(self, between: bool) -> list[Pose]:
+        """The poses to draw; `between` the last two steps where the display has its own rate."""
+        if not between or len(self._before) != len(self.poses):
+            return self.poses
+        share = self._left_s / STEP_SECONDS
+        return [interpolate(a, b, share) for a, b in zip(self._before, self.poses, strict=True)]
+
+    def frame_all(self, camera: CameraControl, aspect: float, dt: float) -> None:
+        """Glide to where a free view of `aspect` times the window's height holds all of them, nearer or farther by zoom."""
+        if not self.open:
+            return
+        orbit, poses = camera.orbit, self.poses
+        wanted = distance_to(poses, orbit, aspect)
+        share = 1.0 - 0.5 ** (dt / GLIDE_HALF_LIFE)
+        if self._distance:
+            self._zoom *= orbit.distance / self._distance
+        else:  # just opened
+            orbit.distance, share = wanted, 1.0
+        orbit.target = orbit.target + share * (centre_of(poses) - orbit.target)
+        orbit.distance += share * (wanted * self._zoom - orbit.distance)
+        orbit.distance = float(np.clip(orbit.distance, orbit.MIN_DISTANCE, orbit.MAX_DISTANCE))
+        self._distance = orbit.distance
+
+
+def _with_variant(number: int, change: Callable[[Variant], Variant]) -> Change:
+    """A change of one variant as one of the session."""
+
+    def changed(session: Session) -> Session:
+        variants = tuple(change(v) if v.number == number else v for v in session.variants)
+        return replace(session, variants=variants)
+
+    return changed

@@ -125,12 +125,12 @@ class Takes:
         if self.scene.controller is not None:
             self.drives.before_steps(self.scene.controller)
 
-    def mark_style(self, blend: PromptBlend, seconds: float) -> None:
-        """A prompt came into force for the next frame."""
+    def mark_style(self, blend: PromptBlend, seconds: float, holds: bool = False) -> None:
+        """A prompt came into force for the next frame, or it `holds` already in the controller's state."""
         z, prompt, words, typed = blend.style(), blend.prompt_text, blend.spelled_out(), blend.typed()
         self.recorder.mark_prompt(prompt, seconds, words, typed)
         if z is not None:
-            self.drives.mark_style(z, seconds, prompt, words, blend, typed=typed)
+            self.drives.mark_style(z, seconds, prompt, words, blend, holds, typed)
 
     def mark_style_in_force(self, style: StyleChange) -> None:
         """A style of a take holds in the live controller already."""

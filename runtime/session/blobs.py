@@ -52,7 +52,6 @@ class BlobWriter:
     """Hands contents to `put(hash, bytes)`."""
 
     put: Callable[[str, bytes], None]
-    used: set[str] = field(default_factory=set)  # hashes of all that was referred to
 
     def array(self, values: Any, kind: str = "<f4") -> str:
         """The reference of an array of one of `KINDS`."""
@@ -60,7 +59,6 @@ class BlobWriter:
         content = plain.tobytes()
         key = hashlib.blake2b(content, digest_size=16).hexdigest()
         self.put(key, content)
-        self.used.add(key)
         return f"{plain.dtype.str} {'x'.join(map(str, plain.shape))} {key}"
 
     def data(self, content: bytes) -> str:

@@ -64,9 +64,8 @@ class Writer:
         self._run = connection.execute
         self._many = connection.executemany
         self._counted = counted
-        self.committed: list[
-            Callable[[], None]
-        ] = []  # called once all of it lasts; not where it is rolled back
+        # called once all of it lasts; not where it is rolled back
+        self.committed: list[Callable[[], None]] = []
 
     def put_blob(self, key: str, content: bytes) -> None:
         """Keep bytes under the hash of their content; once is enough."""
@@ -107,6 +106,21 @@ class Writer:
         """Keep a value under a name."""
         self._counted.add(("meta", name))
         self._run("INSERT OR REPLACE INTO meta VALUES (?, ?)", (name, value))
+
+    def documents(self) -> Iterator[str]:
+        """The texts of all steps as this transaction has them, one after the other."""
+        for (number,) in self._run("SELECT number FROM steps").fetchall():
+            yield self._run("SELECT document FROM steps WHERE number = ?", (number,)).fetchone()[0]
+
+    def motion(self, key: str) -> str:
+        """The header of a motion as this transaction has it; "" where there is none."""
+        found = self._run("SELECT header FROM motions WHERE key = ?", (key,)).fetchone()
+        return "" if found is None else found[0]
+
+    def blob(self, key: str) -> bytes:
+        """Bytes by their key as this transaction has them, as many as a text may have; b"" where there are none."""
+        found = self._run("SELECT content FROM blobs WHERE key = ?", (key,)).fetchone()
+        return b"" if found is None else zlib.decompressobj().decompress(found[0], MAX_TEXT_BYTES)
 
     def keep_only(self, motions: Collection[str], blobs: Collection[str]) -> None:
         """Remove all other motions with their frames, and all other blobs."""
@@ -282,13 +296,17 @@ class Database:
 
     def _copy(self, path: Path) -> tuple[int, int]:
         """The lock of a new file with all rows, and how many of the works that waited are in it."""
-        self._write()
+        if self._thread is not None:
+            self._write()
         handle = take_lock(path)
         try:
             with self._changed:
                 works = list(self._queue)
+            source = self._reader if self._thread is None else self._connection()
+            if source is None:
+                raise FileError(f"{self.path}: it is closed.")
             with new_file(path, self.home) as target, file_errors(self.path):
-                copy_rows(self._connection(), target)
+                copy_rows(source, target)
                 for work in works:
                     work(Writer(target, self._counted))
         except BaseException:

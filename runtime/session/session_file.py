@@ -6,10 +6,12 @@ What is submitted here returns at once; the database's own thread packs and writ
 from __future__ import annotations
 
 import json
+import re
 import threading
 import uuid
+import weakref
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -38,12 +40,17 @@ from runtime.skeleton import J
 from runtime.takes.clip import Clip, are_poses
 from runtime.takes.drive import Drive
 from runtime.takes.driven_frames import COLUMNS, DrivenFrames
-from runtime.takes.metadata import gait_seconds
+from runtime.takes.metadata import PromptEvent, gait_seconds
 
 LOADED_CLIPS = 4  # whose frames stay in memory when nothing shows them
 RECORDED_PIECE = 300  # frames that are packed as one while a recording runs
 ROW = 3 + 4 * J + 4 + 1  # numbers of a recorded frame: hips, local rotations, contacts, gait
 INPUT, TAIL = ".input", ".tail"  # of a motion's key: what drove it, and its newest frames
+DROPPED_STEPS = 50  # of the history, after which what only they referred to is removed
+# in texts of the file: every reference, those of the texts of takes, and keys of characters and motions
+_REFERENCE = re.compile(r'"(?:<f[48]|\|[iu]1) [0-9x]* ([0-9a-f]{32})"')
+_TAKE = re.compile(r'"\|u1 [0-9]+ ([0-9a-f]{32})"')
+_CHARACTER, _MOTION = re.compile(r'"key": "([^"\\]+)"'), re.compile(r'"motion": "([0-9a-f]{32})"')
 
 
 @dataclass
@@ -57,6 +64,11 @@ class SessionFile:
     _known: set[str] = field(default_factory=set)  # blobs, motions and characters that the file has
     _fresh: set[str] = field(default_factory=set)  # those that the transaction under way adds
     _putting: Writer | None = None  # the transaction under way
+    # motions and recordings that anything in this process holds, by their keys
+    _held: weakref.WeakValueDictionary[str, Motion | Recording] = field(
+        default_factory=weakref.WeakValueDictionary
+    )
+    _dropped: int = 0  # steps of the history since the last removal of what is not used
     _clips: OrderedDict[str, Clip] = field(default_factory=OrderedDict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
@@ -73,15 +85,21 @@ class SessionFile:
         """An existing file and its history, as untrusted; FileError, FileInUse."""
         database = Database.open(path)
         try:
-            return _opened(database, cache)
+            file, history = _opened(database, cache)
+            file._remove_unused()
+            return file, history
         except BaseException:
             database.close()
             raise
 
     @staticmethod
-    def read(path: Path, cache: Path) -> tuple[SessionFile, History]:
-        """A file that another window may have open: it can be looked at and copied; FileError."""
-        return _opened(Database.read(path), cache)
+    def copy(path: Path, target: Path) -> None:
+        """Copy a file that another window may have open; FileError, FileInUse."""
+        database = Database.read(path)
+        try:
+            database.save_copy(target)
+        finally:
+            database.close()
 
     @property
     def path(self) -> Path:
@@ -104,7 +122,10 @@ class SessionFile:
         """Bring the file to a history; takes no time on the thread that calls."""
         steps = [s for s in history.steps if self._written.get(s.number) is not s.session]
         first, last, present = history.steps[0].number, history.steps[-1].number, history.present
-        self._written = {s.number: s.session for s in history.steps}
+        kept = {s.number: s.session for s in history.steps}
+        self._dropped += len(self._written.keys() - kept.keys())
+        self._written = kept
+        self._held.update((take.made.key, take.made) for step in steps for take in step.session.takes)
 
         def work(writer: Writer) -> None:
             self._begin(writer)
@@ -118,6 +139,22 @@ class SessionFile:
             for name, value in (("at", present.number), ("takes", len(takes)), ("seconds", f"{seconds:.3f}")):
                 writer.set_meta(name, str(value))
             writer.set_meta("ended", "")
+
+        self.database.submit(work)
+        if self._dropped >= DROPPED_STEPS:
+            self._remove_unused()
+
+    def _remove_unused(self) -> None:
+        """Have the writer remove motions and blobs that no step refers to and nothing in this process holds."""
+        held, self._dropped = set(self._held.keys()), 0
+
+        def work(writer: Writer) -> None:
+            self._begin(writer)
+            motions, blobs = _used(writer, held)
+            writer.keep_only(motions, blobs)
+            self._known &= motions | blobs
+            self._fresh &= motions | blobs
+            self._documents = DocumentWriter(self._put)  # what it remembers to have packed may be gone
 
         self.database.submit(work)
 
@@ -195,19 +232,23 @@ class SessionFile:
 
     # --- recording
 
-    def mark(self, writer: Writer, key: str) -> None:
-        """The frames of a motion are in the file."""
+    def put_recorded(self, writer: Writer, key: str, header: str, drive: Drive | None) -> None:
+        """Put the header of a motion whose frames are in the file, and what drove it but for the sticks of these."""
         self._begin(writer)
         self._is_new(key)
-
-    def put_input(self, writer: Writer, key: str, drive: Drive) -> None:
-        """Put what drove a motion, but for the sticks of its own frames."""
-        self._begin(writer)
-        writer.put_motion(key + INPUT, self._input(drive))
+        if drive is not None:
+            writer.put_motion(key + INPUT, self._input(drive))
+        writer.put_motion(key, header)
 
     def begin_recording(self, header: MotionHeader) -> Recording:
         """Keep what is recorded from now on, four times a second."""
-        return Recording(self, uuid.uuid4().hex, header)
+        recording = Recording(self, uuid.uuid4().hex, header)
+        self.hold(recording.key, recording)
+        return recording
+
+    def hold(self, key: str, motion: Motion | Recording) -> None:
+        """Keep what is stored of a motion for as long as this lives."""
+        self._held[key] = motion
 
     # --- reading
 
@@ -320,9 +361,21 @@ class Recording:
     _sticks: list[NDArray[np.float64]] = field(default_factory=list)
     _packed: int = 0  # frames
 
-    def add(self, rows: Float32Array, sticks: NDArray[np.float64] | None) -> None:
-        """More frames `(T, 132)` as a `ClipRecorder` keeps them, with their sticks and settings `(T, 8)`."""
-        self.header = header = replace(self.header, frames=self.header.frames + len(rows))
+    def add(
+        self,
+        rows: Float32Array,
+        sticks: NDArray[np.float64] | None,
+        prompts: tuple[PromptEvent, ...] = (),
+        drive: Drive | None = None,
+    ) -> None:
+        """More frames `(T, 132)` as a `ClipRecorder` keeps them, with their sticks and settings `(T, 8)`.
+
+        `prompts` and `drive` are those of all frames so far where they are others than before.
+        """
+        about = replace(
+            self.header, frames=self.header.frames + len(rows), prompts=prompts or self.header.prompts
+        )
+        self.header = about
         part, first = len(self._rows), self._packed
         self._rows.append(rows)
         self._sticks += [] if sticks is None else [sticks]
@@ -340,30 +393,37 @@ class Recording:
                 writer.drop_frames(self.key + TAIL)
             else:
                 writer.put_frames(self.key + TAIL, part, len(rows), _row_piece(rows, sticks))
-            writer.put_motion(self.key, header_text(header, recording=True))
+            self.file.put_recorded(writer, self.key, header_text(about, recording=True), drive)
 
         self.file.database.submit(work)
-
-    def describe(self, header: MotionHeader, drive: Drive | None) -> None:
-        """What is known by now of prompts and gaits, and of what drove it; sticks are added by `add`."""
-        self.header = replace(header, frames=self.header.frames)
-        self._put_input(drive)
 
     def finish(self, clip: Clip, drive: Drive | None) -> Motion:
-        """The motion that was recorded, whose frames the file has already."""
+        """The motion that was recorded. Its frames are in the file already, unless they are more than the clip's."""
+        if len(clip) != self.header.frames:
+            return Motion.of(clip, drive)
         motion = Motion(self.key, MotionHeader.of(clip, drive), clip, drive)
-        self._put_input(drive)
-
-        def work(writer: Writer) -> None:
-            self.file.mark(writer, self.key)
-            writer.put_motion(self.key, header_text(motion.header))
-
-        self.file.database.submit(work)
+        self.file.hold(self.key, motion)
+        text = header_text(motion.header)
+        self.file.database.submit(partial(self.file.put_recorded, key=self.key, header=text, drive=drive))
         return motion
 
-    def _put_input(self, drive: Drive | None) -> None:
-        if drive is not None:
-            self.file.database.submit(partial(self.file.put_input, key=self.key, drive=drive))
+
+def _used(writer: Writer, held: Iterable[str]) -> tuple[set[str], set[str]]:
+    """Keys of the motions and blobs that steps, or motions that are `held`, refer to."""
+    takes, blobs, motions = set[str](), set[str](), set(held)
+    for document in writer.documents():
+        takes.update(_TAKE.findall(document))
+        blobs.update(_REFERENCE.findall(document))
+        blobs.update(f"character {key}" for key in _CHARACTER.findall(document))
+    texts = {key: writer.blob(key).decode("utf-8", "replace") for key in takes}
+    for text in texts.values():
+        motions.update(_MOTION.findall(text))
+    characters = [
+        writer.blob(key).decode("utf-8", "replace") for key in blobs if key.startswith("character ")
+    ]
+    for text in (*texts.values(), *characters, *(writer.motion(key + INPUT) for key in motions)):
+        blobs.update(_REFERENCE.findall(text))
+    return {key + part for key in motions for part in ("", INPUT, TAIL)}, blobs
 
 
 def _opened(database: Database, cache: Path) -> tuple[SessionFile, History]:
@@ -382,6 +442,7 @@ def _opened(database: Database, cache: Path) -> tuple[SessionFile, History]:
     motions = {key for key in database.motions() if not key.endswith(INPUT)}
     file._written = {step.number: step.session for step in steps}
     file._known = set(motions)
+    file._held.update(known)
     for step in steps:
         reference = step.session.reference
         for choice in (step.session.character, None if reference is None else reference.character):

@@ -364,9 +364,10 @@ class DriveRecorder:
         return list(last.values())
 
     @property
-    def known(self) -> tuple[int, int]:
-        """How many keyframes and changes there are: others than before when something happened but sticks."""
-        return len(self._keyframes), len(self._changes)
+    def known(self) -> tuple[Keyframe | None, Change | None]:
+        """The last keyframe and change: others than before when something happened but sticks."""
+        key = self._keyframes[-1] if self._keyframes else None
+        return key, self._changes[-1] if self._changes else None
 
     def sticks(self, first_frame: int) -> NDArray[np.float64] | None:
         """Sticks and settings `(T, 8)` from `first_frame` to the newest; None where they are not known."""

@@ -157,11 +157,7 @@ class Sessions:
             return *SessionFile.open(path, self.scene.characters), ""
         except FileInUse:
             copy = library.new_path(self.untitled_folder)
-            other, _ = SessionFile.read(path, self.scene.characters)
-            try:
-                other.save_copy(copy)
-            finally:
-                other.close()
+            SessionFile.copy(path, copy)
             said = f"{path.name} is open in another window: this is an untitled copy of it."
             return *SessionFile.open(copy, self.scene.characters), said
 

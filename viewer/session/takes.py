@@ -58,7 +58,7 @@ class Takes:
     naming_begins: bool = False
     _recording: Recording | None = None
     _written: int = 0  # number of the first frame that is not written down yet
-    _known: tuple[int, int] = (0, 0)  # keyframes and changes that are written down
+    _known: object = None  # the last keyframe and change that are written down
     _files: dict[Path, Take] = field(default_factory=dict)  # what a BVH of this run holds
     _proposed: str | None = None  # what was put into the export field, until something else is typed
     _target: Path | None = None  # the file that it means: a name may hold what no field can show
@@ -156,13 +156,13 @@ class Takes:
         rows = self.recorder.rows(first)
         if begin is None or not len(rows):
             return
-        recording.add(rows, self.drives.sticks(first))
+        sticks, known = self.drives.sticks(first), self.drives.known
+        if known == self._known:
+            recording.add(rows, sticks)
+        else:
+            recording.add(rows, sticks, self.recorder.events(begin), self.drives.cut(begin))
+        self._known = known
         self._written = self.recorder.next_frame
-        known = self.drives.known
-        if known != self._known:
-            self._known = known
-            header = replace(recording.header, prompts=self.recorder.events(begin))
-            recording.describe(header, self.drives.cut(begin))
 
     def memory(self, seconds: float) -> Playback | None:
         """The last seconds of the live character as a take at its last frame; None before there are any."""
@@ -187,7 +187,7 @@ class Takes:
             self.close_playback()
             self.recorder.start()
             name = f"Take {self.session.counter + 1}"
-            self._written, self._known = self.recorder.next_frame, (0, 0)
+            self._written, self._known = self.recorder.next_frame, None
             header = MotionHeader(
                 name, self.recorder.fps, 0, self.scene.terrain_spec, origin=self._origin,
                 size=self.scene.terrain.unit_m, has_gaits=True, drivable=self.scene.controller is not None,
@@ -197,19 +197,13 @@ class Takes:
             return
         recording, self._recording = self._recording, None
         if recording is not None:
-            self._write_down_rest(recording)
+            self._write_down(recording)
         self._keep("Take", self.recorder.stop, recording)
 
     def end_recording(self) -> None:
         """Keep the take that is being recorded."""
         if self.recorder.recording:
             self.toggle_recording()
-
-    def _write_down_rest(self, recording: Recording) -> None:
-        rows = self.recorder.rows(self._written)
-        if len(rows):
-            recording.add(rows, self.drives.sticks(self._written))
-        self._written = self.recorder.next_frame
 
     def save_last(self) -> None:
         """Put the last seconds into the list, recording or not."""

@@ -202,9 +202,11 @@ class InputReader:
         unit = read_number(value["unit_m"], MAX_SIZE)
         if unit < MIN_SIZE:
             raise FileError(f"{path}: a ground for a body of {unit:g} times our size.", REMEDY)
-        made = lambda: Terrain(
-            read_text(value["name"]), heights, cell, origin, read_text(value["note"]), unit
-        )  # noqa: E731
+
+        def made() -> Terrain:
+            name, note = read_text(value["name"]), read_text(value["note"])
+            return Terrain(name, heights, cell, origin, note, unit)
+
         return self.blobs.once("ground", json.dumps(value, sort_keys=True), made)
 
     def _finite(self, values: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import logging
 import os
 from collections.abc import Callable
@@ -135,14 +136,8 @@ class Window:
 
     @property
     def _monitor_scale(self) -> float:
-        (scale, _), (width, _), (pixels, _) = (
-            glfw.get_window_content_scale(self.handle),
-            self.size,
-            self.pixels,
-        )
-        if width <= 0 or pixels <= 0:
-            return 1.0
-        return min(max(scale * width / pixels, 0.5), 4.0)
+        scale, width, pixels = glfw.get_window_content_scale(self.handle)[0], self.size[0], self.pixels[0]
+        return min(max(scale * width / pixels, 0.5), 4.0) if width > 0 and pixels > 0 else 1.0
 
     def use_scale(self, scale: float) -> None:
         """Draw the interface at another scale from the next frame on; 0 is the monitor's."""
@@ -179,15 +174,14 @@ class Window:
         """Give characters that came before their field had the keyboard to it: ImGui drops those of that frame."""
         queue = imgui.get_io().input_queue_characters
         text = self._text([queue[i] for i in range(queue.size())])
+        queue.clear()
+        waiting = [*self._early, *((code, 0) for code in text)]
         if imgui.internal.get_input_text_state(imgui.internal.get_active_id()) is None:
-            self._early += [(code, 0) for code in text]
-            self._early = [(code, age + 1) for code, age in self._early if age < TEXT_FRAMES]
-            queue.clear()
+            self._early = [(code, age + 1) for code, age in waiting if age < TEXT_FRAMES]
         else:
-            queue.clear()
-            for code in [*(code for code, _ in self._early), *text]:
-                queue.push_back(code)
             self._early = []
+            for code, _ in waiting:
+                queue.push_back(code)
 
     def _text(self, codes: list[int]) -> list[int]:
         """Of characters that ImGui hands out those that no acting key typed: a held W repeats itself."""
@@ -214,7 +208,7 @@ class Window:
         imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
 
     def present(self) -> None:
-        """Show the framebuffer; without a display there is nobody to show it to, and the picture is only drawn to its end."""
+        """Show the framebuffer; without a display the picture is only drawn to its end."""
         if self._offscreen:
             self.ctx.finish()  # what a swap would do: the library keeps the buffers of every picture until it is drawn
             return
@@ -225,9 +219,8 @@ class Window:
     def read_pixels(self) -> NDArray[np.uint8]:
         """The framebuffer as `(height, width, 3)`, top row first."""
         width, height = shown_size(self.framebuffer)
-        pixels = self.framebuffer.read((0, 0, width, height), components=3, alignment=1)
-        data = np.frombuffer(pixels, np.uint8)
-        return data.reshape(height, width, 3)[::-1].copy()
+        data = self.framebuffer.read((0, 0, width, height), components=3, alignment=1)
+        return np.frombuffer(data, np.uint8).reshape(height, width, 3)[::-1].copy()
 
     # --- requests
 
@@ -253,15 +246,11 @@ class Window:
             glfw.set_window_monitor(self.handle, None, x, y, width, height, 0)  # type: ignore[arg-type]
             self._windowed = None
             return
-        position = glfw.get_window_pos(self.handle)
         monitor = glfw.get_primary_monitor()
-        if not monitor:
-            return
-        mode = glfw.get_video_mode(monitor)
-        self._windowed = (*position, *self.size)
-        glfw.set_window_monitor(
-            self.handle, monitor, 0, 0, mode.size.width, mode.size.height, mode.refresh_rate
-        )
+        if monitor:
+            mode = glfw.get_video_mode(monitor)
+            self._windowed = (*glfw.get_window_pos(self.handle), *self.size)
+            glfw.set_window_monitor(self.handle, monitor, 0, 0, *mode.size, mode.refresh_rate)
 
     def inject_key(self, name: str, down: bool) -> None:
         """Behave as if a key went down or up: for scripts and tests (ImGui's callback calls this window's)."""
@@ -291,9 +280,7 @@ class Window:
         imgui.backends.glfw_cursor_enter_callback(self._address, 1)
         imgui.backends.glfw_cursor_pos_callback(self._address, x, y)
         if button is not None:
-            imgui.backends.glfw_mouse_button_callback(
-                self._address, button, glfw.PRESS if down else glfw.RELEASE, 0
-            )
+            imgui.backends.glfw_mouse_button_callback(self._address, button, int(down), 0)
 
     def inject_focus(self, focused: bool) -> None:
         """Behave as if the window gained or lost the focus."""
@@ -320,8 +307,11 @@ class Window:
         glfw.set_char_callback(self.handle, self._on_character)
         glfw.set_cursor_pos_callback(self.handle, self._on_mouse_move)
         glfw.set_mouse_button_callback(self.handle, self._on_mouse_button)
-        glfw.set_window_focus_callback(self.handle, self._on_focus)
+        glfw.set_window_focus_callback(self.handle, lambda _, focused: self._events.focus(bool(focused)))
         glfw.set_drop_callback(self.handle, self._on_drop)  # type: ignore[arg-type]  # its stub is wrong
+
+    def _on_drop(self, _window: Any, paths: list[str]) -> None:
+        self._events.drop([Path(path) for path in paths])
 
     def _on_key(self, _window: Any, code: int, _scancode: int, action: int, _mods: int) -> None:
         name = KEY_NAMES.get(code)
@@ -342,12 +332,6 @@ class Window:
         if action == glfw.PRESS:
             self._events.mouse_press(*self._mouse)
 
-    def _on_focus(self, _window: Any, focused: int) -> None:
-        self._events.focus(bool(focused))
-
-    def _on_drop(self, _window: Any, paths: list[str]) -> None:
-        self._events.drop([Path(p) for p in paths])
-
     def _start_imgui(self) -> None:
         imgui.create_context()
         io = imgui.get_io()
@@ -356,7 +340,7 @@ class Window:
         io.config_error_recovery_enable_assert = False
         io.config_flags |= imgui.ConfigFlags_.nav_enable_keyboard
         io.config_error_recovery_enable_tooltip = False  # it is logged; the user cannot repair it
-        self._address = int(glfw_address(self.handle))
+        self._address = ctypes.cast(self.handle, ctypes.c_void_p).value or 0  # as ImGui's backend wants it
         imgui.backends.glfw_init_for_opengl(self._address, True)
         imgui.backends.opengl3_init("#version 330")
 
@@ -382,21 +366,11 @@ class Window:
         self.framebuffer = None
 
 
-def glfw_address(handle: Any) -> int:
-    """The native pointer of a glfw window, as ImGui's backend wants it."""
-    import ctypes
-
-    return ctypes.cast(handle, ctypes.c_void_p).value or 0
-
-
 def _open(title: str, width: int, height: int, offscreen: bool) -> Any:
     """A hidden or shown window with a 3.3 core context; DisplayError with the remedy when there can be none."""
     glfw.ERROR_REPORTING = "raise"  # a refused context would otherwise be a null window
     try:
-        if offscreen:
-            glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_NULL)
-        else:
-            glfw.init_hint(glfw.PLATFORM, glfw.ANY_PLATFORM)
+        glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_NULL if offscreen else glfw.ANY_PLATFORM)
         glfw.init()
     except glfw.GLFWError as error:
         raise DisplayError(

@@ -13,7 +13,7 @@ COLUMNS = (190.0, 190.0, 170.0)  # what, keyboard and mouse, gamepad; pixels at 
 
 
 def draw(fonts: Fonts, changes: str = "") -> bool:
-    """A window in the middle, above everything, with `changes` of the pad's buttons; whether it was closed by its button or a click beside it."""
+    """A window in the middle, above everything, with `changes` of the pad's buttons; whether it was closed by its button or a click outside."""
     size = imgui.get_io().display_size
     closed = _dimmed_background(size)
     imgui.set_next_window_pos(

@@ -23,11 +23,8 @@ class KeyScript:
     @staticmethod
     def parse(text: str, known_keys: frozenset[str]) -> KeyScript:
         """Read a script; UsageError names the step that cannot be read."""
-        steps = []
-        for step in (part.strip() for part in text.split(";")):
-            if step:
-                steps.append(_parse_step(step, known_keys))
-        return KeyScript(tuple(steps))
+        steps = (step.strip() for step in text.split(";"))
+        return KeyScript(tuple(_parse_step(step, known_keys) for step in steps if step))
 
     def keys_at(self, time_s: float) -> frozenset[str]:
         """Keys held at a time; nothing after the end."""

@@ -170,14 +170,17 @@ class LiveLink:
             self._announced_s = -math.inf
         now, number = self.clock(), skeleton_number(self._joints)
         if now - self._announced_s >= ANNOUNCE_S:
-            count = len(SPORT_SKELETON)
-            if self._send(skeleton_message(self._joints, count, self.sent + self.dropped)):
-                self._announced_s = now
+            message = skeleton_message(self._joints, len(SPORT_SKELETON), self.sent + self.dropped)
+            self._announced_s = now if self._send(message) else self._announced_s
         for pose in poses:
             pose = replace(pose, hips_position=pose.hips_position * np.float32(size))
-            went = self._send(pose_message(pose, number, self.sent + self.dropped, self._motion_s))
-            self._motion_s += step_s
-            self.sent, self.dropped = self.sent + went, self.dropped + (not went)
+            self._send_pose([pose_message(pose, number, self.sent + self.dropped, self._motion_s)], step_s)
+
+    def _send_pose(self, messages: Sequence[bytes], step_s: float) -> None:
+        """Send a pose, which went only when all its messages did."""
+        went = all([self._send(message) for message in messages])
+        self._motion_s += step_s
+        self.sent, self.dropped = self.sent + went, self.dropped + (not went)
 
     def _send(self, data: bytes) -> bool:
         """Whether the system took a message; another failure than a full buffer ends the link, and says so."""

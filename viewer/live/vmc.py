@@ -100,6 +100,4 @@ class VmcLink(LiveLink):
         Receivers have avatars of their own size: lengths stay those of our skeleton, whatever `size` is.
         """
         for pose in poses if self.on else ():
-            went = all([self._send(bundle) for bundle in osc_bundles(vmc_messages(pose, self._motion_s))])
-            self._motion_s += step_s
-            self.sent, self.dropped = self.sent + went, self.dropped + (not went)
+            self._send_pose(osc_bundles(vmc_messages(pose, self._motion_s)), step_s)

@@ -45,12 +45,12 @@ ARROWS = {
 ROOMS = {
     "runtime": (
         "errors", "arrays", "safe_read", "checked", "options", "easing", "assets", "atomic", "file_lock", "open_files", "records", "rotations", "skeleton", "spring", "pose", "controls",
-        "character", "terrain", "feet", "crossing", "motion", "prompts", "prompts.english", "prompts.gpt", "prompts.prompter", "takes", "formats", "projects",
+        "character", "terrain", "feet", "crossing", "motion", "prompts", "prompts.english", "prompts.gpt", "prompts.prompter", "takes", "session", "formats",
         "generate",
     ),
     "viewer": (
-        "gl_bindings", "signals", "memory", "messages", "jobs", "settings", "options", "input", "render", "services", "gui",
-        "prompt", "live", "stage", "takes", "wall", "filming", "exports", "projects", "tools", "desk", "shell", "state", "window", "screenshots", "app",
+        "gl_bindings", "signals", "memory", "messages", "jobs", "settings", "options", "input", "render", "services", "gui", "editor",
+        "prompt", "live", "scene", "session", "edit", "compare", "filming", "exports", "tools", "panels", "shell", "window", "screenshots", "app",
     ),
 }  # fmt: skip
 LIBRARIES = {

@@ -28,7 +28,7 @@ from viewer.jobs import Jobs
 from viewer.messages import Messages
 from viewer.prompt.answers import quoted
 from viewer.prompt.prompt_controller import FIRST_STYLE_SECONDS, PromptController
-from viewer.session.editor import Editor
+from viewer.editor import Editor
 from viewer.settings import Settings
 
 

@@ -60,7 +60,7 @@ from viewer.scene.scene import Scene
 from viewer.scene.simulation import STEP_SECONDS
 from viewer.screenshots import Screenshots
 from viewer.services import ControllerLike, Services
-from viewer.session.editor import Editor
+from viewer.editor import Editor
 from viewer.session.sessions import Sessions, first_file
 from viewer.session.takes import Takes
 from viewer.settings import (

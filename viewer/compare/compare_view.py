@@ -27,7 +27,7 @@ from viewer.scene.camera_control import CameraControl
 from viewer.scene.scene import Scene
 from viewer.scene.simulation import STEP_SECONDS, interpolate
 from viewer.services import ControllerLike, CrowdLike
-from viewer.session.editor import Change, Editor
+from viewer.editor import Change, Editor
 from viewer.session.takes import Takes
 from viewer.settings import Settings
 

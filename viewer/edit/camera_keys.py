@@ -17,7 +17,7 @@ from viewer.gui import theme, widgets
 from viewer.gui.widgets import px
 from viewer.render.camera import looked_at
 from viewer.scene.camera_control import CameraControl
-from viewer.session.editor import Editor
+from viewer.editor import Editor
 from viewer.session.playback import Playback
 from viewer.session.takes import Takes
 

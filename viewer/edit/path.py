@@ -19,7 +19,7 @@ from viewer.gl_bindings import imgui
 from viewer.render.camera import Camera
 from viewer.render.overlays import PathOverlay
 from viewer.scene.scene import Scene
-from viewer.session.editor import Editor
+from viewer.editor import Editor
 
 if TYPE_CHECKING:
     from runtime.motion.point_path import PathWalk, Waypoint

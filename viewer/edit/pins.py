@@ -23,7 +23,7 @@ from viewer.gl_bindings import imgui
 from viewer.render.camera import Camera
 from viewer.render.overlays import PinOverlay
 from viewer.scene.scene import Scene
-from viewer.session.editor import Editor
+from viewer.editor import Editor
 from viewer.session.playback import Playback
 
 GRAB_PX = 14.0  # at scale 1: a click nearer to a handle takes it

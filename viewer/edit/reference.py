@@ -22,7 +22,7 @@ from viewer.edit.video import Video, read_video
 from viewer.jobs import Slot
 from viewer.render.overlays import Figure
 from viewer.scene.simulation import make_pose
-from viewer.session.editor import Editor
+from viewer.editor import Editor
 from viewer.session.playback import Playback
 from viewer.session.takes import Takes
 

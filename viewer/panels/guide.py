@@ -11,7 +11,7 @@ from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
-from viewer.session.editor import Editor
+from viewer.editor import Editor
 from viewer.session.takes import Takes
 from viewer.settings import Settings
 

@@ -34,7 +34,7 @@ from viewer.prompt.answers import (
 from viewer.prompt.even_blends import EvenBlends
 from viewer.prompt.suggestions import PromptText, remember
 from viewer.services import ControllerLike, PromptWorkerLike
-from viewer.session.editor import Change, Editor
+from viewer.editor import Change, Editor
 from viewer.settings import Settings
 
 CLOSE_SECONDS = 30.0

@@ -11,7 +11,7 @@ from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
 from viewer.prompt.prompt_controller import PromptController
 from viewer.prompt.suggestions import PromptText, Suggester, Suggestion
-from viewer.session.editor import Editor
+from viewer.editor import Editor
 
 _SENTENCE = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.ctrl_enter_for_new_line
 WRAPPED = _SENTENCE | imgui.InputTextFlags_.word_wrap

@@ -35,7 +35,7 @@ from viewer.scene.joint_mapping import JointMapping
 from viewer.scene.simulation import Simulation, make_pose
 from viewer.scene.views import VIEWS, start_yaw
 from viewer.services import ControllerLike, Loaded, Services
-from viewer.session.editor import Editor
+from viewer.editor import Editor
 from viewer.settings import Settings
 
 SIMULATION, WAY = "simulation", "way"  # topics of messages

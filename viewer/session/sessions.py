@@ -27,7 +27,7 @@ from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.prompt.prompt_controller import PromptController
 from viewer.scene.scene import Scene
-from viewer.session.editor import Editor
+from viewer.editor import Editor
 from viewer.session.takes import Takes
 from viewer.settings import CAMERAS, Settings, checked
 

@@ -28,7 +28,7 @@ from viewer.input.bindings import Action
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.scene.scene import Scene
-from viewer.session.editor import Editor
+from viewer.editor import Editor
 from viewer.session.opening import SLOT as OPENING
 from viewer.session.opening import read_take
 from viewer.session.playback import Playback

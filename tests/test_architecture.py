@@ -50,7 +50,7 @@ ROOMS = {
     ),
     "viewer": (
         "gl_bindings", "signals", "memory", "messages", "jobs", "settings", "options", "input", "render", "services", "gui", "editor",
-        "prompt", "live", "scene", "session", "edit", "compare", "filming", "exports", "tools", "panels", "shell", "window", "screenshots", "app",
+        "prompt", "live", "scene", "session", "edit", "compare", "filming", "exports", "tools", "panels", "shell", "window", "screenshots", "workspace", "app",
     ),
 }  # fmt: skip
 LIBRARIES = {

@@ -3,82 +3,45 @@
 from __future__ import annotations
 
 import dataclasses
-import io
 import logging
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from runtime.atomic import sweep
 from runtime.controls import Controls
 from runtime.errors import SportError
 from runtime.motion.stick_script import parse_stick
 from runtime.open_files import allow_many_files
 from runtime.pose import Pose
 from runtime.session.prompt_blend import Side
-from runtime.takes.drive import DriveRecorder
-from viewer.compare import labels
-from viewer.compare import panel as compare_panel
-from viewer.compare.compare_view import CompareView
-from viewer.edit import pin_card, transport
-from viewer.edit.camera_keys import CameraKeys
-from viewer.edit.ghosts import Trails, ghosts
-from viewer.edit.path import PathTool
-from viewer.edit.pins import Pins
-from viewer.edit.reference import References
-from viewer.edit.reference_card import ReferenceCard
-from viewer.edit.resimulation import Resimulation
-from viewer.edit.video import SUFFIXES as VIDEOS
-from viewer.exports import panel as exports_panel
-from viewer.exports.exporting import Exporting
 from viewer.gl_bindings import glfw, imgui
-from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.gui.focus import Use
-from viewer.gui.panels import Panel
-from viewer.gui.theme import Fonts, load_fonts
-from viewer.input.bindings import Action, Intent, to_controls
+from viewer.input.bindings import Intent, to_controls
 from viewer.input.devices import Devices, KeyScript
 from viewer.input.gamepad import GamepadSource, GlfwGamepads
-from viewer.jobs import Jobs, Slot
 from viewer.memory import give_back_freed, give_back_large_blocks, resident_mb
 from viewer.messages import Messages
 from viewer.options import ViewOptions
-from viewer.panels import guide, joint_panel, scene_panel, take_prompt_panel, takes_panel
-from viewer.panels.guide import Guide
-from viewer.panels.session_bar import SessionBar
-from viewer.panels.settings_panel import SettingsWindow
-from viewer.prompt import prompt_panel
-from viewer.prompt.language_model import LanguageModel
-from viewer.prompt.prompt_controller import CLOSE_SECONDS, PromptController
-from viewer.prompt.suggestions import Suggester
+from viewer.prompt.prompt_controller import CLOSE_SECONDS
 from viewer.render.offscreen import save_png
-from viewer.render.overlays import Overlays
-from viewer.scene.overlays import make_overlays
-from viewer.scene.scene import Scene
 from viewer.scene.simulation import STEP_SECONDS
-from viewer.screenshots import Screenshots
-from viewer.services import ControllerLike, Services
-from viewer.editor import Editor
-from viewer.session.sessions import Sessions, first_file
-from viewer.session.takes import Takes
+from viewer.services import Services
 from viewer.settings import (
     MAPPINGS_NAME,
+    Settings,
     config_directory,
     load_settings,
     save_settings,
     state_directory,
 )
-from viewer.shell import Shell, ShellState
 from viewer.signals import Ending
 from viewer.window import KEY_CODES, Window, WindowEvents
+from viewer.workspace import Workspace
 
 __all__ = ["App", "ViewOptions", "run"]
 
 TITLE = "SPORT viewer"
-PICTURE_WIDTH = 256  # pixels
-MEMORY_S = 3.0  # of the live character, for ghosts and trails
 # A pause (a dragged window, a suspended laptop) is not simulated, but frames that are always long are: pictures are
 # dropped and the motion keeps its time.
 LONGEST_PAUSE_S, LONGEST_FRAME_S = 0.25, 1.0
@@ -119,8 +82,8 @@ def run(options: ViewOptions, services: Services | None = None, config: Path | N
     return code
 
 
-class App:
-    """Owns the window and the state, assembles the rooms, and runs frames."""
+class App(Workspace):
+    """The workspace in its window: runs frames until the end."""
 
     def __init__(
         self,
@@ -136,10 +99,8 @@ class App:
         keys = KeyScript.parse(options.keys, frozenset(KEY_CODES))
         self._stick = None if options.controls is None else parse_stick(options.controls)
         self.config = config or config_directory()
-        self.state_folder = config or state_directory()
         settings, complaints = load_settings(self.config)
         self._settings_before = dataclasses.replace(settings, prompt_history=list(settings.prompt_history))
-        self.settings, self.messages, self.state = settings, Messages(), ShellState()
         self.frames_shown = 0
         self.interrupted = False  # from outside: by a signal or Ctrl+C
         self._trimmed_mb = 0.0  # held after freed memory was last given back
@@ -152,194 +113,29 @@ class App:
         self._steps = 0  # of the simulation in this frame
         self._script_s = 0.0  # how long the scripts of keys and stick have been played
         self._last_s = time.perf_counter()
-        self.window = self._open_window()
+        window = self._open_window(options, settings)
         try:
-            self.devices = Devices(gamepads or GlfwGamepads(glfw), keys, self.window.inject_key)
-            self._assemble(services or Services())
+            self.devices = Devices(gamepads or GlfwGamepads(glfw), keys, window.inject_key)
+            folder = config or state_directory()
+            super().__init__(window, options, settings, Messages(), services or Services(), folder)
             if isinstance(self.devices.pads, GlfwGamepads):
                 complaints.append(self.devices.pads.add_mappings(self.config / MAPPINGS_NAME))
             for complaint in filter(None, complaints):
                 self.messages.warn(complaint)
             self.messages.logged = not options.offscreen
-            self._load()
+            self.load()
             self.messages.logged = True
         except BaseException:
-            self.window.destroy()
+            window.destroy()
             raise
 
-    def _open_window(self) -> Window:
-        options, settings = self.options, self.settings
+    def _open_window(self, options: ViewOptions, settings: Settings) -> Window:
         default = (1280, 720) if options.offscreen else (settings.width, settings.height)
         events = WindowEvents(self._on_key, self._on_mouse_press, self._on_focus, self.open_files)
         scale = options.ui_scale or (0.0 if options.offscreen else settings.ui_scale)
         width, height = options.width or default[0], options.height or default[1]
         kept = options.screenshot is not None
         return Window(TITLE, width, height, events, options.offscreen, settings.vsync, scale, kept)
-
-    def _assemble(self, services: Services) -> None:
-        """The session and the tools on it; they need the window's context."""
-        options, settings, messages = self.options, self.settings, self.messages
-        if options.response is not None:
-            settings.response = options.response
-        self.jobs = jobs = Jobs(messages, blocking=options.offscreen)
-        file, problem = first_file(self.state_folder / "sessions", self.state_folder / "characters")
-        if problem:
-            messages.warn(problem)
-        self.editor = editor = Editor(messages, file)
-        drives, dialogs = DriveRecorder(), Dialogs(messages)
-        renderer = services.make_renderer(self.window.ctx, options.quality or settings.quality)
-        self.scene = scene = Scene(
-            editor, settings, messages, jobs, services, self.window.ctx, renderer, drives,
-            self._shown_pose, self.state_folder,
-        )  # fmt: skip
-        self.takes = takes = Takes(editor, settings, messages, scene, jobs, drives)
-        self.prompting = prompting = PromptController(
-            editor, settings, messages, jobs, lambda: scene.controller, takes.mark_style, options.offscreen
-        )
-        self.language_model = LanguageModel(settings, jobs, services, prompting)
-        self.editing = editing = Resimulation(takes, prompting)
-        self.pins = Pins(editor, editing, scene)
-        self.path = PathTool(editor, editing, scene)
-        self.camera_keys = CameraKeys(editor, takes, scene.camera)
-        self.references = References(editor, takes)
-        self.compare = CompareView(editor, settings, messages, scene, takes, self.path, prompting)
-        self.prompt = prompt_panel.PromptRoom(
-            settings, prompting, self.language_model, Suggester(settings, jobs), self.compare.toggle
-        )
-        self.guide = Guide(settings, editor, takes)
-        self.sessions = Sessions(
-            editor, settings, messages, jobs, dialogs, scene, prompting, takes, self.load_model,
-            self._picture, self.state_folder,
-        )  # fmt: skip
-        self.exporting = Exporting(takes, scene, messages, jobs, dialogs)
-        self.settings_window = SettingsWindow(
-            settings, messages, jobs, dialogs, scene, self.guide, self.load_model, self.window.use_scale
-        )
-        self.trails = Trails()
-        self.screenshots = Screenshots(settings, messages, jobs, options.frames_directory)
-        fonts = load_fonts()
-        panels = self._panels(fonts, dialogs)
-        self.shell = Shell(
-            self.state, settings, messages, jobs, scene, editing, panels, lambda: prompting.texts, fonts
-        )
-        own = {Action.FULLSCREEN: self.window.toggle_full_screen, Action.SCREENSHOT: self.screenshots.ask}
-        rooms = [*(panel.actions for panel in panels), self.shell.actions, own]
-        self.actions = {action: do for room in rooms for action, do in room.items()}
-
-    def _panels(self, fonts: Fonts, dialogs: Dialogs) -> list[Panel]:
-        """Every panel, from the left to the right and from the back to the front."""
-        compare, editing, pins, export = self.compare, self.editing, self.pins, self.exporting.open
-        references = ReferenceCard(
-            self.references, self._browse, self.window.ctx, corner_taken=lambda: pins.pin is not None
-        )
-        bar = SessionBar(self.sessions, self.exporting, self.guide, self.settings_window, self.window.ctx)
-        return [
-            prompt_panel.panel(self.prompt, lambda: not compare.open and editing.playback is None),
-            take_prompt_panel.panel(editing),
-            compare_panel.panel(compare),
-            scene_panel.panel(
-                self.scene, self.takes, self.path, self.open_files, self._browse_all,
-                lambda width: pin_card.draw_live(pins, self.camera_keys.add, width),
-            ),
-            takes_panel.panel(self.takes, references, export, self.sessions),
-            transport.panel(editing, pins, self.camera_keys, references),
-            labels.panel(compare),
-            takes_panel.sign(self.takes),
-            bar.panel(),
-            pin_card.panel(pins),
-            references.panel(),
-            guide.panel(self.guide, covered=lambda: compare.open),
-            self.settings_window.panel(fonts),
-            exports_panel.panel(self.exporting, fonts),
-            joint_panel.panel(self.scene.joints, fonts),
-            dialogs.panel(),
-        ]  # fmt: skip
-
-    def _load(self) -> None:
-        """Begin to load what the options and the settings ask for."""
-        options, settings, scene, prompting = self.options, self.settings, self.scene, self.prompting
-        scene.terrain_names = scene.services.terrain_names()
-        scene.quality = scene.renderer.quality.name
-        self.prompt.suggester.load_library(scene.services.library_prompts)
-        self.state.panels_open, self.state.clocked = options.panels, not options.offscreen
-        saved = options.offscreen or options.screenshot is not None or options.frames_directory is not None
-        self.state.bare = saved and not options.panels
-        scene.begin_camera(options.camera or settings.camera)
-        scene.renderer.set_terrain(scene.terrain)
-        scene.live.begin(options.live_link)
-        scene.vmc.begin(options.vmc)
-        settings.fit_to_motion = settings.fit_to_motion or options.fit_to_motion
-        scene.open_character(options.character, options.joint_map, step=False)
-        scene.load_terrain(options.terrain or settings.terrain)
-        self.load_model(options.model or self.settings_window.chosen_model(options.offscreen), options.seed)
-        prompting.begin(options.prompt, options.blend, options.blend_weights)
-        if options.blend is not None:
-            self.prompt.tab_requested = "blend"
-        if options.clip is not None:
-            self.takes.open(options.clip, keep_ground=options.terrain is not None)
-        if not options.offscreen:
-            self.jobs.submit(Slot("sweep"), self._sweep, lambda _: None)
-            if not settings.first_minute_seen:
-                self.guide.begin()
-        self.sessions.begin(options.project, looking=not options.offscreen)
-        failure = self.jobs.first_error or prompting.first_error
-        if options.offscreen and failure is not None:
-            raise failure  # there is no status line to read it in
-
-    def _sweep(self) -> None:
-        """Remove what a killed program has left half written in the folders that are written to."""
-        folders = {Path(self.settings.export_folder).expanduser(), self.sessions.untitled_folder}
-        for folder in folders | {path.parent for path in self.sessions.recent}:
-            sweep(folder)
-
-    def _browse_all(self) -> None:
-        """Choose a file of any kind that is opened here."""
-        self._browse("Open a file", sorted(self._files), lambda path: self.open_files([path]))
-
-    def _browse(self, title: str, endings: Sequence[str], done: Callable[[Path], None]) -> None:
-        """Choose a file with one of these endings."""
-        start = Path(self.settings.export_folder).expanduser()
-        filters = [title, " ".join(f"*{ending}" for ending in endings), "All files", "*"]
-        start = start if start.is_dir() else Path.home()
-        self.sessions.dialogs.ask(DialogKind.OPEN, title, start, done, filters)
-
-    def _picture(self) -> bytes:
-        """A small PNG of the view, to know the session by."""
-        from PIL import Image
-
-        picture = Image.fromarray(self.window.read_pixels()[..., :3])
-        picture.thumbnail((PICTURE_WIDTH, PICTURE_WIDTH))
-        file = io.BytesIO()
-        picture.save(file, "PNG")
-        return file.getvalue()
-
-    def load_model(self, directory: Path | None, seed: int) -> None:
-        """Load an exported model, the shipped one for None; the one in use stays until it is there."""
-        gpt, before = self.language_model.chosen(), self.editor.session.model.sha256
-        self.scene.load_model(
-            directory, seed, gpt,
-            lambda loaded: self.prompt.use_model(loaded, gpt, self.editor.session.model.sha256 != before),
-            self.prompting.lose_model,
-        )  # fmt: skip
-
-    @property
-    def _files(self) -> dict[str, Callable[[Path], None]]:
-        """What opens a file, by its suffix."""
-        films = dict.fromkeys(VIDEOS, self.references.open_video)
-        return {**self.scene.files, **self.takes.files, **films, **self.sessions.files}
-
-    def open_files(self, paths: list[Path]) -> None:
-        """Open dropped files by what their names say they are."""
-        table = self._files
-        for path in paths:
-            suffix = path.suffix.lower()
-            if suffix in table:
-                table[suffix](path)
-            else:
-                self.messages.error(
-                    f"{path.name}: nothing here opens {suffix or 'a file without an ending'}."
-                    " Drop a session, a BVH clip, a GLB or VRM character, or a PNG, NPY or mesh ground."
-                )
 
     # --- one frame
 
@@ -362,7 +158,7 @@ class App:
         self._act(intent)
         self._poll(dt, intent)
         self._simulate(dt, intent)
-        pose, *others = self.compare.shown(not self.options.offscreen) or [self._shown_pose()]
+        pose, *others = self.compare.shown(not self.options.offscreen) or [self.shown_pose()]
         self.shell.arrange(window.ui_scale)
         self._move_camera(pose, intent, dt)
 
@@ -370,7 +166,7 @@ class App:
         self._finish_drag()
         imgui.render()
         live = None if self.takes.playback is not None or others else self.scene.controller
-        overlays = self._overlays(live, others)
+        overlays = self.overlays(live, others)
         self.scene.renderer.render(window.framebuffer, self.scene.camera.current, pose, overlays)
         window.draw_interface()
         self.screenshots.capture(window, self.frames_shown)
@@ -445,34 +241,6 @@ class App:
         poses = self.scene.advance(dt, controls)
         self._steps = len(poses)
         self.takes.add_poses(poses, controls)
-
-    def _overlays(self, live: ControllerLike | None, others: list[Pose]) -> Overlays:
-        settings, playback = self.settings, self.takes.playback
-        frames: list[Pose] = []
-        over: list[Pose] = []
-        trails = None
-        around = playback
-        if around is None and (settings.show_ghosts or settings.show_trails) and not others:
-            around = self.takes.memory(MEMORY_S)
-        if around is not None and settings.show_ghosts:
-            frames = ghosts(around, round(settings.ghost_frames))
-        if around is not None and settings.show_trails:
-            trails = self.trails.around(around)
-        figure, references = None, self.references
-        compared = None if playback is None else references.pose(playback)
-        if playback is not None and compared is not None:
-            figure = references.figure(playback, compared)
-            if figure is None:
-                (over if references.reference.over else others).append(compared)
-        pins = None if others and playback is None else self.pins.overlay()
-        return make_overlays(settings, live, self.path.overlay(), others, over, trails, pins, figure, frames)
-
-    def _shown_pose(self) -> Pose:
-        if self.takes.playback is not None:
-            return self.takes.playback.pose()
-        simulation = self.scene.simulation
-        pose = simulation.current if self.options.offscreen else simulation.shown()
-        return self.scene.bend(pose, self.scene.now)
 
     def _move_camera(self, pose: Pose, intent: Intent, dt: float) -> None:
         camera, ground = self.scene.camera, self.takes.ground_to_show().terrain
@@ -576,20 +344,15 @@ class App:
         self.sessions.finish(keep, max(until - time.monotonic(), 0.5))
         lost = lost or self.sessions.incomplete
         if not self.options.offscreen:
-            lost = not self._remember_settings() or lost
+            self.settings.width, self.settings.height = self.window.unscaled_size
+            try:
+                save_settings(self.settings, self.config, self._settings_before)
+            except SportError as error:
+                self.messages.error(error)  # it is in the log; the user is leaving
+                lost = True
         if self.options.screenshot is not None:
             save_png(self.window.read_pixels(), self.options.screenshot)
         return int(lost)
-
-    def _remember_settings(self) -> bool:
-        """Whether what was changed could be written."""
-        self.settings.width, self.settings.height = self.window.unscaled_size
-        try:
-            save_settings(self.settings, self.config, self._settings_before)
-        except SportError as error:
-            self.messages.error(error)  # it is in the log; the user is leaving
-            return False
-        return True
 
     def close(self) -> None:
         """Stop workers and close the window."""

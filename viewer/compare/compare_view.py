@@ -18,6 +18,7 @@ from runtime.session.session import LIVE, Session, Variant
 from runtime.terrain.height_map import Terrain
 from viewer.compare.lineup import centre_of, distance_to, names, places
 from viewer.edit.path import PathTool
+from viewer.editor import Change, Editor
 from viewer.input.bindings import Action
 from viewer.jobs import Slot
 from viewer.messages import Messages
@@ -27,7 +28,6 @@ from viewer.scene.camera_control import CameraControl
 from viewer.scene.scene import Scene
 from viewer.scene.simulation import STEP_SECONDS, interpolate
 from viewer.services import ControllerLike, CrowdLike
-from viewer.editor import Change, Editor
 from viewer.session.takes import Takes
 from viewer.settings import Settings
 

@@ -12,12 +12,12 @@ from runtime.session.session import LIVE, Take
 from runtime.takes.camera_keys import MAX_KEYS, CameraKey, view_at, with_key
 from runtime.terrain.height_map import Terrain
 from viewer.edit.track_drawing import draw_rect, new_row, take_mouse
+from viewer.editor import Editor
 from viewer.gl_bindings import imgui
 from viewer.gui import theme, widgets
 from viewer.gui.widgets import px
 from viewer.render.camera import looked_at
 from viewer.scene.camera_control import CameraControl
-from viewer.editor import Editor
 from viewer.session.playback import Playback
 from viewer.session.takes import Takes
 

@@ -15,11 +15,11 @@ from runtime.session.motion import Motion
 from runtime.session.session import LIVE, Session, Take
 from runtime.terrain.height_map import Terrain
 from viewer.edit.resimulation import Resimulation
+from viewer.editor import Editor
 from viewer.gl_bindings import imgui
 from viewer.render.camera import Camera
 from viewer.render.overlays import PathOverlay
 from viewer.scene.scene import Scene
-from viewer.editor import Editor
 
 if TYPE_CHECKING:
     from runtime.motion.point_path import PathWalk, Waypoint

@@ -19,11 +19,11 @@ from runtime.takes.pins import MAX_TIME_S, Pin, Pinned
 from runtime.takes.plants import Frames, PlantEdit, fitted_plant, plants, replanted
 from viewer.edit.path import on_screen
 from viewer.edit.resimulation import Resimulation
+from viewer.editor import Editor
 from viewer.gl_bindings import imgui
 from viewer.render.camera import Camera
 from viewer.render.overlays import PinOverlay
 from viewer.scene.scene import Scene
-from viewer.editor import Editor
 from viewer.session.playback import Playback
 
 GRAB_PX = 14.0  # at scale 1: a click nearer to a handle takes it

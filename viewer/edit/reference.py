@@ -19,10 +19,10 @@ from runtime.takes.clip import Clip
 from runtime.takes.own_skeleton import OwnSkeleton
 from viewer.edit.figures import Bones, bones_of
 from viewer.edit.video import Video, read_video
+from viewer.editor import Editor
 from viewer.jobs import Slot
 from viewer.render.overlays import Figure
 from viewer.scene.simulation import make_pose
-from viewer.editor import Editor
 from viewer.session.playback import Playback
 from viewer.session.takes import Takes
 

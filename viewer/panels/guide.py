@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from viewer.editor import Editor
 from viewer.gl_bindings import imgui
 from viewer.gui import card, theme, widgets
 from viewer.gui.layout import Rect
 from viewer.gui.panels import Panel, PanelPlace
 from viewer.gui.theme import ICON
 from viewer.gui.widgets import px
-from viewer.editor import Editor
 from viewer.session.takes import Takes
 from viewer.settings import Settings
 

@@ -18,6 +18,7 @@ from runtime.session.session import LIVE, NO_PROMPT, Session
 from runtime.session.session_file import SessionFile
 from runtime.skeleton import PART_NAMES
 from runtime.takes.recorder import LIVE_SECONDS
+from viewer.editor import Change, Editor
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.prompt.answers import (
@@ -34,7 +35,6 @@ from viewer.prompt.answers import (
 from viewer.prompt.even_blends import EvenBlends
 from viewer.prompt.suggestions import PromptText, remember
 from viewer.services import ControllerLike, PromptWorkerLike
-from viewer.editor import Change, Editor
 from viewer.settings import Settings
 
 CLOSE_SECONDS = 30.0

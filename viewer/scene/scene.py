@@ -25,6 +25,7 @@ from runtime.takes.metadata import origin_of
 from runtime.takes.pinned import bent_pose
 from runtime.terrain.files import SUFFIXES as GROUNDS
 from runtime.terrain.height_map import Terrain
+from viewer.editor import Editor
 from viewer.input.bindings import VIEW_ACTIONS, Action
 from viewer.jobs import Jobs, Slot
 from viewer.live.link import LiveLink
@@ -35,7 +36,6 @@ from viewer.scene.joint_mapping import JointMapping
 from viewer.scene.simulation import Simulation, make_pose
 from viewer.scene.views import VIEWS, start_yaw
 from viewer.services import ControllerLike, Loaded, Services
-from viewer.editor import Editor
 from viewer.settings import Settings
 
 SIMULATION, WAY = "simulation", "way"  # topics of messages

@@ -21,13 +21,13 @@ from runtime.session.session import ModelName
 from runtime.session.session_file import SessionFile
 from runtime.session.sqlite_file import FileInUse
 from runtime.takes.metadata import origin_of
+from viewer.editor import Editor
 from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.gui.widgets import clock
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.prompt.prompt_controller import PromptController
 from viewer.scene.scene import Scene
-from viewer.editor import Editor
 from viewer.session.takes import Takes
 from viewer.settings import CAMERAS, Settings, checked
 

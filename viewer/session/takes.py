@@ -24,11 +24,11 @@ from runtime.takes.metadata import Origin, gait_of, origin_of
 from runtime.takes.pose_edits import PoseEdits
 from runtime.takes.recorder import ClipRecorder
 from runtime.terrain.height_map import Terrain
+from viewer.editor import Editor
 from viewer.input.bindings import Action
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
 from viewer.scene.scene import Scene
-from viewer.editor import Editor
 from viewer.session.opening import SLOT as OPENING
 from viewer.session.opening import read_take
 from viewer.session.playback import Playback

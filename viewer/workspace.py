@@ -1,0 +1,263 @@
+"""The session with every tool on it: what is assembled once, loads what is asked for, and opens files."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from runtime.atomic import sweep
+from runtime.pose import Pose
+from runtime.takes.drive import DriveRecorder
+from viewer.compare import labels
+from viewer.compare import panel as compare_panel
+from viewer.compare.compare_view import CompareView
+from viewer.edit import pin_card, transport
+from viewer.edit.camera_keys import CameraKeys
+from viewer.edit.ghosts import Trails, ghosts
+from viewer.edit.path import PathTool
+from viewer.edit.pins import Pins
+from viewer.edit.reference import References
+from viewer.edit.reference_card import ReferenceCard
+from viewer.edit.resimulation import Resimulation
+from viewer.edit.video import SUFFIXES as VIDEOS
+from viewer.editor import Editor
+from viewer.exports import panel as exports_panel
+from viewer.exports.exporting import Exporting
+from viewer.gui.dialogs import DialogKind, Dialogs
+from viewer.gui.panels import Panel
+from viewer.gui.theme import Fonts, load_fonts
+from viewer.input.bindings import Action
+from viewer.jobs import Jobs, Slot
+from viewer.messages import Messages
+from viewer.options import ViewOptions
+from viewer.panels import guide, joint_panel, scene_panel, take_prompt_panel, takes_panel
+from viewer.panels.guide import Guide
+from viewer.panels.session_bar import SessionBar
+from viewer.panels.settings_panel import SettingsWindow
+from viewer.prompt import prompt_panel
+from viewer.prompt.language_model import LanguageModel
+from viewer.prompt.prompt_controller import PromptController
+from viewer.prompt.suggestions import Suggester
+from viewer.render.overlays import Overlays
+from viewer.scene.overlays import make_overlays
+from viewer.scene.scene import Scene
+from viewer.screenshots import Screenshots
+from viewer.services import ControllerLike, Services
+from viewer.session.sessions import Sessions, first_file
+from viewer.session.takes import Takes
+from viewer.settings import (
+    Settings,
+)
+from viewer.shell import Shell, ShellState
+from viewer.window import Window
+
+PICTURE_WIDTH = 256  # pixels
+MEMORY_S = 3.0  # of the live character, for ghosts and trails
+
+
+class Workspace:
+    """The rooms of the application, each given what it uses; the first ones know nothing of the later ones."""
+
+    def __init__(
+        self,
+        window: Window,
+        options: ViewOptions,
+        settings: Settings,
+        messages: Messages,
+        services: Services,
+        state_folder: Path,
+    ) -> None:
+        self.window, self.options, self.settings, self.messages = window, options, settings, messages
+        self.state = ShellState()
+        if options.response is not None:
+            settings.response = options.response
+        self.jobs = jobs = Jobs(messages, blocking=options.offscreen)
+        file, problem = first_file(state_folder / "sessions", state_folder / "characters")
+        if problem:
+            messages.warn(problem)
+        self.editor = editor = Editor(messages, file)
+        drives, dialogs = DriveRecorder(), Dialogs(messages)
+        renderer = services.make_renderer(self.window.ctx, options.quality or settings.quality)
+        self.scene = scene = Scene(
+            editor, settings, messages, jobs, services, self.window.ctx, renderer, drives,
+            self.shown_pose, state_folder,
+        )  # fmt: skip
+        self.takes = takes = Takes(editor, settings, messages, scene, jobs, drives)
+        self.prompting = prompting = PromptController(
+            editor, settings, messages, jobs, lambda: scene.controller, takes.mark_style, options.offscreen
+        )
+        self.language_model = LanguageModel(settings, jobs, services, prompting)
+        self.editing = editing = Resimulation(takes, prompting)
+        self.pins = Pins(editor, editing, scene)
+        self.path = PathTool(editor, editing, scene)
+        self.camera_keys = CameraKeys(editor, takes, scene.camera)
+        self.references = References(editor, takes)
+        self.compare = CompareView(editor, settings, messages, scene, takes, self.path, prompting)
+        self.prompt = prompt_panel.PromptRoom(
+            settings, prompting, self.language_model, Suggester(settings, jobs), self.compare.toggle
+        )
+        self.guide = Guide(settings, editor, takes)
+        self.sessions = Sessions(
+            editor, settings, messages, jobs, dialogs, scene, prompting, takes, self.load_model,
+            self._picture, state_folder,
+        )  # fmt: skip
+        self.exporting = Exporting(takes, scene, messages, jobs, dialogs)
+        self.settings_window = SettingsWindow(
+            settings, messages, jobs, dialogs, scene, self.guide, self.load_model, self.window.use_scale
+        )
+        self.trails = Trails()
+        self.screenshots = Screenshots(settings, messages, jobs, options.frames_directory)
+        fonts = load_fonts()
+        panels = self._panels(fonts, dialogs)
+        self.shell = Shell(
+            self.state, settings, messages, jobs, scene, editing, panels, lambda: prompting.texts, fonts
+        )
+        own = {Action.FULLSCREEN: self.window.toggle_full_screen, Action.SCREENSHOT: self.screenshots.ask}
+        rooms = [*(panel.actions for panel in panels), self.shell.actions, own]
+        self.actions = {action: do for room in rooms for action, do in room.items()}
+
+    def _panels(self, fonts: Fonts, dialogs: Dialogs) -> list[Panel]:
+        """Every panel, from the left to the right and from the back to the front."""
+        compare, editing, pins, export = self.compare, self.editing, self.pins, self.exporting.open
+        references = ReferenceCard(
+            self.references, self._browse, self.window.ctx, corner_taken=lambda: pins.pin is not None
+        )
+        bar = SessionBar(self.sessions, self.exporting, self.guide, self.settings_window, self.window.ctx)
+        return [
+            prompt_panel.panel(self.prompt, lambda: not compare.open and editing.playback is None),
+            take_prompt_panel.panel(editing),
+            compare_panel.panel(compare),
+            scene_panel.panel(
+                self.scene, self.takes, self.path, self.open_files, self._browse_all,
+                lambda width: pin_card.draw_live(pins, self.camera_keys.add, width),
+            ),
+            takes_panel.panel(self.takes, references, export, self.sessions),
+            transport.panel(editing, pins, self.camera_keys, references),
+            labels.panel(compare),
+            takes_panel.sign(self.takes),
+            bar.panel(),
+            pin_card.panel(pins),
+            references.panel(),
+            guide.panel(self.guide, covered=lambda: compare.open),
+            self.settings_window.panel(fonts),
+            exports_panel.panel(self.exporting, fonts),
+            joint_panel.panel(self.scene.joints, fonts),
+            dialogs.panel(),
+        ]  # fmt: skip
+
+    def load(self) -> None:
+        """Begin to load what the options and the settings ask for."""
+        options, settings, scene, prompting = self.options, self.settings, self.scene, self.prompting
+        scene.terrain_names = scene.services.terrain_names()
+        scene.quality = scene.renderer.quality.name
+        self.prompt.suggester.load_library(scene.services.library_prompts)
+        self.state.panels_open, self.state.clocked = options.panels, not options.offscreen
+        saved = options.offscreen or options.screenshot is not None or options.frames_directory is not None
+        self.state.bare = saved and not options.panels
+        scene.begin_camera(options.camera or settings.camera)
+        scene.renderer.set_terrain(scene.terrain)
+        scene.live.begin(options.live_link)
+        scene.vmc.begin(options.vmc)
+        settings.fit_to_motion = settings.fit_to_motion or options.fit_to_motion
+        scene.open_character(options.character, options.joint_map, step=False)
+        scene.load_terrain(options.terrain or settings.terrain)
+        self.load_model(options.model or self.settings_window.chosen_model(options.offscreen), options.seed)
+        prompting.begin(options.prompt, options.blend, options.blend_weights)
+        if options.blend is not None:
+            self.prompt.tab_requested = "blend"
+        if options.clip is not None:
+            self.takes.open(options.clip, keep_ground=options.terrain is not None)
+        if not options.offscreen:
+            self.jobs.submit(Slot("sweep"), self._sweep, lambda _: None)
+            if not settings.first_minute_seen:
+                self.guide.begin()
+        self.sessions.begin(options.project, looking=not options.offscreen)
+        failure = self.jobs.first_error or prompting.first_error
+        if options.offscreen and failure is not None:
+            raise failure  # there is no status line to read it in
+
+    def _sweep(self) -> None:
+        """Remove what a killed program has left half written in the folders that are written to."""
+        folders = {Path(self.settings.export_folder).expanduser(), self.sessions.untitled_folder}
+        for folder in folders | {path.parent for path in self.sessions.recent}:
+            sweep(folder)
+
+    def _browse_all(self) -> None:
+        """Choose a file of any kind that is opened here."""
+        self._browse("Open a file", sorted(self._files), lambda path: self.open_files([path]))
+
+    def _browse(self, title: str, endings: Sequence[str], done: Callable[[Path], None]) -> None:
+        """Choose a file with one of these endings."""
+        start = Path(self.settings.export_folder).expanduser()
+        filters = [title, " ".join(f"*{ending}" for ending in endings), "All files", "*"]
+        start = start if start.is_dir() else Path.home()
+        self.sessions.dialogs.ask(DialogKind.OPEN, title, start, done, filters)
+
+    def _picture(self) -> bytes:
+        """A small PNG of the view, to know the session by."""
+        from PIL import Image
+
+        picture = Image.fromarray(self.window.read_pixels()[..., :3])
+        picture.thumbnail((PICTURE_WIDTH, PICTURE_WIDTH))
+        file = io.BytesIO()
+        picture.save(file, "PNG")
+        return file.getvalue()
+
+    def load_model(self, directory: Path | None, seed: int) -> None:
+        """Load an exported model, the shipped one for None; the one in use stays until it is there."""
+        gpt, before = self.language_model.chosen(), self.editor.session.model.sha256
+        self.scene.load_model(
+            directory, seed, gpt,
+            lambda loaded: self.prompt.use_model(loaded, gpt, self.editor.session.model.sha256 != before),
+            self.prompting.lose_model,
+        )  # fmt: skip
+
+    @property
+    def _files(self) -> dict[str, Callable[[Path], None]]:
+        """What opens a file, by its suffix."""
+        films = dict.fromkeys(VIDEOS, self.references.open_video)
+        return {**self.scene.files, **self.takes.files, **films, **self.sessions.files}
+
+    def open_files(self, paths: list[Path]) -> None:
+        """Open dropped files by what their names say they are."""
+        table = self._files
+        for path in paths:
+            suffix = path.suffix.lower()
+            if suffix in table:
+                table[suffix](path)
+            else:
+                self.messages.error(
+                    f"{path.name}: nothing here opens {suffix or 'a file without an ending'}."
+                    " Drop a session, a BVH clip, a GLB or VRM character, or a PNG, NPY or mesh ground."
+                )
+
+    def overlays(self, live: ControllerLike | None, others: list[Pose]) -> Overlays:
+        """What is drawn around the pose; `others` are drawn with it."""
+        settings, playback = self.settings, self.takes.playback
+        frames: list[Pose] = []
+        over: list[Pose] = []
+        trails = None
+        around = playback
+        if around is None and (settings.show_ghosts or settings.show_trails) and not others:
+            around = self.takes.memory(MEMORY_S)
+        if around is not None and settings.show_ghosts:
+            frames = ghosts(around, round(settings.ghost_frames))
+        if around is not None and settings.show_trails:
+            trails = self.trails.around(around)
+        figure, references = None, self.references
+        compared = None if playback is None else references.pose(playback)
+        if playback is not None and compared is not None:
+            figure = references.figure(playback, compared)
+            if figure is None:
+                (over if references.reference.over else others).append(compared)
+        pins = None if others and playback is None else self.pins.overlay()
+        return make_overlays(settings, live, self.path.overlay(), others, over, trails, pins, figure, frames)
+
+    def shown_pose(self) -> Pose:
+        """The pose in view: that of the take that plays, or the live one."""
+        if self.takes.playback is not None:
+            return self.takes.playback.pose()
+        simulation = self.scene.simulation
+        pose = simulation.current if self.options.offscreen else simulation.shown()
+        return self.scene.bend(pose, self.scene.now)

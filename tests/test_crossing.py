@@ -12,6 +12,7 @@ import pytest
 from runtime.assets import model_folder
 from runtime.controls import Controls, Gait
 from runtime.crossing.crossing import Crossing
+from runtime.crossing.look import look_ahead, seen_heights
 from runtime.errors import ModelError
 from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
 from runtime.motion.controller import Controller
@@ -92,13 +93,13 @@ def test_the_network_sees_no_obstacle_that_is_crossed() -> None:
     points[..., 1] = np.arange(12)[:, None] * 0.25
     heights = np.where(points[..., 1] > 2.0, 0.4, 0.0)
     terrain = ground(Obstacle(2.0, 2.1, 0.4, 4.0))
-    look = state.look(terrain, np.zeros(2), np.array([0.0, 1.2]), 1.2)
+    look = look_ahead(state, terrain, np.zeros(2), np.array([0.0, 1.2]), 1.2)
     assert not look.stops
-    assert state.seen(points, heights, 0, look.ahead).max() == 0.0
+    assert seen_heights(state, points, heights, 0, look.ahead).max() == 0.0
     slope = points[..., 1] * 0.2
-    look = state.look(Terrain.flat(), np.zeros(2), np.array([0.0, 1.2]), 1.2)
+    look = look_ahead(state, Terrain.flat(), np.zeros(2), np.array([0.0, 1.2]), 1.2)
     assert look.ahead is None
-    assert state.seen(points, slope, 0, None) is slope
+    assert seen_heights(state, points, slope, 0, None) is slope
 
 
 @pytest.mark.parametrize(

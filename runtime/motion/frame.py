@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Array, Flags
 from runtime.controls import STAND_SPEED, Controls, Gait
-from runtime.crossing.crossing import CLEAR, LOOK_M, STOP_SECONDS, Look
+from runtime.crossing.decide import decide
+from runtime.crossing.look import CLEAR, LOOK_M, STOP_SECONDS, Look, look_ahead, seen_heights, way_of
+from runtime.crossing.play import crossing_pose, end_when_over
 from runtime.motion import calm, features, momentum
 from runtime.motion.coming_to_rest import calmed_pose, rest_share
 from runtime.motion.features import DT, OUTPUT_SIZE, InputParts, OutputParts, split_output
@@ -153,7 +155,7 @@ def _look(
     headings, here = sticks / np.maximum(size, 1e-9), state.trajectory.here
     clear = np.full(len(state), nothing)
     if not nothing:
-        ways = np.array([c.way(h) for c, h in zip(state.crossings, headings, strict=True)])
+        ways = np.array([way_of(c, h) for c, h in zip(state.crossings, headings, strict=True)])
         clear = level_ahead(terrain, here, ways, LOOK_M + STOP_SECONDS * state.measured_speed, EDGE_M)
     looks = []
     for i, crossing in enumerate(state.crossings):
@@ -161,7 +163,7 @@ def _look(
         velocity = sticks[i] * full_speed(style, state.jumps[i].asked(stick.gait))
         # a glance beside a beam would see a drop
         ground = None if clear[i] or state.feet[i].on_beam else terrain
-        look = crossing.look(ground, here[i], velocity, float(state.measured_speed[i]))
+        look = look_ahead(crossing, ground, here[i], velocity, float(state.measured_speed[i]))
         own = look.ahead is not None and model.crosses(look.ahead.obstacle)
         looks.append(CLEAR if own else look)
     return looks
@@ -244,7 +246,7 @@ def _input(state: CharacterState, looks: Sequence[Look], terrain: Terrain) -> Ar
     points, heights = features.sampled_heights(terrain, positions, directions)
     heights = within_steps(heights, present)
     for i, (crossing, look) in enumerate(zip(state.crossings, looks, strict=True)):
-        heights[i] = crossing.seen(points[i], heights[i], present, look.ahead)
+        heights[i] = seen_heights(crossing, points[i], heights[i], present, look.ahead)
     ground = features.ground_height(heights)
     parts = InputParts(
         root_position=path.here,
@@ -298,7 +300,9 @@ def _plant(
     shown_hips, shown_local, walls = np.empty_like(hips), np.empty_like(local), has_walls(terrain)
     for i, (crossing, feet) in enumerate(zip(state.crossings, state.feet, strict=True)):
         if crossing.kind:
-            keyed = crossing.apply(hips[i], local[i], float(state.ground[i]), state.poses.pose(i), terrain)
+            keyed = crossing_pose(
+                crossing, hips[i], local[i], float(state.ground[i]), state.poses.pose(i), terrain
+            )
             unlocked_hips[i], unlocked_local[i], contacts[i] = keyed
             shown_hips[i], shown_local[i] = keyed[:2]
             state.jumps[i].cancel(float(hips[i, 1]))
@@ -333,12 +337,12 @@ def _cross(
     """End a crossing, or begin one from the pose to show."""
     for i, (crossing, feet) in enumerate(zip(state.crossings, state.feet, strict=True)):
         if crossing.kind:
-            if crossing.ends():
+            if end_when_over(crossing):
                 feet.take_over((unlocked[0][i], unlocked[1][i]), (network[0][i], network[1][i]))
         else:
             speed = float(state.measured_speed[i])
             ahead = None if state.jumps[i].active else looks[i].ahead
-            crossing.watch(state.poses.pose(i), feet.held, speed, styles[i].walk_speed, ahead)
+            decide(crossing, state.poses.pose(i), feet.held, speed, styles[i].walk_speed, ahead)
 
 
 def _feed_back(

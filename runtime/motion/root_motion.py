@@ -8,7 +8,8 @@ import numpy as np
 
 from runtime.arrays import Array, Flags
 from runtime.controls import STAND_SPEED, Gait
-from runtime.crossing.crossing import CLEAR, HALF_BODY_M, Look
+from runtime.crossing.look import CLEAR, HALF_BODY_M, Look, held_back
+from runtime.crossing.play import keyed_velocity
 from runtime.motion import features, momentum, stride
 from runtime.motion.coming_to_rest import over_feet, rest_share
 from runtime.motion.features import DT
@@ -88,12 +89,12 @@ def _past_obstacles(state: CharacterState, velocity: Array, looks: Sequence[Look
     clear = np.full(len(state), True) if gentle else level_ahead(terrain, state.trajectory.here, way, near)
     for i, (crossing, look) in enumerate(zip(state.crossings, looks, strict=True)):
         if crossing.kind:
-            velocity[i] = crossing.root_velocity()
+            velocity[i] = keyed_velocity(crossing)
         else:
             velocity[i] *= crossing.pace
             if look is not CLEAR or not clear[i]:
                 here = state.trajectory.here[i]
-                velocity[i] = crossing.held_back(terrain, here, velocity[i], look.ahead)
+                velocity[i] = held_back(terrain, here, velocity[i], look.ahead)
             if walls:
                 velocity[i] = led_clear(terrain, state.trajectory.here[i], velocity[i])
     return velocity

@@ -78,12 +78,12 @@ class SessionFile:
     @staticmethod
     def create(path: Path, cache: Path) -> SessionFile:
         """A new file; FileError."""
-        return SessionFile(Database.create(path), cache)
+        return SessionFile(Database.create(path, cache.parent), cache)
 
     @staticmethod
     def open(path: Path, cache: Path) -> tuple[SessionFile, History]:
         """An existing file and its history, as untrusted; FileError, FileInUse."""
-        database = Database.open(path)
+        database = Database.open(path, cache.parent)
         try:
             file, history = _opened(database, cache)
             file._remove_unused()

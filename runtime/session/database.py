@@ -58,7 +58,7 @@ Work = Callable[["Writer"], None]
 
 
 class Writer:
-    """What a work may change. Only on the writer thread, within `Database.submit`; nothing of it lasts unless all does."""
+    """What a work may change, one for each transaction. Only within `Database.submit`; nothing of it lasts unless all does."""
 
     def __init__(self, connection: sqlite3.Connection, counted: set[tuple[Any, ...]]) -> None:
         self._run = connection.execute
@@ -163,6 +163,7 @@ class Database:
     _failures: int = 0
     _trouble: str = ""  # that may end
     _lost: str = ""  # what will never be on disk
+    _full: bool = False  # nothing is taken any more
     _urgent: bool = False
     _ending: bool = False
     _changed: threading.Condition = field(
@@ -249,9 +250,12 @@ class Database:
         if self._thread is None or self._ending:
             raise FileError(f"{self.path}: it is open for reading only.", "Save a copy of it.")
         with self._changed:
-            if len(self._queue) >= MAX_WAITING:
-                self._lost = f"{self._trouble or f'{self.path}: the disk is too slow.'} What is done from now on is in memory only."
-            if self._lost:  # what came later would build on what is missing
+            if (
+                self._full or len(self._queue) >= MAX_WAITING
+            ):  # what came later would build on what is missing
+                self._full = True
+                slow = self._trouble or f"{self.path}: its disk is too slow."
+                self._lost = f"{slow} What is done from now on is in memory only."
                 return
             self._queue.append(work)
             self._submitted += 1
@@ -279,23 +283,23 @@ class Database:
                 if not self._write():
                     raise FileError(self.problem)
                 return
-            handle, count = self._copy(path)
+            handle, count, committed = self._copy(path)
             before, self.path = self.path, path
             self._handle, old = handle, self._handle
             self._disconnect()
             drop_lock(old, before)
+            self._settle(count, committed)
             self._connect()
-            self._settle(count)
 
     def save_copy(self, path: Path) -> None:
         """Write all that was submitted into another file, and stay; FileError, FileInUse."""
         path = real_path(path)
         with self._turn:
-            handle, _ = self._copy(path)
+            handle, _, _ = self._copy(path)
             drop_lock(handle, path)
 
-    def _copy(self, path: Path) -> tuple[int, int]:
-        """The lock of a new file with all rows, and how many of the works that waited are in it."""
+    def _copy(self, path: Path) -> tuple[int, int, list[Callable[[], None]]]:
+        """Make a file with all rows and what waits: its lock, how many works are in it, and what they want called."""
         if self._thread is not None:
             self._write()
         handle = take_lock(path)
@@ -307,12 +311,13 @@ class Database:
                 raise FileError(f"{self.path}: it is closed.")
             with new_file(path, self.home) as target, file_errors(self.path):
                 copy_rows(source, target)
+                writer = Writer(target, self._counted)
                 for work in works:
-                    work(Writer(target, self._counted))
+                    work(writer)
         except BaseException:
             drop_lock(handle, path)
             raise
-        return handle, len(works)
+        return handle, len(works), writer.committed
 
     def close(self, seconds: float | None = None) -> bool:
         """Flush, put the log into the file, let go; False where not all is on disk. A disk that hangs longer is left alone."""
@@ -411,6 +416,7 @@ class Database:
         with self._changed:
             works = list(self._queue)
         work: Work | None = None
+        committed: list[Callable[[], None]] = []
         try:
             self._keep_there()
             if works:
@@ -421,18 +427,14 @@ class Database:
                     work(writer)
                 work = None
                 connection.execute("COMMIT")
-                for done in writer.committed:
-                    done()
+                committed = writer.committed
         except Exception as error:
             self._roll_back()
             if work is not None and not _of_the_disk(error):  # a defect must not hold up what others did
-                _LOG.exception("a change could not be written")
-                self._lost = (
-                    f"{self.path}: a change cannot be kept ({said(error)}). Please report this defect."
-                )
+                self._defect(error)
                 with self._changed:
                     self._queue.remove(work)
-                    self._submitted -= 1
+                    self._written += 1
                 return self._write()
             problem = (
                 error if isinstance(error, FileError) else FileError(f"{self.path}: {said(error)}.", ROOM)
@@ -442,10 +444,20 @@ class Database:
                 self._failures += 1
                 self._changed.notify_all()
             return False
-        self._settle(len(works))
+        self._settle(len(works), committed)
         return True
 
-    def _settle(self, count: int) -> None:
+    def _defect(self, error: Exception) -> None:
+        _LOG.exception("a change could not be written")
+        self._lost = f"{self.path}: a change cannot be kept ({said(error)}). Please report this defect."
+
+    def _settle(self, count: int, committed: Sequence[Callable[[], None]]) -> None:
+        """The first `count` works are on disk."""
+        for done in committed:
+            try:
+                done()
+            except Exception as error:  # the thread goes on
+                self._defect(error)
         with self._changed:
             for _ in range(count):
                 self._queue.popleft()

@@ -115,12 +115,9 @@ def _set_plain_scene(rig: Rig) -> None:
         rig.binds[index][:, 3] = (0.0, 0.0, 0.0, 1.0)
         skin.skeleton = None
     heads = [n for n in sorted(moving) if parents[n] not in moving]
+    top = _line(parents, heads[0])[-1]
     loose = [n for n in range(count) if gltf.nodes[n].mesh is not None and not _under_joint(rig, n)]
-    loose = [
-        n
-        for n in loose
-        if gltf.nodes[n].skin is not None or _within(parents, heads[0], _line(parents, n)[-1])
-    ]
+    loose = [n for n in loose if gltf.nodes[n].skin is not None or _line(parents, n)[-1] == top]
     for node in (*heads, *loose):
         if parents[node] >= 0:
             gltf.nodes[parents[node]].children.remove(node)
@@ -165,7 +162,7 @@ def _set_scene(rig: Rig) -> None:
     import pygltflib as g
 
     gltf, tops = rig.gltf, [i for i, parent in enumerate(rig.parents) if parent < 0]
-    moved = [top for top in tops if any(_within(rig.parents, node, top) for node in rig.joints)]
+    moved = [top for top in tops if any(top in _line(rig.parents, node) for node in rig.joints)]
     skinned = [
         top
         for top in tops
@@ -184,12 +181,6 @@ def _set_scene(rig: Rig) -> None:
         rig.space = np.eye(4)
     gltf.scenes = [g.Scene(name="take", nodes=[*moved, *skinned])]
     gltf.scene = 0
-
-
-def _within(parents: Sequence[int], node: int, top: int) -> bool:
-    while node >= 0 and node != top:
-        node = parents[node]
-    return node == top
 
 
 def _add_root(rig: Rig, hips: int) -> None:

@@ -28,6 +28,7 @@ WIDGETS = (
     "begin_combo",
     "begin_tab_item",
     "drag_int",
+    "input_int",
     "menu_item",
     "begin_menu",
     "tree_node_ex",

@@ -78,7 +78,7 @@ def test_words_that_miss_a_field_do_nothing(start: Start) -> None:
     takes = app.state.takes
     assert not takes.recording
     assert not takes.items
-    assert not app.compare.state.open
+    assert not app.compare.open
     assert app.scene.camera.mode == before
     assert "has the keys" in message(app)
     press(app, "escape")
@@ -190,7 +190,7 @@ def test_a_take_kept_by_a_slip_is_taken_back(start: Start) -> None:
     run(app, 2)
     press(app, "ctrl", "z")  # the newest change comes first
     assert len(app.editor.session.takes) == 1
-    assert app.prompting.history.redo_label
+    assert app.editor.redo_label
 
 
 def test_every_panel_is_reached_and_used_by_keys(start: Start) -> None:

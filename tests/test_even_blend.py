@@ -88,21 +88,19 @@ def test_a_slider_becomes_even_while_the_character_walks(start: Start) -> None:
         asked.append((a, b))
         return (0.0, 0.8, 1.0)
 
-    even_blends = app.prompting.even_blends
-    assert even_blends is not None
-    even_blends.use(measure)
+    app.prompting.even_blends.use(measure)
     app.prompting.submit_prompt("a zombie")
     run(app, 2)
     app.prompting.submit_prompt("a king", Side.B)
     run(app, 4)
-    edit = app.prompting.state.edit
+    edit = app.editor.session.live.prompt
     assert edit.shares == (0.0, 0.8, 1.0)
     style = edit.style()
     assert isinstance(style, StyleMix)
     assert style.shares == pytest.approx((0.8, 0.2))
     app.prompting.swap()
-    assert app.prompting.state.edit.shares == pytest.approx((0.0, 0.2, 1.0))
+    assert app.editor.session.live.prompt.shares == pytest.approx((0.0, 0.2, 1.0))
     app.editor.undo()
-    assert app.prompting.state.edit.shares == (0.0, 0.8, 1.0)
+    assert app.editor.session.live.prompt.shares == (0.0, 0.8, 1.0)
     run(app, 4)
     assert len(asked) == 1

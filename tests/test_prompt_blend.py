@@ -1,4 +1,4 @@
-"""What the viewer knows of prompts without a window: suggestions, history, blends as edits, and the undo stack."""
+"""What the viewer knows of prompts without a window: suggestions, blends as plain data, and the end of the history."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 from runtime.motion.style_mix import StyleMix
 from runtime.prompts.blend import ALL_A, BlendedPrompt
 from runtime.prompts.parts import PartDescriptions
-from runtime.session.prompt_blend import MAX_STEPS, Answer, PromptBlend, UndoStack
+from runtime.session.history import MAX_STEPS, History
+from runtime.session.prompt_blend import Answer, PromptBlend
+from runtime.session.session import Session
 from runtime.skeleton import PART_NAMES
 from viewer.prompt.suggestions import MAX_HISTORY, MAX_SUGGESTIONS, matching, remember, suggest
 
@@ -114,38 +116,12 @@ def test_kept_parts_go_on_with_their_words_and_codes() -> None:
     assert new.keeping((), before) is new
 
 
-@given(st.lists(st.sampled_from(["push", "undo", "redo", "revise"]), max_size=60))
-def test_undo_is_the_way_back(actions: list[str]) -> None:
-    """Against a plain list with a cursor."""
-    stack, steps, at = UndoStack(), [PromptBlend()], 0
-    stack.push("first", steps[0])
-    for i, action in enumerate(actions):
-        edit = PromptBlend(weights=(i / 100,) * 6)
-        if action == "push":
-            stack.push(str(i), edit)
-            steps, at = [*steps[: at + 1], edit], at + 1
-        elif action == "revise":
-            changed = steps[i % len(steps)]
-            stack.revise(lambda step, old=changed, new=edit: new if step is old else step)  # type: ignore[misc]
-            steps = [edit if step is changed else step for step in steps]
-        elif action == "undo":
-            assert (stack.undo() is None) == (at == 0)
-            at = max(at - 1, 0)
-        else:
-            assert (stack.redo() is None) == (at == len(steps) - 1)
-            at = min(at + 1, len(steps) - 1)
-        assert stack.top is steps[at]
-        assert bool(stack.undo_label) == (at > 0)
-        assert bool(stack.redo_label) == (at < len(steps) - 1)
-
-
-def test_the_undo_stack_has_an_end() -> None:
-    stack = UndoStack()
+def test_the_history_has_an_end() -> None:
+    history = History()
     for i in range(3 * MAX_STEPS):
-        stack.push(str(i), PromptBlend())
+        history.push(str(i), Session(counter=i))
     undone = 0
-    while stack.undo() is not None:
+    while history.go(-1):
         undone += 1
     assert undone == MAX_STEPS
-    stack.clear()
-    assert (stack.top, stack.undo(), stack.redo()) == (None, None, None)
+    assert (history.undo_label, history.redo_label) == ("", str(2 * MAX_STEPS))

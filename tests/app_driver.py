@@ -85,6 +85,20 @@ def drawn(app: App) -> list[tuple[str, tuple[float, float, float, float]]]:
     return found
 
 
+def texts(app: App) -> list[str]:
+    """Every text of one frame that no widget carries."""
+    found = []
+
+    def watched(draw: Callable[..., Any]) -> Callable[..., Any]:
+        return lambda text: (found.append(text), draw(text))
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("text_unformatted", "text_wrapped"):
+            patch.setattr(imgui, name, watched(getattr(imgui, name)))
+        run(app)
+    return found
+
+
 def place(app: App, label: str, index: int = 0, share: float = 0.5) -> tuple[float, float]:
     """Where to click on a widget, at this share of its width; found by the words or the ##id of its label."""
 

@@ -427,8 +427,8 @@ def test_two_windows(session: Database, tmp_path: Path, files: list[Database]) -
             target(other.path)
     assert other.flush()
     assert other.steps() == [(9, "")]
+    other.close()
     with pytest.raises(FileError, match="exists"):
-        other.close()
         Database.create(other.path)
     session.save_as(other.path)  # closed now: replaced
     assert content(session)["steps"] == {1: ("Record", '{"takes": 1}')}

@@ -97,7 +97,7 @@ class Takes:
             take = now.take(playback.number)
             if take is None or take.number == LIVE:
                 self.close_playback()
-            elif take != playback.take:
+            elif take != playback.take or take != playback.shown:
                 self._refresh(playback, take)
         if self.renaming != LIVE and now.take(self.renaming) is None:
             self.renaming = LIVE
@@ -423,7 +423,8 @@ class Takes:
     def saved(self, take: Take) -> Path | None:
         """The BVH of this run that holds what the take keeps; None where there is none any more."""
         content = _content(take)
-        found = (path for path, held in self._files.items() if held.motion and _content(held) == content)
+        files = reversed(self._files.items())  # the one written last comes first
+        found = (path for path, held in files if held.motion and _content(held) == content)
         return next((path for path in found if path.is_file()), None)
 
     def exported(self, take: Take) -> Path | None:

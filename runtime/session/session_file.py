@@ -399,10 +399,12 @@ class Recording:
 
     def finish(self, clip: Clip, drive: Drive | None) -> Motion:
         """The motion that was recorded. Its frames are in the file already, unless they are more than the clip's."""
-        if len(clip) != self.header.frames:
-            return Motion.of(clip, drive)
-        motion = Motion(self.key, MotionHeader.of(clip, drive), clip, drive)
-        self.file.hold(self.key, motion)
+        whole = len(clip) == self.header.frames
+        motion = (
+            Motion(self.key, MotionHeader.of(clip, drive), clip, drive) if whole else Motion.of(clip, drive)
+        )
+        if whole:
+            self.file.hold(self.key, motion)
         text = header_text(motion.header)
         self.file.database.submit(partial(self.file.put_recorded, key=self.key, header=text, drive=drive))
         return motion

@@ -26,8 +26,8 @@ from training.evaluation.motion.capture import (
     read_capture,
 )
 from training.evaluation.motion.driving import follow, replay, requests_of, run_course, transition
+from training.evaluation.motion.evaluated_model import style_texts
 from training.evaluation.motion.scores import score_held_out, score_model, score_rollouts
-from training.evaluation.motion.subject import style_texts
 from training.evaluation.report.tables import check, markdown
 from training.frames import clip_frames
 
@@ -76,7 +76,7 @@ class RestartingWalker(WalkerModel):
         return super().fold_style(z, strength)
 
 
-class FakeSubject:
+class FakeModel:
     """A model that walks whatever is asked of it."""
 
     name, decoder = "walker", "diffusion"
@@ -100,7 +100,7 @@ def results(clips):
         "feature_sets": plan.feature_sets,
         "held_out": held_out,
         "rollouts": score_rollouts(plan, lambda _: None),
-        "models": [score_model(plan, FakeSubject(), lambda _: None)],
+        "models": [score_model(plan, FakeModel(), lambda _: None)],
     }
 
 

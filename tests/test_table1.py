@@ -38,7 +38,7 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     monkeypatch.setattr(table1, "_plan", lambda setting: type("Plan", (), {"texts": {}}))
     monkeypatch.setattr(table1, "capture_cells", lambda plan, report: {"fmd_kinematic": 1.0})
-    monkeypatch.setattr(table1, "Subject", lambda folder, texts: "/".join(Path(folder).parts[-3:]))
+    monkeypatch.setattr(table1, "EvaluatedModel", lambda folder, texts: "/".join(Path(folder).parts[-3:]))
     monkeypatch.setattr(table1, "score_model", score)
     monkeypatch.setattr(table1, "cells_of", lambda scores: {**CELLS, "fmd_kinematic": 2.0 + len(done)})
     return done

@@ -39,7 +39,7 @@ def crossing_frames(xz: Array, obstacle: Obstacle) -> Mask:
 
 
 def depths(positions: Array, terrain: Terrain, crossing: Mask) -> dict[str, float]:
-    """Depth of soles (vertical), joints and limbs in the ground over the frames `crossing`, cm and shares of them."""
+    """Depth of soles (vertical), joints and limbs in the ground over the frames `crossing`, cm and fractions of them."""
     chosen = positions[crossing]
     if not len(chosen):
         return {}
@@ -48,7 +48,7 @@ def depths(positions: Array, terrain: Terrain, crossing: Mask) -> dict[str, floa
     result = {
         "sole_p99": 100.0 * max(0.0, float(np.percentile(-soles, 99))),
         "joint_max": 100.0 * float(joints.max()),
-        "joint_inside": float((joints > TOLERANCE_M).mean(0).max()),  # the worst joint's share
+        "joint_inside": float((joints > TOLERANCE_M).mean(0).max()),  # the worst joint's fraction
         "joint_deep": float((joints > DEEP_M).mean(0).max()),
     }
     for name, values in limb_depths(chosen, terrain).items():
@@ -95,7 +95,7 @@ def clearances(positions: Array, obstacles: Sequence[Obstacle]) -> list[float]:
 
 
 def beam_contacts(positions: Array, contacts: Array, beam: Obstacle, ramp_m: float) -> tuple[int, int]:
-    """Contacts on a beam and contacts beside it, of points of the feet between its ramps."""
+    """Contacts on a beam and contacts off it, of points of the feet between its ramps."""
     p = positions[:, feet.SOLE_POINTS]
     between = (p[..., 2] > beam.begin + ramp_m) & (p[..., 2] < beam.end - ramp_m) & (contacts > 0.5)
     on = between & (np.abs(p[..., 0]) <= beam.half_width)

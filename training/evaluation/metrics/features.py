@@ -59,7 +59,7 @@ def kinematic_features(root: RootFeatures, starts: NDArray[np.integer]) -> Array
 
     Mean, deviation and range of 16 joints' positions relative to the root, mean and deviation of their speeds, mean,
     deviation and range of 16 joint and body angles, mean and deviation of the root's velocity and turn, and the
-    share of time that heels and toes stand.
+    fraction of time that heels and toes stand.
     """
     index = window_index(starts)
     joints = root.joints[:, _JOINTS].reshape(len(root.joints), -1)[index]

@@ -121,8 +121,8 @@ def main(argv: list[str] | None = None) -> int:
     terrain = load_terrain(options.terrain)
     heights = 100.0 * feet.joint_heights(positions, terrain)
     # a frame of a file with half the rate is twice as long, and so is the way that a foot slides in it
-    share = clip.fps / FPS
-    toe, sole = (share * float(of(positions, terrain).mean()) for of in (feet.skating, sole_skating))
+    ratio = clip.fps / FPS
+    toe, sole = (ratio * float(of(positions, terrain).mean()) for of in (feet.skating, sole_skating))
     print(f"skating {toe:.4f} cm per frame (at the sole {sole:.4f})")
     if clip.fps != FPS:
         print(f"the clip has {clip.fps:g} frames a second; skating is given for frames of 1/{FPS:.0f} s")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +30,7 @@ from training.evaluation.metrics.motion import (
     mean_speed,
     original_clips,
 )
-from training.evaluation.motion.subject import style_texts
+from training.evaluation.motion.evaluated_model import style_texts
 
 ROLLOUTS = "pfnn_rollouts"  # distilled motion of a published network on uneven ground: no capture
 LAYERED = "layered"  # clips with edited or recombined body parts: no capture either
@@ -74,7 +74,7 @@ class Capture:
     clips: tuple[ClipInfo, ...]
 
     def of(self, group: str, held_out: bool | None = None) -> list[ClipInfo]:
-        """Clips of a group, of both splits unless one is asked for."""
+        """Clips of a group, of both splits unless one is chosen."""
         return [c for c in self.clips if c.group == group and held_out in (None, c.held_out)]
 
     @property
@@ -88,7 +88,7 @@ class Capture:
 
 
 def read_capture(folder: Path, styles: Iterable[str] | None = None) -> Capture:
-    """Catalogue of `*.npz` under `folder`; FileError when a style that is asked for has no clips."""
+    """Catalogue of `*.npz` under `folder`; FileError when a chosen style has no clips."""
     wanted = None if styles is None else set(styles)
     found = [info for info in map(_info, original_clips(folder)) if info is not None]
     clips = [c for c in found if wanted is None or c.style in wanted]
@@ -147,6 +147,24 @@ def motions(clips: Iterable[ClipInfo]) -> Iterator[tuple[ClipInfo, Motion]]:
         yield clip, load_motion(clip.path)
 
 
+def forward_walks(folder: Path, most_frames: int = 6 * FPS) -> dict[str, Motion]:
+    """One walk ahead of each style, a held-out one where there is one, its middle `most_frames`."""
+    found: dict[str, Motion] = {}
+    for path in original_clips(folder):
+        if path.stem.startswith(("layer_", "rollout_")):
+            continue
+        with np.load(path, allow_pickle=False) as file:
+            style, forward = str(file["style"]), str(file["content"]) == "walk forward"
+            held_out, frames = str(file["split"]) == "held_out", len(file["gait"])
+        if not forward or frames < 3 * FPS or (style in found and not held_out):
+            continue
+        motion = load_motion(path)
+        middle = max(0, (len(motion) - most_frames) // 2)
+        cut = motion.cut(middle, middle + most_frames)
+        found[style] = replace(cut, gait=np.full(len(cut), Gait.WALK))
+    return found
+
+
 Report = Callable[[str], None]
 
 STYLE_COMPONENTS = 32  # principal components of the distances of one style: it has a few hundred windows
@@ -154,7 +172,7 @@ OVERALL_COMPONENTS = 128  # of the distances of all styles together
 TRAINING_SECONDS = 150.0  # of a style's training clips, for the classifier and the principal axes
 TRAINING_HOP = 20  # frames between two windows
 HELD_OUT_SECONDS = 240.0
-MIN_GAIT_SECONDS = 2.0  # of a captured gait without which a style is not asked for it
+MIN_GAIT_SECONDS = 2.0  # of a captured gait without which a style is not driven in it
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,7 @@ class Recorder:
         return len(self._poses)
 
     def motion(self, name: str, style: str, gait: NDArray[np.integer], skip: int) -> Motion:
-        """What was recorded after the first `skip` frames; `gait` `(frames - skip,)` are the labels asked for."""
+        """What was recorded after the first `skip` frames; `gait` `(frames - skip,)` are the requested labels."""
         poses = self._poses[skip:]
         hips, local = (np.stack(values) for values in zip(*self._unlocked[skip:], strict=True))
         return Motion(

@@ -39,16 +39,16 @@ from runtime.prompts.wording import FILE, Wording
 from runtime.skeleton import SPORT_SKELETON
 from training.data.labels import foot_contacts
 from training.evaluation.motion.driving import flat_ground
-from training.evaluation.text.command import PLAIN_PROMPT
+from training.evaluation.text.walks import PLAIN_PROMPT
 from training.text.claims import claims, sentence_share, unclaimed_change
 from training.text.measure import ArmMeasures, BodyMeasures, HeadMeasures, LegMeasures, TorsoMeasures, measure
 
 log = logging.getLogger("sport.evaluate")
 
 LEAD_SECONDS, SECONDS = 1.5, 4.0  # walked before measuring, and measured
-WEAK = 0.6  # share of a sentence's claims under which it gets another wording
+WEAK = 0.6  # fraction of a sentence's claims under which it gets another wording
 GAIN = 0.3  # by which the other wording has to be better
-CHANGE = 0.12  # what a unit of change that was not claimed costs, in shares
+CHANGE = 0.12  # what a unit of change that was not claimed costs, in fractions
 ALIKE = 0.8  # what likeness of words is worth
 # what is walked, by the group of the table
 PARTS = {
@@ -138,8 +138,8 @@ def better_wordings(
     table: dict[str, dict[str, str]] = {}
     for group, part in PARTS.items():
         pool = [key for key in walks if key[0] == group]
-        shares = [sentence_share(part, words, neutral, walks[group, words]) for _, words in pool]
-        weak = [share is not None and share < WEAK for share in shares]
+        fractions = [sentence_share(part, words, neutral, walks[group, words]) for _, words in pool]
+        weak = [fraction is not None and fraction < WEAK for fraction in fractions]
         vectors = likeness([words for _, words in pool]) if any(weak) else np.zeros((len(pool), 1))
         said = [_meaning(part, words) for _, words in pool]
         for number, key in enumerate(pool):
@@ -149,7 +149,7 @@ def better_wordings(
             scores = [
                 -np.inf
                 if weak[other] or not _stands_for(pool[other], said[other], key, said[number])
-                else _score(part, key[1], neutral, walks[pool[other]], shares[number] or 0.0, near)
+                else _score(part, key[1], neutral, walks[pool[other]], fractions[number] or 0.0, near)
                 for other, near in enumerate(alike.tolist())
             ]
             best = int(np.argmax(scores))
@@ -180,10 +180,10 @@ def _stands_for(key: Key, meaning: Meaning, other: Key, wanted: Meaning) -> bool
 def _score(
     part: str, words: str, neutral: BodyMeasures, walked: BodyMeasures, own: float, alike: float
 ) -> float:
-    share = sentence_share(part, words, neutral, walked)
-    if share is None or share < own + GAIN:
+    fraction = sentence_share(part, words, neutral, walked)
+    if fraction is None or fraction < own + GAIN:
         return -np.inf
-    return share - CHANGE * unclaimed_change(part, words, neutral, walked) + ALIKE * alike
+    return fraction - CHANGE * unclaimed_change(part, words, neutral, walked) + ALIKE * alike
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -197,9 +197,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     check_target(args.out)
     model = load_model(args.model)
     prompter = Prompter(model, wording=Wording())
-    shares = shares_of(model.name)
+    fractions = shares_of(model.name)
     keys = sorted(
-        {key for group, words in {*shares.sentences, *shares.clauses} for key in _walked(group, words)}
+        {key for group, words in {*fractions.sentences, *fractions.clauses} for key in _walked(group, words)}
     )
     walks = walk_all(model, prompter, keys, args.store)
     table = better_wordings(walks, _captured(), lambda words: prompter.text_encoder.encode(list(words)))
@@ -210,7 +210,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def _walked(group: str, words: str) -> list[Key]:
-    """The keys under which a sentence of the shares is walked: of an arm one for each side."""
+    """The keys under which a sentence of the fractions is walked: of an arm one for each side."""
     if group == "arm":
         return [("left_arm", words), ("right_arm", words)]
     return [(group, words)]

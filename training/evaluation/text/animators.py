@@ -1,31 +1,32 @@
-"""Sixty prompts of animators, measured on exported files: `python -m training.evaluation.text.animator_prompts`.
+"""Sixty prompts of animators, measured on exported files: `python -m training.evaluation animators`.
 
-Each prompt is walked by a model, written as BVH and read back; angles and places of the file decide. The list,
-written before its writer had read the library, is data/animator_prompts.txt.
+Each prompt is walked by a model, written as BVH and read back; angles and places of the file decide. The list is
+data/animator_prompts.txt.
 """
 
 from __future__ import annotations
 
-import argparse
 import re
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
-from runtime.errors import run_command
 from runtime.formats.bvh_clip import load_clip_bvh, save_bvh
 from runtime.generate import generate_clip
 from runtime.motion.model import MotionModel, load_model
 from runtime.prompts.prompter import Prompter
 from runtime.skeleton import SPORT_SKELETON
 from training.data.labels import foot_contacts
-from training.text.measure import BodyMeasures, measure
+from training.evaluation.experiment import SEED, Experiment, Setting, option
+from training.evaluation.text.walks import PLAIN_PROMPT
+from training.markdown import table
+from training.text.measure import measure
 
 PROMPTS = Path(__file__).parent / "data" / "animator_prompts.txt"
-NEUTRAL = "a person walking normally"
 LEAD, SECONDS = 2.0, 7.0  # walked before measuring, and in all
 _EXPECTATION = re.compile(r"(\w+)\.(\w+) ([<>]) (n\*|n\+|n(?=-))?(-?[\d.]+)")
 
@@ -52,15 +53,9 @@ def measured(
     positions, _ = SPORT_SKELETON.forward_kinematics(hips, local)
     contacts = foot_contacts(positions, np.zeros((len(hips), 4), np.float32)).astype(np.float32)
     body = measure(hips, local, contacts)
-    return {**_values(body), "torso.twist": _twist(positions)}
-
-
-def _values(body: BodyMeasures) -> dict[str, float]:
-    return {
-        f"{part}.{name}": value
-        for part, measures in vars(body).items()
-        for name, value in vars(measures).items()
-    }
+    parts = vars(body).items()
+    values = {f"{part}.{name}": value for part, found in parts for name, value in vars(found).items()}
+    return {**values, "torso.twist": _twist(positions)}
 
 
 def _twist(positions: np.ndarray) -> float:
@@ -91,36 +86,48 @@ def outcome(line: str, values: dict[str, float], neutral: dict[str, float]) -> O
     return Outcome(prompt, len(expectations), tuple(failed))
 
 
-def main(argv: list[str] | None = None) -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description="Measure prompts of animators on exported files.")
-    parser.add_argument("--out", type=Path, help="folder that keeps the BVH files")
-    parser.add_argument("--model", help="a shipped model, or the folder of an exported one")
-    parser.add_argument("--list", type=Path, default=PROMPTS, help="file of prompts and expectations")
-    parser.add_argument("--seed", type=int, default=0)
-    given = parser.parse_args(argv)
-    _, *parts = re.split(r"^# (.*)\n", given.list.read_text("utf-8"), flags=re.M)
-    sections = [(name, body.strip().splitlines()) for name, body in zip(parts[::2], parts[1::2], strict=True)]
+def animators(setting: Setting) -> dict[str, list[dict[str, Any]]]:
+    """The outcomes of every section of the list."""
+    args, model = setting.args, load_model(setting.folders[0])
     with TemporaryDirectory() as temporary:
-        folder = given.out or Path(temporary)
+        folder = args.out or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
-        model = load_model(given.model)
-        walk = partial(measured, prompter=Prompter(model), model=model, folder=folder, seed=given.seed)
-        neutral = walk(NEUTRAL)
-        for name, lines in (section for section in sections if section[1]):  # above the first stand comments
-            found = []
-            for line in lines:
-                found.append(outcome(line, walk(line.split(" | ")[0]), neutral))
-                if found[-1].failed:
-                    print(f"{found[-1].prompt}: {'; '.join(found[-1].failed)}", flush=True)
-            held = sum(o.expected - len(o.failed) for o in found)
-            whole = sum(not o.failed for o in found)
-            expected = sum(o.expected for o in found)
-            print(
-                f"{name}: {held} of {expected} expectations, {whole} of {len(found)} prompts whole",
-                flush=True,
-            )
+        walk = partial(measured, prompter=Prompter(model), model=model, folder=folder, seed=args.seed)
+        neutral = walk(PLAIN_PROMPT)
+        found: dict[str, list[dict[str, Any]]] = {}
+        for name, lines in sections(args.list).items():
+            setting.report(name)
+            found[name] = [asdict(outcome(line, walk(line.split(" | ")[0]), neutral)) for line in lines]
+    return found
 
 
-if __name__ == "__main__":
-    raise SystemExit(run_command("animator prompts", main))
+def sections(path: Path) -> dict[str, list[str]]:
+    """Lines of prompts and expectations by the headings of a list; above the first stand comments."""
+    _, *parts = re.split(r"^# (.*)\n", path.read_text("utf-8"), flags=re.M)
+    pairs = zip(parts[::2], parts[1::2], strict=True)
+    return {name: body.strip().splitlines() for name, body in pairs if body.strip()}
+
+
+def animators_table(found: dict[str, list[dict[str, Any]]]) -> str:
+    """A row for each section and one for all, then what failed."""
+    every = [one for outcomes in found.values() for one in outcomes]
+    rows, failed = [], [f"- {o['prompt']}: {'; '.join(o['failed'])}" for o in every if o["failed"]]
+    for name, outcomes in [*found.items(), ("all", every)]:
+        expected = sum(o["expected"] for o in outcomes)
+        held = expected - sum(len(o["failed"]) for o in outcomes)
+        whole = sum(not o["failed"] for o in outcomes)
+        rows.append([name, f"{held} of {expected}", f"{whole} of {len(outcomes)}"])
+    return "\n".join([*table(["prompts", "expectations that hold", "prompts whole"], rows), *failed])
+
+
+ANIMATORS = Experiment(
+    "Prompts of animators, measured on exported files: do angles and places of the BVH do what the words say?",
+    animators,
+    animators_table,
+    "animators",
+    options=(
+        option("--list", type=Path, default=PROMPTS, metavar="FILE", help="prompts and expectations"),
+        option("--out", type=Path, metavar="DIR", help="keep the BVH files"),
+        SEED,
+    ),
+)

@@ -1,6 +1,6 @@
-"""Walk every phrase once and measure what the body does: `assets/prompts/shares.json`.
+"""Prompt adherence: walk every phrase once and measure what the body does (`assets/prompts/shares.json`).
 
-    python -m training.evaluation.text.phrase_shares --model FOLDER [--out FILE]
+    python -m training.evaluation.text.prompt_adherence --model FOLDER [--out FILE]
 
 Every entry of the prompt library and every phrase of the layering catalogue is walked straight ahead on flat ground for some
 seconds. A sentence of the catalogue is compared with what its edit does to the model's own neutral walk, any other
@@ -20,14 +20,11 @@ from typing import Any
 
 import numpy as np
 
+from runtime.arrays import Array
 from runtime.assets import asset_path, model_folder
 from runtime.atomic import check_target, write_atomic
 from runtime.errors import UsageError, run_command
-from runtime.generate import simulate
-from runtime.motion.controller import Controller
-from runtime.motion.features import FPS
 from runtime.motion.model import MotionModel, load_model
-from runtime.motion.paths import control_script
 from runtime.prompts.english.library_data import LibraryStyle
 from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.prompter import Prompter
@@ -35,9 +32,7 @@ from runtime.prompts.sentence_tables import as_left_limb
 from runtime.prompts.shares import FILE
 from runtime.skeleton import PART_NAMES
 from runtime.terrain.height_map import Terrain
-from training.evaluation.motion.driving import flat_ground
-from training.evaluation.text.command import PLAIN_PROMPT
-from training.evaluation.text.walks import LEAD_SECONDS, Walk, Walker
+from training.evaluation.text.walks import PLAIN_PROMPT, Walk, Walker, straight_walk
 from training.frames import PLAIN
 from training.layering.apply import apply
 from training.layering.catalog import EDITS
@@ -51,14 +46,13 @@ log = logging.getLogger("sport.evaluate")
 SECONDS = 3.0  # walked and measured for each phrase
 _HAND = ("hand_front", "hand_out", "hand_level")
 _LEVEL_M = 0.45  # metres of one unit of hand_level
-APART = 0.15  # between one limb's share and that of both: its own is kept from there
+APART = 0.15  # between one limb's fraction and that of both: from there its own is kept
 UNEVEN = ("neutral_rough",)  # plain, on ground that is not
 
 
 @dataclass
 class Found:
-    """Shares by (group, words), of sentences and of their clauses, each with all walks that said them; by (part, words)
-    those of limbs apart."""
+    """Fractions shown by (group, words), of sentences and clauses, of all walks that said them; of single limbs by (part, words)."""
 
     sentences: dict[tuple[str, str], list[float]] = field(default_factory=lambda: defaultdict(list))
     clauses: dict[tuple[str, str], list[float]] = field(default_factory=lambda: defaultdict(list))
@@ -66,27 +60,29 @@ class Found:
 
     def add(self, part: str, sentence: str, neutral: BodyMeasures, walked: BodyMeasures) -> None:
         """What a walk shows of a sentence by the claims of its clauses."""
-        shares: list[tuple[float, bool]] = []
+        fractions: list[tuple[float, bool]] = []
         for clause in clauses(as_left_limb(sentence, part)[1] if "_" in part else sentence.lower()):
-            share = clause_share(part, clause, neutral, walked)
-            if share is not None:
-                shares.append(share)
-                self.clauses[as_left_limb(part, part)[0], clause].append(share[0])
-        if shares:
+            fraction = clause_share(part, clause, neutral, walked)
+            if fraction is not None:
+                fractions.append(fraction)
+                self.clauses[as_left_limb(part, part)[0], clause].append(fraction[0])
+        if fractions:
             # what neutral does not do already is what the sentence is there for
-            shown = [share for share, changes in shares if changes] or [share for share, _ in shares]
+            shown = [fraction for fraction, changes in fractions if changes] or [
+                fraction for fraction, _ in fractions
+            ]
             self.sentences[as_left_limb(sentence, part)].append(float(np.mean(shown)))
 
-    def add_edit(self, part: str, phrase: str, share: float) -> None:
+    def add_edit(self, part: str, phrase: str, fraction: float) -> None:
         """What a walk shows of a phrase of the catalogue."""
         group, words = as_left_limb(phrase, part)
-        self.sentences[group, words].append(share)
-        self.clauses[group, words].append(share)
+        self.sentences[group, words].append(fraction)
+        self.clauses[group, words].append(fraction)
         if group != part:
-            self.limbs[part, words].append(share)
+            self.limbs[part, words].append(fraction)
 
     def add_plain(self, styles: Mapping[str, LibraryStyle]) -> None:
-        """The sentences of the plain walks ask for nothing that everybody does not do: all of it is shown."""
+        """The sentences of the plain walks ask for nothing special: all of it is shown."""
         for name in sorted(styles):
             if name.startswith(PLAIN) and name not in UNEVEN:
                 for words in styles[name].descriptions:
@@ -99,16 +95,16 @@ class Found:
         return {name: _medians(own | self._apart(own)) for name, own in both.items()}
 
     def _apart(self, both: Mapping[tuple[str, str], list[float]]) -> dict[tuple[str, str], list[float]]:
-        """The limbs that show something by another share than the two of them do."""
+        """The limbs that show something by another fraction than the two of them do."""
         found = {}
-        for (part, words), shares in self.limbs.items():
+        for (part, words), fractions in self.limbs.items():
             all_walks = both[as_left_limb(part, part)[0], words]
-            if abs(np.median(shares) - np.median(all_walks)) > APART:
-                found[part, words] = shares
+            if abs(np.median(fractions) - np.median(all_walks)) > APART:
+                found[part, words] = fractions
         return found
 
 
-def measure_shares(
+def measure_adherence(
     model: MotionModel,
     prompter: Prompter,
     walker: Walker,
@@ -117,25 +113,25 @@ def measure_shares(
 ) -> Found:
     """Walk the library's `entries` and the catalogue's phrases once each, or one in `every`."""
     neutral = prompter.expand(PLAIN_PROMPT).descriptions
-    asked: list[tuple[PartDescriptions, str]] = [(d, "") for d in entries] + list(_phrases(neutral))
-    asked = asked[::every]
-    log.info("%d walks", len(asked) + 1)
-    walks = [Walk.of(prompter(d), 0) for d in (neutral, *(d for d, _ in asked))]
+    requested: list[tuple[PartDescriptions, str]] = [(d, "") for d in entries] + list(_phrases(neutral))
+    requested = requested[::every]
+    log.info("%d walks", len(requested) + 1)
+    walks = [Walk.of(prompter(d), 0) for d in (neutral, *(d for d, _ in requested))]
     plain, *made = walker.make(walks)
     motion = neutral_motion(model, prompter(neutral))
     found, described = Found(), described_edits(motion)
-    for (descriptions, edit), walked in zip(asked, made, strict=True):
+    for (descriptions, edit), walked in zip(requested, made, strict=True):
         if not edit:
             for part in PART_NAMES:
                 found.add(part, getattr(descriptions, part), plain.body, walked.body)
             continue
-        share = edit_share(edit, described[edit], plain, walked)
+        fraction = edit_fraction(edit, described[edit], plain, walked)
         for part in EDITS[edit].phrases:
-            found.add_edit(part, getattr(descriptions, part), share)
+            found.add_edit(part, getattr(descriptions, part), fraction)
     return found
 
 
-def edit_share(edit: str, example: tuple[Summary, Summary], plain: Summary, walked: Summary) -> float:
+def edit_fraction(edit: str, example: tuple[Summary, Summary], plain: Summary, walked: Summary) -> float:
     """How much of what an edit does to the neutral walk (`example`: before, after) a walk does, 0 to 1.
 
     Of a held hand it is the way of the hand to its place.
@@ -147,12 +143,12 @@ def edit_share(edit: str, example: tuple[Summary, Summary], plain: Summary, walk
         wanted, way = place[1] - place[0], place[3] - place[2]
         missed = float(np.linalg.norm(wanted - way)) / max(float(np.linalg.norm(wanted)), 0.05)
         return float(np.clip(1.0 - missed, 0.0, 1.0))
-    shares = []
+    fractions = []
     for target in targets((edit,)):
         amount = value(after, target) - value(before, target)
         if abs(amount) > 1e-6:
-            shares.append((value(walked, target) - value(plain, target)) / amount)
-    return float(np.clip(min(shares), 0.0, 1.0)) if shares else 0.0
+            fractions.append((value(walked, target) - value(plain, target)) / amount)
+    return float(np.clip(min(fractions), 0.0, 1.0)) if fractions else 0.0
 
 
 def hand_place(summary: Summary, part: str) -> np.ndarray:
@@ -182,28 +178,21 @@ def described_edits(motion: EditedMotion) -> dict[str, tuple[Summary, Summary]]:
     return found
 
 
-def neutral_motion(model: MotionModel, z: Any) -> EditedMotion:
+def neutral_motion(model: MotionModel, z: Array) -> EditedMotion:
     """A neutral walk of the model, to apply edits to."""
-    controller = Controller(model, flat_ground(), 0)
-    lead, frames = round(LEAD_SECONDS * FPS), round(2 * SECONDS * FPS)
-    script = control_script("forward", "walk")
-    poses = simulate(controller, script, [(0.0, z)], lead + frames)[lead:]
-    return EditedMotion(
-        np.stack([p.hips_position for p in poses]).astype(np.float64),
-        np.stack([p.local_rotations for p in poses]).astype(np.float64),
-        (np.stack([p.contacts for p in poses]) > 0.5).astype(np.uint8),
-        Terrain.flat(size_m=200.0),
-    )
+    hips, local, contacts = straight_walk(model, z, 2 * SECONDS)
+    stands = (contacts > 0.5).astype(np.uint8)
+    return EditedMotion(hips.astype(np.float64), local.astype(np.float64), stands, Terrain.flat(size_m=200.0))
 
 
 def _medians(values: dict[tuple[str, str], list[float]]) -> dict[str, dict[str, float]]:
     groups: dict[str, dict[str, float]] = {}
-    for (group, words), shares in sorted(values.items()):
-        groups.setdefault(group, {})[words] = round(float(np.median(shares)), 2)
+    for (group, words), fractions in sorted(values.items()):
+        groups.setdefault(group, {})[words] = round(float(np.median(fractions)), 2)
     return groups
 
 
-def write_shares(path: Path, model: str, table: dict[str, Any]) -> None:
+def write_adherence(path: Path, model: str, table: dict[str, Any]) -> None:
     """Put a model's table into the file, keeping those of others."""
     tables = json.loads(path.read_text("utf-8")) if path.is_file() else {}
     tables[model] = table
@@ -229,12 +218,14 @@ def main(argv: Sequence[str] | None = None) -> None:
     styles = load_styles(asset_path("prompts/styles.json"))
     entries = load_library(asset_path("prompts/library.json"), styles)
     walker = Walker(args.model, args.workers, SECONDS)
-    found = measure_shares(model, prompter, walker, [e.descriptions for e in entries], args.every)
+    found = measure_adherence(model, prompter, walker, [e.descriptions for e in entries], args.every)
     found.add_plain(styles)
-    write_shares(args.out, model.name, found.table())
-    shares = [np.median(v) for v in found.sentences.values()]
-    print(f"{args.out}: {len(shares)} sentences, {np.mean(np.array(shares) < 0.3):.0%} of them under 0.3")
+    write_adherence(args.out, model.name, found.table())
+    fractions = [np.median(v) for v in found.sentences.values()]
+    print(
+        f"{args.out}: {len(fractions)} sentences, {np.mean(np.array(fractions) < 0.3):.0%} of them under 0.3"
+    )
 
 
 if __name__ == "__main__":
-    raise SystemExit(run_command("phrase shares", main))
+    raise SystemExit(run_command("prompt adherence", main))

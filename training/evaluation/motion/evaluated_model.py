@@ -28,7 +28,7 @@ TIMED_FRAMES, WARM_UP = 240, 30
 VALUES_OF_A_ROW = 33 + 4 * 31 + 3 + 3 + 4  # of a database for motion matching
 
 
-class Subject:
+class EvaluatedModel:
     """The runtime's model of a folder, with the six-part descriptions of each style."""
 
     def __init__(self, folder: Path, texts: dict[str, list[PartDescriptions]]) -> None:

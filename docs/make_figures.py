@@ -21,7 +21,7 @@ from training.evaluation.metrics.features import has_encoder, window_set
 from training.evaluation.metrics.frechet import Projection
 from training.evaluation.motion.capture import Capture, driving_segments, read_capture, style_texts
 from training.evaluation.motion.driving import LEAD_IN_FRAMES, flat_ground
-from training.evaluation.motion.subject import Subject
+from training.evaluation.motion.evaluated_model import EvaluatedModel
 
 Report = Callable[[str], None]
 
@@ -41,7 +41,7 @@ def draw_figures(clips: Path, model: Path, out: Path, seed: int, report: Report)
 
     matplotlib.use("Agg")
     capture = read_capture(clips)
-    subject = Subject(model, style_texts(set(capture.groups) | {*PHASE_STYLES, *BETWEEN}))
+    subject = EvaluatedModel(model, style_texts(set(capture.groups) | {*PHASE_STYLES, *BETWEEN}))
     drawn = []
     with matplotlib.rc_context(FONT):
         for name, figure in (
@@ -60,7 +60,7 @@ def draw_figures(clips: Path, model: Path, out: Path, seed: int, report: Report)
 # --- Fig. 6 ----------------------------------------------------------------------------------------------------------
 
 
-def _embeddings(capture: Capture, subject: Subject, seed: int) -> Any:
+def _embeddings(capture: Capture, subject: EvaluatedModel, seed: int) -> Any:
     """t-SNE of captured windows in the space of the motion encoder, and of the descriptions' Z^t, by style."""
     from matplotlib import pyplot
     from sklearn.manifold import TSNE
@@ -137,7 +137,7 @@ def phase_curves(model: MotionModel, z: Array, seconds: float, seed: int) -> Arr
     return np.stack(tap.phases[LEAD_IN_FRAMES:])
 
 
-def _phases(subject: Subject, seed: int) -> Any:
+def _phases(subject: EvaluatedModel, seed: int) -> Any:
     from matplotlib import pyplot
 
     figure, grid = pyplot.subplots(
@@ -185,7 +185,7 @@ def hand_height(joints: Array) -> Array:
     return 100.0 * joints[:, hands, 1].mean(1)
 
 
-def _interpolation(subject: Subject, seed: int) -> Any:
+def _interpolation(subject: EvaluatedModel, seed: int) -> Any:
     from matplotlib import pyplot
 
     first, second = (subject.style(s, 0) for s in BETWEEN)

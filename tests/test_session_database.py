@@ -661,3 +661,29 @@ def test_a_disk_that_hangs_is_left_alone(tmp_path: Path) -> None:
 
 def test_sqlite_is_new_enough() -> None:
     assert sqlite3.sqlite_version_info >= (3, 31)
+
+
+def test_reading_goes_on_while_the_file_becomes_another(session: Database, tmp_path: Path) -> None:
+    session.submit(fill)
+    assert session.flush()
+    ended, wrong = threading.Event(), []
+
+    def read() -> None:
+        while not ended.is_set():
+            try:
+                assert session.blob("b") == bytes(1000)
+                assert list(session.frames("m")) == [(15, b"frames")]
+            except (FileError, AssertionError) as error:
+                wrong.append(error)
+
+    thread = threading.Thread(target=read)
+    thread.start()
+    for number in range(5):
+        session.save_as(tmp_path / f"{number}.sport")
+        session.submit(step(number))
+    if os.name != "nt":
+        session.path.unlink()
+    session.flush()
+    ended.set()
+    thread.join()
+    assert wrong == []

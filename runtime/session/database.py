@@ -21,7 +21,7 @@ from typing import Any
 from runtime.errors import FileError
 from runtime.session.sqlite_file import (
     APPLICATION_ID,
-    MAX_VALUE_BYTES,
+    LARGE_BYTES,
     REMEDY,
     ROOM,
     SCHEMA_VERSION,
@@ -284,12 +284,13 @@ class Database:
                     raise FileError(self.problem)
                 return
             handle, count, committed = self._copy(path)
-            before, self.path = self.path, path
-            self._handle, old = handle, self._handle
-            self._disconnect()
-            drop_lock(old, before)
+            with self._reading:
+                before, self.path = self.path, path
+                self._handle, old = handle, self._handle
+                self._disconnect()
+                drop_lock(old, before)
+                self._connect()
             self._settle(count, committed)
-            self._connect()
 
     def save_copy(self, path: Path) -> None:
         """Write all that was submitted into another file, and stay; FileError, FileInUse."""
@@ -354,6 +355,7 @@ class Database:
         with self._reading, file_errors(self.path):
             self._writer = connect_writer(self.path)
             self._reader = connect(self.path, "ro")
+            self._reader.execute("SELECT * FROM meta LIMIT 0")  # opens the log while it has its name
             self._files = self._present()
 
     def _disconnect(self) -> None:
@@ -387,8 +389,9 @@ class Database:
                 os.close(self._handle)
                 self._handle = -1
                 self._handle = take_lock(self.path)
-        self._disconnect()
-        self._connect()
+        with self._reading:
+            self._disconnect()
+            self._connect()
 
     def _run(self) -> None:
         """The thread: what waits is written soon, and when nothing comes the log goes into the file."""
@@ -521,6 +524,8 @@ class Database:
         )
         size, content = self._one(rows, f"{table} {values[0]}")
         with file_errors(self.path):
+            if not 0 <= size <= LARGE_BYTES:
+                raise ValueError(f"{size} bytes")
             unfold = zlib.decompressobj()
             made = unfold.decompress(content, size + 1)
             if len(made) != size or not unfold.eof or unfold.unused_data:
@@ -545,9 +550,7 @@ class Database:
                     f"SELECT coalesce(sum({size}), 0), coalesce(max({size}), 0) FROM {table} WHERE {where}"
                 )
                 total, most = self._reader.execute(sized, values).fetchone()
-                if type(total) is not int or most > (
-                    MAX_TEXT_BYTES if bytes not in kinds else MAX_VALUE_BYTES
-                ):
+                if most > MAX_TEXT_BYTES and bytes not in kinds:
                     raise ValueError("a text is too long")
                 self.budget.spend(total)
                 self._counted.add(question)

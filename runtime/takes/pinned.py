@@ -104,7 +104,7 @@ def point_of(what: Pinned, positions: Array, world: Array) -> Array:
 
 
 def in_world(pin: Pin, hips: Array, hips_rotation: Array) -> tuple[Array, ...]:
-    """The point of a pin beside a character, and the end of its rail, in the world: `(3,)` each."""
+    """The point of a pin beside a character, and the end of its rail, in the world: `(..., 3)` each."""
     points = [np.array(point, float) for point in (pin.point, pin.rail) if point is not None]
     if pin.along:
         turn, below = (
@@ -135,15 +135,11 @@ def _bend(frames: _Frames, pin: Pin, weights: Array) -> None:
 
 def _goals(pin: Pin, frames: _Frames, positions: Array, world: Array) -> Array:
     """Where the pinned joint is to be in each frame `(T, 3)`."""
-    points = np.broadcast_to(np.array(pin.point, float), (len(positions), 3))
-    ends = points if pin.rail is None else np.broadcast_to(np.array(pin.rail, float), points.shape)
-    if pin.along:
-        turn = rotations.from_yaw(rotations.yaw_of(world[:, 0]))
-        below = frames.hips - (0.0, REST_HIPS_HEIGHT, 0.0)
-        points, ends = (below + rotations.rotate(turn, p) for p in (points, ends))
-    if pin.rail is not None:
+    place, *rail = in_world(pin, frames.hips, world[:, 0])
+    points = np.broadcast_to(place, (len(positions), 3))
+    for end in rail:
         near = positions[:, ARMS[pin.what][0] if pin.what in ARMS else _joint(pin.what)]
-        along = ends - points
+        along = end - points
         share = np.sum((near - points) * along, -1) / np.maximum(np.sum(along * along, -1), 1e-9)
         points = points + np.clip(share, 0.0, 1.0)[:, None] * along
     sole = pin.what in (Pinned.LEFT_FOOT, Pinned.RIGHT_FOOT)

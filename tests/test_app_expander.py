@@ -217,7 +217,7 @@ def loading(
     """Opens the application as on a screen; the model is there once the event is set."""
     loaded = threading.Event()
     model.released.set()
-    monkeypatch.setattr("viewer.app.Jobs", lambda messages, blocking: Jobs(messages))
+    monkeypatch.setattr("viewer.workspace.Jobs", lambda messages, blocking: Jobs(messages))
 
     def load(*given: Any) -> Loaded:
         loaded.wait(20.0)

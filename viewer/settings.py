@@ -103,6 +103,7 @@ class Settings:
     export_folder: str = "~/sport-clips"
     export_fps: int = specified(60, choices={60: "60 fps", 30: "30 fps"})
     export_unit: str = specified("cm", choices={"cm": "cm", "m": "m"})
+    export_form: str = ""  # of the export window, as JSON
     dead_zone: float = specified(
         0.15, 0.0, 0.9, label="%.0f %% of the travel", factor=100.0, whole=True,
         hint="How far a stick of the gamepad moves before it counts",

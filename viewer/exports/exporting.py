@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -13,10 +14,10 @@ from runtime.formats.engines import ENGINES
 from runtime.formats.options import ExportOptions
 from runtime.formats.table import FORMATS, ExportCancelled, check_export, save_motion
 from runtime.options import spec_of
-from runtime.safe_read import printable
+from runtime.safe_read import parse_json, printable
 from runtime.session.session import Take
 from runtime.terrain.height_map import Terrain
-from viewer.exports.state import ExportForm, ExportState
+from viewer.exports.state import ExportForm, ExportState, form_from_json, form_to_json
 from viewer.gui.dialogs import DialogKind, Dialogs
 from viewer.jobs import Jobs, Slot
 from viewer.messages import Messages
@@ -41,6 +42,17 @@ class Exporting:
     state: ExportState = field(default_factory=ExportState)
     _cancel: threading.Event = field(default_factory=threading.Event)
     _proposed: str = ""
+
+    def __post_init__(self) -> None:
+        try:
+            kept = parse_json(self.takes.settings.export_form or "{}")
+        except ValueError:
+            kept = {}
+        self.state.form = form_from_json(kept if isinstance(kept, dict) else {})
+
+    def remember(self) -> None:
+        """Keep what is chosen with the settings."""
+        self.takes.settings.export_form = json.dumps(form_to_json(self.state.form))
 
     @property
     def busy(self) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import io
 import logging
 import os
@@ -13,7 +12,6 @@ from pathlib import Path
 
 from runtime.atomic import sweep
 from runtime.controls import Controls
-from runtime.errors import SportError
 from runtime.motion.stick_script import parse_stick
 from runtime.open_files import allow_many_files
 from runtime.pose import Pose
@@ -65,9 +63,9 @@ from viewer.session.sessions import Sessions, first_file
 from viewer.session.takes import Takes
 from viewer.settings import (
     MAPPINGS_NAME,
+    KeptSettings,
     config_directory,
     load_settings,
-    save_settings,
     state_directory,
 )
 from viewer.shell import Shell, ShellState
@@ -138,8 +136,9 @@ class App:
         self.config = config or config_directory()
         self.state_folder = config or state_directory()
         settings, complaints = load_settings(self.config)
-        self._settings_before = dataclasses.replace(settings, prompt_history=list(settings.prompt_history))
         self.settings, self.messages, self.state = settings, Messages(), ShellState()
+        self.jobs = Jobs(self.messages, blocking=options.offscreen)
+        self.kept = KeptSettings(settings, self.config, self.jobs, active=not options.offscreen)
         self.frames_shown = 0
         self.interrupted = False  # from outside: by a signal or Ctrl+C
         self._trimmed_mb = 0.0  # held after freed memory was last given back
@@ -181,7 +180,7 @@ class App:
         options, settings, messages = self.options, self.settings, self.messages
         if options.response is not None:
             settings.response = options.response
-        self.jobs = jobs = Jobs(messages, blocking=options.offscreen)
+        jobs = self.jobs
         file, problem = first_file(self.state_folder / "sessions", self.state_folder / "characters")
         if problem:
             messages.warn(problem)
@@ -391,6 +390,9 @@ class App:
         self.path.poll()
         self.sessions.poll()
         self.guide.watch(dt, intent.move != (0.0, 0.0))
+        if self.kept.active:
+            self.settings.width, self.settings.height = self.window.unscaled_size
+        self.kept.watch()
 
     def _finish_drag(self) -> None:
         """What the mouse or a typed number changed is a step of undo once that is let go of."""
@@ -575,21 +577,10 @@ class App:
         keep = self.interrupted or not self.options.offscreen
         self.sessions.finish(keep, max(until - time.monotonic(), 0.5))
         lost = lost or self.sessions.incomplete
-        if not self.options.offscreen:
-            lost = not self._remember_settings() or lost
+        lost = not self.kept.finish(time.monotonic() + END_S) or lost
         if self.options.screenshot is not None:
             save_png(self.window.read_pixels(), self.options.screenshot)
         return int(lost)
-
-    def _remember_settings(self) -> bool:
-        """Whether what was changed could be written."""
-        self.settings.width, self.settings.height = self.window.unscaled_size
-        try:
-            save_settings(self.settings, self.config, self._settings_before)
-        except SportError as error:
-            self.messages.error(error)  # it is in the log; the user is leaving
-            return False
-        return True
 
     def close(self) -> None:
         """Stop workers and close the window."""

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Float32Array
 from runtime.errors import FileError
-from runtime.safe_read import parse_json
+from runtime.safe_read import parse_json, printable
 from runtime.session.blobs import REMEDY, BlobReader
 from runtime.session.character_files import (
     check_character_files,
@@ -58,7 +58,7 @@ class SessionFile:
     """The file of the session that is open."""
 
     database: Database
-    cache: Path  # folder for the files of characters
+    cache: Path  # folder for the files of characters; beside it is what this installation knows its own files by
     _documents: DocumentWriter = field(init=False)
     _written: dict[int, Session] = field(default_factory=dict)  # steps of the file, by their numbers
     _known: set[str] = field(default_factory=set)  # blobs, motions and characters that the file has
@@ -125,13 +125,12 @@ class SessionFile:
         kept = {s.number: s.session for s in history.steps}
         self._dropped += len(self._written.keys() - kept.keys())
         self._written = kept
-        self._held.update((take.made.key, take.made) for step in steps for take in step.session.takes)
 
         def work(writer: Writer) -> None:
             self._begin(writer)
             for step in steps:
                 self._put_motions(writer, step.session)
-                writer.put_step(step.number, step.label, self._documents.session(step.session))
+                writer.put_step(step.number, printable(step.label), self._documents.session(step.session))
             writer.drop_steps(first=last + 1)
             writer.drop_steps(before=first)
             takes = present.session.takes
@@ -146,10 +145,11 @@ class SessionFile:
 
     def _remove_unused(self) -> None:
         """Have the writer remove motions and blobs that no step refers to and nothing in this process holds."""
-        held, self._dropped = set(self._held.keys()), 0
+        self._dropped = 0
 
         def work(writer: Writer) -> None:
             self._begin(writer)
+            held = [known.key for known in self._held.valuerefs() if known() is not None]  # type: ignore[attr-defined]
             motions, blobs = _used(writer, held)
             writer.keep_only(motions, blobs)
             self._known &= motions | blobs
@@ -199,6 +199,7 @@ class SessionFile:
             motion = take.made
             if self._is_new(motion.key):
                 self._put_motion(writer, motion)
+                self._held[motion.key] = motion
             if not motion.is_stored:
                 writer.committed.append(partial(motion.stored, self))
         reference = session.reference

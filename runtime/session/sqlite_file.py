@@ -99,6 +99,8 @@ def said(error: Exception) -> str:
     code = getattr(error, "sqlite_errorcode", None)
     if code is not None:
         return _SAID.get(code & 0xFF, reason(error))
+    if isinstance(error, zlib.error):
+        return _SAID[sqlite3.SQLITE_CORRUPT]
     return getattr(error, "strerror", None) or reason(error)
 
 

@@ -213,17 +213,17 @@ class Exporting:
 
     def _ground_of(self, take: Take) -> Callable[[], Terrain]:
         """What finds the ground that a take was made on."""
-        drive, scene, spec = take.made.drive, self.scene, take.made.header.terrain
-        driven = drive.ground(0) if drive is not None and not take.mirrored else None
-        if driven is not None:
-            return lambda: driven.terrain
-        if take.ground is not None:
-            ground = take.ground
-            return lambda: ground.terrain
-        if spec == scene.terrain_spec or not take.recorded:
-            shown = scene.terrain
-            return lambda: shown
-        return lambda: scene.read_ground(spec)
+        spec, scene, shown = take.made.header.terrain, self.scene, self.scene.terrain
+        is_shown = spec == scene.terrain_spec or not take.recorded
+
+        def found() -> Terrain:
+            drive = None if take.mirrored else take.made.drive
+            driven = None if drive is None else drive.ground(0)
+            if driven is not None:
+                return driven.terrain
+            return take.ground.terrain if take.ground is not None else shown if is_shown else scene.read_ground(spec)
+
+        return found
 
     def _film(self, clip: Clip, terrain: Terrain, path: Path, export: ExportOptions, film: Any) -> str:
         """Make a film on the worker; "" when it was given up."""

@@ -112,7 +112,7 @@ class Takes:
         if (take.motion, take.mirrored, take.poses) == (shown.motion, shown.mirrored, shown.poses):
             playback.shown = take
         elif not self.editor.dragging:
-            self.jobs.submit(SHOWING, partial(_loaded, take), partial(self._show, playback, take))
+            self.jobs.submit(SHOWING, partial(_loaded, take, self.messages), partial(self._show, playback, take))
 
     def _show(self, playback: Playback, take: Take, loaded: tuple[Clip, Drive | None]) -> None:
         if self.playback is playback and playback.take == take:
@@ -368,7 +368,7 @@ class Takes:
                 self.playback.shown = take
                 self._refresh(self.playback, now)
 
-        self.jobs.submit(PLAYING, partial(_loaded, take), begin)
+        self.jobs.submit(PLAYING, partial(_loaded, take, self.messages), begin)
 
     def ground_to_show(self) -> Ground:
         """The ground to draw: that of the take that plays, in the frame that is shown, or the live one."""
@@ -507,9 +507,17 @@ class Takes:
         self.jobs.submit(EXPORT_ALL, work, done, writing="the export of all takes")
 
 
-def _loaded(take: Take) -> tuple[Clip, Drive | None]:
-    """The frames of a take as they are shown, and what drove it; on any thread, FileError."""
-    return take.clip, None if take.mirrored else take.made.drive
+def _loaded(take: Take, messages: Messages) -> tuple[Clip, Drive | None]:
+    """The frames of a take as they are shown, and what drove it; on any thread, FileError.
+
+    A take whose input is damaged plays; that it is damaged is said.
+    """
+    clip = take.clip
+    try:
+        return clip, None if take.mirrored else take.made.drive
+    except SportError as error:
+        messages.error(error)
+        return clip, None
 
 
 def _content(take: Take) -> tuple[object, ...]:

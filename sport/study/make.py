@@ -257,9 +257,20 @@ def _in_style(
 
 
 def _captured_walks(clips: Path, styles: Sequence[str]) -> dict[str, Motion]:
-    from training.evaluation.motion.capture import forward_walks
+    """A walk ahead of each style, held out where one is: the six seconds in its middle."""
+    from training.evaluation.metrics.motion import load_motion, original_clips
 
-    return {style: motion for style, motion in forward_walks(clips).items() if style in styles}
+    found: dict[str, Motion] = {}
+    for path in original_clips(clips):
+        if path.stem.startswith(("layer_", "rollout_")):
+            continue
+        with np.load(path, allow_pickle=False) as file:
+            style, forward = str(file["style"]), str(file["content"]) == "walk forward"
+            held_out, frames = str(file["split"]) == "held_out", len(file["gait"])
+        if style in styles and forward and frames >= 3 * FPS and (held_out or style not in found):
+            walk = _middle(load_motion(path), 6.0)
+            found[style] = replace(walk, gait=np.full(len(walk), Gait.WALK))
+    return found
 
 
 def _captured_obstacles(clips: Path, course: str, count: int) -> list[Motion]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from runtime.errors import UsageError
@@ -19,6 +18,7 @@ from training.evaluation.experiment import (
     Arguments,
     Experiment,
     Setting,
+    command_of,
     option,
     run,
 )
@@ -88,26 +88,6 @@ def check_seconds(args: Arguments) -> None:
     """UsageError for a length of paths that makes no sense."""
     if args.seconds is not None and not 3.0 <= args.seconds <= 3600.0:
         raise UsageError(f"--seconds {args.seconds}: expected 3 to 3600.", "Try 40.")
-
-
-def command_of(program: str, args: Arguments, clips: bool = False) -> str:
-    """The command in a form that names no folder of this machine."""
-    words = [program] + (["--clips DIR"] if clips else [])
-    for name, value in vars(args).items():
-        given = f"--{name.replace('_', '-')}"
-        if name in ("model", "features") and value:
-            words += [f"{given} {_short(f)}" for f in (value if isinstance(value, list) else [value])]
-        elif name in ("styles", "course", "only") and value:
-            words.append(f"{given} {' '.join(value)}")
-        elif name == "seconds" and value is not None:
-            words.append(f"{given} {value:g}")
-        elif name in ("quick", "seed") and value:
-            words.append(given if value is True else f"{given} {value}")
-    return " ".join(words)
-
-
-def _short(folder: Path) -> str:
-    return folder.as_posix() if not folder.is_absolute() else "/".join(folder.parts[-2:])
 
 
 MOTION = Experiment(

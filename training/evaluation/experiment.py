@@ -155,6 +155,26 @@ def run(experiment: Experiment, argv: Sequence[str], program: str) -> int:
     return int(experiment.missed(figures))
 
 
+def command_of(program: str, args: Arguments, clips: bool = False) -> str:
+    """The command in a form that names no folder of this machine."""
+    words = [program] + (["--clips DIR"] if clips else [])
+    for name, value in vars(args).items():
+        given = f"--{name.replace('_', '-')}"
+        if name in ("model", "features") and value:
+            words += [f"{given} {_short(f)}" for f in (value if isinstance(value, list) else [value])]
+        elif name in ("styles", "course", "only") and value:
+            words.append(f"{given} {' '.join(value)}")
+        elif name == "seconds" and value is not None:
+            words.append(f"{given} {value:g}")
+        elif name in ("quick", "seed") and value:
+            words.append(given if value is True else f"{given} {value}")
+    return " ".join(words)
+
+
+def _short(folder: Path) -> str:
+    return folder.as_posix() if not folder.is_absolute() else "/".join(folder.parts[-2:])
+
+
 def read_json(path: Path) -> Figures:
     """What --json or --store kept; FileError where it cannot be read."""
     try:

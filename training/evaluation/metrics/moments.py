@@ -139,7 +139,7 @@ def moments(p: Points, script: StickScript) -> list[Moment]:
     """Every segment of the stick with its figures."""
     curves = _Curves(p, _resting(script, len(p["hips"])))
     return [
-        Moment(kind, gait, first, end, _FIGURES[kind](curves, first, end))
+        Moment(kind, gait, first, end, _FIGURES[kind](curves, first, end) if kind in _FIGURES else {})
         for kind, gait, first, end in _segments(script, len(p["hips"]))
     ]
 
@@ -247,20 +247,7 @@ def _jump(c: _Curves, first: int, end: int) -> dict[str, float]:
     }
 
 
-def _steady(c: _Curves, first: int, end: int) -> dict[str, float]:
-    return {"speed": float(np.median(c.hips[first:end])), "tilt": float(np.median(c.tilt[first:end]))}
-
-
-_FIGURES = {
-    "start": _start,
-    "stop": _stop,
-    "turn": _turn,
-    "spin": _turn,
-    "stand": _steady,
-    "jump": _jump,
-    "steady": _steady,
-    "change": _steady,
-}
+_FIGURES = {"start": _start, "stop": _stop, "turn": _turn, "spin": _turn, "jump": _jump}
 
 
 def whole_clip(p: Points, script: StickScript) -> dict[str, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -145,24 +145,6 @@ def motions(clips: Iterable[ClipInfo]) -> Iterator[tuple[ClipInfo, Motion]]:
     """Clips with their motion, read one at a time."""
     for clip in clips:
         yield clip, load_motion(clip.path)
-
-
-def forward_walks(folder: Path, most_frames: int = 6 * FPS) -> dict[str, Motion]:
-    """One walk ahead of each style, a held-out one where there is one, its middle `most_frames`."""
-    found: dict[str, Motion] = {}
-    for path in original_clips(folder):
-        if path.stem.startswith(("layer_", "rollout_")):
-            continue
-        with np.load(path, allow_pickle=False) as file:
-            style, forward = str(file["style"]), str(file["content"]) == "walk forward"
-            held_out, frames = str(file["split"]) == "held_out", len(file["gait"])
-        if not forward or frames < 3 * FPS or (style in found and not held_out):
-            continue
-        motion = load_motion(path)
-        middle = max(0, (len(motion) - most_frames) // 2)
-        cut = motion.cut(middle, middle + most_frames)
-        found[style] = replace(cut, gait=np.full(len(cut), Gait.WALK))
-    return found
 
 
 Report = Callable[[str], None]

@@ -26,34 +26,32 @@ def bars(results: dict[str, Any]) -> list[tuple[str, str, bool | None]]:
     if "retrieval" in results:
         found += _retrieval_bars(results["retrieval"])
     if "edits" in results:
-        zero = results["edits"]["summary"]["zero-shot"]
-        for key, demand, bar in (
-            ("right_way", "change the described way", edits.RIGHT_BAR),
-            ("enough", "reach at least half the described change", edits.ENOUGH_BAR),
-        ):
-            name = f"zero-shot part edits that {demand}: at least {100 * bar:.0f} %"
-            found.append((name, f"{100 * zero[key]:.0f} % of {zero['cases']}", zero[key] >= bar))
-        found += _rhythm_bars(results["edits"]["summary"].get(edits.HELD_OUT_RHYTHM))
+        summary = results["edits"]["summary"]
+        found += _edit_bars("zero-shot part edits", summary["zero-shot"], (edits.RIGHT_BAR, edits.ENOUGH_BAR))
+        if edits.HELD_OUT_RHYTHM in summary:
+            bars_of_rhythm = (edits.RHYTHM_RIGHT_BAR, edits.RHYTHM_ENOUGH_BAR)
+            name = "held-out edits of rhythm and weight"
+            found += _edit_bars(name, summary[edits.HELD_OUT_RHYTHM], bars_of_rhythm)
         ratio = results["independence"]["by_slot"]["all"]["ratio"]
         name = f"other parts change by at most {100 * edits.BAR:.0f} % of the described part's change"
         found.append((name, f"{100 * ratio:.0f} %", ratio <= edits.BAR))
     return found
 
 
-def _rhythm_bars(scores: dict[str, float] | None) -> list[tuple[str, str, bool | None]]:
-    if scores is None:
-        return []
-    right, enough = edits.RHYTHM_RIGHT_BAR, edits.RHYTHM_ENOUGH_BAR
+def _edit_bars(
+    name: str, scores: dict[str, float], least: tuple[float, float]
+) -> list[tuple[str, str, bool | None]]:
+    demands = (
+        ("right_way", "change the described way"),
+        ("enough", "reach at least half the described change"),
+    )
     return [
         (
-            f"held-out edits of rhythm and weight that {demand}: at least {100 * bar:.0f} %",
+            f"{name} that {demand}: at least {100 * bar:.0f} %",
             f"{100 * scores[key]:.0f} % of {scores['cases']}",
             scores[key] >= bar,
         )
-        for key, demand, bar in (
-            ("right_way", "change the described way", right),
-            ("enough", "reach at least half the described change", enough),
-        )
+        for (key, demand), bar in zip(demands, least, strict=True)
     ]
 
 

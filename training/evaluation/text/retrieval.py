@@ -20,12 +20,12 @@ from runtime.prompts.parts import PartDescriptions
 from runtime.prompts.sentence_inputs import sentence_inputs
 from runtime.prompts.text_encoder import TextEncoderLike
 from training.evaluation.metrics.classifiers import merged
-from training.evaluation.metrics.motion import Motion, load_motion, window_index, window_starts
+from training.evaluation.metrics.features import encoded
+from training.evaluation.metrics.motion import load_motion, window_starts
 from training.evaluation.motion.capture import ROLLOUTS
 
 HOP = 20  # frames between the beginnings of a clip's windows
 BAR = 0.6  # R@1
-_BATCH = 64
 
 
 @dataclass(frozen=True)
@@ -115,18 +115,8 @@ def encode_clips(encoder: ExportedMotionEncoder, paths: Sequence[Path], describe
         if len(starts) and motion.style in described:
             names.append(path.stem)
             styles.append(motion.style)
-            codes.append(_windows(encoder, motion, starts).mean())
+            codes.append(Codes.of(*encoded(encoder, motion.root_features(), starts)).mean())
     return Clips(names, styles, Codes.stack(codes))
-
-
-def _windows(encoder: ExportedMotionEncoder, motion: Motion, starts: NDArray[np.integer]) -> Codes:
-    root = motion.root_features()
-    joints = np.concatenate([root.joints, root.rotations], axis=-1)
-    parts = []
-    for first in range(0, len(starts), _BATCH):
-        index = window_index(starts[first : first + _BATCH])
-        parts.append(Codes.of(*encoder.encode(joints[index], root.velocity[index])))
-    return Codes.stack(parts)
 
 
 @dataclass(frozen=True)

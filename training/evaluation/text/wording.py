@@ -1,6 +1,6 @@
 """Walk every sentence once and find the wording that a model follows: `assets/prompts/wording.json`.
 
-    python -m training.evaluation.text.wording --store walks.json [--model FOLDER] [--out FILE]
+    python -m training.evaluation.text.wording [--model FOLDER] [--out FILE]
 
 A sentence is walked with everything else as in neutral, and what it claims (`training.text.claims`) is compared with what the
 body does; each arm is walked on its own, for some of its edits are held out on one side. Where the model shows less than `WEAK` of it,
@@ -16,7 +16,6 @@ import json
 import logging
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, fields
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +24,7 @@ from runtime.arrays import Array
 from runtime.assets import asset_path, model_folder
 from runtime.atomic import check_target, write_atomic
 from runtime.controls import Controls
-from runtime.errors import FileError, run_command
+from runtime.errors import run_command
 from runtime.motion.controller import Controller
 from runtime.motion.crowd import MOST, Crowd
 from runtime.motion.features import FPS
@@ -41,7 +40,7 @@ from training.data.labels import foot_contacts
 from training.evaluation.motion.driving import flat_ground
 from training.evaluation.text.walks import PLAIN_PROMPT
 from training.text.claims import claims, sentence_share, unclaimed_change
-from training.text.measure import ArmMeasures, BodyMeasures, HeadMeasures, LegMeasures, TorsoMeasures, measure
+from training.text.measure import BodyMeasures, measure
 
 log = logging.getLogger("sport.evaluate")
 
@@ -61,8 +60,6 @@ PARTS = {
 ARMS = ("left_arm", "right_arm")
 Key = tuple[str, str]  # group and words, of a limb as of the left one
 NEUTRAL: Key = ("", "")
-Measures = dict[str, float]
-_KINDS = (ArmMeasures, ArmMeasures, LegMeasures, LegMeasures, TorsoMeasures, HeadMeasures)  # of the parts
 
 
 def walk(model: MotionModel, codes: Sequence[Array], seed: int = 0) -> list[BodyMeasures]:
@@ -86,45 +83,22 @@ def _measured(poses: Sequence[Pose]) -> BodyMeasures:
     return measure(hips, local, contacts)
 
 
-def walk_all(
-    model: MotionModel, prompter: Prompter, keys: Sequence[Key], store: Path
-) -> dict[Key, BodyMeasures]:
-    """What bodies do under each sentence, and under `NEUTRAL`; `store` keeps what was walked, a run goes on from it."""
+def walk_all(model: MotionModel, prompter: Prompter, keys: Sequence[Key]) -> dict[Key, BodyMeasures]:
+    """What bodies do under each sentence, and under `NEUTRAL`."""
     plain = prompter.expand(PLAIN_PROMPT).descriptions
-    found = _read(store)
-    missing = [key for key in (NEUTRAL, *keys) if key not in found]
-    for first in range(0, len(missing), MOST):
-        chunk = missing[first : first + MOST]
+    found: dict[Key, BodyMeasures] = {}
+    every = [NEUTRAL, *keys]
+    for first in range(0, len(every), MOST):
+        chunk = every[first : first + MOST]
         said = [_said(plain, *key) if key != NEUTRAL else plain for key in chunk]
         found |= dict(zip(chunk, walk(model, [prompter(each) for each in said]), strict=True))
-        write_atomic(store, json.dumps({"|".join(key): asdict(body) for key, body in found.items()}))
-        log.info("walked %d of %d", first + len(chunk), len(missing))
+        log.info("walked %d of %d", len(found), len(every))
     return found
 
 
 def _said(plain: PartDescriptions, group: str, words: str) -> PartDescriptions:
     part = PARTS[group]
     return plain.replace(part, mirror_text(words) if part.startswith("right") else words)
-
-
-def _read(store: Path) -> dict[Key, BodyMeasures]:
-    if not store.exists():
-        return {}
-    try:
-        rows = json.loads(store.read_text("utf-8"))
-        return {_key(name): _body(values) for name, values in rows.items()}
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise FileError(f"{store}: no store of this command ({error!r}).", "Name another --store.") from error
-
-
-def _key(name: str) -> Key:
-    group, _, words = name.partition("|")
-    return group, words
-
-
-def _body(values: Mapping[str, Measures]) -> BodyMeasures:
-    kinds = {f.name: type_ for f, type_ in zip(fields(BodyMeasures), _KINDS, strict=True)}
-    return BodyMeasures(**{part: kinds[part](**values[part]) for part in kinds})
 
 
 def better_wordings(
@@ -190,7 +164,6 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description="Find the wording of every sentence that a model follows.")
     parser.add_argument("--model", type=model_folder, default=model_folder(), metavar="DIR")
-    parser.add_argument("--store", type=Path, required=True, metavar="FILE", help="walks so far")
     parser.add_argument("--out", type=Path, default=Path("assets") / FILE, metavar="FILE")
     args = parser.parse_args(argv)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
@@ -201,7 +174,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     keys = sorted(
         {key for group, words in {*fractions.sentences, *fractions.clauses} for key in _walked(group, words)}
     )
-    walks = walk_all(model, prompter, keys, args.store)
+    walks = walk_all(model, prompter, keys)
     table = better_wordings(walks, _captured(), lambda words: prompter.text_encoder.encode(list(words)))
     write_atomic(
         args.out, json.dumps({model.name: table}, indent=0, ensure_ascii=False, sort_keys=True) + "\n"

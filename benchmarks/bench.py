@@ -41,8 +41,6 @@ _EXPLAINED = {
     "crowd_32_ms": "for 32 characters",
     "frame_cpu_ms": "one character and the interface, without rasterising, median",
     "frame_cpu_ms_p99": "the same, 99th percentile",
-    "journal_ms": "what a recorded frame costs more to be on disk, at 60 Hz: queue and writing thread, mean",
-    "journal_queue_ms_p99": "the part of it on the frame's path, 99th percentile",
     "step_over_model": "step_ms over model_ms: a ratio is the same on a busy machine",
     "crowd_9_over_model": "crowd_9_ms over model_ms",
     "crowd_32_over_model": "crowd_32_ms over model_ms",
@@ -72,7 +70,6 @@ def measure(frames: int, model: Path | None) -> dict[str, Any]:
     figures: dict[str, Any] = {"notes": []}
     figures.update(_model_times(frames, model))
     figures.update(_crowd_times(max(frames // 4, 10), model))
-    figures.update(_journal_times(min(frames, 600)))
     figures.update(_prompt_times(model))
     for name, part in (
         ("frame_cpu_ms", lambda: _frame_times(frames, model)),
@@ -168,28 +165,6 @@ def _crowd_times(frames: int, model: Path | None) -> dict[str, float]:
         crowd.close()
         figures[f"crowd_{count}_ms"] = _summary("ms", times)["ms"]
     return figures
-
-
-def _journal_times(frames: int) -> dict[str, float]:
-    """The journal of a take at the rate of the simulation: milliseconds a frame, the thread's processor time included."""
-    import tempfile
-
-    from runtime.takes.journal import ROW, Header, TakeJournal
-    from runtime.takes.metadata import UNKNOWN
-
-    row = np.zeros(ROW, np.float32)
-    with tempfile.TemporaryDirectory() as folder:
-        journal = TakeJournal(Path(folder), Header("bench", 60.0, "flat", UNKNOWN))
-        times = []
-        for _ in range(frames):
-            times += _timed(lambda: journal.add_row(row), 1)
-            time.sleep(1 / 60)
-        journal.release()
-        thread_s = journal.cpu_seconds
-        if journal.problem:
-            raise SportError(f"{journal.problem}.", "Choose a temporary folder (TMPDIR) that can be written.")
-    mean = (sum(times) + thread_s) / frames
-    return {"journal_ms": 1e3 * mean, "journal_queue_ms_p99": _summary("", times)["_p99"]}
 
 
 def _prompt_times(model: Path | None) -> dict[str, float]:

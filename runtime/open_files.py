@@ -10,7 +10,6 @@ except ImportError:  # Windows has no such limit below some thousands
     resource = None  # type: ignore[assignment]
 
 MOST = 65_536  # asked for where there is no limit at all
-SPARE = 64  # of the limit, for what else is opened: a project that is saved, an export, a film
 
 
 def allow_many_files() -> None:
@@ -24,11 +23,3 @@ def allow_many_files() -> None:
             with contextlib.suppress(ValueError, OSError):
                 resource.setrlimit(resource.RLIMIT_NOFILE, (max(wanted, soft), hard))
                 return
-
-
-def leaves_room(handle: int) -> bool:
-    """Whether a file that was just opened leaves `SPARE` others to be opened; the lowest free number is its handle."""
-    if resource is None:
-        return True
-    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    return soft == resource.RLIM_INFINITY or handle < soft - SPARE

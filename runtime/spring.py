@@ -10,7 +10,7 @@ from runtime.arrays import Array
 
 
 def spring(
-    value: Array, velocity: Array, goal: Array, half_life: float | Array, dt: float
+    value: Array, velocity: Array, goal: Array, half_life: float | Array, dt: float | Array
 ) -> tuple[Array, Array]:
     """One exact step of a critically damped spring; returns the new value and velocity (any shape)."""
     y = 2.0 * math.log(2.0) / np.maximum(half_life, 1e-6)

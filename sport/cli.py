@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import NoReturn
 
 from runtime.errors import UsageError, run_command
-from sport.commands import bench, convert, generate, study, training, view
+from sport.commands import bench, convert, generate, training, view
 from sport.commands.arguments import export_arguments
 
 _DESCRIPTION = "Type a prompt, drive the character over uneven ground, take home the clip as BVH."
@@ -72,7 +72,7 @@ def build_parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (view, generate, convert, bench, study):
+    for command in (view, generate, convert, bench):
         command.add(commands)
     for name, (_, text) in training.COMMANDS.items():
         commands.add_parser(name, help=text, add_help=False)

@@ -9,7 +9,7 @@ import numpy as np
 
 from runtime import rotations
 from runtime.character.character import Character
-from runtime.character.joints import align, match_joints
+from runtime.character.joints import align, match_names
 from runtime.pose import Pose
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
 
@@ -74,7 +74,7 @@ def user_character(names: tuple[str, ...] | None = None) -> Character:
         inverse_bind=np.linalg.inv(world).astype(np.float32),
         rest_world=world.astype(np.float32),
         sport_joints=np.full(len(order), -1),
-        alignment=align(match_joints(order), parents, world, base),
+        alignment=align(match_names(order)[0], parents, world, base),
     )
 
 

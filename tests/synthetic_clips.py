@@ -9,6 +9,7 @@ import numpy as np
 from runtime import rotations
 from runtime.motion import features
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON, J
+from training.data.height_patches import Patches
 
 SPEED = 1.2  # m/s
 LENGTH = 260
@@ -35,3 +36,10 @@ def write_clip(path: Path, style: str, yaw: float, slope: float = 0.0, held_out:
         patch_heights=np.broadcast_to(slope * grid, (1, 41, 41)).astype(np.float16),
         patch_origin=np.array([-20.0, -20.0]), patch_cell=1.0,
     )  # fmt: skip
+
+
+def flat_patch(positions: np.ndarray) -> Patches:
+    """Level ground under joint positions `(T, J, 3)`, a grid of 2 x 2."""
+    places = positions[..., [0, 2]].reshape(-1, 2)
+    low, high = places.min(0) - 1.5, places.max(0) + 1.5
+    return Patches(np.zeros((1, 2, 2)), (float(low[0]), float(low[1])), float((high - low).max()))

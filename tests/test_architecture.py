@@ -144,7 +144,6 @@ def test_only_the_evaluation_and_its_readers_use_the_evaluation() -> None:
     users = (
         "training/evaluation",
         "training/baselines",
-        "training/study",
         "training/export",
         "training/courses",
     )

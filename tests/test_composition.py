@@ -11,6 +11,7 @@ torch = pytest.importorskip("torch")
 
 from hypothesis import given, settings  # noqa: E402
 from hypothesis import strategies as st  # noqa: E402
+from synthetic_clips import flat_patch  # noqa: E402
 
 from runtime import rotations  # noqa: E402
 from runtime.motion.features import FPS, OUTPUT  # noqa: E402
@@ -19,7 +20,6 @@ from tests.walker import walk  # noqa: E402
 from training.batches import FrameTensors  # noqa: E402
 from training.composition.composer import PARTS, Composer, CompositionPlan, acts_on_base  # noqa: E402
 from training.data.clip_files import TrainingClip  # noqa: E402
-from training.data.height_patches import flat_patch  # noqa: E402
 from training.frames import FIRST_OF_UPPER, LAYERED, FrameTable, load_frames  # noqa: E402
 from training.kinematics import shown_joints  # noqa: E402
 from training.layering.catalog import EDITS, HELD_OUT_PAIRS  # noqa: E402

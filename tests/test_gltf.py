@@ -5,19 +5,18 @@ from __future__ import annotations
 import dataclasses
 import json
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from gltf_characters import make_pose, split_glb, user_character
+from gltf_characters import make_pose, user_character
 
 from runtime import rotations
 from runtime.assets import asset_path
 from runtime.character.character import Character, load_character
 from runtime.character.joint_map import read_joint_map
-from runtime.character.joints import match_joints
+from runtime.character.joints import match_names
 from runtime.character.skinned_mesh import skin_vertices
-from runtime.character.writer import save_animated_glb, write_character
+from runtime.character.writer import write_character
 from runtime.errors import FileError
 from runtime.pose import Pose
 from runtime.skeleton import REST_HIPS_HEIGHT, SPORT_SKELETON
@@ -217,7 +216,7 @@ def test_turned_and_z_up_characters_face_forward(tmp_path: Path) -> None:
 def test_other_naming_conventions(names: tuple[str, ...]) -> None:
     ours = ("Hips", "Head", "LeftUpLeg", "RightUpLeg", "LeftLeg", "RightLeg", "LeftFoot", "RightFoot", "LeftArm",
             "RightArm", "LeftForeArm", "RightForeArm", "LeftHand", "RightHand")  # fmt: skip
-    found = match_joints(names)
+    found = match_names(names)[0]
     assert {joint: names[i] for joint, i in found.items()} == dict(zip(ours, names, strict=True))
 
 
@@ -226,7 +225,7 @@ def test_joint_map_names_what_tables_do_not_know(tmp_path: Path) -> None:
     order = [n.removeprefix("mixamorig:") for n in user.joint_names]
     odd = dataclasses.replace(user, joint_names=tuple(f"b{i}" for i in range(len(order))))
     write_character(tmp_path / "odd.glb", odd)
-    mapping = {joint: f"b{i}" for joint, i in match_joints(order).items()}
+    mapping = {joint: f"b{i}" for joint, i in match_names(order)[0].items()}
     (tmp_path / "map.json").write_text(json.dumps(mapping))
     loaded = load_character(tmp_path / "odd.glb", read_joint_map(tmp_path / "map.json"))
     assert np.array_equal(loaded.sport_joints, load_with_names(tmp_path, user).sport_joints)
@@ -240,54 +239,3 @@ def test_joint_map_names_what_tables_do_not_know(tmp_path: Path) -> None:
 def load_with_names(folder: Path, user: Character) -> Character:
     write_character(folder / "named.glb", user)
     return load_character(folder / "named.glb")
-
-
-@pytest.mark.parametrize("own", [True, False])
-def test_animated_glb_holds_the_clip(
-    mannequin: Character, mixamo: Character, tmp_path: Path, own: bool
-) -> None:
-    character = mannequin if own else mixamo
-    poses = [make_pose(seed) for seed in range(3)]
-    clip = SimpleNamespace(
-        fps=30.0,
-        hips_positions=np.array([p.hips_position for p in poses]),
-        local_rotations=np.array([p.local_rotations for p in poses]),
-    )
-    path = tmp_path / "clip.glb"
-    save_animated_glb(character, clip, path)
-    assert [p.name for p in tmp_path.iterdir() if p.suffix == ".part"] == []
-    for frame, pose in enumerate(poses):
-        expected = character.joint_matrices(pose.positions, pose.world_rotations)
-        assert np.allclose(play(path, frame), expected, atol=2e-3 * np.abs(expected).max())
-
-
-def play(path: Path, frame: int) -> np.ndarray:
-    """Joint matrices `(K, 4, 4)` of one key of the file's animation, evaluated as the glTF specification says."""
-    document, blob = split_glb(path.read_bytes())
-
-    def values(index: int) -> np.ndarray:
-        accessor = document["accessors"][index]
-        view = document["bufferViews"][accessor["bufferView"]]
-        width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[accessor["type"]]
-        return np.frombuffer(blob, "<f4", accessor["count"] * width, view["byteOffset"]).reshape(-1, width)
-
-    nodes = [dict(node) for node in document["nodes"]]
-    animation = document["animations"][0]
-    for channel in animation["channels"]:
-        sampler = animation["samplers"][channel["sampler"]]
-        assert values(sampler["input"])[frame, 0] == pytest.approx(frame / 30)
-        nodes[channel["target"]["node"]][channel["target"]["path"]] = values(sampler["output"])[
-            frame
-        ].tolist()
-    parent = {c: i for i, node in enumerate(nodes) for c in node.get("children", [])}
-
-    def world(i: int) -> np.ndarray:
-        x, y, z, w = nodes[i]["rotation"]
-        local = np.eye(4)
-        local[:3, :3] = rotations.to_matrix(np.array([w, x, y, z])) * np.array(
-            nodes[i].get("scale", [1, 1, 1])
-        )
-        local[:3, 3] = nodes[i]["translation"]
-        return world(parent[i]) @ local if i in parent else local
-
-    return np.stack([world(i) for i in document["skins"][0]["joints"]])

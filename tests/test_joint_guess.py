@@ -14,7 +14,7 @@ from odd_rigs import DOG, HELPED, LOOSE, PLAIN, Points, odd_character, write_odd
 from runtime.character.character import joints_of, load_character
 from runtime.character.guess import BY_TREE, JointsUnknown, NotUpright
 from runtime.character.joint_map import joint_map_path, save_joint_map
-from runtime.character.joints import match_joints
+from runtime.character.joints import match_names
 from runtime.character.writer import write_character
 from runtime.errors import FileError
 
@@ -129,6 +129,6 @@ def test_what_cannot_be_guessed_names_the_file(tmp_path: Path) -> None:
     ],
 )
 def test_more_conventions(names: tuple[str, ...]) -> None:
-    found = match_joints(names)
+    found = match_names(names)[0]
     ours = ("Hips", "Head", "LeftUpLeg", "RightHand", "LeftArm")
     assert {joint: found.get(joint) for joint in ours} == {joint: k for k, joint in enumerate(ours)}

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from synthetic_clips import flat_patch
 
 from runtime import rotations
 from runtime.feet.ik import LEG_FEET
@@ -12,7 +13,6 @@ from runtime.skeleton import ANKLE_HEIGHT, PART_NAMES, SPORT_SKELETON, TOE_HEIGH
 from runtime.terrain.height_map import Terrain
 from tests.walker import CYCLE_FRAMES, walk
 from training.data.clip_files import TrainingClip
-from training.data.height_patches import flat_patch
 from training.layering import recipes
 from training.layering.apply import apply
 from training.layering.build import LAYERS, build_layers

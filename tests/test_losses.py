@@ -58,7 +58,3 @@ def test_contact_loss_is_small_for_planted_and_large_for_sliding_feet():
     still, sliding = torch.zeros(2, 4), torch.full((2, 4), 0.5)
     assert losses.contact(labels, still) < 0.05
     assert losses.contact(labels, sliding) > 0.9
-
-
-def test_hard_contact_is_equation_13():
-    assert losses.hard_contact(torch.tensor([0.0, 0.02, 0.021])).tolist() == [1.0, 1.0, 0.0]

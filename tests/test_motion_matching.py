@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+import tomllib
+from importlib.metadata import EntryPoint, EntryPoints
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,16 +15,19 @@ from hypothesis import strategies as st
 from walker import walk
 
 from runtime import rotations
+from runtime.assets import model_folder
 from runtime.controls import Controls, Gait
 from runtime.errors import ModelError
-from runtime.motion import features, matching
+from runtime.motion import features
 from runtime.motion.controller import Controller
 from runtime.motion.frame import MAX_OUTPUT
-from runtime.motion.matching import STEP, Database, MatchingModel, Playing, decay, feature_vectors
+from runtime.motion.model import load_model
 from runtime.skeleton import SPORT_SKELETON, J
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.library import make_terrain
-from training.baselines.motion_matching import build, clip_rows, standing
+from training.baselines import matching
+from training.baselines.matching import STEP, Database, MatchingModel, Playing, feature_vectors
+from training.baselines.motion_matching import build, clip_rows, export, standing
 from training.data.clip_files import TrainingClip
 from training.data.height_patches import Patches
 from training.frames import clip_frames
@@ -88,23 +95,6 @@ def test_columns_of_a_group_share_their_scale(base):
     for columns, weight in matching.GROUPS.values():
         expected = weight / base.features[:, columns].std(0).mean()
         np.testing.assert_allclose(scale[columns], expected, rtol=1e-3)
-
-
-@given(st.floats(-2.0, 2.0), st.floats(-10.0, 10.0), st.floats(0.05, 0.5))
-def test_the_spring_is_critically_damped(offset, velocity, half_life):
-    """x'' = -2 y x' - y^2 x with y = 2 ln 2 / half-life, from x(0) = offset and x'(0) = velocity."""
-    y, h = 2.0 * np.log(2.0) / half_life, 1e-4
-
-    def at(seconds: float) -> float:
-        return float(decay(np.array(offset), np.array(velocity), seconds, half_life))
-
-    assert at(0.0) == pytest.approx(offset, abs=1e-12)
-    assert (at(h) - at(-h)) / (2 * h) == pytest.approx(velocity, abs=0.05)
-    middle = 0.2
-    slope = (at(middle + h) - at(middle - h)) / (2 * h)
-    bend = (at(middle + h) - 2 * at(middle) + at(middle - h)) / h**2
-    assert bend == pytest.approx(-2 * y * slope - y * y * at(middle), abs=0.05)
-    assert abs(at(40.0 * half_life)) < 1e-6
 
 
 def test_the_search_finds_what_trying_all_rows_finds(model, base):
@@ -212,3 +202,19 @@ def test_a_database_is_kept_and_a_damaged_one_is_named(base, tmp_path):
     for name in ("wrong.npz", "cut.npz", "none.npz"):
         with pytest.raises(ModelError, match=name):
             Database.load(tmp_path / name)
+
+
+def test_a_folder_of_another_kind_is_opened_by_its_entry_point(base, tmp_path, monkeypatch):
+    folder = export(base, model_folder(), tmp_path / "database", "database")
+    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())
+    points = [
+        EntryPoint(name, value, group)
+        for group, named in project["project"]["entry-points"].items()
+        for name, value in named.items()
+    ]
+    monkeypatch.setattr("runtime.motion.model.entry_points", EntryPoints(points).select)
+    assert isinstance(load_model(folder), MatchingModel)
+    metadata = json.loads((folder / "metadata.json").read_text())
+    (folder / "metadata.json").write_text(json.dumps(metadata | {"kind": "clockwork"}))
+    with pytest.raises(ModelError, match="clockwork"):
+        load_model(folder)

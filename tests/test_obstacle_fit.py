@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from synthetic_clips import flat_patch
 from walker import walk
 
 from runtime.controls import Gait
@@ -9,7 +10,6 @@ from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
 from runtime.skeleton import SPORT_SKELETON
 from runtime.terrain.height_map import Terrain
 from training.data.clip_files import TrainingClip
-from training.data.height_patches import flat_patch
 from training.data.obstacle_clips import fitted_copies, load_clip, report
 from training.data.obstacle_fit import fit_obstacles, platform_ground, raised
 

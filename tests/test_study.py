@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from runtime.errors import FileError, UsageError
+from benchmarks.study import make
+from benchmarks.study.__main__ import main
+from benchmarks.study.make import Film, Scene, write_study
+from runtime.errors import FileError, UsageError, run_command
 from runtime.terrain.height_map import Terrain
-from sport.cli import main
-from sport.study import make
-from sport.study.make import Film, Scene, write_study
 
 METHODS = ("ours", "rival", "capture")
 SIZES = {"phone": (390, 844), "desktop": (1280, 900)}
@@ -92,7 +92,7 @@ def test_the_anova_is_the_textbooks_and_statsmodels(tmp_path: Path) -> None:
     from statsmodels.stats.anova import AnovaRM
     from statsmodels.stats.multicomp import pairwise_tukeyhsd
 
-    from sport.study.report import analyse, read_answers
+    from benchmarks.study.report import analyse, read_answers
 
     key = study(tmp_path)
     files = synthetic(tmp_path, key, RATINGS)
@@ -125,10 +125,12 @@ def test_counts_means_and_bars(tmp_path: Path, capsys: pytest.CaptureFixture[str
     key = study(tmp_path)
     files = [str(f) for f in synthetic(tmp_path, key, RATINGS)]
     where = ["--key", str(tmp_path / make.KEY)]
-    assert main(["study", "report", *files, *where]) == 2  # synthetic answers are no answers
+    assert (
+        run_command("study", lambda: main(["report", *files, *where])) == 2
+    )  # synthetic answers are no answers
     assert "synthetic" in capsys.readouterr().err
     more = ["--synthetic", "--json", str(tmp_path / "r.json"), "--figures", str(tmp_path / "figures")]
-    assert main(["study", "report", *files, *where, *more]) == 0
+    assert run_command("study", lambda: main(["report", *files, *where, *more])) == 0
     text = capsys.readouterr().out
     assert text.startswith("**Synthetic answers")
     found = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))
@@ -144,7 +146,7 @@ def test_counts_means_and_bars(tmp_path: Path, capsys: pytest.CaptureFixture[str
 
 
 def test_damaged_and_foreign_answers_are_named(tmp_path: Path) -> None:
-    from sport.study.report import read_answers
+    from benchmarks.study.report import read_answers
 
     key = study(tmp_path)
     (file,) = synthetic(tmp_path, key, RATINGS[:1])
@@ -167,7 +169,7 @@ def test_damaged_and_foreign_answers_are_named(tmp_path: Path) -> None:
 
 
 def test_the_later_answer_to_a_film_shown_again_counts(tmp_path: Path) -> None:
-    from sport.study.report import analyse, read_answers
+    from benchmarks.study.report import analyse, read_answers
 
     key = study(tmp_path)
     (file,) = synthetic(tmp_path, key, RATINGS[:1])
@@ -233,7 +235,7 @@ def downloaded(window: Any) -> Path:
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("keys", [False, True], ids=["mouse", "keyboard"])
 def test_a_page_is_filled_in_from_first_to_last(browser: Any, tmp_path: Path, size: str, keys: bool) -> None:
-    from sport.study.report import read_answers
+    from benchmarks.study.report import read_answers
 
     key = study(tmp_path, titles=1)
     browser.set_window_size(*SIZES[size])

@@ -161,8 +161,3 @@ def contact(labels: Tensor, squared_foot_velocity: Tensor) -> Tensor:
 def codes(target: Tensor, predicted: Tensor, weights: Tensor | float = 1.0) -> Tensor:
     """Eq. 14: mean squared error between E_d's codes Z^c and the denoiser's, `(B, K, n)`, weighted by `(B, 1, n)`."""
     return (weights * (predicted - target).square()).mean()
-
-
-def hard_contact(squared_foot_velocity: Tensor) -> Tensor:
-    """delta of Eq. 13, for evaluation."""
-    return (squared_foot_velocity <= CONTACT_SPEED).float()

@@ -97,13 +97,8 @@ def simple_name(name: str) -> str:
     return re.sub(r"^mixamorig\d*|[^a-z0-9]", "", bare.lower())
 
 
-def match_joints(names: Sequence[str]) -> dict[str, int]:
-    """SPORT joint name -> index into `names`, by the naming convention that recognises most joints."""
-    return match_names(names)[0]
-
-
 def match_names(names: Sequence[str]) -> tuple[dict[str, int], str]:
-    """What `match_joints` finds, and the convention that gave it."""
+    """SPORT joint name -> index into `names`, by the naming convention that recognises most joints, and which one that is."""
     best: tuple[dict[str, int], str] = ({}, "")
     for bare in (tuple(map(simple_name, names)), tuple(map(simple_name, _without_prefix(names)))):
         index: dict[str, int] = {}

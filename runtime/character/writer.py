@@ -1,11 +1,11 @@
-"""Skinned and animated GLB files from a `Character`, written atomically."""
+"""Skinned GLB files from a `Character`, written atomically."""
 
 from __future__ import annotations
 
 import os
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,10 +13,9 @@ from runtime import rotations
 from runtime.arrays import AnyArray
 from runtime.character.character import Character
 from runtime.errors import FileError
-from runtime.skeleton import SPORT_SKELETON
 
 if TYPE_CHECKING:
-    from pygltflib import GLTF2, Animation
+    from pygltflib import GLTF2
 
 
 _ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
@@ -24,42 +23,9 @@ _COMPONENT_TYPES = {"uint8": 5121, "uint16": 5123, "uint32": 5125, "float32": 51
 _ELEMENT_TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 
 
-class ClipLike(Protocol):
-    """What `save_animated_glb` needs of a clip."""
-
-    @property
-    def fps(self) -> float:
-        """Frames per second."""
-        ...
-
-    @property
-    def hips_positions(self) -> AnyArray:
-        """Hips `(T, 3)` in metres."""
-        ...
-
-    @property
-    def local_rotations(self) -> AnyArray:
-        """Quaternions `(T, 31, 4)` relative to the parent joint."""
-        ...
-
-
 def write_character(path: str | Path, character: Character, name: str = "character") -> None:
     """Write the character in its bind pose as a skinned GLB; FileError when the file cannot be written."""
     gltf, blob = _document(character, name)
-    _save(gltf, blob, Path(path))
-
-
-def save_animated_glb(character: Character, clip: ClipLike, path: str | Path) -> None:
-    """Write the character with `clip` as its animation: nodes, skin, mesh, one key per frame."""
-    local = np.asarray(clip.local_rotations, np.float64)
-    hips = np.asarray(clip.hips_positions, np.float64)
-    if len(local) < 1 or len(hips) != len(local):
-        raise FileError(
-            f"{path}: the clip has {len(local)} frames; at least one is needed.", "Record a clip first."
-        )
-    positions, world = SPORT_SKELETON.forward_kinematics(hips, local)
-    gltf, blob = _document(character, Path(path).stem)
-    gltf.animations = [_animation(gltf, blob, character, positions, world, clip.fps)]
     _save(gltf, blob, Path(path))
 
 
@@ -132,39 +98,6 @@ def local_transforms(character: Character, world: AnyArray) -> tuple[AnyArray, A
     scales = np.linalg.norm(local[..., :3, :3], axis=-2)
     turn = rotations.from_matrix(local[..., :3, :3] / np.maximum(scales[..., None, :], 1e-12))
     return local[..., :3, 3], turn, scales
-
-
-def _animation(
-    gltf: GLTF2, blob: bytearray, character: Character, positions: AnyArray, world: AnyArray, fps: float
-) -> Animation:
-    import pygltflib as g
-
-    matrices = character.joint_matrices(positions, world)
-    translations, quaternions, _ = local_transforms(character, matrices)
-    quaternions = rotations.normalize(rotations.continuous(quaternions))
-    times = (np.arange(len(positions)) / fps).astype(np.float32)[:, None]
-    time_accessor = _accessor(gltf, blob, times, bounds=True)
-    animation = g.Animation(name="clip", samplers=[], channels=[])
-
-    def add(node: int, path: str, values: AnyArray) -> None:
-        output = _accessor(gltf, blob, values.astype(np.float32))
-        animation.samplers.append(
-            g.AnimationSampler(input=time_accessor, output=output, interpolation="LINEAR")
-        )
-        target = g.AnimationChannelTarget(node=node, path=path)
-        animation.channels.append(g.AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
-
-    _, _, rest_scales = local_transforms(character, character.rest_world)
-    scale = np.linalg.norm(matrices[0, :, :3, :3], axis=-2)
-    for k in range(len(character.joint_names)):
-        add(k, "rotation", quaternions[:, k][:, [1, 2, 3, 0]])
-        if np.ptp(translations[:, k], axis=0).max() > 1e-5 or not np.allclose(
-            translations[0, k], np.array(gltf.nodes[k].translation), atol=1e-5
-        ):
-            add(k, "translation", translations[:, k])
-        if character.joint_parents[k] < 0 and not np.allclose(scale[k], rest_scales[k], atol=1e-5):
-            add(k, "scale", np.tile(scale[k], (len(positions), 1)))
-    return animation
 
 
 def _accessor(

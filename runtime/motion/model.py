@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, cast
 
@@ -30,6 +31,7 @@ from runtime.motion.style_mix import Style
 from runtime.skeleton import PART_NAMES
 from runtime.terrain.way_ahead import ObstacleAhead
 
+KINDS = "sport.models"  # entry points of other kinds of model: a class with the interface of `MotionModel`
 ARM_PARTS = 2  # of the six come first
 LISTS = 8  # of styles that are kept stacked: two calls of four threads
 MIN_STRENGTH, MAX_STRENGTH = 0.0, 2.0
@@ -235,8 +237,11 @@ def load_model(folder: Path | str | None = None, threads: int = 1, precision: st
     """
     folder = model_folder(folder)
     metadata = read_metadata(folder)
-    if metadata.get("kind") == "motion matching":  # a database with the interface of the networks
-        from runtime.motion.matching import MatchingModel
-
-        return cast(MotionModel, MatchingModel(folder, metadata))
-    return MotionModel(folder, metadata, threads, precision)
+    if "kind" not in metadata:
+        return MotionModel(folder, metadata, threads, precision)
+    kind = str(metadata["kind"])[:40]
+    for found in entry_points(group=KINDS, name=kind):
+        return cast(MotionModel, found.load()(folder, metadata))
+    raise ModelError(
+        f"{folder}: nothing installed plays a model of the kind '{kind}'.", "Install the program again."
+    )

@@ -24,13 +24,20 @@ from runtime.assets import model_folder
 from runtime.atomic import write_atomic
 from runtime.controls import Gait
 from runtime.errors import FileError, UsageError
-from runtime.motion import matching
-from runtime.motion.features import LAYOUT_VERSION, OUTPUT_SIZE, C, L, split_output
-from runtime.motion.matching import DATABASE, KIND, MAX_ROWS, STEP, Database, MatchingModel, feature_vectors
+from runtime.motion.features import INPUT, LAYOUT_VERSION, OUTPUT_SIZE, C, L, split_output
 from runtime.motion.model import load_model
 from runtime.motion.model_files import read_metadata
 from runtime.prompts.prompter import Prompter
 from runtime.skeleton import SPORT_SKELETON
+from training.baselines.matching import (
+    DATABASE,
+    KIND,
+    MAX_ROWS,
+    STEP,
+    Database,
+    MatchingModel,
+    feature_vectors,
+)
 from training.data.catalog import BY_NAME
 from training.evaluation.metrics.motion import original_clips
 from training.evaluation.motion.evaluated_model import style_texts
@@ -62,7 +69,7 @@ def clip_rows(frames: ClipFrames) -> ClipRows:
     hips[:, 1] -= frames.ground[::STEP, 0]
     joints = parts.joint_positions.copy()
     joints[..., 1] -= frames.ground[::STEP, :1]
-    gait = x[:, matching.INPUT["gait"]].reshape(len(x), L, -1)[:, L // 2].argmax(1)
+    gait = x[:, INPUT["gait"]].reshape(len(x), L, -1)[:, L // 2].argmax(1)
     return ClipRows(
         frames.style,
         feature_vectors(x, joints, parts.joint_velocities),

@@ -66,11 +66,6 @@ class Baseline(nn.Module):
         """Normalised y of normalised x; the phases are read off x itself."""
         raise NotImplementedError
 
-    @property
-    def alphas(self) -> int:
-        """Size of what stands for the experts' shares."""
-        return 1
-
 
 def present_phase(x: Tensor) -> Tensor:
     """Phase vectors `(B, 5, 2)` of the frame before, out of x `(B, 472)`."""

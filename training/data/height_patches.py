@@ -44,13 +44,6 @@ def grid_under(
     return (float(low[0]), float(low[1])), (n, m)
 
 
-def flat_patch(positions: Array) -> Patches:
-    """Exactly level ground as a 2 x 2 grid."""
-    low = positions[..., [0, 2]].reshape(-1, 2).min(0) - FLAT_MARGIN_M
-    high = positions[..., [0, 2]].reshape(-1, 2).max(0) + FLAT_MARGIN_M
-    return Patches(np.zeros((1, 2, 2)), (float(low[0]), float(low[1])), float((high - low).max()))
-
-
 def load_rollout_terrain(path: Path) -> tuple[Array, float]:
     """Heights `(n, m)` and cell, both in metres, of a height map of the rollouts."""
     try:

@@ -1,4 +1,4 @@
-"""`sport study make`: films of every method, blinded, in a page that needs no network.
+"""Films of every method, blinded, in a page that needs no network.
 
 The page holds the films under random names; which method made which is in `key.json` alone, which stays with whoever runs the
 study. Obstacles are crossed in a neutral style, walking and jogging (the paper's two animations of each), styles are walked on

@@ -27,6 +27,7 @@ from runtime.motion import features
 from runtime.motion.features import FPS, INPUT, OutputParts, build_output
 from runtime.motion.style_mix import Style
 from runtime.skeleton import SPORT_SKELETON, J
+from runtime.spring import spring
 from runtime.terrain.way_ahead import ObstacleAhead
 
 Indices = NDArray[np.integer]
@@ -56,7 +57,6 @@ GROUPS: dict[str, tuple[slice, float]] = {
     "gait": (slice(27, 33), 1.0),
 }
 SIZE = 33
-PATH = np.r_[0:12, 27:33]  # columns that the stick requests
 POSE = np.r_[12:27]  # columns of the shown pose
 
 
@@ -88,15 +88,6 @@ def scales(rows: Array) -> tuple[Array, Array]:
     for columns, weight in GROUPS.values():
         scale[columns] = weight / max(float(deviation[columns].mean()), 1e-6)
     return mean.astype(np.float32), scale
-
-
-def decay(offset: Array, velocity: Array, seconds: Array | float, half_life: float = HALF_LIFE) -> Array:
-    """What is left after some time of an offset that changes at `velocity`: a critically damped spring towards zero.
-
-    x(t) = e^(-y t) (x + (v + x y) t) with y = 2 ln 2 / half-life (Holden, "Spring-It-On", decay of a damped spring).
-    """
-    y = 2.0 * np.log(2.0) / half_life
-    return np.exp(-y * seconds) * (offset + (velocity + offset * y) * seconds)
 
 
 @dataclass(frozen=True)
@@ -363,8 +354,12 @@ class MatchingModel:
             found.append(self._changes[key])
         turn, spin, moved, speed, way = (np.stack(values) for values in zip(*found, strict=True))
         seconds = np.array([frames for _, _, frames in changes])[:, None] / FPS
-        turns = rotations.from_rotation_vector(decay(turn, spin, seconds[..., None]))
-        return turns, decay(moved, speed, seconds).sum(0), decay(way, np.zeros(3), seconds).sum(0)
+
+        def left_over(offset: Array, velocity: Array, at: Array = seconds) -> Array:
+            return spring(offset, velocity, np.zeros(3), HALF_LIFE, at)[0]
+
+        turns = rotations.from_rotation_vector(left_over(turn, spin, seconds[..., None]))
+        return turns, left_over(moved, speed).sum(0), left_over(way, np.zeros(3)).sum(0)
 
     def _change(self, left: int, entered: int) -> tuple[Array, ...]:
         """From one place to another: turn, its rate, the hips' difference, its rate, the root velocity's difference."""

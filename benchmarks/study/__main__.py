@@ -1,20 +1,20 @@
-"""`sport study`: a user study as a page without a network, and the report on its answers."""
+"""A user study as a page without a network, and the report on its answers: python -m benchmarks.study make | report."""
 
 from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 from runtime.assets import model_folder
 from runtime.atomic import check_target, write_atomic
-from runtime.errors import UsageError
-from sport.commands.arguments import Subparsers
+from runtime.errors import UsageError, run_command
 
 
-def add(commands: Subparsers) -> None:
-    """Declare the arguments."""
-    study = commands.add_parser("study", help="let people rate films of several methods, blind")
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one of the two parts; the exit code."""
+    study = argparse.ArgumentParser(prog="python -m benchmarks.study", description=__doc__)
     parts = study.add_subparsers(title="parts", metavar="make | report", required=True)
     make = parts.add_parser("make", help="draw the films and write the page")
     make.set_defaults(command=run_make)
@@ -45,12 +45,14 @@ def add(commands: Subparsers) -> None:
     report.add_argument(
         "--synthetic", action="store_true", help="accept answers that are marked as synthetic"
     )
+    options = study.parse_args(argv)
+    return int(options.command(options))
 
 
 def run_make(options: argparse.Namespace) -> int:
     """Draw, write, and say how the page is used."""
     _needs("sklearn")
-    from sport.study import make
+    from benchmarks.study import make
     from training.evaluation.motion.obstacles import COURSES
 
     if not 2.0 <= options.seconds <= 20.0:
@@ -77,7 +79,7 @@ def run_make(options: argparse.Namespace) -> int:
 def run_report(options: argparse.Namespace) -> int:
     """Print the report, write the files."""
     _needs("statsmodels", "scipy")
-    from sport.study import report
+    from benchmarks.study import report
 
     for target in (options.json, options.markdown):
         if target is not None:
@@ -106,6 +108,10 @@ def _needs(*packages: str) -> None:
     for package in packages:
         if find_spec(package) is None:
             raise UsageError(
-                f"sport study: the Python package '{package}' is not installed.",
+                f"study: the Python package '{package}' is not installed.",
                 "Run pip install -e '.[study]'.",
             )
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_command("study", main))

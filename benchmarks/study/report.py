@@ -1,4 +1,4 @@
-"""`sport study report`: what participants answered, with the tests of Sec. IV-D.
+"""What participants answered, with the tests of Sec. IV-D.
 
 Counts of the five steps (Fig. 10), means with deviation (Fig. 11), one-way repeated-measures ANOVA over participants, Tukey's HSD,
 and before them Kruskal-Wallis and Bartlett. Nothing here makes an answer up: files marked as synthetic are refused unless they are
@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.study.make import CAPTURE, FORMAT
 from runtime.arrays import Array
 from runtime.errors import FileError, UsageError
-from sport.study.make import CAPTURE, FORMAT
 
 STEPS = ("Extremely unsatisfied", "Unsatisfied", "Mediocre", "Satisfied", "Highly satisfied")
 AGAIN_AT = 2
@@ -79,7 +79,10 @@ def read_answers(files: Sequence[Path], key: Path, synthetic: bool = False) -> A
     secret = _read(key)
     clips, study = secret.get("clips"), secret.get("study")
     if secret.get("format") != f"{FORMAT}-key" or not isinstance(clips, dict):
-        raise FileError(f"{key}: not the key of a study.", "Name the key.json that `sport study make` wrote.")
+        raise FileError(
+            f"{key}: not the key of a study.",
+            "Name the key.json that `python -m benchmarks.study make` wrote.",
+        )
     ratings: list[Rating] = []
     known: dict[str, Path] = {}
     marked = False

@@ -58,7 +58,9 @@ class SessionFile:
     """The file of the session that is open."""
 
     database: Database
-    cache: Path  # folder for the files of characters; beside it is what this installation knows its own files by
+    cache: (
+        Path  # folder for the files of characters; beside it is what this installation knows its own files by
+    )
     _documents: DocumentWriter = field(init=False)
     _written: dict[int, Session] = field(default_factory=dict)  # steps of the file, by their numbers
     _known: set[str] = field(default_factory=set)  # blobs, motions and characters that the file has

@@ -112,7 +112,9 @@ class Takes:
         if (take.motion, take.mirrored, take.poses) == (shown.motion, shown.mirrored, shown.poses):
             playback.shown = take
         elif not self.editor.dragging:
-            self.jobs.submit(SHOWING, partial(_loaded, take, self.messages), partial(self._show, playback, take))
+            self.jobs.submit(
+                SHOWING, partial(_loaded, take, self.messages), partial(self._show, playback, take)
+            )
 
     def _show(self, playback: Playback, take: Take, loaded: tuple[Clip, Drive | None]) -> None:
         if self.playback is playback and playback.take == take:

@@ -458,6 +458,10 @@ def test_reading_only(session: Database, tmp_path: Path) -> None:
     with pytest.raises(FileError, match="reading only"):
         reader.submit(fill)
     assert sorted(path.name for path in session.path.parent.iterdir()) == before == ["a.sport"]
+    reader.save_copy(tmp_path / "copy.sport")
+    copy = Database.open(tmp_path / "copy.sport")
+    assert copy.steps() == [(1, "Record")]
+    copy.close()
     assert reader.close()
     with pytest.raises(FileError, match="closed"):
         reader.steps()

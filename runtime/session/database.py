@@ -22,6 +22,7 @@ from runtime.errors import FileError
 from runtime.session.sqlite_file import (
     APPLICATION_ID,
     LARGE_BYTES,
+    MAX_TEXT_BYTES,
     REMEDY,
     ROOM,
     SCHEMA_VERSION,
@@ -51,7 +52,6 @@ __all__ = ["APPLICATION_ID", "SCHEMA_VERSION", "SUFFIX", "Budget", "Database", "
 GATHER_S = 0.05  # that works wait for others before they are written
 IDLE_S = 1.0  # without work until the log goes into the file, and between two attempts where the disk takes nothing
 MAX_WAITING = 20_000  # works that wait for a disk; of a recording an hour and more
-MAX_TEXT_BYTES = 16 << 20  # of one document
 LEVEL = 1  # of zlib
 _LOG = logging.getLogger("sport.session")
 Work = Callable[["Writer"], None]
@@ -80,7 +80,7 @@ class Writer:
         self._counted.add(("motions", key))
         self._run(
             "INSERT INTO motions (key, header) VALUES (?, ?) ON CONFLICT (key) DO UPDATE SET header = excluded.header",
-            (key, _text(header)),
+            (key, header),
         )
 
     def put_frames(self, key: str, number: int, count: int, content: bytes) -> None:
@@ -96,7 +96,7 @@ class Writer:
     def put_step(self, number: int, label: str, document: str) -> None:
         """Keep a step of the session's history, or replace it."""
         self._counted.add(("steps", number))
-        self._run("INSERT OR REPLACE INTO steps VALUES (?, ?, ?)", (number, label, _text(document)))
+        self._run("INSERT OR REPLACE INTO steps VALUES (?, ?, ?)", (number, label, document))
 
     def drop_steps(self, first: int | None = None, before: int | None = None) -> None:
         """Remove the steps from `first` on, and those before `before`."""
@@ -133,12 +133,6 @@ class Writer:
             self._many(
                 f"DELETE FROM {table} WHERE {column} = ?", [row for row in found if row[0] not in kept]
             )
-
-
-def _text(document: str) -> str:
-    if len(document.encode()) > MAX_TEXT_BYTES:
-        raise ValueError(f"a text of more than {MAX_TEXT_BYTES >> 20} MB")
-    return document
 
 
 @dataclass

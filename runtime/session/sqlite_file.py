@@ -28,7 +28,8 @@ SUFFIX = ".sport"
 APPLICATION_ID = 0x53504F52  # "SPOR"
 SCHEMA_VERSION = 1
 MAX_BYTES = 1 << 29  # of the file, and of its log
-MAX_VALUE_BYTES = 1 << 28  # of one value as it is stored
+MAX_VALUE_BYTES = (1 << 28) + (1 << 20)  # of one row as it is stored
+MAX_TEXT_BYTES = 16 << 20  # of one text
 MAX_ROWS = 1_000_000  # of one table
 MAX_OPERATIONS = 400_000_000  # of SQLite's machine while a file is checked: a million rows cost a tenth
 # a small file makes no more than this, a large one a multiple of its size
@@ -44,14 +45,16 @@ TABLES = {
     "motions": "number INTEGER PRIMARY KEY, key TEXT UNIQUE, header TEXT",
     "frames": "motion TEXT, number INTEGER, count INTEGER, size INTEGER, content BLOB, PRIMARY KEY (motion, number)",
 }
-_CONTENT = f"typeof(size) = 'integer' AND size BETWEEN 0 AND {LARGE_BYTES} AND typeof(content) = 'blob'"
+_TEXT = f"typeof({{0}}) = 'text' AND length(CAST({{0}} AS BLOB)) <= {MAX_TEXT_BYTES}"
+_NUMBER = "typeof({0}) = 'integer' AND {0} BETWEEN {1} AND {2}"
+_CONTENT = f"{_NUMBER.format('size', 0, LARGE_BYTES)} AND typeof(content) = 'blob'"
 _SOUND = {  # what is true of each row
-    "meta": "typeof(name) = 'text' AND typeof(value) IN ('text', 'blob')",
-    "steps": "typeof(label) = 'text' AND typeof(document) = 'text'",
-    "blobs": f"typeof(key) = 'text' AND {_CONTENT}",
-    "motions": "typeof(key) = 'text' AND typeof(header) = 'text'",
-    "frames": "typeof(motion) = 'text' AND typeof(number) = 'integer' AND number BETWEEN 0 AND 1000000 "
-    f"AND typeof(count) = 'integer' AND count BETWEEN 1 AND 1000000 AND {_CONTENT}",
+    "meta": f"{_TEXT.format('name')} AND (typeof(value) = 'blob' OR {_TEXT.format('value')})",
+    "steps": f"{_TEXT.format('label')} AND {_TEXT.format('document')}",
+    "blobs": f"{_TEXT.format('key')} AND {_CONTENT}",
+    "motions": f"{_TEXT.format('key')} AND {_TEXT.format('header')}",
+    "frames": f"{_TEXT.format('motion')} AND {_NUMBER.format('number', 0, 1_000_000)} "
+    f"AND {_NUMBER.format('count', 1, 1_000_000)} AND {_CONTENT}",
 }
 _SAID = {
     sqlite3.SQLITE_FULL: f"there is no room left, or the session has reached {MAX_BYTES >> 20} MB",
@@ -63,7 +66,7 @@ _SAID = {
     sqlite3.SQLITE_LOCKED: "another program keeps it busy",
     sqlite3.SQLITE_CORRUPT: "it is damaged",
     sqlite3.SQLITE_NOTADB: "it is no session",
-    sqlite3.SQLITE_CONSTRAINT: "its rows contradict each other",
+    sqlite3.SQLITE_CONSTRAINT: "a value is not as it must be",
 }
 
 

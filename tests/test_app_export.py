@@ -41,7 +41,7 @@ def export(app: App, folder: Path, suffix: str, **form: object) -> Path:
     run(app, 2)
     click_on(app, "##export now")
     run(app, 2)
-    report = app.state.desk.exports
+    report = app.exporting.state
     assert report.report_good, report.report
     return folder / f"take-1{suffix}"
 

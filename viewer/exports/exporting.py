@@ -251,7 +251,7 @@ class Exporting:
             self.state.report, self.state.report_good = "Cancelled: nothing was written.", True
             self.messages.note(f"The export of {take.title} was cancelled.")
             return
-        self.takes.note_file(replace(take, motion=None) if held is None else held, path)
+        self.takes.note_file(path, take.number, held)
         self.takes.settings.export_folder = str(path.parent)
         self.state.report, self.state.report_good = f"Saved {printable(text)}", True
         self.messages.note(f"Saved {text}")

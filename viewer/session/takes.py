@@ -58,8 +58,14 @@ class Takes:
     naming_begins: bool = False
     _recording: Recording | None = None
     _written: int = 0  # number of the first frame that is not written down yet
+<<<<<<< HEAD
     _known: object = None  # the last keyframe and change that are written down
     _files: dict[Path, Take] = field(default_factory=dict)  # what a BVH of this run holds
+=======
+    _known: tuple[int, int] = (0, 0)  # keyframes and changes that are written down
+    # files of this run, by whose number and what they hold; None: the take otherwise than it is
+    _files: dict[Path, tuple[int, object]] = field(default_factory=dict)
+>>>>>>> h-tests1
     _proposed: str | None = None  # what was put into the export field, until something else is typed
     _target: Path | None = None  # the file that it means: a name may hold what no field can show
     _seen: tuple[Terrain, Terrain] | None = None  # a ground, as a take of another size sees it
@@ -425,14 +431,17 @@ class Takes:
     def saved(self, take: Take) -> Path | None:
         """The BVH of this run that holds what the take keeps; None where there is none any more."""
         content = _content(take)
+<<<<<<< HEAD
         files = reversed(self._files.items())  # the one written last comes first
         found = (path for path, held in files if held.motion and _content(held) == content)
+=======
+        found = (path for path, (_, held) in reversed(self._files.items()) if held == content)
+>>>>>>> h-tests1
         return next((path for path in found if path.is_file()), None)
 
     def exported(self, take: Take) -> Path | None:
         """The file of this run that was written last of the take, whatever it holds."""
-        found = [path for path, held in self._files.items() if held.number == take.number]
-        return found[-1] if found else None
+        return next((path for path, (by, _) in reversed(self._files.items()) if by == take.number), None)
 
     def _propose(self) -> None:
         """Fill the export field with the file that this run wrote of the take, or with a name that is free."""
@@ -460,7 +469,7 @@ class Takes:
             if self.export_path == self._proposed and self._target is not None:
                 self._propose()  # another program may have taken the name since
                 path = self._target
-                new = self._files.get(path, Take()).number != take.number
+                new = self._files.get(path, (LIVE, None))[0] != take.number
             else:
                 self._proposed = None  # typed: whatever is typed from now on is meant
                 path = export_target(self.export_path)
@@ -478,14 +487,18 @@ class Takes:
         )
 
     def _exported(self, take: Take, path: Path) -> None:
-        self.note_file(take, path)
+        self.note_file(path, take.number, take)
         self.settings.export_folder = str(path.parent)
         self.messages.note(f"Saved {path}")
 
-    def note_file(self, take: Take, path: Path) -> None:
-        """A file was written of a take."""
+    def note_file(self, path: Path, number: int, held: Take | None) -> None:
+        """A file was written of a take, and holds it as `held`; None for another form."""
         self._files.pop(path, None)
-        self._files[path] = take
+        self._files[path] = number, None if held is None else _content(held)
+
+    def forget_files(self) -> None:
+        """Another session is open, which gives the numbers to other takes."""
+        self._files.clear()
 
     def export_all(self) -> None:
         """Write what every take keeps as BVH under its own name into the export folder; no file is replaced."""
@@ -503,7 +516,7 @@ class Takes:
 
         def done(paths: list[Path]) -> None:
             for take, path in zip(takes, paths, strict=True):
-                self.note_file(take, path)
+                self.note_file(path, take.number, take)
             self.messages.note(f"Saved {len(paths)} takes in {folder}")
 
         self.jobs.submit(EXPORT_ALL, work, done, writing="the export of all takes")

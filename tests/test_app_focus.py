@@ -189,11 +189,7 @@ def test_a_take_kept_by_a_slip_is_taken_back(start: Start) -> None:
     run(app, 2)
     press(app, "ctrl", "z")  # the newest change comes first
     assert len(app.editor.session.takes) == 1
-<<<<<<< HEAD
-    assert app.editor.redo_label
-=======
     assert "a zombie" in app.editor.redo_label
->>>>>>> h-tests1
 
 
 def test_every_panel_is_reached_and_used_by_keys(start: Start) -> None:

@@ -58,14 +58,9 @@ class Takes:
     naming_begins: bool = False
     _recording: Recording | None = None
     _written: int = 0  # number of the first frame that is not written down yet
-<<<<<<< HEAD
     _known: object = None  # the last keyframe and change that are written down
-    _files: dict[Path, Take] = field(default_factory=dict)  # what a BVH of this run holds
-=======
-    _known: tuple[int, int] = (0, 0)  # keyframes and changes that are written down
     # files of this run, by whose number and what they hold; None: the take otherwise than it is
     _files: dict[Path, tuple[int, object]] = field(default_factory=dict)
->>>>>>> h-tests1
     _proposed: str | None = None  # what was put into the export field, until something else is typed
     _target: Path | None = None  # the file that it means: a name may hold what no field can show
     _seen: tuple[Terrain, Terrain] | None = None  # a ground, as a take of another size sees it
@@ -431,12 +426,7 @@ class Takes:
     def saved(self, take: Take) -> Path | None:
         """The BVH of this run that holds what the take keeps; None where there is none any more."""
         content = _content(take)
-<<<<<<< HEAD
-        files = reversed(self._files.items())  # the one written last comes first
-        found = (path for path, held in files if held.motion and _content(held) == content)
-=======
         found = (path for path, (_, held) in reversed(self._files.items()) if held == content)
->>>>>>> h-tests1
         return next((path for path in found if path.is_file()), None)
 
     def exported(self, take: Take) -> Path | None:

@@ -58,7 +58,9 @@ class SessionFile:
     """The file of the session that is open."""
 
     database: Database
-    cache: Path  # folder for the files of characters; beside it is what this installation knows its own files by
+    cache: (
+        Path  # folder for the files of characters; beside it is what this installation knows its own files by
+    )
     _documents: DocumentWriter = field(init=False)
     _written: dict[int, Session] = field(default_factory=dict)  # steps of the file, by their numbers
     _known: set[str] = field(default_factory=set)  # blobs, motions and characters that the file has
@@ -149,7 +151,7 @@ class SessionFile:
 
         def work(writer: Writer) -> None:
             self._begin(writer)
-            held = [known.key for known in self._held.valuerefs() if known() is not None]  # type: ignore[attr-defined]
+            held = [known.key for known in self._held.valuerefs() if known() is not None]
             motions, blobs = _used(writer, held)
             writer.keep_only(motions, blobs)
             self._known &= motions | blobs

@@ -209,7 +209,13 @@ class Exporting:
             driven = None if drive is None else drive.ground(0)
             if driven is not None:
                 return driven.terrain
-            return take.ground.terrain if take.ground is not None else shown if is_shown else scene.read_ground(spec)
+            return (
+                take.ground.terrain
+                if take.ground is not None
+                else shown
+                if is_shown
+                else scene.read_ground(spec)
+            )
 
         return found
 

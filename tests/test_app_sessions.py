@@ -6,6 +6,7 @@ import os
 import shutil
 import sqlite3
 import tempfile
+import time
 from contextlib import closing
 from pathlib import Path
 
@@ -380,7 +381,10 @@ def test_a_full_disk_is_said_with_a_remedy_and_nothing_is_lost_once_there_is_roo
     assert app.editor.file.flush(10.0)
     is_full = full(monkeypatch)
     record(app)
-    run_until(app, lambda: "No space left" in said(app))
+    run_until(app, lambda: app.editor.file.problem != "")
+    app.messages.clock = lambda: time.monotonic() + 60.0  # what was said since has faded
+    run(app, 2)
+    assert "No space left" in said(app)
     assert sqlite_file.ROOM in said(app)
     assert "in memory only" in said(app)
     app.takes.play(2)  # it still plays and is edited
@@ -638,7 +642,7 @@ def test_a_session_is_opened_while_frames_are_shown_and_the_one_before_is_kept(
     start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With threads, as in a window: what is done while another session is read belongs to the one before."""
-    monkeypatch.setattr("viewer.app.Jobs", lambda messages, blocking: Jobs(messages))
+    monkeypatch.setattr("viewer.workspace.Jobs", lambda messages, blocking: Jobs(messages))
     app = start()
     run_until(app, lambda: app.scene.controller is not None and app.editor.session.ground is not None)
     record(app)

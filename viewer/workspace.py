@@ -195,9 +195,11 @@ class Workspace:
         self.sessions.dialogs.ask(DialogKind.OPEN, title, start, done, filters)
 
     def _picture(self) -> bytes:
-        """A small PNG of the view, to know the session by."""
+        """A small PNG of the view, to know the session by; b"" before there is one."""
         from PIL import Image
 
+        if self.window.framebuffer is None:
+            return b""
         picture = Image.fromarray(self.window.read_pixels()[..., :3])
         picture.thumbnail((PICTURE_WIDTH, PICTURE_WIDTH))
         file = io.BytesIO()

@@ -151,7 +151,7 @@ class SessionFile:
 
         def work(writer: Writer) -> None:
             self._begin(writer)
-            held = [known.key for known in self._held.valuerefs() if known() is not None]  # type: ignore[attr-defined]
+            held = [known.key for known in self._held.valuerefs() if known() is not None]
             motions, blobs = _used(writer, held)
             writer.keep_only(motions, blobs)
             self._known &= motions | blobs

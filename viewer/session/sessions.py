@@ -375,12 +375,11 @@ class Sessions:
         """Write the view now and then, and say when the file cannot be written; call once a frame."""
         self.dialogs.poll()
         problem = self.editor.file.problem
-        if problem != self._said:
-            self._said = problem
-            if problem:
-                self.messages.error(f"{problem} Until then it is in memory only.", PROBLEM)
-            else:
-                self.messages.settle(PROBLEM)
+        if problem and (problem != self._said or self.messages.current is None):
+            self.messages.error(f"{problem} Until then it is in memory only.", PROBLEM)
+        elif self._said and not problem:
+            self.messages.settle(PROBLEM)
+        self._said = problem
         if time.monotonic() - self._viewed_s > VIEW_S and not self._is_empty:
             if self._view() != self._viewed:
                 self._write_view()

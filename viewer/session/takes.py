@@ -113,13 +113,16 @@ class Takes:
         if (take.motion, take.mirrored, take.poses) == (shown.motion, shown.mirrored, shown.poses):
             playback.shown = take
         elif not self.editor.dragging:
-            self.jobs.submit(
-                SHOWING, partial(_loaded, take, self.messages), partial(self._show, playback, take)
-            )
+            self.jobs.submit(SHOWING, partial(_loaded, take), partial(self._show, playback, take))
 
-    def _show(self, playback: Playback, take: Take, loaded: tuple[Clip, Drive | None]) -> None:
+    def _show(
+        self, playback: Playback, take: Take, loaded: tuple[Clip, Drive | None, SportError | None]
+    ) -> None:
+        clip, drive, problem = loaded
+        if problem is not None:
+            self.messages.error(problem)
         if self.playback is playback and playback.take == take:
-            playback.show(take, *loaded)
+            playback.show(take, clip, drive)
 
     # --- recording
 
@@ -359,8 +362,10 @@ class Takes:
         if take is None or take.motion is None:
             return
 
-        def begin(loaded: tuple[Clip, Drive | None]) -> None:
-            now, (clip, drive) = self.session.take(number), loaded
+        def begin(loaded: tuple[Clip, Drive | None, SportError | None]) -> None:
+            now, (clip, drive, problem) = self.session.take(number), loaded
+            if problem is not None:
+                self.messages.error(problem)
             if now is None:
                 return
             live = self.scene.terrain
@@ -371,7 +376,7 @@ class Takes:
                 self.playback.shown = take
                 self._refresh(self.playback, now)
 
-        self.jobs.submit(PLAYING, partial(_loaded, take, self.messages), begin)
+        self.jobs.submit(PLAYING, partial(_loaded, take), begin)
 
     def ground_to_show(self) -> Ground:
         """The ground to draw: that of the take that plays, in the frame that is shown, or the live one."""
@@ -512,17 +517,13 @@ class Takes:
         self.jobs.submit(EXPORT_ALL, work, done, writing="the export of all takes")
 
 
-def _loaded(take: Take, messages: Messages) -> tuple[Clip, Drive | None]:
-    """The frames of a take as they are shown, and what drove it; on any thread, FileError.
-
-    A take whose input is damaged plays; that it is damaged is said.
-    """
+def _loaded(take: Take) -> tuple[Clip, Drive | None, SportError | None]:
+    """The frames of a take as they are shown, what drove it, and why that cannot be read; on any thread, FileError."""
     clip = take.clip
     try:
-        return clip, None if take.mirrored else take.made.drive
+        return clip, None if take.mirrored else take.made.drive, None
     except SportError as error:
-        messages.error(error)
-        return clip, None
+        return clip, None, error
 
 
 def _content(take: Take) -> tuple[object, ...]:

@@ -11,7 +11,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ import pytest
 from runtime.assets import PROJECT_ROOT
 from runtime.errors import FileError, UsageError
 from sport import cli, clips
-from sport.batch import local, manifest, work
+from sport.batch import executors, manifest, run, work
 from sport.batch.plan import Task, plan
 from sport.batch.progress import BatchProgress
 from sport.batch.rows import BatchRow, read_rows
@@ -148,19 +149,20 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         print(f"sport: {options.out}: 60 frames")
         print("sport: “drunk”: hardly shown", file=sys.stderr)
 
-    def run_local(
-        tasks: Sequence[Task], target: Path, scratch: Path, workers: int
-    ) -> Iterator[dict[str, Any]]:
-        for task in tasks:
+    class Here(Executor):
+        """Makes a row when it is submitted."""
+
+        def submit(self, function: Any, /, task: Task) -> Future:  # type: ignore[override]
             if task.options.prompt == "stop":
                 raise KeyboardInterrupt
-            line = work.Maker().make(task, scratch / str(task.number))
-            if not line["error"]:
-                work.put(scratch / str(task.number), line, target)
-            yield line
+            future: Future = Future()
+            future.set_result(function(task))
+            return future
 
     monkeypatch.setattr(clips, "write_clips", write_clips)
-    monkeypatch.setattr(local, "run_local", run_local)
+    monkeypatch.setattr(run, "processes", lambda workers: Here())
+    monkeypatch.setattr(work, "AHEAD", 1)
+    monkeypatch.setattr(run, "cores", lambda: 1)
     return made
 
 
@@ -188,7 +190,6 @@ def test_failures_are_listed_and_end_nothing(
     assert "2 of 4 clips" in said.out
     assert "2 failed" in said.out
     assert "sport: row 2: 00002.bvh: cannot. Try another." in said.err
-    assert not (folder / ".sport-batch").exists()
 
 
 def test_a_second_run_makes_what_is_missing_changed_or_failed(fake: list[str], tmp_path: Path) -> None:
@@ -214,13 +215,11 @@ def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(
     assert sorted(p.name for p in folder.glob("*.bvh")) == ["00001.bvh", "00002.bvh"]
     with (folder / manifest.NAME).open("a") as file:
         file.write('{"row": 3, "err')  # as a crash cuts it off
-    (folder / ".sport-batch" / "x").mkdir(parents=True)
     fake.clear()
     code, folder = batch(tmp_path, "old", "drunk", "tired", "proud")
     assert code == 0
     assert fake == ["tired", "proud"]
     assert [line["row"] for line in lines(folder)] == [1, 2, 3, 4]
-    assert not (folder / ".sport-batch").exists()
 
 
 def test_two_batches_do_not_write_into_one_folder(
@@ -270,11 +269,12 @@ class Deadly:
 
 
 def test_a_worker_that_dies_costs_its_row_alone(tmp_path: Path) -> None:
-    good = [task for task in planned({"seconds": "0.1"}, {"seconds": "-1"})[0]]
+    good = planned({"seconds": "0.1"}, {"seconds": "-1"})[0]
     bad = Task(9, {"deadly": Deadly()}, good[0].options, "")
     target = tmp_path / "clips"
-    found = {line["row"]: line for line in local.run_local([bad, *good], target, tmp_path / "scratch", 1)}
-    assert found[9]["error"] == "the process that made it ended (exit code 7)"
+    made = work.make_rows([bad, *good], target, lambda: executors.processes(1), 1)
+    found = {line["row"]: line for line in made}
+    assert found[9]["error"] == "the process that made it ended"
     assert found[1]["error"] is None
     assert "--seconds" not in found[2]["error"]
     assert "seconds -1: expected" in found[2]["error"]

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
-import shutil
 import sys
-import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,12 +13,14 @@ from typing import Any
 from runtime.errors import FileError, UsageError
 from runtime.file_lock import open_locked
 from runtime.safe_read import printable
+from sport.batch.executors import RayExecutor, cores, processes
 from sport.batch.manifest import Manifest, entry
 from sport.batch.plan import NOT_COLUMNS, RowParser, Task, plan
 from sport.batch.progress import BatchProgress
 from sport.batch.rows import read_rows
+from sport.batch.work import make_rows
 
-SCRATCH, LOCK = ".sport-batch", ".sport-batch.lock"
+LOCK = ".sport-batch.lock"
 MAX_WORKERS = 1024
 
 
@@ -33,7 +33,6 @@ def run_batch(options: argparse.Namespace, parser: RowParser) -> int:
     base = {name: value for name, value in vars(options).items() if name not in (*NOT_COLUMNS, "command")}
     tasks, refused = plan(rows, parser, argparse.Namespace(**base))
     with _held(folder):
-        shutil.rmtree(folder / SCRATCH, ignore_errors=True)  # of a run that was killed
         manifest = Manifest(folder)
         missing = [task for task in tasks if not manifest.done(task)]
         progress = BatchProgress(len(rows), len(tasks) - len(missing))
@@ -50,23 +49,18 @@ def run_batch(options: argparse.Namespace, parser: RowParser) -> int:
             raise
         finally:
             manifest.close()
-            shutil.rmtree(folder / SCRATCH, ignore_errors=True)
         _report(manifest, [row.number for row in rows], progress)
     return int(progress.failed > 0)
 
 
 def _lines(tasks: list[Task], folder: Path, options: argparse.Namespace) -> Iterator[dict[str, Any]]:
-    from sport.batch.local import cores, run_local
-
-    scratch = folder / SCRATCH / uuid.uuid4().hex[:12]
-    workers = options.workers or cores()
     if not tasks:
         return iter(())
+    workers = options.workers or cores()
     if options.ray is not None:
-        from sport.batch.cluster import run_ray
-
-        return run_ray(tasks, folder, scratch, options.ray, workers)
-    return run_local(tasks, folder, scratch, min(workers, len(tasks)))
+        cluster = RayExecutor(options.ray, workers)
+        return make_rows(tasks, folder, lambda: cluster, cluster.workers)
+    return make_rows(tasks, folder, lambda: processes(min(workers, len(tasks))), workers)
 
 
 def _note(line: dict[str, Any], manifest: Manifest, progress: BatchProgress) -> None:

@@ -101,7 +101,7 @@ def test_everything_is_there_again_and_takes_can_still_be_edited(start: Start, t
     for name in ("dunes.png", "me.glb"):
         (tmp_path / name).unlink()  # the session needs neither
 
-    again = start(project=str(tmp_path / "walks.sport"))
+    again = start(session=str(tmp_path / "walks.sport"))
     run(again, 5)
     assert text_of(again.editor.session) == before
     assert (again.editor.undo_label, again.editor.redo_label) == (undo, redo)
@@ -129,7 +129,7 @@ def test_an_empty_list_of_takes_is_a_session_too(start: Start, tmp_path: Path) -
     app.prompting.submit_prompt("a proud king")
     app.sessions.save_as(tmp_path / "words.sport")
     app.close()
-    again = start(project=str(tmp_path / "words.sport"))
+    again = start(session=str(tmp_path / "words.sport"))
     assert prompt(again) == "a proud king"
 
 
@@ -323,7 +323,7 @@ def test_a_named_session_that_was_cut_off_has_it_all_when_it_is_opened(start: St
     app.sessions.begin(None, looking=True)
     assert app.sessions.cut_off is None  # no file but its own
     app.sessions.open_last()
-    app.settings.recent_projects = [str(tmp_path / "a.sport")]
+    app.settings.recent_sessions = [str(tmp_path / "a.sport")]
     app.sessions.open_last()
     assert titles(app) == ["after it was saved", "Take 2"]
     assert "Recovery of Take 2: it was cut off." in said(app)
@@ -516,7 +516,7 @@ def test_damaged_frames_are_said_when_the_take_is_played_and_the_rest_goes_on(
             "SELECT key FROM motions WHERE key NOT LIKE '%.input' ORDER BY number"
         ).fetchone()[0]
         connection.execute("UPDATE frames SET content = zeroblob(9) WHERE motion LIKE ?", (f"{key}%",))
-    app = start(project=str(path))
+    app = start(session=str(path))
     run(app, 2)
     for use in (
         lambda: app.takes.play(1),

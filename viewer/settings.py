@@ -119,7 +119,7 @@ class Settings:
     text_size: float = specified(1.0, choices={0.9: "Small", 1.0: "Normal", 1.15: "Large"})
     model_folder: str = ""  # name of a shipped model or folder of an exported one; "": the default
     first_minute_seen: bool = False
-    recent_projects: list[str] = field(default_factory=list)  # newest first
+    recent_sessions: list[str] = field(default_factory=list)  # newest first
     prompt_history: list[str] = field(default_factory=list)  # newest first
     # what answers prompts; "" is what the environment says
     expander: str = specified("", choices={"": "", "library": "Library", "gpt": "Language model"})

@@ -172,7 +172,7 @@ class Workspace:
             self.jobs.submit(Slot("sweep"), self._sweep, lambda _: None)
             if not settings.first_minute_seen:
                 self.guide.begin()
-        self.sessions.begin(options.project, looking=not options.offscreen)
+        self.sessions.begin(options.session, looking=not options.offscreen)
         failure = self.jobs.first_error or prompting.first_error
         if options.offscreen and failure is not None:
             raise failure  # there is no status line to read it in

@@ -118,7 +118,7 @@ class Sessions:
     @property
     def recent(self) -> list[Path]:
         """Named sessions that were open last, newest first."""
-        return [Path(text) for text in self.settings.recent_projects[:MAX_RECENT]]
+        return [Path(text) for text in self.settings.recent_sessions[:MAX_RECENT]]
 
     @property
     def cut_off(self) -> SessionSummary | None:
@@ -280,8 +280,8 @@ class Sessions:
 
     def _remember(self, path: Path) -> None:
         text = str(path.absolute())
-        rest = [known for known in self.settings.recent_projects if known != text]
-        self.settings.recent_projects = [text, *rest][:MAX_RECENT]
+        rest = [known for known in self.settings.recent_sessions if known != text]
+        self.settings.recent_sessions = [text, *rest][:MAX_RECENT]
 
     def _home(self) -> Path:
         return self.recent[0].parent if self.recent else Path(self.settings.export_folder).expanduser()
@@ -356,16 +356,16 @@ class Sessions:
 
     # --- while it is open
 
-    def begin(self, project: str | None, looking: bool) -> None:
+    def begin(self, session: str | None, looking: bool) -> None:
         """Find the sessions of other runs, and open the one of the command line; "last" is the one open last."""
         if looking:
             self.look()
             if self.cut_off is not None:
                 self.messages.warn(f"Cut off: {describe(self.cut_off)}. Takes: Reopen or Discard.")
-        if project == "last":
+        if session == "last":
             self.open_last()
-        elif project is not None:
-            self.open(Path(project))
+        elif session is not None:
+            self.open(Path(session))
 
     def look(self) -> None:
         """Find the untitled sessions of other runs."""

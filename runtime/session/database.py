@@ -502,6 +502,10 @@ class Database:
         for number, count in rows:
             yield count, self._content("frames", "motion = ? AND number = ?", key, number)
 
+    def frame_count(self, key: str) -> int:
+        """How many frames the pieces of a motion say they have."""
+        return sum(count for (count,) in self._rows("frames", "count", (int,), "8", "motion = ?", key))
+
     def meta(self, name: str, default: str = "") -> str:
         """The text under a name."""
         rows = self._rows("meta", "value", (str,), "length(CAST(value AS BLOB))", "name = ?", name)

@@ -36,6 +36,7 @@ from runtime.session.history import History, Step
 from runtime.session.inputs import InputReader, pack_sticks, unpack_sticks
 from runtime.session.motion import Motion, MotionHeader
 from runtime.session.session import CharacterChoice, Session, Take
+from runtime.session.sqlite_file import file_errors
 from runtime.skeleton import J
 from runtime.takes.clip import Clip, are_poses
 from runtime.takes.drive import Drive
@@ -266,20 +267,19 @@ class SessionFile:
             return self._clips[key]
 
     def _read_clip(self, key: str, header: MotionHeader) -> Clip:
-        budget, count = self._budget(), header.frames
-        budget.spend(CLIP_BYTES * count)
-        hips, rotations = np.empty((count, 3), np.float32), np.empty((count, J, 4), np.float32)
-        contacts, gaits = np.empty((count, 4), np.float32), np.empty(count, np.int8)
-        at = 0
-        for size, content in self._pieces(key):
-            part = slice(at, at + size)
-            at += size
-            if at > count:
-                break
-            frames = unpacked_frames(content[: BYTES * size], size)
-            hips[part], rotations[part], contacts[part], gaits[part] = frames
-        if at != count:
-            raise FileError(f"{self.path}: {header.name} has {at} frames of {count}.", REMEDY)
+        count, found = header.frames, self._frame_count(key)
+        if found != count:
+            raise FileError(f"{self.path}: {header.name} has {found} frames of {count}.", REMEDY)
+        with file_errors(self.path):
+            self._budget().spend(CLIP_BYTES * count)
+            hips, rotations = np.empty((count, 3), np.float32), np.empty((count, J, 4), np.float32)
+            contacts, gaits = np.empty((count, 4), np.float32), np.empty(count, np.int8)
+            at = 0
+            for size, content in self._pieces(key):
+                part = slice(at, at + size)
+                frames = unpacked_frames(content[: BYTES * size], size)
+                hips[part], rotations[part], contacts[part], gaits[part] = frames
+                at += size
         clip = header.clip(hips, rotations, contacts, gaits)
         check_motion(clip, self.path)
         return clip
@@ -298,6 +298,10 @@ class SessionFile:
             return InputReader(reader.blobs).drive(value, DrivenFrames(table))
 
         return reader.checked(read)
+
+    def _frame_count(self, key: str) -> int:
+        """Frames that the pieces of a motion say they have."""
+        return self.database.frame_count(key) + self.database.frame_count(key + TAIL)
 
     def _pieces(self, key: str) -> Iterator[tuple[int, bytes]]:
         for count, content in (*self.database.frames(key), *self.database.frames(key + TAIL)):
@@ -440,9 +444,8 @@ def _opened(database: Database, cache: Path) -> tuple[SessionFile, History]:
     steps = [Step(number, label, reader.session(database.step(number))) for number, label in database.steps()]
     history = History()
     if steps:
-        at = database.meta("at")
-        numbers = [step.number for step in steps]
-        present = numbers.index(int(at)) if at.isdecimal() and int(at) in numbers else len(steps) - 1
+        numbers, at = [str(step.number) for step in steps], database.meta("at")
+        present = numbers.index(at) if at in numbers else len(steps) - 1
         history = History(steps, present)
     motions = {key for key in database.motions() if not key.endswith(INPUT)}
     file._written = {step.number: step.session for step in steps}
@@ -463,7 +466,7 @@ def _recover(file: SessionFile, history: History, key: str, header: MotionHeader
     """Take up a recording that was cut off, as far as its frames are there."""
     from runtime.session.edits import with_new_take
 
-    frames = sum(count for count, _ in file._pieces(key))
+    frames = file._frame_count(key)
     if not frames:
         return
     header = replace(header, frames=frames)

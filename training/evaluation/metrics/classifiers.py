@@ -23,7 +23,6 @@ MERGED: dict[str, str] = {
     "exhausted": "tired",
 }
 MIN_TRAINING_WINDOWS, MIN_HELD_OUT_WINDOWS = 40, 3
-BAR = 0.8  # of the held-out score
 
 
 def merged(label: str) -> str:
@@ -76,16 +75,6 @@ class Recognition:
     score: dict[str, float]
     merged_score: dict[str, float]
     taken_for: dict[str, str]  # the most frequent answer of each style
-
-    @property
-    def mean(self) -> float:
-        """Over styles."""
-        return float(np.mean(list(self.score.values()))) if self.score else float("nan")
-
-    @property
-    def merged_mean(self) -> float:
-        """Over styles, look-alikes counted as one."""
-        return float(np.mean(list(self.merged_score.values()))) if self.merged_score else float("nan")
 
 
 def recognition(answers: Mapping[str, Sequence[str]]) -> Recognition:

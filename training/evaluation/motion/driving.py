@@ -271,7 +271,7 @@ def run_course(
 
 
 def _nearest(course: Array, root: Array, last: int) -> int:
-    """The nearest point among those ahead of the last one: the way round is never cut short."""
+    """The nearest point among those ahead of the last one: the ring is never cut short."""
     ahead = (last + np.arange(-5, POINTS // 12)) % POINTS
     return int(ahead[np.argmin(np.square(course[ahead] - root).sum(-1))])
 

@@ -1,4 +1,4 @@
-"""Six obstacle courses: a straight way along +Z at full stick, and its scores by style and gait."""
+"""Six obstacle courses: a straight path along +Z at full stick, and its scores by style and gait."""
 
 from __future__ import annotations
 
@@ -27,13 +27,12 @@ from training.evaluation.motion.driving import Recorder
 from training.evaluation.motion.evaluated_model import EvaluatedModel
 
 BEYOND_M = 1.5  # behind the last obstacle the run is over
-SPARE_S = 25.0  # that a run may take longer than the way at full stick
-STAND_S = 1.0  # at the start mark
+SPARE_S = 25.0  # that a run may take longer than the path at full stick
 
 
 @dataclass(frozen=True)
 class ObstacleCourse:
-    """Ground with obstacles along +Z; of stairs and hills the whole way is one."""
+    """Ground with obstacles along +Z; of stairs and hills the whole path is one."""
 
     name: str
     title: str

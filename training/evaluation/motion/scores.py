@@ -42,21 +42,21 @@ class Followed:
     windows: WindowSet  # of the segments, one take each
     recognised: WindowSet  # of the held-out segments (of all, where there are none), several takes
     path_error: float  # m, mean distance from the clip's root at the same time
-    speed_ratio: float  # way made over the clip's
+    speed_ratio: float  # distance travelled over the clip's
     skating: dict[str, Skating]  # by gait, on the capture's own paths and ground
 
 
 def follow_group(plan: EvaluationPlan, evaluated: EvaluatedModel, group: str) -> Followed:
     """Lead the character along every segment of a group, in descriptions that take turns."""
     segments, style = plan.segments[group], plan.style_of(group)
-    first, extra, errors, ways = [], [], [], []
+    first, extra, errors, distances = [], [], [], []
     skating = {gait: Skating() for gait in GAITS}
 
     def take(segment: ClipSegment, number: int) -> Motion:
         clip = segment.load()
         made = follow(evaluated.model, clip, evaluated.style(style, number), plan.options.seed + number)
         errors.append(np.linalg.norm(clip.positions[:, 0, ::2] - made.positions[:, 0, ::2], axis=-1))
-        ways.append([len(m) * mean_speed(m.positions) for m in (clip, made)])
+        distances.append([len(m) * mean_speed(m.positions) for m in (clip, made)])
         for name, gait in GAITS.items():
             skating[name] += foot_skating(made.positions, made.terrain, made.gait == gait)
         return made
@@ -74,9 +74,13 @@ def follow_group(plan: EvaluationPlan, evaluated: EvaluatedModel, group: str) ->
     windows = window_set(first, plan.encoder)
     own = window_set((m for m, t in zip(first, tested, strict=True) if t), None)
     recognised = joined([own, window_set(extra, None)])
-    way = np.sum(ways, axis=0)
+    travelled = np.sum(distances, axis=0)
     return Followed(
-        windows, recognised, float(np.concatenate(errors).mean()), float(way[1] / max(way[0], 1e-6)), skating
+        windows,
+        recognised,
+        float(np.concatenate(errors).mean()),
+        float(travelled[1] / max(travelled[0], 1e-6)),
+        skating,
     )
 
 

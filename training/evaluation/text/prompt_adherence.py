@@ -134,14 +134,14 @@ def measure_adherence(
 def edit_fraction(edit: str, example: tuple[Summary, Summary], plain: Summary, walked: Summary) -> float:
     """How much of what an edit does to the neutral walk (`example`: before, after) a walk does, 0 to 1.
 
-    Of a held hand it is the way of the hand to its place.
+    Of a held hand it is the path of the hand to its place.
     """
     before, after = example
     if EDITS[edit].kind == "hand" and "wave" not in EDITS[edit].parameters:
         part = EDITS[edit].slot
         place = [hand_place(s, part) for s in (before, after, plain, walked)]
-        wanted, way = place[1] - place[0], place[3] - place[2]
-        missed = float(np.linalg.norm(wanted - way)) / max(float(np.linalg.norm(wanted)), 0.05)
+        wanted, moved = place[1] - place[0], place[3] - place[2]
+        missed = float(np.linalg.norm(wanted - moved)) / max(float(np.linalg.norm(wanted)), 0.05)
         return float(np.clip(1.0 - missed, 0.0, 1.0))
     fractions = []
     for target in targets((edit,)):

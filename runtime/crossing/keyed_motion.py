@@ -38,9 +38,6 @@ from runtime.feet.leg_scalar import (
 Rows = list[tuple[float, ...]]
 
 LEAD, TRAIL = 1, 0  # the right foot goes first
-# shares of start and end, and no place of its own: a foot in the style's stance before and behind the obstacle
-GROUND: tuple[float, ...] = (1, 0, 0, 0, 0)
-TOP: tuple[float, ...] = (0, 1, 0, 0, 0)
 STANDING_HIPS_M = 0.97  # height of the pelvis in the middle of a crossing before its keys move it
 EASY_REACH_M, SLACK_M = 0.44, 0.03  # of an arm of 0.478 m
 KNEE_CLEAR_M = 0.06  # of a knee from a wall

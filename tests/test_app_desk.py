@@ -71,7 +71,7 @@ def test_a_removed_take_comes_back_by_key_and_by_the_menu(start: Start) -> None:
     assert names(app) == ["Take 1", "Take 2", "Take 3"]
     click_on(app, ICON.trash)
     assert names(app) == ["Take 2", "Take 3"]
-    click_on(app, "##project")
+    click_on(app, "##session")
     click_on(app, "##undo", index=-1)  # the prompt panel has one too
     assert names(app) == ["Take 1", "Take 2", "Take 3"]
 

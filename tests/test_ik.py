@@ -1,12 +1,14 @@
 """Two-bone IK: reach, bone lengths, knees, and the scalar twin of the per-frame path."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from runtime import rotations
 from runtime.feet import ik, leg_scalar
 from runtime.skeleton import SPORT_SKELETON, J
+from runtime.spring import damp, damp_vector, spring
 
 LEG = 0.4118 + 0.4233
 ANKLES, KNEES, HIPS, TOES = [4, 9], [3, 8], [2, 7], [5, 10]
@@ -178,20 +180,36 @@ def test_rotation_vectors_round_trip(seed):
     assert leg_scalar.from_vector((0.0, 0.0, 0.0)) == (1.0, 0.0, 0.0, 0.0)
 
 
+@given(st.floats(-2.0, 2.0), st.floats(-10.0, 10.0), st.floats(0.05, 0.5))
+def test_the_spring_is_critically_damped(offset, velocity, half_life):
+    """x'' = -2 y x' - y^2 x with y = 2 ln 2 / half-life, from x(0) = offset and x'(0) = velocity."""
+    y, h, middle = 2.0 * np.log(2.0) / half_life, 1e-4, 0.2
+
+    def at(seconds: float) -> float:
+        return float(spring(np.array(offset), np.array(velocity), np.array(0.0), half_life, seconds)[0])
+
+    assert at(0.0) == pytest.approx(offset, abs=1e-12)
+    assert (at(h) - at(-h)) / (2 * h) == pytest.approx(velocity, abs=0.05)
+    slope = (at(middle + h) - at(middle - h)) / (2 * h)
+    bend = (at(middle + h) - 2 * at(middle) + at(middle - h)) / h**2
+    assert bend == pytest.approx(-2 * y * slope - y * y * at(middle), abs=0.05)
+    assert damp(offset, velocity, 0.0, half_life, middle)[0] == pytest.approx(at(middle), abs=1e-8)
+
+
 @given(st.floats(-2, 2), st.floats(-3, 3), st.floats(0.02, 0.3))
 def test_the_spring_is_exact_over_any_step(value, velocity, halflife):
-    once = leg_scalar.damp(value, velocity, 0.5, halflife, 0.1)
+    once = damp(value, velocity, 0.5, halflife, 0.1)
     many = (value, velocity)
     for _ in range(10):
-        many = leg_scalar.damp(*many, 0.5, halflife, 0.01)
+        many = damp(*many, 0.5, halflife, 0.01)
     np.testing.assert_allclose(once, many, atol=1e-9)
-    rest, speed = leg_scalar.damp(value, velocity, 0.5, halflife, 40 * halflife)
+    rest, speed = damp(value, velocity, 0.5, halflife, 40 * halflife)
     assert abs(rest - 0.5) < 1e-6
     assert abs(speed) < 1e-4
 
 
 def test_the_spring_of_vectors_is_that_of_their_numbers():
     value, velocity, goal = (0.1, -0.2, 0.3), (1.0, 0.0, -2.0), (0.0, 0.5, 0.3)
-    together = leg_scalar.damp_vector(value, velocity, goal, 0.07, 0.02)
-    alone = [leg_scalar.damp(*each, 0.07, 0.02) for each in zip(value, velocity, goal, strict=True)]
+    together = damp_vector(value, velocity, goal, 0.07, 0.02)
+    alone = [damp(*each, 0.07, 0.02) for each in zip(value, velocity, goal, strict=True)]
     np.testing.assert_allclose(np.array(together).T, alone, atol=1e-12)

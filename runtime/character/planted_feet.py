@@ -156,6 +156,6 @@ def _shift(soles: Soles, foot: AnyArray, toes: AnyArray, contacts: AnyArray, flo
     own_toes = rotations.rotate(foot, soles.toe_joint)[..., 1] + np.sum(soles.toes * in_toes, -1).min(-1)
     in_foot = (rotations.to_matrix(foot).swapaxes(-1, -2) @ down)[..., None, :]
     own_low = np.minimum(np.sum(soles.foot * in_foot, -1).min(-1), own_toes) + shift[..., 1]
-    stands = np.clip((contacts.min(axis=-1) - FLAT[0]) / (FLAT[1] - FLAT[0]), 0.0, 1.0)
-    lift = np.maximum(floor - own_low, 0.0) * (1.0 - ON_SLOPES * stands * stands * (3.0 - 2.0 * stands))
+    stands = smoothstep((contacts.min(axis=-1) - FLAT[0]) / (FLAT[1] - FLAT[0]))
+    lift = np.maximum(floor - own_low, 0.0) * (1.0 - ON_SLOPES * stands)
     return np.asarray(shift + lift[..., None] * down)

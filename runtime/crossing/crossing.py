@@ -23,10 +23,10 @@ from runtime.crossing.leap import Leap, LeapStart, takeoff_m
 from runtime.crossing.steps import PlannedSteps
 from runtime.easing import smooth
 from runtime.feet.ik import LEG_FEET, solve_legs
-from runtime.feet.leg_scalar import damp
 from runtime.feet.skating import SOLE_HEIGHTS, SOLE_POINTS
 from runtime.pose import DT, Pose
 from runtime.skeleton import SPORT_SKELETON
+from runtime.spring import damp
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacles import blocked_message, step_ahead
 from runtime.terrain.room import LANDING_RISE_M, can_climb, can_land

@@ -23,7 +23,6 @@ from runtime.feet.leg_scalar import (
     Vector,
     add,
     between,
-    damp,
     dot,
     from_vector,
     leg_bones,
@@ -39,6 +38,7 @@ from runtime.feet.leg_scalar import (
 from runtime.feet.settings import SETTINGS
 from runtime.pose import DT, Pose
 from runtime.skeleton import SPORT_SKELETON, TOE_HEIGHT
+from runtime.spring import damp
 from runtime.terrain.height_map import PointHeights, Terrain
 
 GRAVITY = 9.81

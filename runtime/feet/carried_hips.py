@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from math import sqrt
 
 from runtime.easing import smooth
-from runtime.feet.leg_scalar import LegPose, Vector, damp
+from runtime.feet.leg_scalar import LegPose, Vector
 from runtime.feet.planted_foot import PlantedFoot, span, straightness
 from runtime.feet.settings import SETTINGS, FootLockSettings
+from runtime.spring import damp
 
 
 @dataclass

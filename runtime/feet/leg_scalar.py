@@ -7,7 +7,7 @@ Vectors are (x, y, z) and quaternions (w, x, y, z) tuples.
 
 from __future__ import annotations
 
-from math import atan2, cos, exp, sin, sqrt
+from math import atan2, cos, sin, sqrt
 from typing import NamedTuple
 
 from runtime.feet.ik import EASE_REACH, MAX_REACH, MIN_REACH, POLE_WEIGHT_M
@@ -113,28 +113,6 @@ def _bend(axis: Vector, knee: Vector, pole: Vector) -> Vector:
 def _perpendicular(v: Vector, axis: Vector) -> Vector:
     d = dot(v, axis)
     return v[0] - d * axis[0], v[1] - d * axis[1], v[2] - d * axis[2]
-
-
-def damp(value: float, velocity: float, goal: float, halflife: float, dt: float) -> tuple[float, float]:
-    """Value and velocity of a critically damped spring towards `goal` after `dt` seconds (exact)."""
-    rate = 1.3862943611 / max(halflife, 1e-5)  # 2 ln 2: half the way after about one half-life
-    offset = value - goal
-    slope = velocity + offset * rate
-    fade = exp(-rate * dt)
-    return fade * (offset + slope * dt) + goal, fade * (velocity - slope * rate * dt)
-
-
-def damp_vector(
-    value: Vector, velocity: Vector, goal: Vector, halflife: float, dt: float
-) -> tuple[Vector, Vector]:
-    """`damp` of three numbers with one half-life."""
-    rate = 1.3862943611 / max(halflife, 1e-5)
-    fade = exp(-rate * dt)
-    (x, y, z), (vx, vy, vz) = subtract(value, goal), velocity
-    ax, ay, az = vx + x * rate, vy + y * rate, vz + z * rate
-    moved = (fade * (x + ax * dt) + goal[0], fade * (y + ay * dt) + goal[1], fade * (z + az * dt) + goal[2])
-    rate *= dt
-    return moved, (fade * (vx - ax * rate), fade * (vy - ay * rate), fade * (vz - az * rate))
 
 
 def add(a: Vector, b: Vector) -> Vector:

@@ -9,8 +9,9 @@ import numpy as np
 
 from runtime import rotations
 from runtime.arrays import Array
-from runtime.feet.leg_scalar import LegPose, Vector, add, damp, dot, scale, subtract
+from runtime.feet.leg_scalar import LegPose, Vector, add, dot, scale, subtract
 from runtime.skeleton import SPORT_SKELETON
+from runtime.spring import damp
 from runtime.terrain.height_map import PointHeights
 
 DROP_M = 0.12  # that the ground beside must be lower than a beam: less is a step, which a foot takes

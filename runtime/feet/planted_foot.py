@@ -13,8 +13,6 @@ from runtime.feet.leg_scalar import (
     Vector,
     add,
     between,
-    damp,
-    damp_vector,
     dot,
     from_vector,
     inverse,
@@ -30,6 +28,7 @@ from runtime.feet.leg_scalar import (
 )
 from runtime.feet.settings import SETTINGS
 from runtime.skeleton import ANKLE_HEIGHT, TOE_HEIGHT
+from runtime.spring import damp, damp_vector
 from runtime.terrain.height_map import PointHeights
 
 ANCHORS = ("", "heel", "toe")

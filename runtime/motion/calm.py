@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from runtime import rotations
 from runtime.arrays import Array
 from runtime.motion.features import FPS
-from runtime.motion.trajectory import decay
 from runtime.skeleton import SPORT_SKELETON, J
+from runtime.spring import decay
 
 LIMBS = [
     SPORT_SKELETON.index(name)

@@ -28,9 +28,10 @@ from runtime.motion.speed_regulator import STANDING_SECONDS
 from runtime.motion.stall import CYCLES_PER_SECOND, advance_by_cycles
 from runtime.motion.state import CharacterState, standing
 from runtime.motion.style_mix import Style
-from runtime.motion.trajectory import PRESENT, SAMPLES, decay
+from runtime.motion.trajectory import PRESENT, SAMPLES
 from runtime.records import copied, joined, part
 from runtime.skeleton import SPORT_SKELETON
+from runtime.spring import decay
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacles import level_ahead, within_steps
 from runtime.terrain.room import has_walls

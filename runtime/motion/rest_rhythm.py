@@ -12,7 +12,7 @@ import numpy as np
 
 from runtime.arrays import Array
 from runtime.motion.features import FPS, PHASE_OFFSETS, C
-from runtime.motion.trajectory import decay
+from runtime.spring import decay
 
 # A fit that is linear in the words of the arms finds 1.33 to 3.3 at 1.0 to 1.9 turns a second for waving hands, and up to
 # 1.25 at 0.93 in styles that nobody asked to wave.

@@ -13,7 +13,8 @@ from runtime.motion import features, momentum, stride
 from runtime.motion.coming_to_rest import over_feet, rest_share
 from runtime.motion.features import DT
 from runtime.motion.state import CharacterState
-from runtime.motion.trajectory import PRESENT, decay
+from runtime.motion.trajectory import PRESENT
+from runtime.spring import decay
 from runtime.terrain.height_map import Terrain
 from runtime.terrain.obstacles import level_ahead
 from runtime.terrain.room import has_walls, led_clear

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from runtime.arrays import Array
 from runtime.motion.features import FPS
-from runtime.motion.trajectory import decay
+from runtime.spring import decay
 
 RANGE = (0.35, 2.0)  # of the gain
 PROPORTIONAL = 2.0  # gain for a relative error of one

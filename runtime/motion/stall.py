@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 from runtime.feet.skating import SOLE_POINTS
 from runtime.motion.features import FPS
-from runtime.motion.trajectory import decay
+from runtime.spring import decay
 
 FEET = list(SOLE_POINTS)
 STALLED_SHARE = 0.35  # of the requested speed; in a gait feet move against the root about as fast as the root

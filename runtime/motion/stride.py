@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from runtime.arrays import Array
 from runtime.feet.skating import SOLE_POINTS
 from runtime.motion.features import FPS
-from runtime.motion.trajectory import decay
+from runtime.spring import decay
 
 POINTS = list(SOLE_POINTS)  # left heel, left toe, right heel, right toe, as contacts
 LEAST_CONTACT = 0.25  # sum of squared contacts: less is a flight, which says nothing

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from runtime.arrays import Float32Array
+from runtime.easing import smooth
 from runtime.motion.mirror import Ways
 from runtime.motion.style_mix import Style, StyleMix, mixed
 
@@ -31,7 +32,7 @@ class StyleCodes:
     @property
     def share(self) -> float:
         """Of the goal, eased at both ends."""
-        return self.progress * self.progress * (3 - 2 * self.progress)
+        return smooth(self.progress)
 
 
 @dataclass(frozen=True, eq=False)

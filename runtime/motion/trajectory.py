@@ -12,6 +12,7 @@ from runtime.motion import features, momentum
 from runtime.motion.features import FPS, GAITS, SAMPLE_STEP, TRAJECTORY_OFFSETS
 from runtime.motion.momentum import Plan
 from runtime.motion.phase import unwrapped
+from runtime.spring import decay
 from runtime.terrain.height_map import Terrain
 
 PRESENT = 60  # index of the current frame in the dense ±60 frame window
@@ -33,11 +34,6 @@ _KEPT = np.maximum(1.0 - np.abs(np.minimum(_FRAMES, _AT[-1])[:, None] - _AT) / S
 _GOING_ON = _KEPT.copy()
 _GOING_ON[:, -1] += _BEYOND
 _GOING_ON[:, -2] -= _BEYOND
-
-
-def decay(half_life: float, dt: float = 1.0 / FPS) -> float:
-    """Fraction of a difference that is left after `dt` seconds."""
-    return float(0.5 ** (dt / half_life))
 
 
 def wrap_angle(angle: Array | float) -> Array:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from runtime import rotations
 from runtime.arrays import Array
+from runtime.easing import smoothstep
 from runtime.feet.ik import solve_legs
 from runtime.formats.bvh import BvhMotion
 from runtime.motion.features import FPS
@@ -369,8 +370,7 @@ def _toes_carry(height: Array) -> Array:
     from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
     raised = height - minimum_filter1d(height, 2 * round(TOE_REACH_SECONDS * FPS) + 1, axis=0)
-    carries = np.clip((TOE_UP - raised) / (TOE_UP - TOE_DOWN), 0.0, 1.0)
-    return gaussian_filter1d(carries * carries * (3.0 - 2.0 * carries), 1.5, axis=0)
+    return gaussian_filter1d(smoothstep((TOE_UP - raised) / (TOE_UP - TOE_DOWN)), 1.5, axis=0)
 
 
 def _ground_offset(ankles: Array, toes: Array) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.arrays import Array
+from runtime.easing import smoothstep
 from runtime.motion.features import FPS
 
 
@@ -49,8 +50,7 @@ def held_in_stance(values: Array, down: NDArray[np.bool_]) -> Array:
         if b > a:
             held[a:b] = values[a:b].mean(0)
     for a, b in found:
-        t = np.linspace(0, 1, b - a + 2)[1:-1, None]
-        t = t * t * (3 - 2 * t)
+        t = smoothstep(np.linspace(0, 1, b - a + 2)[1:-1, None])
         before, after = held[max(a - 1, 0)], held[min(b, len(values) - 1)]
         held[a:b] = (1 - t) * before + t * after
     return held
@@ -78,6 +78,5 @@ def swing_share(down: NDArray[np.bool_]) -> Array:
     result = np.zeros(len(down))
     for a, b in swings(down):
         t = (np.arange(a, b) - a + 0.5) / (b - a)
-        ramp = np.clip(np.minimum(t / 0.25, (1.0 - t) / 0.25), 0.0, 1.0)
-        result[a:b] = ramp * ramp * (3 - 2 * ramp)
+        result[a:b] = smoothstep(np.minimum(t / 0.25, (1.0 - t) / 0.25))
     return result
